@@ -176,3 +176,11 @@ class MotionController(Player, Protocol):
 
     def __enter__(self) -> Self: ...
     def __exit__(self, *exception: object) -> None: ...
+
+
+def play(controller: MotionController, motion: Segments) -> None:
+    """Make a motion; nothing listens to its trigger."""
+    controller.load(motion)
+    controller.arm()
+    controller.start()
+    controller.wait()

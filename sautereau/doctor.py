@@ -14,6 +14,7 @@ from importlib import metadata
 from pathlib import Path
 
 from sautereau.rig.acquisition import Daq
+from sautereau.rig.extras import MissingExtraError, require
 from sautereau.rig.schema import Rig
 
 LEAST_SPACE = 1e9
@@ -48,6 +49,7 @@ def examine(rig: Rig, folder: Path) -> list[Finding]:
     return [
         _python(),
         *_packages(),
+        _extras(),
         _serial(rig.controller.port),
         _daq(rig),
         _stand_in(),
@@ -68,12 +70,39 @@ def _packages() -> Iterator[Finding]:
         requirement, _, marker = text.partition(";")
         if "extra ==" in marker:
             continue
-        name = re.split(r"[\s\[<>=!~(]", requirement, maxsplit=1)[0]
-        try:
+        name = _name(requirement)
+        if _installed(name):
             yield Finding(name, True, metadata.version(name))
-        except metadata.PackageNotFoundError:
+        else:
             fix = f'python -m pip install "{requirement.strip()}"'
             yield Finding(name, False, "not installed", fix)
+
+
+def _extras() -> Finding:
+    """List the extras whose packages are installed, and those that are not."""
+    of_extras: dict[str, list[bool]] = {}
+    for text in metadata.requires("sautereau") or []:
+        requirement, _, marker = text.partition(";")
+        if (extra := re.search(r"extra == ['\"]([\w-]+)['\"]", marker)) and "[" not in requirement:
+            of_extras.setdefault(extra[1], []).append(_installed(_name(requirement)))
+    there = [name for name, installed in of_extras.items() if all(installed)]
+    lacking = [name for name in of_extras if name not in there]
+    detail = f"installed: {', '.join(there) or 'none'}"
+    if lacking:
+        more = f"python -m pip install 'sautereau[{lacking[0]}]'"
+        detail += f"; not installed: {', '.join(lacking)}; add one, if you need it, with `{more}`"
+    return Finding("extras", True, detail)
+
+
+def _name(requirement: str) -> str:
+    return re.split(r"[\s\[<>=!~(]", requirement, maxsplit=1)[0]
+
+
+def _installed(name: str) -> bool:
+    try:
+        return bool(metadata.version(name))
+    except metadata.PackageNotFoundError:
+        return False
 
 
 def _serial(port: str) -> Finding:
@@ -114,6 +143,10 @@ def _daq(rig: Rig) -> Finding:
 
 
 def _stand_in() -> Finding:
+    try:
+        require("stand-in", "stand-in", "pymunk")
+    except MissingExtraError as error:
+        return Finding("stand-in", True, f"{error}, if you need it")
     kind = "a pseudo-terminal" if hasattr(os, "openpty") else "socket:// on loopback"
     return Finding("stand-in", True, f"runs here, over {kind}: sautereau press --sim --out out")
 

@@ -1,11 +1,11 @@
 """The stand-in: a simulated bench behind a serial port and a DAQ server."""
 
 import contextlib
-import functools
 import os
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
@@ -57,8 +57,8 @@ class Bench:
         self.failure: Exception | None = None
         unit = scene.controller or ControllerUnit()
         self.plant = ArmPlant(self.world, unit.index_angles, unit.limit_switches)
-        self.port = "tcp" if unit.interface == "ethernet" else "serial"
-        """Kind of the controller's port."""
+        self.ethernet = unit.interface == "ethernet"
+        """Whether the controller is connected by Ethernet, else by its serial port."""
         self._inverted, self._output_delay = unit.output_inverted, unit.output_delay
         self.injection = FaultInjection(self.scene.faults, self.plant, lambda: self.world.time)
         self._lock = FairLock()
@@ -89,7 +89,7 @@ class Bench:
             self._lock.notify_all()
         self._clock.__exit__()
 
-    def receive(self, data: bytes, port: str = SERIAL) -> bytes:
+    def receive(self, data: bytes, letter: str = SERIAL) -> bytes:
         """Pass bytes from a port to the controller, and return what it sends.
 
         Unless time is paced the host is infinitely slow: its bytes arrive when nothing moves
@@ -108,9 +108,9 @@ class Bench:
             if self.failure is not None:
                 raise PortGone
             receive = self.firmware.receive
-            if port != SERIAL:
-                receive = functools.partial(self._networked.receive, letter=port)
-            waiting, delay = self._outbox.pop(port, b""), 0.0
+            if letter != SERIAL:
+                receive = partial(self._networked.receive, letter=letter)
+            waiting, delay = self._outbox.pop(letter, b""), 0.0
             try:
                 if not data:
                     return waiting
@@ -224,16 +224,13 @@ class StandIn:
         scene: What is simulated.
         seed: Of all noise.
         paced: Whether simulated time follows real time.
-        port: `tcp` for the controller's Ethernet, whatever port the scene's controller has.
     """
 
-    def __init__(
-        self, rig: Rig, scene: Scene, seed: int = 0, *, paced: bool = False, port: str | None = None
-    ):
+    def __init__(self, rig: Rig, scene: Scene, seed: int = 0, *, paced: bool = False):
         self._nominal = rig
         self.scene = scene
         self.bench = Bench(rig, scene, seed, paced)
-        if "tcp" in (port, self.bench.port):
+        if self.bench.ethernet:
             self._make_port = lambda: TcpPort(self.bench)
         else:
             serial = PtyPort if hasattr(os, "openpty") else SocketPort

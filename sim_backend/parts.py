@@ -10,6 +10,7 @@ from sautereau.rig.units import Unit, parse_quantity
 
 JointStiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad")]
 JointDamping = Annotated[float, Unit("N*m*s/rad", "0.4 N m s/rad")]
+Acceleration = Annotated[float, Unit("m/s**2", "9.81 m/s^2")]
 JointInertia = Annotated[float, Unit("kg*m**2", "2e-3 kg m^2")]
 
 
@@ -37,6 +38,35 @@ class Sensors(Section):
     """N, amplitude of mains hum on the force."""
     hum_frequency: Frequency = Field(gt=0)
     """Hz."""
+
+
+class Transducer(Section):
+    """The force transducer with the mass before it, as an oscillator that the force drives."""
+
+    resonance: Frequency = Field(gt=0, le=1e6)
+    """Hz, undamped."""
+    damping: float = Field(gt=0, lt=1)
+    """Dimensionless, fraction of critical damping."""
+
+
+class Fingertip(Section):
+    """A compliant pad on the fingertip, a spring and a damper that can only push."""
+
+    stiffness: Annotated[float, Unit("N/m", "30 kN/m")] = Field(gt=0, le=1e7)
+    """N/m."""
+    damping: Annotated[float, Unit("N*s/m", "5 N s/m")] = Field(default=0.0, ge=0, le=1e4)
+    """N s/m."""
+
+
+class Bending(Section):
+    """The key's first bending mode: its front turns against its back, about the balance pin."""
+
+    frequency: Frequency = Field(gt=0, le=5000)
+    """Hz, of the bare key, free but for its pin; 150 to 800 Hz is usual."""
+    damping: float = Field(default=0.01, ge=0, lt=1)
+    """Dimensionless, fraction of critical damping."""
+    front: float = Field(default=0.5, ge=0.05, le=0.95)
+    """Dimensionless, fraction of the key's inertia before the pin."""
 
 
 class Push(Section):

@@ -11,12 +11,21 @@ from sautereau.rig.instrument import Choir
 from sautereau.rig.load import read_toml, with_values
 from sautereau.rig.packaged import named_text, packaged_names
 from sautereau.rig.schema import Rig
-from sautereau.rig.section import Angle, Section, Time
+from sautereau.rig.section import GRAVITY, Angle, Section, Time
 from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.device_types import DEVICE_TYPES, IDEAL
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.parts import Accuracy, Push, Sensors, Servo
+from sautereau.sim_backend.parts import (
+    Acceleration,
+    Accuracy,
+    Bending,
+    Fingertip,
+    Push,
+    Sensors,
+    Servo,
+    Transducer,
+)
 
 
 def _accuracy(text: str) -> str:
@@ -34,6 +43,12 @@ def _device_type(text: str) -> str:
 def _engine(name: Any) -> Any:
     """Return the present name of an engine, also of those before version 0.2."""
     return "exact" if name in ("reduced", "reference") else name
+
+
+NO_BENDING = (
+    '"exact" solves one equation for the angle of a rigid key, and a key with bending has two'
+    ' angles; use engine = "rigid", or remove the table [bending]'
+)
 
 
 class Scene(Section):
@@ -70,6 +85,14 @@ class Scene(Section):
     """The arm's servo; only with `finger = "servo"`, which needs it."""
     sensors: Sensors | None = None
     """The sensor chain; without it all sensors are exact and without delay."""
+    bending: Bending | None = None
+    """The key's first bending mode; without it the key is rigid."""
+    gravity: Acceleration = Field(default=GRAVITY, ge=0, le=1000)
+    """m/s^2, downwards; the key's static gravity moment is proportional to it."""
+    fingertip: Fingertip | None = None
+    """A compliant pad between fingertip and key; without it the fingertip is rigid."""
+    transducer: Transducer | None = None
+    """The resonance of the force transducer; without it the force is measured as it is."""
     card: Annotated[str, AfterValidator(_device_type)] = IDEAL.product
     """Product type of the DAQ device; by default an ideal one with the rig's inputs."""
     faults: Faults | None = None
@@ -97,6 +120,11 @@ class Scene(Section):
                     f'{part}: only finger = "{part}" uses this table, and finger is'
                     f' "{self.finger}"; remove it, or change finger'
                 )
+        if self.finger == "push" and self.fingertip is not None:
+            faults.append(
+                'fingertip: finger = "push" is a force without a fingertip; remove the table, or'
+                " change finger"
+            )
         if (self.plectrum == "none") != (self.string == "none"):
             faults.append(
                 f'plectrum: "{self.plectrum}" and string = "{self.string}" contradict each other;'
@@ -117,9 +145,16 @@ class Scene(Section):
                 'engine: "exact" has no string that moves by itself; use engine = "rigid" or'
                 ' string = "spring"'
             )
+        if self.engine == "exact" and self.bending is not None:
+            faults.append(f"engine: {NO_BENDING}")
         if faults:
             raise ValueError("\n".join(faults))
         return self
+
+    @property
+    def solvable(self) -> bool:
+        """Whether the exact engine supports it."""
+        return self.string != "modal" and self.bending is None
 
     def true_rig(self, rig: Rig) -> Rig:
         """Return the simulated bench: the rig with the scene's `truth` and `more_choirs`.

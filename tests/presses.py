@@ -8,9 +8,7 @@ from sautereau.trajectory.press import plan_press
 
 QUICK = {"controller.timeout": "20 s", "arm.approach_speed": "5 rad/s"}
 """Values of a rig: a timeout for a busy machine, and a short way to the key."""
-
-BARE = """
-description = "a key without strings: quick"
+MUTE_TEXT = """
 finger = "ideal"
 plectrum = "none"
 string = "none"

@@ -20,6 +20,7 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[1]
 ROOMS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = PROJECT["optional-dependencies"]
 
 
 BUILD = """
@@ -110,10 +111,12 @@ def test_the_locked_versions_are_allowed():
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").split()
     locked = {canonicalize_name(n): v for n, v in (line.split("==") for line in lines)}
     everything = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    needed = [*PROJECT["dependencies"], *everything["dependency-groups"]["dev"]]
-    for text in (text for text in needed if isinstance(text, str)):
-        requirement = Requirement(text)
-        assert locked[canonicalize_name(requirement.name)] in requirement.specifier, text
+    extras = [text for extra in EXTRAS.keys() - {"notebook"} for text in EXTRAS[extra]]
+    needed = [*PROJECT["dependencies"], *extras, *everything["dependency-groups"]["dev"]]
+    for requirement in (Requirement(text) for text in needed if isinstance(text, str)):
+        if requirement.name == "sautereau":  # the extra `all`
+            continue
+        assert locked[canonicalize_name(requirement.name)] in requirement.specifier, requirement
 
 
 def test_the_wheel_has_its_metadata(built):
@@ -121,9 +124,11 @@ def test_the_wheel_has_its_metadata(built):
     (metadata,) = (text for name, text in held.items() if name.endswith("/METADATA"))
     fields = Parser().parsestr(metadata.decode())
     assert (fields["Name"], fields["Version"]) == ("sautereau", PROJECT["version"])
-    assert set(fields.get_all("Provides-Extra", [])) == set(PROJECT["optional-dependencies"])
+    assert set(fields.get_all("Provides-Extra", [])) == set(EXTRAS)
     (entries,) = (text for name, text in held.items() if name.endswith("/entry_points.txt"))
     assert "sautereau = sautereau.commands.app:main" in entries.decode()
+    assert len(fields.get_all("Classifier", [])) > 5
+    assert fields["Keywords"]
 
 
 def imported(path: Path) -> set[str]:
@@ -140,40 +145,47 @@ def test_what_is_imported_is_required():
         "foxglove": "foxglove-sdk", "grpc": "nidaqmx", "session_pb2": "nidaqmx",
         "pydantic_core": "pydantic", "markupsafe": "jinja2", "dynamixel_sdk": "dynamixel-sdk",
     }  # fmt: skip
-    extras = PROJECT["optional-dependencies"].values()
-    texts = [*PROJECT["dependencies"], *(text for extra in extras for text in extra)]
+    texts = [*PROJECT["dependencies"], *(text for extra in EXTRAS.values() for text in extra)]
     required = {re.split(r"[^\w-]", text)[0].lower() for text in texts}
     for path in (p for room in (*ROOMS, "sautereau") for p in (ROOT / room).rglob("*.py")):
         needed = {brought_by.get(name, name).lower() for name in imported(path)}
         assert needed <= required, path
 
 
-@pytest.mark.parametrize(
-    ("extra", "module", "use"),
-    [
-        (
-            "live",
-            "foxglove",
-            "from sautereau.commands.live.foxglove import FoxgloveView\nFoxgloveView('press')",
-        ),
-        (
-            "cluster",
-            "distributed",
-            "from sautereau.analysis.campaign.workers import run_over\n"
-            "list(run_over(abs, [1], 'tcp://127.0.0.1:1'))",
-        ),
-    ],
-)
-def test_a_missing_extra_is_reported_with_its_command(extra, module, use):
+MISSING = {
+    "live": "from sautereau.commands.live.foxglove import FoxgloveView; FoxgloveView('press')",
+    "cluster": "from sautereau.analysis.campaign.workers import run_over;"
+    " list(run_over(abs, [1], 'tcp://127.0.0.1:1'))",
+    "stand-in": "import sautereau.sim_backend.physics.rigid",
+    "report": "st.Session([]).report('page.html')",
+    "tdms": "from sautereau.daq.convert.from_loggers import open_tdms; open_tdms('a.tdms')",
+    "xarray": "st.Rig().sweep(overlap=...).to_xarray()",
+}
+"""What a user of each extra does."""
+
+
+def test_missing_extras_are_reported_with_their_command():
+    """In one process, in which none of their packages can be imported."""
+    texts = [text for extra in MISSING for text in EXTRAS[extra]]
+    names = {"foxglove-sdk": "foxglove", "npTDMS": "nptdms"}
+    blocked = [re.split(r"[^\w-]", text)[0] for text in texts]
     program = (
-        f"import sys\nsys.modules[{module!r}] = None\n"
-        "from sautereau.rig.errors import SautereauError\n"
-        "try:\n" + "".join(f"    {line}\n" for line in use.split("\n"))
-        + "except SautereauError as error:\n    print(error)\n"
-    )  # fmt: skip
-    message = run(sys.executable, "-c", program, cwd=ROOT)
-    assert f"pip install 'sautereau[{extra}]'" in message
-    assert extra in PROJECT["optional-dependencies"]
+        f"import sys\nsys.modules |= dict.fromkeys({[names.get(n, n) for n in blocked]})\n"
+        "import sautereau as st\nfrom sautereau.rig.errors import SautereauError\n"
+        f"for use in {list(MISSING.values())}:\n"
+        "    try: exec(use)\n"
+        "    except SautereauError as error: print(error)\n"
+    )
+    messages = run(sys.executable, "-c", program, cwd=ROOT).splitlines()
+    for extra, message in zip(MISSING, messages, strict=True):
+        assert f"pip install 'sautereau[{extra}]'" in message
+
+
+def test_all_has_every_extra_but_the_notebook():
+    (everything,) = (Requirement(text) for text in EXTRAS["all"])
+    assert everything.extras == EXTRAS.keys() - {"all", "notebook"}
+    page = (ROOT / "docs" / "installation.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"(?m)^\| `([\w-]+)`", page)) == EXTRAS.keys()
 
 
 STUDY = """
@@ -257,7 +269,8 @@ def test_an_empty_environment_presses_from_another_folder(built, tmp_path):
     venv.create(home, with_pip=True)
     python = interpreter(home)
     install = (python, "-m", "pip", "install", "--quiet")
-    run(*install, built[0], "robotframework>=7,<8", cwd=elsewhere)
+    wheel = f"sautereau[stand-in,report] @ {built[0].as_uri()}"
+    run(*install, wheel, "robotframework>=7,<8", cwd=elsewhere)
     run(python, "-m", "pip", "check", cwd=elsewhere)
     use_beside_other_modules(python, elsewhere)
     tool = python.with_name("sautereau")

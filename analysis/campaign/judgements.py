@@ -3,6 +3,7 @@
 import io
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -39,30 +40,14 @@ def judgements(
         Indices into `LEVELS`, shape (n_judgements,); and arrays of that shape, with NaN where no
         press has the quantity. Warm-up presses and presses without a pluck are excluded.
     """
-    levels = data[TOUCH].cat.codes.to_numpy(np.intp)
-    plucked = data["plucks"].to_numpy(float) > 0
-    used = np.flatnonzero((levels >= 0) & plucked & ~data["warm_up"].to_numpy(bool))
-    levels = levels[used]
-    names = [f"{data['plectrum'].iloc[i]} {data['session'].iloc[i]}" for i in used]
-    _, sessions = np.unique(names, return_inverse=True)
-    lowest = np.full(len(names), len(LEVELS), np.intp)
-    highest = np.full(len(names), -1, np.intp)
-    np.minimum.at(lowest, sessions, levels)
-    np.maximum.at(highest, sessions, levels)
-    alone = len(names) + np.arange(len(names))
-    _, first, units = np.unique(
-        np.where((lowest < highest)[sessions], alone, sessions),
-        return_index=True,
-        return_inverse=True,
-    )
-    means = {}
-    for name in columns:
-        values = data[name].to_numpy(float)[used]
-        there = np.isfinite(values)
-        counts = np.bincount(units[there], minlength=len(first))
-        sums = np.bincount(units[there], values[there], minlength=len(first))
-        means[name] = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-    return levels[first], means
+    used: Any = data[data[TOUCH].notna() & (data["plucks"] > 0) & ~data["warm_up"].astype(bool)]
+    levels = used[TOUCH].cat.codes
+    sessions = used.groupby(["plectrum", "session"]).ngroup()
+    several = levels.groupby(sessions).transform("nunique") > 1
+    units = sessions.where(~several, len(used) + np.arange(len(used)))
+    means = used[columns].astype(float).groupby(units).mean()
+    first = levels.groupby(units).first()
+    return first.to_numpy(np.intp), {name: means[name].to_numpy() for name in columns}
 
 
 def with_labels(campaign: Campaign, path: Path) -> Campaign:

@@ -12,12 +12,12 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     CancelledError,
+    Executor,
     Future,
     ProcessPoolExecutor,
     wait,
 )
 from concurrent.futures.process import BrokenProcessPool
-from itertools import islice
 from typing import Any, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
@@ -71,14 +71,8 @@ def _on_cores(
     # Not "fork", which would copy the locks of the recording readers' threads in any state.
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_start_worker)
-    waiting: dict[Future[Result], int] = {}
     try:
-        for i, item in enumerate(items):
-            waiting[pool.submit(function, item)] = i
-            limit = QUEUED * processes if i + 1 < len(items) else 1
-            while len(waiting) >= limit:
-                for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                    yield waiting.pop(future), future.result()
+        yield from _through(pool, function, items, processes)
     except BrokenProcessPool as error:
         raise AnalysisError(
             f"one of {processes} processes was killed, for example because memory ran out; run the"
@@ -86,6 +80,19 @@ def _on_cores(
         ) from error
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _through(
+    pool: Executor, function: Callable[[Item], Result], items: Sequence[Item], workers: int
+) -> Iterator[tuple[int, Result]]:
+    """Yield the results of an executor, for which at most `QUEUED` items per worker wait."""
+    waiting: dict[Future[Result], int] = {}
+    for i, item in enumerate(items):
+        waiting[pool.submit(function, item)] = i
+        limit = QUEUED * workers if i + 1 < len(items) else 1
+        while len(waiting) >= limit:
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                yield waiting.pop(future), future.result()
 
 
 def _start_worker() -> None:
@@ -108,7 +115,8 @@ def _on_cluster(
     function: Callable[[Item], Result], items: Sequence[Item], address: str
 ) -> Iterator[tuple[int, Result]]:
     try:
-        from distributed import Client, as_completed
+        from distributed import Client, KilledWorker
+        from distributed.comm.core import CommClosedError
     except ImportError as error:
         raise AnalysisError(
             f"cluster {address}: Dask is not installed; pip install 'sautereau[cluster]'"
@@ -122,21 +130,13 @@ def _on_cluster(
         ) from error
     with client:
         workers = _workers(client, address)
-        numbers: dict[Any, int] = {}
-        unsent = iter(enumerate(items))
-        futures = as_completed(loop=client.loop)
-
-        def send(count: int) -> None:
-            for i, item in islice(unsent, count):
-                future = client.submit(function, item, pure=False)
-                numbers[future.key] = i
-                futures.add(future)
-
-        send(QUEUED * workers)
-        for future in futures:
-            yield numbers.pop(future.key), _result(future, address)
-            future.release()
-            send(1)
+        try:
+            yield from _through(client.get_executor(pure=False), function, items, workers)
+        except (KilledWorker, CancelledError, CommClosedError) as error:
+            raise AnalysisError(
+                f"cluster {address}: workers or the scheduler ended during the work ({error}); look"
+                " at their logs, and run the command again"
+            ) from error
 
 
 def _workers(client: Any, address: str) -> int:
@@ -149,16 +149,3 @@ def _workers(client: Any, address: str) -> int:
             f" `dask worker {address}`"
         ) from error
     return sum(client.nthreads().values())
-
-
-def _result(future: Any, address: str) -> Any:
-    from distributed import KilledWorker
-    from distributed.comm.core import CommClosedError
-
-    try:
-        return future.result()
-    except (KilledWorker, CancelledError, CommClosedError) as error:
-        raise AnalysisError(
-            f"cluster {address}: workers or the scheduler ended during the work ({error}); look at"
-            " their logs, and run the command again"
-        ) from error

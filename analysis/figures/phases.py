@@ -24,7 +24,8 @@ COVERAGE = 1.96
 def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:
     """Return a figure with a row per press: force and jack speed over time, contact and release.
 
-    A boundary is a line with a band of 95 %; doubtful intervals are shaded.
+    A boundary is a line with a band of 95 %; doubtful intervals are shaded, as is where the load
+    climbs and collapses without a pluck.
 
     Args:
         presses: Recorded presses.
@@ -70,6 +71,10 @@ def _complete(axes: Axes, press: Press, found: Phases) -> None:
     for mark in press.quality_flags:
         if mark.stop * 1e3 > time[inside][0] and mark.start * 1e3 < time[inside][-1]:
             axes.axvspan(mark.start * 1e3, mark.stop * 1e3, color=DOUBTFUL, alpha=0.5, zorder=0.4)
+    for start, stop in found.missed:
+        label = f"load without a pluck: {start * 1e3:.4g} to {stop * 1e3:.4g} ms"
+        style = {"facecolor": DOUBTFUL, "edgecolor": OTHER, "hatch": "xx", "alpha": 0.4, "lw": 0}
+        axes.axvspan(start * 1e3, stop * 1e3, label=label, zorder=0.4, **style)
     for number, held in enumerate(found.plucks, 1):
         _boundary(axes, held.contact, held.contact_std, CONTACT, "-", f"contact {number}")
         _boundary(axes, held.release, held.release_std, RELEASE, "--", f"release {number}")
@@ -83,17 +88,23 @@ def _complete(axes: Axes, press: Press, found: Phases) -> None:
 
 
 def _close(axes: Axes, press: Press, found: Phases) -> None:
-    """Draw the force on the deflection from contact on, as the paper aligns its presses."""
-    if not found.plucks:
+    """Draw the force on the deflection from contact on, as the paper aligns its presses.
+
+    A load without a pluck is drawn from its start on.
+    """
+    plucks = [(held.contact, held.release, MEASURED) for held in found.plucks]
+    stretches = plucks + [(*stretch, OTHER) for stretch in found.missed]
+    if not stretches:
         axes.text(0.5, 0.5, "no pluck", transform=axes.transAxes, ha="center", va="center")
         axes.set_axis_off()
         return
-    for held in found.plucks:
-        margin = 0.25 * held.pluck_duration
-        deflection, force = press.from_contact(
-            held.contact, held.contact - margin, held.release + margin
-        )
-        axes.plot(deflection * 1e3, force, lw=0.7, color=MEASURED)
+    for start, stop, colour in stretches:
+        margin = 0.25 * (stop - start)
+        deflection, force = press.from_contact(start, start - margin, stop + margin)
+        label = "load without a pluck" if colour == OTHER else "pluck"
+        axes.plot(deflection * 1e3, force, lw=0.7, color=colour, label=label)
+    if found.missed:
+        axes.legend(fontsize=8)
     axes.axvline(0.0, color=CONTACT, lw=1)
     axes.set(xlabel="deflection at the laser from contact (mm)", ylabel="finger force (N)")
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from sautereau.analysis.errors import ModelError
 from sautereau.analysis.identify.elastic import (
     MOST,
     SHAPES,
@@ -13,14 +12,13 @@ from sautereau.analysis.identify.elastic import (
     mode_parameters,
     modes_of,
 )
-from sautereau.analysis.identify.fit import Fit, fit, rms
+from sautereau.analysis.identify.fit import Fit, fit, problem_at, spread
+from sautereau.analysis.identify.fixed import ScoreTest
 from sautereau.analysis.identify.observed import Observed
 from sautereau.analysis.identify.parameters import FOOT
-from sautereau.analysis.identify.problem import Problem, whitening
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.motion import Floats
 
 FREQUENCIES, DAMPINGS = np.geomspace(90.0, 1500.0, 20), (0.02, 0.15)
 """Hz and dimensionless, of the table in which a mode is sought."""
@@ -62,19 +60,19 @@ def _named(made: Fit) -> dict[str, float]:
 
 def _with_mode(made: Fit) -> InverseDynamics | None:
     """Return the dynamics with the mode that reduces the residuals most; None without one."""
-    dynamics = made.problem.dynamics
-    number = len(modes_of(_named(made)))
+    dynamics, number = made.problem.dynamics, len(modes_of(_named(made)))
     # A fit of too stiff a key is far off: seek the first mode from the values of the rig.
     values = made.values if number else np.array([p.start for p in dynamics.free])
     free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, values, strict=True)]
     if all(p.name != FOOT for p in free):
         free.append(foot_parameter())
     presses = [_before_release(press) for press in dynamics.presses]
-    found = _strongest(made, InverseDynamics(dynamics.rig, free, presses, dynamics.level))
+    dynamics = InverseDynamics(dynamics.rig, free, presses, dynamics.level)
+    found = _strongest(dynamics, number, made.levelled)
     if found is None:
         return None
     free += mode_parameters(number, found, _known(dynamics.rig, number))
-    return InverseDynamics(dynamics.rig, free, presses, dynamics.level)
+    return dynamics.with_free(free)
 
 
 def _known(rig: Rig, number: int) -> tuple[float, float] | None:
@@ -101,46 +99,23 @@ def _before_release(press: Observed) -> Observed:
     return replace(press, used=press.used & (press.time < press.releases[0]))
 
 
-def _strongest(made: Fit, dynamics: InverseDynamics) -> Mode | None:
-    """Return the mode of the table that reduces the residuals most."""
+def _strongest(dynamics: InverseDynamics, number: int, levelled: bool) -> Mode | None:
+    """Return the mode of the table that reduces the residuals most, as the mode of this number."""
     values = np.array([p.start for p in dynamics.free])
     forces, _ = dynamics.residuals(values)
-    spread = max(rms([f - f.mean() for f in forces]), dynamics.floor)
-    white = tuple(
-        whitening(p.used, np.ones(1), made.levelled, spread, p.step) for p in dynamics.presses
-    )
-    scales = np.array([p.scale(v) for p, v in zip(dynamics.free, values.tolist(), strict=True)])
-    problem = Problem(dynamics, scales, white)
-    point = values / scales
-    prior = problem.prior_jacobian(point)
-    basis, _ = np.linalg.qr(np.vstack([problem.jacobian(point, problem.all)[: -len(prior)], prior]))
-    before = np.concatenate([problem.data(point), problem.prior(point)])
+    size = spread(dynamics, forces, levelled)
+    test = ScoreTest(problem_at(dynamics, values), values, size, levelled)
     best: tuple[float, Mode | None] = (0.0, None)
-    number = len(modes_of(dict.fromkeys(p.name for p in dynamics.free)))  # pyright: ignore
     stated = dynamics.rig.key.modes[number : number + 1]
     for frequency in [m.frequency for m in stated] or FREQUENCIES.tolist():
         for damping in [m.damping for m in stated] or DAMPINGS:
             for u, v in SHAPES.values():
                 mode = Mode(frequency, damping, WEIGHT, u, v)
-                try:
-                    column = _column(problem, before[: -len(prior)], number, mode, values)
-                except ModelError:
-                    continue
-                column = np.concatenate([column, np.zeros(len(prior))])
-                left = column - basis @ (basis.T @ column)
-                along, size = float(left @ before), float(left @ left)
-                if size > 0 and along**2 / size > best[0]:
-                    weight = float(np.clip(-along / size, -LARGEST, LARGEST))
-                    best = along**2 / size, replace(mode, weight=weight)
+                own = mode_parameters(number, mode)
+                point = np.append(values, [p.start for p in own])
+                moved = dynamics.with_free([*dynamics.free, *own])
+                weight, reduction = test.freed(moved, point, WEIGHT)
+                if reduction > best[0]:
+                    weight = float(np.clip(weight, -LARGEST, LARGEST))
+                    best = reduction, replace(mode, weight=weight)
     return best[1]
-
-
-def _column(problem: Problem, before: Floats, number: int, mode: Mode, values: Floats) -> Floats:
-    """Return the derivative of the whitened residuals by the weight of a mode."""
-    dynamics = problem.dynamics
-    free = [*dynamics.free, *mode_parameters(number, mode)]
-    moved = InverseDynamics(dynamics.rig, free, dynamics.presses, dynamics.level)
-    own = [p.start for p in free[len(values) :]]
-    point = np.array([*values, *own])
-    after = replace(problem, dynamics=moved, scales=np.ones(len(point))).data(point)
-    return (after - before) / mode.weight

@@ -38,6 +38,7 @@ from sautereau.analysis.identify.problem import (
     Whitening,
     autocovariance,
     descend,
+    white,
     whitening,
 )
 from sautereau.analysis.identify.residuals import InverseDynamics
@@ -118,11 +119,10 @@ def fit(
     levelled = levelled or coupled_force(dynamics.rig) is not None
     values = np.array([p.start for p in free])
     before, _ = dynamics.residuals(values)
-    noise = _white(dynamics, before, levelled)
+    noise = white(dynamics, spread(dynamics, before, levelled), levelled)
     residual_before = rms([f - w.trend(f) for f, w in zip(before, noise, strict=True)])
-    found = [
-        descend(_problem(dynamics, start, noise), start, robust) for start in _starts(free, starts)
-    ]
+    tried = _starts(free, starts)
+    found = [descend(problem_at(dynamics, start, noise), start, robust) for start in tried]
     _, values = min(found, key=lambda pair: pair[0])
     factor = 1.0
     for _ in range(ROUNDS - 1):
@@ -130,8 +130,8 @@ def fit(
         noise = _coloured(dynamics, forces, noise, levelled)
         # The scatter of the rises at release over their stated uncertainties.
         factor = max(1.0, float(np.std(rises, ddof=1))) if len(rises) > 2 else 1.0
-        _, values = descend(_problem(dynamics, values, noise, factor), values, robust)
-    return Fit(_problem(dynamics, values, noise, factor), values, residual_before, levelled)
+        _, values = descend(problem_at(dynamics, values, noise, factor), values, robust)
+    return Fit(problem_at(dynamics, values, noise, factor), values, residual_before, levelled)
 
 
 def _errors(rig: Rig, names: Sequence[str]) -> list[Parameter]:
@@ -174,22 +174,25 @@ def _stds(rig: Rig) -> dict[str, float]:
     }
 
 
-def _problem(
-    dynamics: InverseDynamics, values: Floats, noise: Sequence[Whitening], factor: float = 1.0
+def problem_at(
+    dynamics: InverseDynamics,
+    values: Floats,
+    noise: tuple[Whitening, ...] = (),
+    factor: float = 1.0,
 ) -> Problem:
+    """Return the problem with the scales of the parameters at these values [SI]."""
     scales = np.array([p.scale(float(v)) for p, v in zip(dynamics.free, values, strict=True)])
-    return Problem(dynamics, scales, tuple(noise), factor)
+    return Problem(dynamics, scales, noise, factor)
 
 
-def _white(dynamics: InverseDynamics, forces: Sequence[Floats], levelled: bool) -> list[Whitening]:
-    """Return whitenings for independent residuals."""
-    spread = max(rms([f - f.mean() * levelled for f in forces]), dynamics.floor)
-    return [whitening(p.used, np.ones(1), levelled, spread, p.step) for p in dynamics.presses]
+def spread(dynamics: InverseDynamics, forces: Sequence[Floats], levelled: bool) -> float:
+    """Return the RMS [N] of residuals, at least the accuracy of the model."""
+    return max(rms([f - f.mean() * levelled for f in forces]), dynamics.floor)
 
 
 def _coloured(
     dynamics: InverseDynamics, forces: Sequence[Floats], noise: Sequence[Whitening], levelled: bool
-) -> list[Whitening]:
+) -> tuple[Whitening, ...]:
     """Return whitenings for scale and autocovariance of the residuals.
 
     Each part of the press has its own scale: an error of the pluck's model is in one only, and on
@@ -210,10 +213,10 @@ def _coloured(
         dynamics.presses[0].step,
         spent,
     )
-    return [
+    return tuple(
         whitening(p.used, covariance, levelled, s, p.step)
         for p, s in zip(dynamics.presses, scales, strict=True)
-    ]
+    )
 
 
 def _starts(free: Sequence[Parameter], count: int) -> list[Floats]:

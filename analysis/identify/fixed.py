@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sautereau.analysis.errors import ModelError
 from sautereau.analysis.identify.fit import Fit
 from sautereau.analysis.identify.parameters import (
     ENDS,
@@ -24,7 +23,7 @@ from sautereau.analysis.identify.parameters import (
     value_of,
     with_parameters,
 )
-from sautereau.analysis.identify.problem import Problem, whitening
+from sautereau.analysis.identify.problem import Problem, white
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
@@ -77,6 +76,33 @@ class Suggestion:
     """SI, expected value."""
 
 
+class ScoreTest:
+    """The effects of freeing one more number of a problem, at values [SI] of its parameters.
+
+    The residuals count as independent, with a standard deviation `spread` [N].
+    """
+
+    def __init__(self, problem: Problem, values: Floats, spread: float, levelled: bool):
+        self.problem = replace(problem, whitenings=white(problem.dynamics, spread, levelled))
+        point = values / problem.scales
+        self._data, prior = self.problem.data(point), self.problem.prior_jacobian(point)
+        rows = np.vstack([self.problem.jacobian(point, self.problem.data), prior])
+        self._basis, _ = np.linalg.qr(rows)
+        self._residuals = np.concatenate([self._data, self.problem.prior(point)])
+
+    def freed(self, dynamics: InverseDynamics, values: Floats, step: float) -> tuple[float, float]:
+        """Return the step of the number, and the reduction; arguments as `Problem.by_another`."""
+        column = self.problem.by_another(self._data, dynamics, values, step)
+        if column is None:
+            return 0.0, 0.0
+        column = np.append(column, np.zeros(len(self._residuals) - len(column)))
+        left = column - self._basis @ (self._basis.T @ column)
+        size, along = float(left @ left), float(left @ self._residuals)
+        if size <= 1e-9 * float(column @ column):
+            return 0.0, 0.0
+        return -along / size, along**2 / size
+
+
 def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivity, ...]:
     """Return the effects of all fixed numbers and calibrations, the largest first.
 
@@ -104,16 +130,18 @@ def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivi
             moved[others] = _moved(rows[kept][:, others], column[kept]) / problem.scales[k]
             value = float(made.values[k])
             add(parameter.name, parameter.unit, value, parameter.std, True, moved)
-    for name, unit, value in _fixed(dynamics):
-        column = _column(problem, made.values, *_beside(dynamics, name, value))
-        if column is not None:
-            column = np.concatenate([column / np.sqrt(excess), nothing])
-            add(name, unit, value, *_change(dynamics, name, value), _moved(rows, column))
-    contact = dynamics.rig.plectrum.contact
-    column = _column(problem, made.values, _other_contact(dynamics.rig), 1.0)
-    if column is not None:
-        column = np.concatenate([column / np.sqrt(excess), nothing])
-        add(CONTACT, "", float(contact == "surface"), 1.0, False, _moved(rows, column))
+    fixed = [
+        (name, unit, value, *_change(dynamics, name, value), *_beside(dynamics, name, value))
+        for name, unit, value in _fixed(dynamics)
+    ]
+    place = float(dynamics.rig.plectrum.contact == "surface")
+    fixed.append((CONTACT, "", place, 1.0, False, _other_contact(dynamics.rig), 1.0))
+    whitened = problem.data(made.values / problem.scales)
+    for name, unit, value, change, stated, rig, step in fixed:
+        moved = problem.by_another(whitened, *_moved_to(dynamics, made.values, rig), step)
+        if moved is not None:
+            column = np.concatenate([moved / np.sqrt(excess), nothing])
+            add(name, unit, value, change, stated, _moved(rows, column))
     return tuple(sorted(table, key=lambda s: -max(map(abs, s.effects.values()), default=0.0)))
 
 
@@ -124,26 +152,11 @@ def suggestions(made: Fit, noise: float) -> tuple[Suggestion, ...]:
         made: The fit, of a model that does not fit.
         noise: N, RMS of the force residual without the error of the model.
     """
-    dynamics, scale = made.problem.dynamics, noise * np.sqrt(DEPENDENT)
-    white = [whitening(p.used, np.ones(1), made.levelled, scale, p.step) for p in dynamics.presses]
-    problem = replace(made.problem, whitenings=tuple(white))
-    point = made.values / problem.scales
-    prior = problem.prior_jacobian(point)
-    rows = np.vstack([problem.jacobian(point, problem.data), prior])
-    residuals = np.concatenate([problem.data(point), problem.prior(point)])
-    basis, _ = np.linalg.qr(rows)
+    dynamics = made.problem.dynamics
+    test = ScoreTest(made.problem, made.values, noise * np.sqrt(DEPENDENT), made.levelled)
 
     def freed(rig: Rig, step: float) -> tuple[float, float]:
-        """Return the step of a number, and the reduction by it."""
-        column = _column(problem, made.values, rig, step)
-        if column is None:
-            return 0.0, 0.0
-        column = np.concatenate([column, np.zeros(len(prior))])
-        left = column - basis @ (basis.T @ column)
-        size, along = float(left @ left), float(left @ residuals)
-        if size <= 1e-9 * float(column @ column):
-            return 0.0, 0.0
-        return -along / size, along**2 / size
+        return test.freed(*_moved_to(dynamics, made.values, rig), step)
 
     found = []
     for name, unit, value in _fixed(dynamics):
@@ -197,20 +210,12 @@ def _beside(dynamics: InverseDynamics, name: str, value: float) -> tuple[Rig, fl
     return with_parameters(dynamics.rig, {name: value + step}), step
 
 
-def _column(problem: Problem, values: Floats, rig: Rig, step: float) -> Floats | None:
-    """Return the derivative of the whitened residuals by a number of the rig.
-
-    None where the model has no solution for that rig.
-    """
-    dynamics, beside = problem.dynamics, values.copy()
+def _moved_to(
+    dynamics: InverseDynamics, values: Floats, rig: Rig
+) -> tuple[InverseDynamics, Floats]:
+    """Return the dynamics of another rig, and the values of its parameters."""
+    values = values.copy()
     # The angle is the measured velocity over this arm.
     gain = [p.name for p in dynamics.free].index(VELOCITY_GAIN)
-    beside[gain] *= dynamics.rig.key.laser_arm / rig.key.laser_arm
-    moved = InverseDynamics(rig, dynamics.free, dynamics.presses, dynamics.level)
-    try:
-        ends = [each.residuals(at) for each, at in ((dynamics, values), (moved, beside))]
-    except ModelError:
-        return None
-    force = [w(b - a) for w, a, b in zip(problem.whitenings, ends[0][0], ends[1][0], strict=True)]
-    rises = (ends[1][1] - ends[0][1]) / problem.rise_factor
-    return np.concatenate([*force, rises]) / step
+    values[gain] *= dynamics.rig.key.laser_arm / rig.key.laser_arm
+    return InverseDynamics(rig, dynamics.free, dynamics.presses, dynamics.level), values

@@ -229,8 +229,7 @@ def _with_found_friction(made: Fit, stds: Floats) -> Fit:
     )
     if free == dynamics.free:
         return made
-    dynamics = InverseDynamics(dynamics.rig, free, dynamics.presses, dynamics.level)
-    return replace(made, problem=replace(made.problem, dynamics=dynamics))
+    return replace(made, problem=replace(made.problem, dynamics=dynamics.with_free(free)))
 
 
 def _modes(found: Problem, values: Floats, stds: Floats) -> tuple[FittedMode, ...]:

@@ -6,7 +6,7 @@ Excluded instants are not in the covariance.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +94,11 @@ def whitening(
     return Whitening(scale, factor, trends, plain @ np.linalg.inv(mixing))
 
 
+def white(dynamics: InverseDynamics, spread: float, levelled: bool) -> tuple[Whitening, ...]:
+    """Return whitenings for independent residuals of a standard deviation [N]."""
+    return tuple(whitening(p.used, np.ones(1), levelled, spread, p.step) for p in dynamics.presses)
+
+
 def _solved(factor: Floats, values: Floats) -> Floats:
     """Return the solution for a banded lower factor by forward substitution."""
     return np.asarray(SOLVE(factor, values, uplo="L")[0], float)
@@ -156,6 +161,23 @@ class Problem:
         forces, rises = self.dynamics.residuals(point * self.scales)
         white = [w(f) for w, f in zip(self.whitenings, forces, strict=True)]
         return np.concatenate([*white, rises / self.rise_factor])
+
+    def by_another(
+        self, data: Floats, dynamics: InverseDynamics, values: Floats, step: float
+    ) -> Floats | None:
+        """Return the derivative of `data` by a number that is not a parameter; None without one.
+
+        Args:
+            data: Without the step.
+            dynamics: With the step of the number.
+            values: SI, of its parameters.
+            step: Of the number.
+        """
+        moved = replace(self, dynamics=dynamics, scales=np.ones(len(values)))
+        try:
+            return (moved.data(values) - data) / step
+        except ModelError:
+            return None
 
     @property
     def _expected(self) -> list[int]:

@@ -49,6 +49,10 @@ class InverseDynamics:
         self.rig, self.free, self.presses, self.level = rig, tuple(free), tuple(presses), level
         self._solved: dict[tuple[object, ...], Pluck] = {}
 
+    def with_free(self, free: Sequence[Parameter]) -> "InverseDynamics":
+        """Return the same dynamics with other free parameters."""
+        return InverseDynamics(self.rig, free, self.presses, self.level)
+
     @property
     def floor(self) -> float:
         """N, smallest scale of the force residuals: the accuracy of the model, not of the data."""

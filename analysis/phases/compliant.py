@@ -39,7 +39,8 @@ def compliant_plucks(
     found: list[tuple[Contact, Release]] = []
     for growth in searched.growths:
         near = min(max(NEAR * growth.release_std, LEAST_NEAR), MOST_NEAR)
-        release = refine_event(signals, growth.release, near, growth.force, start, last)
+        others = [other.release for other in searched.growths if other is not growth]
+        release = refine_event(signals, growth.release, near, growth.force, start, last, others)
         around = signals.no_velocity[
             slice(*(signals.sample(growth.release + side) for side in (-near, near)))
         ]

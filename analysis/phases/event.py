@@ -1,36 +1,49 @@
-"""The release of a string on a compliant key: a sudden change of the load, of any shape."""
+"""The release of a string on a compliant key: a sudden event in force and velocity."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from sautereau.analysis.phases.event_fit import LEAST_GAIN, EventFit
+from sautereau.analysis.phases.event_fit import EventFit, Fitted
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.response import Poles
-from sautereau.analysis.phases.signals import Signals, rows_of
+from sautereau.analysis.phases.signals import Signals
+from sautereau.trajectory.motion import Floats
 
 BEFORE, AFTER = 4e-3, 2.5e-3
-"""s, before and after a fall, of the samples to which its instant is fitted."""
+"""s, before and after a release, of the samples to which its instant is fitted."""
 ROW = 40e-6
-"""s, shortest row of this fit."""
+"""s, shortest block of this fit."""
 MOST_MODES, FALL_STD = 3, 0.1
 """Modes of a fit, and relative uncertainty of the fall."""
 LEAST_ROWS = 24
-"""Fewest rows of a fit."""
+"""Fewest blocks of a fit."""
 LARGEST_VARIANCE = 1e-6
 """s^2, of the instant of one fit; of a mode that nothing determines it is infinite."""
 DISAGREEMENT = 0.5
 """Standard uncertainty over the distance from the approximate instant."""
-BLOCK = 8
-"""Rows whose residuals are summed in order to detect correlated noise."""
-REACH, TRIED = 2e-3, 33
-"""s, largest error of a candidate, and instants tried."""
+REACH, TRIED, STARTS = 3.0, 20, 4
+"""Standard deviations up to which instants are tried; their number; and that of parts of this
+range, in each of which a search starts from the best one."""
+SAME, UNLIKELY = 2e-6, 25.0
+"""s, difference of equal instants; and of twice the logarithm of a probability that is ignored."""
 
 
 def refine_event(
-    signals: Signals, near: float, std: float, force: float, after: float, until: float
+    signals: Signals,
+    near: float,
+    std: float,
+    force: float,
+    after: float,
+    until: float,
+    others: Sequence[float] = (),
 ) -> Release:
-    """Return the instant of a fall, fitted to the samples around it.
+    """Return the instant of a release, fitted to the samples around it.
+
+    Searches start from several instants, as chi2 has several minima. Their modes are found one
+    after the other: the one of a table that reduces the residuals most is added, and all are
+    refined. The instants of all fits are averaged with the weights of the Bayesian information
+    criterion.
 
     Args:
         signals: Of the press.
@@ -39,50 +52,45 @@ def refine_event(
         force: N at the finger, by which the load falls.
         after: s after the trigger, before which nothing is used.
         until: s after the trigger, after which nothing is used.
+        others: s after the trigger, approximate instants of other releases.
     """
     samples = max(1, round(ROW * signals.rate))
-    first, last = (signals.sample(t) for t in (max(after, near - BEFORE), min(until, near + AFTER)))
-    first, last = max(0, first), min(len(signals.time), last)
-    rows = rows_of(signals, first, last, samples)
-    if len(rows.time) < LEAST_ROWS:
+    begin, end = max(after, near - BEFORE), min(until, near + AFTER)
+    stretch = max(0, signals.sample(begin)), min(len(signals.time), signals.sample(end))
+    if (stretch[1] - stretch[0]) // samples < LEAST_ROWS:
         return Release(near, std, force, FALL_STD * force, 0.0, 0.0, 1.0)
-    fit = EventFit(rows, near, samples)
-    instants, none = np.linspace(-REACH, REACH, TRIED), np.zeros(0, complex)
-    prior = (instants / std) ** 2
+    events = np.array([near, *(t for t in others if begin < t < end)])
+    fit = EventFit(signals, stretch, samples, events, np.full(len(events), std))
+    tried = np.tile(events - near, (TRIED, 1))
+    tried[:, 0] = np.linspace(-REACH, REACH, TRIED) * std
+    chi2, poles = fit.scan(tried, np.zeros(0, complex))
+    best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(TRIED), STARTS)]
+    chains = _different([fit.refine(tried[i], poles[i : i + 1]) for i in best])
+    fits = [*chains]
+    for _ in range(MOST_MODES - 1):
+        fit.weigh(min(chains, key=fit.chi2))
+        further = [fit.scan(f.instants[None], f.poles)[1] for f in chains]
+        pairs = zip(chains, further, strict=True)
+        chains = _different([fit.refine(f.instants, np.append(f.poles, p)) for f, p in pairs])
+        fits += chains
+    fit.weigh(min(chains, key=fit.chi2))
 
-    def sharpest(poles: Poles, noise: float) -> float:
-        chi2, _ = fit.scan(instants, np.zeros(0), poles)
-        return float(instants[np.argmin(chi2 / noise + prior)])
+    def scores() -> Floats:
+        return np.array([fit.chi2(f) + f.parameters * math.log(fit.load.size) for f in fits])
 
-    best = fit.refine(np.array([sharpest(none, 1.0)]), none)
-    n, fits = len(rows.time), [best]
-    for _ in range(MOST_MODES):
-        pole, _ = fit.another(best)
-        poles = np.append(best.poles, pole)
-        noise = max(1.0, best.chi2 / n)
-        starts = {best.instant, sharpest(poles, noise)}
-        trials = [fit.refine(np.array([start]), poles) for start in starts]
-        gained = best.chi2
-        best = min(trials, key=lambda f: f.chi2 / noise + (f.instant / std) ** 2)
-        gained -= best.chi2
-        fits.append(best)
-        if gained < LEAST_GAIN * max(1.0, best.chi2 / n):
-            break
-    for f in fits[1:][-2:]:
-        fits.append(fit.refine(f.instants, f.poles, True))
-    left = min(fits, key=lambda f: f.chi2).left
-    sums = left[: n // BLOCK * BLOCK].reshape(-1, BLOCK).sum(1)
-    noise = max(1.0, float(left @ left) / n, float(sums @ sums) / BLOCK / len(sums))
-    score = np.array(
-        [f.chi2 / noise + f.parameters * math.log(n) + (f.instant / std) ** 2 for f in fits]
-    )
+    score = scores()
+    fits = [
+        fit.refine(fits[i].instants, fits[i].poles)
+        for i in np.argsort(score)
+        if score[i] < score.min() + UNLIKELY
+    ]
+    score = scores()
     chance = np.exp((score.min() - score) / 2)
     chance /= chance.sum()
-    times = np.array([f.instant for f in fits])
-    best = fits[int(np.argmin(score))]
+    times = np.array([f.instants[0] for f in fits])
     mean = float(times @ chance)
     spread = np.minimum([f.variance for f in fits], LARGEST_VARIANCE)
-    variance = float(chance @ ((times - mean) ** 2 + noise * spread))
+    variance = float(chance @ ((times - mean) ** 2 + spread))
     return Release(
         time=near + mean,
         std=math.hypot(math.sqrt(variance), signals.instant_std, DISAGREEMENT * mean),
@@ -90,5 +98,14 @@ def refine_event(
         fall_std=FALL_STD * force,
         slowed=0.0,
         gain=0.0,
-        noise=noise,
+        noise=fit.noise,
     )
+
+
+def _different(fits: list[Fitted]) -> list[Fitted]:
+    """Return fits without those that end at the same instants."""
+    found: list[Fitted] = []
+    for fitted in fits:
+        if all(np.abs(fitted.instants - other.instants).max() > SAME for other in found):
+            found.append(fitted)
+    return found

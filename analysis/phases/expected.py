@@ -12,11 +12,15 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle
 from sautereau.trajectory.motion import Floats
 
-TYPICAL = -0.23, -0.19, 0.6e-3
-"""Quadratic and cubic term of the force, and m, height of the jack above contact at release, of a
-plectrum that has no solution in the model."""
+TYPICAL = -0.23, -0.19, 0.6e-3, 1.0
+"""Quadratic and cubic term of the force; m, height of the jack above contact at release; and N,
+force then: of a plectrum that has no solution in the model."""
 POINTS = 40
 """Points of a pluck to which its terms are fitted."""
+FRICTION, OVERLAP = 0.2, 1.25
+"""Friction and relative overlap of a plectrum that is not quite that of the rig."""
+LEAST_SHAPE = 0.02
+"""Least standard deviation of quadratic and cubic term."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,10 @@ class Expected:
     bends: tuple[float, float]
     """Dimensionless, mean over the strings: a string's force over that at release is
     u + q u(u - 1) + c u(u - 1)(u - 1/2) with u the rise since contact, 1 at release; q and c."""
+    shapes: Floats
+    """N at the finger, two independent standard deviations of (q, c) times the force at release, by
+    what a rig does not know: friction, overlap, and whether the string lies on the plectrum's
+    surface; shape (2, 2), a row for each."""
 
 
 def expected(rig: Rig) -> Expected:
@@ -45,14 +53,37 @@ def expected(rig: Rig) -> Expected:
         climbs.append(release - contact)
     order = np.argsort(contacts)
     bends = terms[:, :2].mean(0)
+    lever = key.jack_arm / key.press_arm
+    variances, axes = np.linalg.eigh(_variation(every[0]) + LEAST_SHAPE**2 * np.eye(2))
+    shapes = lever * float(terms[:, 3].mean()) * np.sqrt(variances)[:, None] * axes.T
     return Expected(
-        np.array(contacts)[order], np.array(climbs)[order], (float(bends[0]), float(bends[1]))
+        np.array(contacts)[order],
+        np.array(climbs)[order],
+        (float(bends[0]), float(bends[1])),
+        np.asarray(shapes, dtype=float),
     )
 
 
+def _variation(choir: Choir) -> Floats:
+    """Return the covariance of (q, c) by what a rig does not know, shape (2, 2)."""
+    plectrum = choir.plectrum
+    others = (
+        {"contact": "mid-line" if plectrum.contact == "surface" else "surface"},
+        {"friction": plectrum.friction + FRICTION},
+        {"overlap": plectrum.overlap * OVERLAP},
+    )
+    changed = [
+        _terms(choir.model_copy(update={"plectrum": plectrum.model_copy(update=other)}))[:2]  # pyright: ignore[reportArgumentType]
+        for other in others
+    ]
+    known = _terms(choir)[:2]  # pyright: ignore[reportArgumentType]
+    away = np.array(changed) - known
+    return away.T @ away
+
+
 @lru_cache(maxsize=256)
-def _terms(choir: Choir) -> tuple[float, float, float]:
-    """Return the quadratic and cubic term of a choir's force, and the height [m] of its pluck."""
+def _terms(choir: Choir) -> tuple[float, float, float, float]:
+    """Return quadratic and cubic term of a choir's force; height [m] and force [N] at release."""
     try:
         pluck = choir_pluck(choir)
     except ModelError:
@@ -61,4 +92,4 @@ def _terms(choir: Choir) -> tuple[float, float, float]:
     force = pluck.force_on_jack(u * pluck.release_height)
     columns = np.stack([u * (u - 1), u * (u - 1) * (u - 0.5)], 1)
     terms = np.linalg.lstsq(columns, force / force[-1] - u, rcond=None)[0]
-    return float(terms[0]), float(terms[1]), pluck.release_height
+    return float(terms[0]), float(terms[1]), pluck.release_height, float(force[-1])

@@ -101,6 +101,7 @@ def find_phases(press: Press) -> Phases:
         returned=_returned(signals, end),
         peak_force=peak,
         fit=found.fit,
+        missed=tuple((growth.contact, growth.release) for growth in found.further),
     )
 
 

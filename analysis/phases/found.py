@@ -106,6 +106,8 @@ class Phases:
     """N, largest finger force of the complete press; None where it was not evaluated."""
     fit: Fit | None = None
     """How well the load was explained; None where it was not evaluated."""
+    missed: tuple[tuple[float, float], ...] = ()
+    """s, start and end of stretches in which the load climbs and collapses without a pluck."""
 
 
 def line_through(x: Floats, y: Floats) -> tuple[float, float]:

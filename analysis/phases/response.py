@@ -1,24 +1,23 @@
-"""The response of the load to a sudden event: a step, a bend, and damped modes that it excites.
+"""The response of a signal to a sudden event: a curve, and damped modes that it excites.
 
 A key bends and heaves, its jack stands on cloth, the transducer resonates: what the laser and the
-transducer show of a release is the step convolved with the response of all these. It is a sum of
-exponentials exp(p t) with poles p, which are found together with the instant of the event.
+transducer show of a release is the step of the string's force, convolved with the response of all
+these. It is a sum of exponentials exp(p t) with poles p, which are found together with the instant
+of the event. All these have inertia, so that neither the signals nor their slopes jump.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.phases.signals import Rows
 from sautereau.trajectory.motion import Floats
 
 Poles = NDArray[np.complex128]
 
-BEND_TIME = 1e-2
-"""s, after which a bend of coefficient 1 has changed the load by 1 N."""
+SCALE = 1e-2
+"""s, after which a curve of coefficient 1 has reached 1."""
 
 
 def pole(frequency: float, damping: float) -> complex:
@@ -27,58 +26,67 @@ def pole(frequency: float, damping: float) -> complex:
     return complex(-damping * turn, turn * math.sqrt(max(0.0, 1 - damping**2)))
 
 
-class Columns:
-    """Means over rows of the responses to an event at several instants.
+@dataclass(frozen=True)
+class Response:
+    """Means over blocks of a stretch of signal, of what happens in it."""
 
-    Args:
-        rows: Of the load.
-        near: s after the trigger, origin of the time of the events.
-        samples: Number of samples of each block; a row has the triangular weight of two blocks,
-            or for 1 the mean between two samples.
-    """
+    time: Floats
+    """s, middles of the blocks, shape (n,)."""
+    step: float
+    """s, length of a block."""
 
-    def __init__(self, rows: Rows, near: float, samples: int):
-        self.time = rows.time - near
-        self._step, self._single = rows.step, samples == 1
-        ends = (-0.5, 0.5) if self._single else (-1.0, 1.0)
-        n = len(rows.time)
-        self._edges = self.time[0] + rows.step * (np.arange(n + 1 + (not self._single)) + ends[0])
+    def _since(self, instants: Floats) -> Floats:
+        """Return the times of the blocks' ends after each instant [s], shape (..., n + 1)."""
+        ends = np.append(self.time - self.step / 2, self.time[-1] + self.step / 2)
+        return np.maximum(ends - instants[..., None], 0.0)
 
-    def step(self, instants: Floats) -> Floats:
-        """Return a step at each instant [s], shape (instants, n)."""
-        return self._mean(instants, lambda t: t, lambda t: t * t / 2)
-
-    def bend(self, instants: Floats) -> Floats:
-        """Return a bend at each instant, in units of `BEND_TIME`; shape (instants, n)."""
-        found = self._mean(instants, lambda t: t * t / 2, lambda t: t * t * t / 6)
-        return found / BEND_TIME
-
-    def curve(self, instants: Floats) -> Floats:
-        """Return a parabola from each instant on, 1 after `BEND_TIME`; shape (instants, n)."""
-        found = self._mean(instants, lambda t: t**3 / 3, lambda t: t**4 / 12)
-        return found / BEND_TIME**2
-
-    def ring(self, instants: Floats, p: complex) -> Poles:
-        """Return exp(p t) from each instant on, shape (instants, n)."""
-        return self._mean(
-            instants,
-            lambda t: (np.exp(p * t) - 1) / p,
-            lambda t: (np.exp(p * t) - 1 - p * t) / p**2,
-        )
+    def before(self, poles: Poles) -> Floats:
+        """Return a parabola, and ringing from before; shape (n, 3 + 2 modes)."""
+        u = self.time[:, None] / SCALE
+        waves = np.exp((self.time - self.time[0])[:, None] * poles)
+        return np.concatenate([u**0, u, u**2, _pairs(waves)], 1)
 
     def event(self, instants: Floats, poles: Poles) -> Floats:
-        """Return all columns of an event, shape (instants, 3 + 2 poles, n)."""
-        columns = [self.step(instants), self.bend(instants), self.curve(instants)]
-        for p in poles:
-            ring = self.ring(instants, p)
-            columns += [ring.real, ring.imag]
-        return np.stack(columns, 1)
+        """Return the curve and the modes from each instant on.
 
-    def _mean(
-        self, instants: Floats, once: Callable[[Floats], Any], twice: Callable[[Floats], Any]
-    ) -> Any:
-        """Return the mean over each row of a response with these first and second integrals."""
-        since = np.maximum(self._edges - instants[:, None], 0.0)
-        if self._single:
-            return np.diff(once(since)) / self._step
-        return np.diff(twice(since), 2) / self._step**2
+        A mode is exp(p t) - 1 - p t, of which a column holds the real, another the imaginary part.
+
+        Args:
+            instants: s, any shape.
+            poles: 1/s, shape (modes,).
+
+        Returns:
+            Shape (..., n, 1 + 2 modes).
+        """
+        t = self._since(instants)[..., None]
+        waves = (np.exp(t * poles) - 1) / poles - t - poles * t**2 / 2
+        curve = t**3 / (3 * SCALE**2)
+        return np.diff(np.concatenate([curve, _pairs(waves)], -1), axis=-2) / self.step
+
+    def slopes(self, instants: Floats, poles: Poles) -> tuple[Floats, Poles, Poles]:
+        """Return the derivatives of the columns of events, and of ringing from before.
+
+        Args:
+            instants: s, shape (events,).
+            poles: 1/s, shape (modes,).
+
+        Returns:
+            Of each event by its instant, shape (events, n, 1 + 2 modes); of its complex modes
+            by their poles, shape (events, n, modes); of those from before, shape (n, modes).
+        """
+        t = self._since(instants)[..., None]
+        waves = np.exp(t * poles)
+        curve = t**2 / SCALE**2
+        by_instant = np.concatenate([curve, _pairs(waves - 1 - poles * t)], -1)
+        by_pole = (t * waves - (waves - 1) / poles) / poles - t**2 / 2
+        early = (self.time - self.time[0])[:, None]
+        return (
+            -np.diff(by_instant, axis=-2) / self.step,
+            np.diff(by_pole, axis=-2) / self.step,
+            early * np.exp(early * poles),
+        )
+
+
+def _pairs(waves: Poles) -> Floats:
+    """Return real and imaginary parts side by side, shape (..., 2 modes)."""
+    return np.concatenate([waves.real, waves.imag], -1)

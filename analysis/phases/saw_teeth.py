@@ -5,11 +5,16 @@ instants the model is linear; the instants are refined (Levenberg-Marquardt), wi
 of them.
 """
 
+import math
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.analysis.phases.expected import Expected
+from sautereau.analysis.phases.levenberg import minimise
 from sautereau.analysis.phases.slow import Slow
 from sautereau.trajectory.motion import Floats
 
@@ -18,23 +23,39 @@ LEVEL_STD, DRIFT_STD = 10.0, 0.03
 and by a damper."""
 DAMPER, FULL_RISE = 1e-3, 10e-3
 """m, lift of a damper, and rise over which the load changes."""
-FORCE_STD, CURVED_STD = 3.0, 0.15
-"""N, prior standard deviations of a string's force, and of its curvature."""
-COLUMNS, SHARP = 3, 3e-7
-"""Of a string, and s^2, prior standard deviation of the factor of its second derivative, by what
-lies between the laser and the jack."""
+COLUMNS, FORCE_STD, SHARP_STD = 4, 3.0, 9e-7
+"""Of a string, and prior standard deviations: N, of its force; N s^2, of the second derivative of
+that, by what lies between the laser and the jack. The others are deviations from its shape."""
 CONTACT_STD, CLIMB_STD, DOUBT = 0.5e-3, 0.4, 4.0
 """Standard deviations of a contact about the rig's, in m, and of the logarithm of the rise from it
 to the release; and bound of their deviations, as a rig may be of another instrument."""
-STEPS, LONGEST = 6, 4e-3
-"""Steps of a refinement, and its longest step in s."""
+LONGEST, CONVERGED = 4e-3, 1e-3
+"""s, longest step of a refinement, and relative decrease of chi2 at which it ends."""
 EXCHANGED = 1.1
 """Largest increase of chi2 by which contacts are put into the order of releases."""
 SMALL = 0.2e-3
 """s, of a difference quotient."""
 
-Solved = tuple[Floats, Floats, Floats]
-"""Residuals with those of the priors, factors of the columns, and an orthonormal base of these."""
+
+@dataclass(frozen=True)
+class Solved:
+    """A fit with given instants."""
+
+    load: Floats
+    """N, residuals, shape (rows,)."""
+    left: Floats
+    """N, residuals with those of the priors."""
+    factors: Floats
+    """Of the columns."""
+    base: Floats
+    """Orthonormal base of the columns."""
+    forces: Floats
+    """N at the finger, of the strings."""
+
+    @property
+    def chi2(self) -> float:
+        """N^2, sum of squared residuals with those of the priors."""
+        return float(self.left @ self.left)
 
 
 class SawTeeth:
@@ -73,76 +94,75 @@ class SawTeeth:
             plucks: s, contacts and releases, shape (n, 2).
 
         Returns:
-            Their force, its curvature and its second derivative, shape (rows, n COLUMNS).
+            Their force, its second derivative, deviations of its shape; shape (rows, n, COLUMNS).
         """
-        slow, time = self.slow, self.slow.hops
-        at, top = np.interp(plucks.T, time, self.rise)[..., None]
-        contact, release = plucks.T[..., None]
+        slow = self.slow
+        at, top = np.interp(plucks.T, slow.hops, self.rise)
+        contact, release = plucks.T
+        time, rise = slow.hops[:, None], self.rise[:, None]
         part = np.clip((release - time) / slow.hop + 0.5, 0.0, 1.0) * (time > contact)
-        u = np.maximum(self.rise - at, 0.0) * part / np.maximum(top - at, 1e-6)
+        u = np.maximum(rise - at, 0.0) * part / np.maximum(top - at, 1e-6)
         quadratic, cubic = self.strings.bends
         curved = u * (u - 1)
         line = u + curved * (quadratic + cubic * (u - 0.5))
-        columns = np.concatenate(
-            [slow.smooth(line, 0, 2), slow.smooth(curved)[..., None]], -1
-        ) * np.array([FORCE_STD, FORCE_STD * SHARP, CURVED_STD])
-        columns = columns.transpose(1, 0, 2).reshape(len(self.load), -1)
-        return self.weight[:, None] * columns
+        shapes = [curved * (q + c * (u - 0.5)) for q, c in self.strings.shapes]
+        smooth = slow.smooth(np.concatenate([FORCE_STD * line, *shapes], 1))
+        force, *shapes = smooth.reshape(len(self.load), 3, -1).transpose(1, 0, 2)
+        columns = np.stack([force, SHARP_STD * slow.smooth(line, 2), *shapes], 2)
+        return self.weight[:, None, None] * columns
 
     def solved(self, plucks: Floats) -> Solved:
-        """Return residuals with those of the priors, factors, and an orthonormal base."""
-        columns = np.concatenate([self.free, self._strings_at(plucks)], 1)
+        """Return the fit with these plucks, shape (plucks, 2)."""
+        strings = self._strings_at(plucks).reshape(len(self.load), -1)
+        columns = np.concatenate([self.free, strings], 1)
         n, k = columns.shape
         matrix, target = np.zeros((n + k, k)), np.zeros(n + k)
         matrix[:n], target[:n] = columns, self.load
         matrix[range(n, n + k), range(k)] = self._noise
         q, r = np.linalg.qr(matrix)
         of = q.T @ target
-        return target - q @ of, np.asarray(np.linalg.solve(r, of), dtype=float), q
+        factors = np.asarray(np.linalg.solve(r, of), dtype=float)
+        left = target - q @ of
+        forces = FORCE_STD * factors[self.free.shape[1] :: COLUMNS]
+        return Solved(left[:n], left, factors, q, forces)
 
     def doubts(self, plucks: Floats) -> Floats:
         """Return how far plucks are from what the rig says, in standard deviations.
 
         Contacts and rises from contact to release; each is bounded by `DOUBT`, which is that of
-        a pluck for which the rig has no string; shape (2 plucks,).
-        """
-        strings, count = self.strings, len(plucks)
-        rise = np.interp(plucks, self.slow.hops, self.rise)
-        order = np.argsort(rise[:, 0])
-        of_contact = (rise[order, :1] - strings.contacts) / CONTACT_STD
-        climbed = np.maximum(rise[order, 1] - rise[order, 0], 1e-5)
-        of_climb = np.log(climbed[:, None] / strings.climbs) / CLIMB_STD
-        far = np.stack([of_contact, of_climb], 2)
-        far = far / np.sqrt(1 + far**2 / DOUBT**2)
-        known = min(far.shape[:2])
-        best, least = np.full((count, 2), DOUBT), np.inf
-        for each in combinations(range(count), known):
-            for string in combinations(range(len(strings.contacts)), known):
-                chosen = np.full((count, 2), DOUBT)
-                chosen[each, :] = far[each, string]
-                if (square := float((chosen**2).sum())) < least:
-                    best, least = chosen, square
-        return best.ravel()
+        a pluck for which the rig has no string.
 
-    def _total(self, solved: Solved, plucks: Floats, noise: float) -> float:
-        """Return chi2 with that of the doubts."""
-        doubts = self.doubts(plucks)
-        return float(solved[0] @ solved[0]) + noise * float(doubts @ doubts)
+        Args:
+            plucks: s, contacts and releases, shape (..., plucks, 2).
+
+        Returns:
+            Shape (..., 2 plucks).
+        """
+        strings, count = self.strings, plucks.shape[-2]
+        rise = np.interp(plucks, self.slow.hops, self.rise)
+        rise = np.take_along_axis(rise, np.argsort(rise[..., :1], axis=-2), -2)
+        of_contact = (rise[..., :1] - strings.contacts) / CONTACT_STD
+        climbed = np.maximum(rise[..., 1:] - rise[..., :1], 1e-5)
+        far = np.stack([of_contact, np.log(climbed / strings.climbs) / CLIMB_STD], -1)
+        far = far / np.sqrt(1 + far**2 / DOUBT**2)
+        each, string = _assignments(count, len(strings.contacts))
+        chosen = np.full((*far.shape[:-3], len(each), count, 2), DOUBT)
+        chosen[..., np.arange(len(each))[:, None], each, :] = far[..., each, string, :]
+        best = np.argmin((chosen**2).sum((-2, -1)), -1)[..., None, None, None]
+        return np.take_along_axis(chosen, best, -3).reshape(*far.shape[:-3], 2 * count)
 
     def _slopes(self, plucks: Floats, solved: Solved) -> tuple[Floats, Floats]:
         """Return the derivatives of residuals, and of doubts, by contacts and releases."""
-        left, factors, q = solved
-        ends = 2 * len(plucks)
+        ends = plucks.size
         off = SMALL * np.eye(ends).reshape(ends, -1, 2)
-        own = factors[self.free.shape[1] :].reshape(-1, COLUMNS).repeat(2, 0)
+        own = solved.factors[self.free.shape[1] :].reshape(-1, COLUMNS).repeat(2, 0)
         place = range(ends), np.arange(ends) // 2
-        up, down = (
-            self._strings_at((plucks + s * off)[place]).reshape(-1, ends, COLUMNS) for s in (1, -1)
-        )
-        change = np.zeros((len(left), ends))
-        change[: len(up)] = ((up - down) * own).sum(2) / (2 * SMALL)
-        rig = [(self.doubts(plucks + o) - self.doubts(plucks - o)) / (2 * SMALL) for o in off]
-        return q @ (q.T @ change) - change, np.stack(rig, 1)
+        up, down = plucks + off, plucks - off
+        change = np.zeros((len(solved.left), ends))
+        columns = self._strings_at(up[place]) - self._strings_at(down[place])
+        change[: len(columns)] = (columns * own).sum(2) / (2 * SMALL)
+        rig = (self.doubts(up) - self.doubts(down)).T / (2 * SMALL)
+        return solved.base @ (solved.base.T @ change) - change, rig
 
     def stds(self, plucks: Floats, solved: Solved) -> tuple[list[list[float]], list[float]]:
         """Return the standard uncertainties of plucks [s], and the noise around them."""
@@ -150,7 +170,7 @@ class SawTeeth:
             return [], []
         slopes, rig = self._slopes(plucks, solved)
         rows = np.searchsorted(self.slow.time, plucks)
-        noises = [noise_around(solved[0][: len(self.load)], *pair) for pair in rows.tolist()]
+        noises = [noise_around(solved.load, *pair) for pair in rows.tolist()]
         inverse = np.linalg.pinv(slopes.T @ slopes / max(noises) + rig.T @ rig)
         return np.sqrt(np.diag(inverse)).reshape(-1, 2).tolist(), [
             n / self._noise**2 for n in noises
@@ -158,36 +178,28 @@ class SawTeeth:
 
     def refined(self, plucks: Floats) -> tuple[Floats, Solved, float]:
         """Return better instants near those of plucks, shape (plucks, 2), their fit, its chi2."""
-        solved, stiff = self.solved(plucks), 1e-2
-        first, last = np.searchsorted(self.slow.time, plucks[-1])
-        noise = noise_around(solved[0][: len(self.load)], int(first), int(last))
-        total = self._total(solved, plucks, noise)
-        for _ in range(STEPS):
-            left = solved[0]
-            jacobian, rig = self._slopes(plucks, solved)
-            normal = jacobian.T @ jacobian + noise * rig.T @ rig
-            right = jacobian.T @ left + noise * rig.T @ self.doubts(plucks)
-            better = None
-            for _ in range(4):
-                damped = normal + stiff * np.diag(np.diag(normal) + 1e-9)
-                step = np.clip(-np.linalg.solve(damped, right), -LONGEST, LONGEST)
-                trial = plucks + step.reshape(-1, 2)
-                trial = np.clip(trial, self.slow.hops[0], self.slow.hops[-1])
-                if (trial[:, 1] > trial[:, 0] + self.slow.width).all():
-                    tried = self.solved(trial)
-                    pulls = (tried[1][self.free.shape[1] :: COLUMNS] > 0).all()
-                    if pulls and self._total(tried, trial, noise) < total:
-                        better = trial, tried
-                        break
-                stiff *= 5
-            if better is None:
-                break
-            plucks, solved = better
-            stiff = max(stiff / 5, 1e-6)
-            gained, total = total, self._total(solved, plucks, noise)
-            if gained - total < 1e-3 * total:
-                break
-        return plucks, solved, total
+        solved = self.solved(plucks)
+        rows = np.searchsorted(self.slow.time, plucks[-1])
+        weight = math.sqrt(noise_around(solved.load, *rows.tolist()))
+
+        def evaluate(state: Floats) -> tuple[Floats, Solved]:
+            trial = state.reshape(-1, 2)
+            tried = self.solved(trial)
+            return np.concatenate([tried.left, weight * self.doubts(trial)]), tried
+
+        def permitted(state: Floats, tried: Solved) -> bool:
+            apart = np.diff(state.reshape(-1, 2)) > self.slow.width
+            return bool(apart.all() and (tried.forces > 0).all())
+
+        def slopes(state: Floats, tried: Solved) -> Floats:
+            load, rig = self._slopes(state.reshape(-1, 2), tried)
+            return np.concatenate([load, weight * rig])
+
+        def bounded(state: Floats) -> Floats:
+            return np.clip(state, self.slow.hops[0], self.slow.hops[-1])
+
+        found = minimise(plucks.ravel(), evaluate, slopes, permitted, bounded, LONGEST, CONVERGED)
+        return found.state.reshape(-1, 2), found.found, found.chi2
 
     def in_order(self, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
         """Return the plucks with contacts in the order of their releases, where that fits as well.
@@ -200,8 +212,21 @@ class SawTeeth:
         if (swapped == plucks).all():
             return plucks, solved
         other, fitted, _ = self.refined(swapped)
-        better = fitted[0] @ fitted[0] < EXCHANGED * float(solved[0] @ solved[0])
+        better = fitted.chi2 < EXCHANGED * solved.chi2
         return (other, fitted) if better else (plucks, solved)
+
+
+@lru_cache
+def _assignments(plucks: int, strings: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the ways to assign plucks to strings in order: indices, each (ways, pairs)."""
+    pairs = min(plucks, strings)
+    ways = [
+        (each, string)
+        for each in combinations(range(plucks), pairs)
+        for string in combinations(range(strings), pairs)
+    ]
+    each, string = np.array(ways, np.intp).reshape(len(ways), 2, pairs).transpose(1, 0, 2)
+    return each, string
 
 
 def noise_around(left: Floats, first: int, last: int) -> float:

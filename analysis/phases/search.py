@@ -13,9 +13,7 @@ import numpy as np
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.saw_teeth import (
     CLIMB_STD,
-    COLUMNS,
     CONTACT_STD,
-    FORCE_STD,
     SawTeeth,
     Solved,
     noise_around,
@@ -43,8 +41,8 @@ LEAST_FRACTION, LEAST_FORCE = 0.12, 3e-3
 """Fraction of the largest force of a press, and N, below which there is no pluck."""
 STARTS, BETWEEN = 2, 4.0
 """Pairs that are refined, and widths between their releases."""
-ROUNDS = 3
-"""Rounds for the compliance."""
+ROUNDS, QUICK = 3, 1
+"""Rounds for the compliance, and pairs that are refined in the first one."""
 
 
 @dataclass(frozen=True)
@@ -93,12 +91,13 @@ def search(slow: Slow, strings: Expected) -> Searched:
     found = Searched((), None, 0.0, 0.0)
     if len(slow.time) < 12:
         return found
-    for _ in range(ROUNDS):
-        found = _Search(SawTeeth(slow, compliance, noise, strings)).all()
+    for number in range(ROUNDS):
+        fit = SawTeeth(slow, compliance, noise, strings)
+        found = _Search(fit, QUICK if number == 0 else None).all()
         change = abs(found.compliance - compliance)
         compliance, before = found.compliance, noise
         noise = max(LEAST_NOISE, CORRELATED * found.residual)
-        if change < max(2e-7, 0.05 * compliance) and 0.5 < noise / before < 2:
+        if number > 0 and change < max(2e-7, 0.05 * compliance) and 0.5 < noise / before < 2:
             break
     return found
 
@@ -106,8 +105,8 @@ def search(slow: Slow, strings: Expected) -> Searched:
 class _Search:
     """The search of plucks, one by one, with one compliance."""
 
-    def __init__(self, fit: SawTeeth):
-        self._fit = fit
+    def __init__(self, fit: SawTeeth, most: int | None):
+        self._fit, self._most = fit, most
         self._moving = SLOWEST * float(fit.slow.speed().max())
 
     def all(self) -> Searched:
@@ -117,7 +116,7 @@ class _Search:
         gains: list[float] = []
         further = None
         while len(found) <= strings:
-            starts = self._starts(found, left)
+            starts = self._starts(found, left)[: self._most]
             if not starts:
                 break
             trials = sorted((self._fit.refined(start) for start in starts), key=lambda t: t[2])
@@ -133,7 +132,7 @@ class _Search:
                     break
             found, left, values = trial, solved, forces
             gains.append(gain)
-        k = self._fit.compliance - float(left[1][1]) * TERMS["F2"]
+        k = self._fit.compliance - float(left.factors[1]) * TERMS["F2"]
         stds, noises = self._fit.stds(found, left)
         each = zip(found.tolist(), values.tolist(), gains, stds, noises, strict=True)
         growths = [
@@ -146,7 +145,7 @@ class _Search:
             tuple(sorted(growths, key=lambda g: g.release)),
             further,
             min(max(k, 0.0), MOST_COMPLIANT),
-            float(np.sqrt(np.mean(left[0][: len(self._fit.load)] ** 2))),
+            float(np.sqrt(np.mean(left.load**2))),
         )
 
     def _judged(
@@ -165,12 +164,12 @@ class _Search:
             before: Fit of these.
         """
         fit, slow = self._fit, self._fit.slow
-        forces = FORCE_STD * solved[1][fit.free.shape[1] :: COLUMNS]
+        forces = solved.forces
         first, last = np.searchsorted(slow.time, trial[-1])
-        noise = noise_around(solved[0][: len(fit.load)], int(first), int(last))
+        noise = noise_around(solved.load, int(first), int(last))
         doubts = fit.doubts(trial)
         doubts = float(doubts @ doubts) - float(np.sum(fit.doubts(found) ** 2))
-        gain = float(before[0] @ before[0] - solved[0] @ solved[0]) / noise / (1 + max(0.0, doubts))
+        gain = (before.chi2 - solved.chi2) / noise / (1 + max(0.0, doubts))
         least = max(LEAST_FORCE, LEAST_FRACTION * float(forces.max()))
         climbed = np.diff(np.interp(trial[-1], slow.hops, fit.rise))[0]
         near = np.abs(trial[:-1, 1] - trial[-1, 1]).min(initial=np.inf)
@@ -185,7 +184,7 @@ class _Search:
         that the rig says.
         """
         fit, slow, strings = self._fit, self._fit.slow, self._fit.strings
-        left, q = solved[0][: len(fit.load)], solved[2]
+        left, q = solved.load, solved.base
         size = max(1, -(-len(left) // MOST_ROWS))
         n = len(left) // size
 

@@ -17,8 +17,8 @@ lower order, and relations between the signals hold for the smoothed ones too.
 from functools import lru_cache
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import uniform_filter1d
+from scipy.sparse import csr_array
 
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
@@ -64,6 +64,7 @@ class Slow:
         """s, instants of the blocks, of which a row covers several."""
         start, stop = np.searchsorted(self.hops, signals.time[[begin, end]])
         self._rows = slice(int(start), int(stop), HOPS // 2)
+        self._smoothers: dict[int, csr_array] = {}
         self.inertial = signals.inertial
         self.time, self.step = self.hops[self._rows], self.hop * (HOPS // 2)
         force, velocity = means(signals.force), means(signals.velocity)
@@ -83,29 +84,26 @@ class Slow:
         rms = np.sqrt(np.maximum(self.smooth(sudden**2), 0.0))
         self._error = SUDDEN * np.maximum(rms - float(np.quantile(rms, CALM)), 0.0)
 
-    def smooth(self, signal: Floats, *derivatives: int) -> Floats:
-        """Return signals of the blocks, smoothed, or derivatives of that, at the rows.
+    def smooth(self, signal: Floats, derivative: int = 0) -> Floats:
+        """Return signals of the blocks, smoothed, or a derivative of that, at the rows.
 
         Args:
-            signal: Shape (..., blocks).
-            derivatives: Orders; none for the signal itself, shape (..., rows), also for one.
-
-        Returns:
-            Shape (..., rows, orders) for several orders.
+            signal: Shape (blocks,) or (blocks, k).
+            derivative: Its order.
         """
-        orders = derivatives or (0,)
-        kernels = np.stack([_kernel(order) / self.width**order for order in orders], 1)
-        half = len(kernels) // 2
-        padded = np.concatenate(
-            [
-                np.repeat(signal[..., :1], half, -1),
-                signal,
-                np.repeat(signal[..., -1:], half, -1),
-            ],
-            -1,
-        )
-        found = sliding_window_view(padded, len(kernels), -1)[..., self._rows, :] @ kernels
-        return found[..., 0] if len(orders) == 1 else found
+        if derivative not in self._smoothers:
+            self._smoothers[derivative] = self._smoother(derivative)
+        return self._smoothers[derivative] @ signal
+
+    def _smoother(self, derivative: int) -> csr_array:
+        """Return the matrix of a smoothed derivative, shape (rows, blocks)."""
+        kernel = _kernel(derivative) / self.width**derivative
+        blocks, half = len(self.hops), len(kernel) // 2
+        centres = np.arange(blocks)[self._rows]
+        around = centres[:, None] + np.arange(-half, half + 1)
+        ends = np.arange(len(centres) + 1) * len(kernel)
+        weights, places = np.tile(kernel, len(centres)), np.clip(around, 0, blocks - 1)
+        return csr_array((weights, places.ravel(), ends), shape=(len(centres), blocks))
 
     def load(self, compliance: float) -> Floats:
         """Return the load [N] for a compliance k [s^2]."""

@@ -59,7 +59,10 @@ def analyse_recording(recorded: Recorded) -> AnalysedPress:
     Raises:
         AnalysisError: It has no velocity or no force channel, or is too short.
     """
-    return analysed(press_of(recorded), recorded.session)
+    press = press_of(recorded)
+    phases = find_phases(press)
+    found, speed = features(press, phases), jack_speed(press, phases)
+    return AnalysedPress(press, phases, recorded.session, found, speed)
 
 
 def analyse_file(path: Path) -> AnalysedPress:
@@ -70,12 +73,6 @@ def analyse_file(path: Path) -> AnalysedPress:
         AnalysisError: It has no velocity or no force channel, or is too short.
     """
     return analyse_recording(read_recording(path))
-
-
-def analysed(press: Press, session: SessionInfo) -> AnalysedPress:
-    """Return a press with its phases, features and jack speed."""
-    phases = find_phases(press)
-    return AnalysedPress(press, phases, session, features(press, phases), jack_speed(press, phases))
 
 
 def jack_speed(press: Press, phases: Phases) -> JackSpeed | None:

@@ -79,17 +79,12 @@ def compare(phases: Sequence[Phases], predictions: Sequence[Prediction]) -> Comp
             f"none of the {len(phases)} presses has a pluck, so there is nothing to compare;"
             " check the forces, and the string and plectrum of that key"
         )
-    slopes, rises = zip(*(predicted_features(p) for _, p in held), strict=True)
+    predicted = [(h, *predicted_features(p)) for h, p in held]
     return Comparison(
         presses=len(held),
-        slope_error=mean_of(
-            [s / h.force_slope - 1 for s, (h, _) in zip(slopes, held, strict=True)]
-        ),
+        slope_error=mean_of([slope / h.force_slope - 1 for h, slope, _ in predicted]),
         magnitude_error=mean_of(
-            [
-                r / (h.release_force - h.contact_force) - 1
-                for r, (h, _) in zip(rises, held, strict=True)
-            ]
+            [rise / (h.release_force - h.contact_force) - 1 for h, _, rise in predicted]
         ),
         duration_error=mean_of([p.pluck_duration / h.pluck_duration - 1 for h, p in held]),
     )

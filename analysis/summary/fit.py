@@ -1,9 +1,10 @@
 """A fit as JSON and as text."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
-from sautereau.analysis.identify.fixed import CONTACT, Suggestion
+from sautereau.analysis.identify.fixed import CONTACT, Sensitivity, Suggestion
 from sautereau.analysis.identify.identified import IDENTIFIABLE, Estimate, FittedMode, Identified
 from sautereau.analysis.identify.profile import Profile
 from sautereau.analysis.identify.quality import Quality
@@ -15,15 +16,8 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
     """Return a fit as JSON; SI units."""
     result: dict[str, Any] = {
         "parameters": {
-            e.name: {
-                "unit": e.unit,
-                "value": e.value,
-                "std": e.std,
-                "ci95": None if e.low is None else [e.low, e.high],
-                "start": e.start,
-                "at_bound": e.at_bound,
-                "identifiable": e.identifiable,
-            }
+            e.name: _without(e, "name", "low", "high")
+            | {"ci95": None if e.low is None else [e.low, e.high]}
             for e in found.estimates
         },
         "correlation": {
@@ -33,36 +27,13 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
         "identifiable": {
             "all": all(c.identifiable for c in found.combinations),
             "identifiable_below": IDENTIFIABLE,
-            "combinations": [
-                {"weights": dict(c.weights), "std": c.std, "identifiable": c.identifiable}
-                for c in found.combinations
-            ],
+            "combinations": [asdict(c) for c in found.combinations],
         },
-        "modes": [vars(mode) for mode in found.modes],
+        "modes": [asdict(mode) for mode in found.modes],
         "fits": found.quality.fits,
-        "quality": {
-            "noise": found.quality.noise,
-            "free_residual": found.quality.free_residual,
-            "held_residual": found.quality.held_residual,
-            "repeated_residual": found.quality.repeated_residual,
-            "autocorrelation": found.quality.autocorrelation,
-            "offsets": dict(found.quality.offsets),
-            "reasons": list(found.quality.reasons),
-        },
-        "suggested": [
-            {"name": s.name, "value": s.value, "unit": s.unit, "reduction": s.reduction}
-            for s in found.suggested
-        ],
-        "sensitivity": {
-            s.name: {
-                "unit": s.unit,
-                "value": s.value,
-                "change": s.change,
-                "stated": s.stated,
-                "effects": dict(s.effects),
-            }
-            for s in found.sensitivity
-        },
+        "quality": _without(found.quality, "repetition", "quiet"),
+        "suggested": [asdict(s) for s in found.suggested],
+        "sensitivity": {s.name: _without(s, "name") for s in found.sensitivity},
         "presses": list(found.presses),
         "releases": found.releases,
         "level": found.level,
@@ -82,6 +53,11 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
             for p in profiles
         }
     return result
+
+
+def _without(part: Estimate | Quality | Sensitivity, *names: str) -> dict[str, Any]:
+    """Return the fields of a part of the result, except some."""
+    return {name: value for name, value in asdict(part).items() if name not in names}
 
 
 def fit_lines(

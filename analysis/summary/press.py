@@ -31,6 +31,7 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
         "plucks": [
             asdict(pluck) | {"pluck_duration": pluck.pluck_duration} for pluck in phases.plucks
         ],
+        "missed": [list(stretch) for stretch in phases.missed],
         "speeds": {
             "free": phases.free_speed,
             "held": phases.held_speed,

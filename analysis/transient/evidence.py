@@ -5,7 +5,7 @@ Of a long phase the part in which a mode has the largest amplitude is used: the 
 phase, and the start of the others.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -267,14 +267,7 @@ def _observed(
     key = press.rig.key
     inertia = key.inertia + press.rig.jack.mass * key.jack_arm**2
     gain = low_pass.gain(mode.frequency)
-    mode = Mode(
-        mode.frequency,
-        mode.frequency_std,
-        mode.decay,
-        mode.decay_std,
-        mode.amplitude / gain,
-        mode.amplitude_std / gain,
-    )
+    mode = replace(mode, amplitude=mode.amplitude / gain, amplitude_std=mode.amplitude_std / gain)
     sizes = np.abs(mode.amplitude)
     weak = sizes < DEVIATIONS * mode.amplitude_std
     unseen = ("force", "velocity")[int(np.argmax(weak))] if weak.any() else ""
@@ -282,11 +275,5 @@ def _observed(
     pole = -mode.decay + 2j * np.pi * mode.frequency
     needed = inertia / (key.laser_arm * key.press_arm) * pole * used[1]
     relative = mode.amplitude_std / np.maximum(sizes, DEVIATIONS * mode.amplitude_std)
-    return Observed(
-        number,
-        stretch.phase,
-        mode,
-        complex(used[0] / needed),
-        float(np.hypot(*relative)),
-        unseen,
-    )
+    ratio, ratio_std = complex(used[0] / needed), float(np.hypot(*relative))
+    return Observed(number, stretch.phase, mode, ratio, ratio_std, unseen)

@@ -54,6 +54,8 @@ class Document:
     session: SessionInfo
     t0_ns: int
     """Date of the trigger, ns since 1970."""
+    t0_std: float | None
+    """Its standard uncertainty, s; None if it is unknown."""
     rate: float
     """Sampling rate, Hz."""
     first_sample: int
@@ -111,6 +113,7 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
             "columns": columns,
             "full_scale": {c.name: full_scale(c) for c in recorded.rig.daq.channels},
             "t0_ns": recorded.t0_ns,
+            "t0_std": recorded.t0_std,
             "rate": rate,
             "first_sample": recorded.first_sample,
             "samples_sha256": digest([volts[c.name] for c in recorded.rig.daq.channels]),
@@ -143,6 +146,7 @@ def read_document(text: str | bytes) -> Document:
             rig=rig_from_json(json.dumps(values["rig"])),
             session=session_from_metadata(values["session"]),
             t0_ns=int(values["t0_ns"]),
+            t0_std=values.get("t0_std"),
             rate=float(values["rate"]),
             first_sample=int(values["first_sample"]),
             samples_sha256=str(values["samples_sha256"]),
@@ -178,6 +182,9 @@ def read_sidecar(path: Path) -> Document | None:
 def _faults(document: Document) -> list[str]:
     """Return the values of a document that are beyond what a recording can hold."""
     faults = time_faults(document.t0_ns, document.rate, document.first_sample)
+    std = document.t0_std
+    if std is not None and not (isinstance(std, int | float) and 0 <= std < math.inf):
+        faults.append(f"t0_std: {std!r} is not a finite number from 0 s up")
     if len(document.events) >= MOST_EVENTS:  # the import adds one
         faults.append(
             f"events: {len(document.events)} are not below the limit MOST_EVENTS = {MOST_EVENTS}"

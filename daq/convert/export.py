@@ -32,7 +32,7 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
     made the recording, a table has a column ``simulated``.
 
     Everything else in the recording is one document in JSON: in the file, or beside a CSV or WAV
-    file as ``NAME.csv.json``. Nothing is overwritten.
+    file as ``NAME.csv.json``. No existing file is overwritten, except inside `disk.replacing`.
 
     Args:
         path: Recording to read.

@@ -121,7 +121,8 @@ def _restore(
     session = replace(document.session, notes=_joined(document.session.notes, notes, origin))
     volts, first = np.stack(list(columns.values())), document.first_sample
     rig, rate = document.rig, document.rate
-    with _recording(out, rig, session, volts, first, rate, document.t0_ns) as recording:
+    t0 = document.t0_ns, document.t0_std
+    with _recording(out, rig, session, volts, first, rate, *t0) as recording:
         if document.plan is not None:
             plan = document.plan
             recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
@@ -197,7 +198,14 @@ def _import(
 
 @contextmanager
 def _recording(
-    out: Path, rig: Rig, session: SessionInfo, volts: Signal, first: int, rate: float, t0_ns: int
+    out: Path,
+    rig: Rig,
+    session: SessionInfo,
+    volts: Signal,
+    first: int,
+    rate: float,
+    t0_ns: int,
+    t0_std: float | None = None,
 ) -> Iterator[Recording]:
     """Open a recording whose trigger has the date ``t0_ns``, with its volts; no fault leaves it."""
     ends = (first, first + volts.shape[1])
@@ -214,6 +222,7 @@ def _recording(
         session=session,
         rate=rate,
         t0_ns=t0_ns,
+        t0_std=t0_std,
         monotonic=lambda: 0.0,
         ending=ENDING,
     )

@@ -1,8 +1,10 @@
 """The messages and metadata of a recording, collected while its records are read."""
 
+import math
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
@@ -156,6 +158,17 @@ class Contents:
             return whole_number(end["stop_sample"], FARTHEST_SAMPLE)
         except (KeyError, ValueError) as error:
             raise RecordingError(f"its metadata `end` are {shown(end)}; {FOREIGN}") from error
+
+    @property
+    def t0_std(self) -> float | None:
+        """Standard uncertainty of the date of the trigger, s; None if it is unknown."""
+        text = self.metadata.get("end", {}).get("t0_std")
+        if text is None:
+            return None
+        with suppress(ValueError):
+            if 0 <= (std := float(text)) < math.inf:
+                return std
+        raise RecordingError(f"its metadata `end` have t0_std = {shown(text)}; {FOREIGN}")
 
     @property
     def recovered(self) -> bool:

@@ -79,6 +79,7 @@ def read_parts(path: str | Path) -> tuple[Recorded, ...]:
                 software=contents.metadata["software"],
                 channels=contents.channels,
                 gaps=gaps,
+                t0_std=contents.t0_std,
             )
             for first, stop in common
         )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.counts import Samples, Scaling, write_volts
+from sautereau.daq.file.trigger_date import Counted
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
@@ -110,11 +111,9 @@ class Block:
     samples: Samples
     """Shape (n_channels, n), channels in the order of ``daq.channels``: volts as float64, V, or the
     device's counts as int16 or int32."""
-    acquired: int | None = None
-    """Index after the last sample that the device had acquired when it was asked, from which the
-    date of the trigger follows; None for that after the block's last one."""
-    age: float = 0.0
-    """s, since the device had acquired these."""
+    counted: tuple[Counted, ...] = ()
+    """How many samples the device had acquired, from which the date of the trigger follows; the
+    block's own arrival also limits it."""
     scaling: Scaling | None = None
     """Of counts; None for volts."""
 
@@ -267,6 +266,8 @@ class Recorded(Stretch):
     """Metadata of each topic: unit, and for `/daq/...` the calibration."""
     gaps: tuple[Gap, ...]
     """Missing samples of all channels of the file; none of them is in `volts`."""
+    t0_std: float | None = None
+    """Standard uncertainty of the date of the trigger, s; None if it is unknown."""
 
     @property
     def simulated(self) -> bool:

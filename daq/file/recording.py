@@ -1,5 +1,6 @@
 """Write one press into one MCAP file, durable from the first chunk on."""
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ from sautereau.daq.file.log_order import LogOrder
 from sautereau.daq.file.provenance import write_head
 from sautereau.daq.file.recorded import Block, Event, Joints, SessionInfo, Signal
 from sautereau.daq.file.samples import sample_layout
+from sautereau.daq.file.trigger_date import Counted, TriggerDate
 from sautereau.rig.schema import Rig
 
 __all__ = ["Block", "Recording", "SessionInfo"]
@@ -39,6 +41,7 @@ class Recording:
         rate: float | None = None,
         scaling: Scaling | None = None,
         t0_ns: int | None = None,
+        t0_std: float | None = None,
         compress: bool | None = None,
         clock: Callable[[], int] = time.time_ns,
         monotonic: Callable[[], float] = time.monotonic,
@@ -53,11 +56,13 @@ class Recording:
             rate: Actual sampling rate of the device, Hz; None for the rig's.
             scaling: Of the device's counts; None for a recording of volts.
             t0_ns: Date of the trigger, ns since 1970; None to find it from the first blocks.
+            t0_std: Standard uncertainty of a date that is given, s; None if it is unknown.
             compress: Whether to compress chunks with zstd; None to compress volts only, since the
                 noise of a converter leaves little to compress in its counts.
             clock: ns since 1970; read once, here. Every date in the file follows from it and
                 from `monotonic`, so that setting the clock meanwhile changes nothing.
-            monotonic: Time in s of a clock that is never set; also determines when to flush.
+            monotonic: Time in s of a clock that is never set, that of `Counted` in the blocks; also
+                determines when to flush.
             ending: Appended to the name of the unfinished file. With another one than `PART` it
                 is made from other files, and what a killed program left of it is replaced.
         """
@@ -71,8 +76,8 @@ class Recording:
         self._clock = SteadyClock(clock, monotonic)
         self._opened: RecordingFile | None = None
         self._order = LogOrder(rig, self._rate, self._layout)
-        self._given_t0 = t0_ns
-        self._latest_t0 = 2**63 - 1
+        self._given = None if t0_ns is None else (t0_ns, t0_std)
+        self._monotonic, self._trigger = monotonic, TriggerDate(self._rate)
         self._first: int | None = None
         self._next = 0
         self._held = self._spare = self._layout.empty(0)
@@ -91,7 +96,7 @@ class Recording:
         """
         if self._first is None or self._order.t0 is not None:
             return self._order.t0
-        return self._latest_t0 if self._given_t0 is None else self._given_t0
+        return self._dated()[0]
 
     @property
     def n_samples(self) -> int:
@@ -224,11 +229,17 @@ class Recording:
             )
 
     def _date(self, block: Block) -> None:
-        """Note the latest date that the trigger can have had, given when this block was there."""
+        """Narrow down when the trigger was, by the counts of a block and its arrival."""
         end = block.first_sample + block.n_samples
-        acquired = end if block.acquired is None else block.acquired
-        since_trigger = (acquired - 1) / self._rate + block.age
-        self._latest_t0 = min(self._latest_t0, self._clock.now_ns() - round(since_trigger * 1e9))
+        for counted in (*block.counted, Counted(-math.inf, self._monotonic(), end)):
+            self._trigger.add(counted)
+
+    def _dated(self) -> tuple[int, float | None]:
+        """Return the date of the trigger, ns since 1970, and its standard uncertainty, s."""
+        if self._given is not None:
+            return self._given
+        time_s, std = self._trigger.found()
+        return self._clock.date_ns(time_s), std
 
     def _preview(self, stop: int, *, start: bool) -> None:
         """Add the held samples up to ``stop`` to the preview; see `LogOrder.preview`."""
@@ -239,8 +250,7 @@ class Recording:
         """Write the held samples as one block, in a chunk of its own."""
         samples, first = self._held[:, : self._fill], self._next - self._fill
         if self._order.t0 is None:
-            given = self._given_t0
-            self._order.start(self._latest_t0 if given is None else given, first)
+            self._order.start(self._dated()[0], first)
         self._preview(self._fill, start=not self._led)
         # The preview of the block before was made for this one: its place is free again.
         self._held, self._spare, self._fill, self._led = self._spare, self._held, 0, 0
@@ -278,4 +288,6 @@ class Recording:
         finally:
             self._opened = None
             self._order.close()
-        file.finish(self._next)
+        std = None if self._first is None else self._dated()[1]
+        dated = {} if std is None else {"t0_std": repr(std)}
+        file.finish({"stop_sample": str(self._next)} | dated)

@@ -113,7 +113,7 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
     if end is None and found.damage is None:
         end = found.runs.last()
     if end is not None:
-        writer.add_metadata("end", {"stop_sample": str(end)})
+        writer.add_metadata("end", metadata.get("end", {}) | {"stop_sample": str(end)})
     missing = json.dumps([gap.document() for gap in found.gaps])
     writer.add_metadata("recovered", {"from": name, "damage": damage, "missing": missing})
     writer.finish()

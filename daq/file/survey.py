@@ -47,6 +47,10 @@ class Description(TypedDict):
     """Number of messages, by topic."""
     events: list[str]
     software: dict[str, str]
+    t0_ns: int | None
+    """Date of the trigger by the host's clock, ns since 1970; None without samples."""
+    t0_std: float | None
+    """Its standard uncertainty, s; None if it is unknown."""
     recovered: dict[str, str] | None
     """File that this one was recovered from, its damage and what is missing; None otherwise."""
     layout: str
@@ -137,6 +141,8 @@ def describe(path: str | Path) -> Description:
         messages={topic: contents.counts[topic] for topic in contents.channels},
         events=[f"{event.time:.6f} s {event.kind}: {event.text}" for event in contents.events],
         software=contents.metadata["software"],
+        t0_ns=clock.t0 if clock else None,
+        t0_std=contents.t0_std,
         recovered=contents.metadata.get("recovered"),
         layout=str(LAYOUT),
     )

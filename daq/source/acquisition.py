@@ -1,6 +1,5 @@
 """A hardware-timed acquisition, finite or continuous, with any NI-DAQmx device, read in blocks."""
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -12,7 +11,8 @@ from sautereau.daq.errors import DaqError
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.source.connection import connect
-from sautereau.daq.source.driver_faults import NOT_DONE, NOT_YET_AVAILABLE, driver_errors
+from sautereau.daq.source.counter import SampleCounter
+from sautereau.daq.source.driver_faults import NOT_YET_AVAILABLE, driver_errors
 from sautereau.daq.source.inputs import read_inputs, read_scaling
 from sautereau.daq.source.server_session import create_task
 from sautereau.daq.source.source import InputSettings, SourceSettings
@@ -21,8 +21,8 @@ from sautereau.daq.source.terminals import trigger_terminal
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 
-PERIOD = 5e-3
-"""Interval of polling for the samples before the trigger, s."""
+DATING = 0.25
+"""s, first part of an acquisition in which samples are counted to date the trigger."""
 
 
 class Acquisition:
@@ -52,6 +52,7 @@ class Acquisition:
         self._stack = ExitStack()
         self._options: Any = None
         self._task: Any = None
+        self._counter: SampleCounter
         self._rate = daq.sample_rate
         self._simulated: bool | None = None
         self._description = ""
@@ -108,6 +109,7 @@ class Acquisition:
                 if plan.triggered:
                     self._trigger = trigger_terminal(daq, self._options)
                 self._task = create_task(daq, self._options, self._stack)
+                self._counter = SampleCounter(self._task, plan)
                 self._rate = build_task(self._task, plan, self._trigger)
                 self._task.control(TaskMode.TASK_VERIFY)
                 self._inputs = read_inputs(self._task, daq)
@@ -164,7 +166,7 @@ class Acquisition:
         with driver_errors(self._daq, "arming", self._options):
             self._entered().start()
             if self._plan.before:
-                self._await_pre_trigger()
+                self._counter.await_pre_trigger()
 
     def stop(self) -> None:
         """End the acquisition, complete or not."""
@@ -184,38 +186,28 @@ class Acquisition:
         """
         daq, plan = self._daq, self._plan
         kind, read = self._reader()
+        counts, position = (), 0
         if plan.before:
-            self._await_all()
-        asked = time.monotonic()
-        position = 0
+            with driver_errors(daq, "waiting for the trigger", self._options):
+                counts = self._counter.await_all(self._longest_wait)
+            if not counts:
+                raise self._no_edge()
         while plan.total is None or position < plan.total:
             n = daq.block if plan.total is None else min(daq.block, plan.total - position)
             samples = np.empty((len(daq.channels), n), kind)
-            acquired, age = None, 0.0
             with driver_errors(daq, "reading", self._options):
                 count, late = self._read(read, samples)
-                if position == 0:
-                    acquired, age = self._acquired(count, asked)
+                if not plan.before:
+                    dating = position < DATING * self._rate
+                    counts = (self._counter.count(position + count),) if dating else ()
             if count:
-                samples = samples[:, :count]
-                yield Block(position - plan.before, samples, acquired, age, self._scaling)
+                yield Block(position - plan.before, samples[:, :count], counts, self._scaling)
+            counts = ()
             position += count
             if late is not None:
                 raise self._too_late(position, n) from late
             if plan.total is None:
                 self._check_position(position)
-
-    def _acquired(self, read: int, all_there: float) -> tuple[int, float]:
-        """Return the index after the last sample acquired, counted from the trigger, and its age.
-
-        Reading may lag by seconds behind the device, with samples before the edge by all of them:
-        those were there at the time ``all_there``, s.
-        """
-        if self._plan.before and self._plan.after is not None:
-            return self._plan.after, time.monotonic() - all_there
-        asked = time.monotonic()
-        acquired = self._task.in_stream.total_samp_per_chan_acquired
-        return max(read, acquired), time.monotonic() - asked
 
     def _reader(self) -> tuple[str, Callable[..., int]]:
         """Return the type of the samples, and the function that reads them into an array."""
@@ -280,30 +272,6 @@ class Acquisition:
                 f"DAQ device {self._daq.device}: {actual - position} samples were lost before"
                 f" sample {actual}; free the machine, or lower daq.sample_rate, and record again"
             )
-
-    def _await_pre_trigger(self) -> None:
-        daq, stream = self._daq, self._task.in_stream
-        end = time.monotonic() + daq.pre_trigger + daq.trigger_timeout
-        while (count := stream.total_samp_per_chan_acquired) < self._plan.before:
-            if time.monotonic() > end:
-                raise DaqError(
-                    f"DAQ device {daq.device}: {count} samples after"
-                    f" {daq.pre_trigger + daq.trigger_timeout:g} s, but daq.pre_trigger needs"
-                    f" {self._plan.before}; check whether the device is still plugged in"
-                )
-            time.sleep(PERIOD)
-
-    def _await_all(self) -> None:
-        """Wait for the last sample: with samples before the edge none can be read earlier."""
-        from nidaqmx.errors import DaqError as DriverError
-
-        with driver_errors(self._daq, "waiting for the trigger", self._options):
-            try:
-                self._entered().wait_until_done(self._longest_wait)
-            except DriverError as error:
-                if error.error_code != NOT_DONE:
-                    raise
-                raise self._no_edge() from error
 
     @property
     def _longest_wait(self) -> float:

@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -29,33 +28,14 @@ class Punctuality:
     """Setpoints that were not sent because the next one was due."""
 
 
-class Rows(Protocol):
+@dataclass(frozen=True)
+class Rows:
     """The setpoints of a motion, one row for each interval; those of the rest before it too."""
 
-    @property
-    def planned(self) -> Floats:
-        """Counts, planned joint positions at the start of the interval; shape (n, 2)."""
-        ...
-
-    @property
-    def interval(self) -> float:
-        """s, between two setpoints."""
-        ...
-
-
-class Streamer(Protocol):
-    """The axes of a controller to which the host streams a motion."""
-
-    @property
-    def polling(self) -> Polling:
-        """Its clock."""
-        ...
-
-    def hold(self) -> None:
-        """Let both axes end what they follow, and stay there."""
-
-    def send_abort(self) -> None:
-        """Send what switches off, and never fail."""
+    planned: Floats
+    """Counts, planned joint positions at the start of the interval; shape (n, 2)."""
+    interval: float
+    """s, between two setpoints."""
 
 
 class Stream:
@@ -64,23 +44,28 @@ class Stream:
     Where it fails, the command to switch off is sent at once, before anybody waits.
 
     Args:
-        axes: Follow setpoints already.
-        setpoints: Of the motion.
+        setpoints: Of the motion; the axes follow setpoints already.
         send: Sends a row; returns joint positions (counts) and torques (N m), shape (2,) each.
+        hold: Lets both axes end what they follow, and stay there.
+        send_abort: Sends what switches off, and never fails.
+        polling: The clock.
         lead: Rows of the rest before the motion.
         error_limit: Counts between a joint and its plan at which the motors go off.
     """
 
     def __init__(
         self,
-        axes: Streamer,
         setpoints: Rows,
         send: Callable[[int], tuple[Counts, Floats | None]],
+        hold: Callable[[], None],
+        send_abort: Callable[[], None],
+        polling: Polling,
         lead: int,
         error_limit: int,
     ):
         self._send_row = send
-        self._axes, self._setpoints, self._error_limit = axes, setpoints, error_limit
+        self._hold, self._send_abort, self._polling = hold, send_abort, polling
+        self._setpoints, self._error_limit = setpoints, error_limit
         self._lead = lead * setpoints.interval
         self._sent: list[int] = []
         self._times: list[float] = []
@@ -147,14 +132,14 @@ class Stream:
             self._send()
         except BaseException as error:  # noqa: BLE001 - `wait` raises it
             self._fault = error
-            self._axes.send_abort()  # `wait` leads to an abort, which reads back
+            self._send_abort()  # `wait` leads to an abort, which reads back
 
     def _send(self) -> None:
-        axes, setpoints = self._axes, self._setpoints
+        polling, setpoints = self._polling, self._setpoints
         interval, last = setpoints.interval, len(setpoints.planned) - 1
-        start, index = axes.polling.clock(), 0
+        start, index = polling.clock(), 0
         while index <= last and not self.cancelled.is_set():
-            now = axes.polling.clock() - start
+            now = polling.clock() - start
             index = max(index, min(int(now / interval), last))  # what is due, if it is late
             counts, torques = self._send_row(index)
             self._sent.append(index)
@@ -163,10 +148,10 @@ class Stream:
             self._torques.append(torques)
             self._check_followed(index)
             index += 1
-            if (ahead := start + index * interval - axes.polling.clock()) > 0:
-                axes.polling.sleep(ahead)
+            if (ahead := start + index * interval - polling.clock()) > 0:
+                polling.sleep(ahead)
         if not self.cancelled.is_set():
-            axes.hold()
+            self._hold()
 
     def _check_followed(self, index: int) -> None:
         away = np.abs(self._counts[-1] - self._setpoints.planned[index])

@@ -122,7 +122,8 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
     def start(self) -> None:
         _, rows = self._motion("start")
         lead, limit = self.CAPABILITIES.lead_intervals, self._settings.position_error_limit
-        self.stream = Stream(self, rows, partial(self.send, rows), lead, limit)
+        send = partial(self.send, rows)
+        self.stream = Stream(rows, send, self.hold, self.send_abort, self.polling, lead, limit)
         self.stream.start()
 
     def wait(self) -> None:

@@ -38,9 +38,9 @@ class MotionSource:
         """Yield consecutive blocks; the samples of the rest before a motion count as negative."""
         for block in self.source.blocks():
             if not self.triggered:
-                acquired = None if block.acquired is None else block.acquired - self._before
+                counted = tuple(replace(c, stop=c.stop - self._before) for c in block.counted)
                 first = block.first_sample - self._before
-                block = replace(block, first_sample=first, acquired=acquired)
+                block = replace(block, first_sample=first, counted=counted)
                 self._blocks.append(block)
             yield block
 

@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from sautereau.rig.load import with_values
 from sautereau.rig.named import named_values
@@ -14,6 +14,7 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.bench import Bench
 from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.plan import MOST_PRESSES, instrument_of, to_set
@@ -34,25 +35,6 @@ class Place:
     """From 1."""
     row: Row
     warm_up: bool
-
-
-class Bench(Protocol):
-    """The bench of some presses, real or simulated."""
-
-    @property
-    def rig(self) -> Rig:
-        """The rig, with the addresses in use."""
-        ...
-
-    @property
-    def scene(self) -> str:
-        """The stand-in's scene as text; empty on the hardware."""
-        ...
-
-    @property
-    def seed(self) -> int | None:
-        """Seed of the stand-in's random numbers."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,14 @@ from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.rig.disk import make_folder
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, MotionController, TorqueTable
+from sautereau.robot.controller import Capture, MotionController, TorqueTable, play
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.drawing import draw
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch, logged
 from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
-from sautereau.trajectory.segments import Segments, to_angles
+from sautereau.trajectory.segments import to_angles
 
 FILE = "press-{:04d}.mcap"
 _NAME = re.compile(r"press-(\d+)\.mcap")
@@ -115,7 +115,7 @@ def make_presses(
                 on_press(item, path)
             if last is not None:
                 watch(Stage("going home", "idle"))
-                _play(controller, last.retreat)
+                play(controller, last.retreat)
                 controller.check_home()
         watch(Stage("motors off", "idle"))
     return made
@@ -139,18 +139,10 @@ def _go_to(controller: MotionController, item: Item, last: Trajectory | None) ->
     elif (last.segments.end == trajectory.segments.start).all():
         return
     else:
-        _play(controller, last.retreat)
+        play(controller, last.retreat)
     arm = item.rig.arm
     controller.move_to(trajectory.hover, arm.approach_speed / arm.radians_per_count)
-    _play(controller, trajectory.approach)
-
-
-def _play(controller: MotionController, motion: Segments) -> None:
-    """Make a motion that is not recorded; nothing listens to its trigger."""
-    controller.load(motion)
-    controller.arm()
-    controller.start()
-    controller.wait()
+    play(controller, trajectory.approach)
 
 
 def _press(

@@ -5,7 +5,7 @@ The manifest is written before the first press.
 
 import json
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,17 +21,15 @@ from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document
 from sautereau.rig.renamed import current_key
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.differences import check_same
 from sautereau.robot.experiment.plan import MOST_PRESSES, Plan, RigDocument
 
 MANIFEST = "session.json"
 """Name of the file in the session's folder."""
 VERSION = 1
 """Of the file."""
-MOST_LISTED = 8
-"""Differences that one message lists."""
 LONGEST_NAME = 200
 """Characters of the session's identity, and of a date."""
-_ABSENT = "nothing"
 
 
 @dataclass(frozen=True)
@@ -240,45 +238,3 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
             f"session {path}: cannot be written: {error.strerror}; give a folder that can be"
             " written, with room on its disk"
         ) from error
-
-
-def check_same(folder: Path, started: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """Refuse another plan than that with which a session started.
-
-    Raises:
-        RobotError: Names the differences, and the way out.
-    """
-    found = list(differences(started, asked))
-    if not found:
-        return
-    more = f"\n  and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
-    raise RobotError(
-        f"session folder {folder}: the session in it was started with another plan\n  "
-        + "\n  ".join(found[:MOST_LISTED])
-        + more
-        + "\ngive the command as it was to continue that session, or another --out for this one"
-    )
-
-
-def differences(started: Any, asked: Any, at: str = "") -> Iterator[str]:
-    """Yield the differences of two JSON documents, by dotted key, with both values.
-
-    A key that is missing is one without a value.
-    """
-    if isinstance(started, list) and isinstance(asked, list):
-        started, asked = (dict(enumerate(values, 1)) for values in (started, asked))
-    if isinstance(started, Mapping) and isinstance(asked, Mapping):
-        for key in dict.fromkeys([*started, *asked]):
-            place = f"{at}.{key}" if at else str(key)
-            yield from differences(started.get(key, _ABSENT), asked.get(key, _ABSENT), place)
-    elif started != asked and not (_is_missing(started) and _is_missing(asked)):
-        yield f"{at}: {_shown(started)} then, {_shown(asked)} now"
-
-
-def _is_missing(value: Any) -> bool:
-    return value is None or value is _ABSENT
-
-
-def _shown(value: Any) -> str:
-    text = value if value is _ABSENT else json.dumps(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

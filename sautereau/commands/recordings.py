@@ -54,7 +54,7 @@ def recover(
 
 
 def export(
-    files: list[Path],
+    files: common.Files,
     /,
     *,
     to: Literal["parquet", "csv", "h5", "wav", "tdms"],
@@ -66,8 +66,6 @@ def export(
 
     Parameters
     ----------
-    files
-        Recordings.
     to
         Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json.
     out
@@ -77,10 +75,11 @@ def export(
     """
     from sautereau.daq.convert.export import export as export_recording
     from sautereau.daq.convert.export import files_of, targets
+    from sautereau.entrance.session import open
     from sautereau.rig.progress import tracked
 
     written: list[Path] = []
-    pairs = targets(files, to, out)
+    pairs = targets([press.path for press in open(files)], to, out)
     made = [path for _, file in pairs for path in files_of(to, file)]
     with output.creating(*made), output.progress("exporting"):
         for file, target in tracked(pairs):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from sautereau.entrance.rig import Rig
 from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
+from sautereau.robot.experiment.bench import Bench
 from sautereau.robot.experiment.control import Control
 
 if TYPE_CHECKING:
@@ -18,15 +19,9 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Connected:
+class Connected(Bench):
     """The devices of a bench, real or simulated, while they are in use."""
 
-    rig: schema.Rig
-    """The rig, with the addresses in use."""
-    scene: str = ""
-    """The stand-in's scene as text; empty on the hardware."""
-    seed: int | None = None
-    """Seed of the stand-in's random numbers."""
     reached: str = ""
     """Solver and step that the stand-in selected, if its scene requests an accuracy."""
     truth: Callable[[], Any] | None = None

@@ -108,29 +108,33 @@ SERIAL = "S"
 """Letter of the serial port, as `Emulator.outgoing` names it."""
 
 
-@runtime_checkable
-class Networked(Emulator, Protocol):
-    """An emulator with Ethernet as well: one letter per connection, its handle."""
-
-    def receive(self, data: bytes, letter: str = SERIAL) -> bytes:
-        """Take bytes from the host at a port; return what the controller sends back."""
-        ...
+class Handles(Protocol):
+    """What has one handle, named by a letter, for each TCP connection."""
 
     def connect(self, peer: int) -> str | None:
         """Open a connection from a host's TCP port; return its handle, None if all are in use."""
         ...
 
-    def connected(self, letter: str) -> bool:
+    def connected(self, letter: str, /) -> bool:
         """Return whether a handle is open."""
         ...
 
-    def disconnect(self, letter: str) -> None:
+    def disconnect(self, letter: str, /) -> None:
         """Lose a TCP connection."""
+
+    def receive(self, data: bytes, letter: str = SERIAL) -> bytes:
+        """Take bytes from the host at a port; return what the controller sends back."""
         ...
 
-    def miss_acknowledgement(self, letter: str) -> None:
+
+@runtime_checkable
+class Networked(Emulator, Handles, Protocol):
+    """An emulator with Ethernet as well."""
+
+    def receive(self, data: bytes, letter: str = SERIAL) -> bytes: ...
+
+    def miss_acknowledgement(self, letter: str, /) -> None:
         """Give a handle up after some retries, because its host does not acknowledge a message."""
-        ...
 
 
 OnOutput = Callable[[int, bool], None]

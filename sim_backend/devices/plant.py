@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS
+from sautereau.sim_backend.physics.base import World
 from sautereau.sim_backend.physics.finger import Reference
-from sautereau.sim_backend.physics.world import World
 from sautereau.trajectory.motion import Floats
 
 Pair = tuple[float, float]

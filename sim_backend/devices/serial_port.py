@@ -11,7 +11,6 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Sequence
-from types import TracebackType
 from typing import Self
 
 Handler = Callable[[bytes], bytes]
@@ -91,12 +90,7 @@ class Port:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         """Close the line; bytes that the host has not read may be lost.
 
         Raises:
@@ -109,7 +103,7 @@ class Port:
             self._close()
         self._waker.close()
         self._wake.close()
-        if self._failure is not None and error is None:
+        if self._failure is not None and kind is None:
             raise self._failure
 
     def wake(self) -> None:

@@ -2,31 +2,11 @@
 
 import contextlib
 import socket
-from typing import Protocol
 
+from sautereau.sim_backend.devices.emulators import Handles
 from sautereau.sim_backend.devices.serial_port import MOST_UNREAD, Port, PortGone, accepted, ready
 
 _CHUNK = 4096
-
-
-class Controller(Protocol):
-    """The controller behind the port; the bench implements it."""
-
-    def connect(self, peer: int) -> str | None:
-        """Open a connection from a host's TCP port; return its handle, None if all are in use."""
-        ...
-
-    def connected(self, port: str) -> bool:
-        """Return whether the controller still has a handle."""
-        ...
-
-    def disconnect(self, port: str) -> None:
-        """Lose a connection."""
-        ...
-
-    def receive(self, data: bytes, port: str) -> bytes:
-        """Take bytes from a handle and return the answer; see `serial_port.Handler`."""
-        ...
 
 
 class TcpPort(Port):
@@ -36,7 +16,7 @@ class TcpPort(Port):
         controller: Answers them.
     """
 
-    def __init__(self, controller: Controller) -> None:
+    def __init__(self, controller: Handles) -> None:
         super().__init__()
         self._controller = controller
         self._connections: dict[socket.socket, tuple[str, bytearray]] = {}

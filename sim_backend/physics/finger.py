@@ -1,15 +1,31 @@
-"""What presses the key: the finger's interfaces, and the finger of a scene without an arm."""
+"""What presses the key, for every engine: its interface, and a finger without motors."""
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
+import numpy as np
+
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.parts import Push
 from sautereau.trajectory.motion import Floats
 
+SETTLED = 10
+"""Counts of following error below which an arm at rest has settled."""
 Reference = Callable[[Floats], tuple[Floats, Floats]]
 """Maps fractions of the sample to counts and counts per sample, each of shape (n, 2)."""
+
+
+def joint_cubics(start: Sequence[float], counts: Floats, speeds: Floats, radians: float) -> Floats:
+    """Return the joints' cubics [rad] over controller samples; shape (samples, 2 joints, 4).
+
+    Args:
+        start: rad, joints where the counts are 0.
+        counts: At the ends of the samples; shape (samples + 1, 2).
+        speeds: Counts per sample, of the same shape.
+        radians: rad per count.
+    """
+    places, v = counts * radians, speeds * radians
+    step, v0, v1 = np.diff(places, axis=0), v[:-1], v[1:]
+    return np.stack([start + places[:-1], v0, 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step], axis=-1)
 
 
 class Finger(Protocol):
@@ -41,88 +57,6 @@ class Finger(Protocol):
         ...
 
 
-class SteppedFinger(Finger, Protocol):
-    """A finger as the rigid-body engine advances it; mm, g and ms.
-
-    The methods given here are those of a finger without a body in the engine, which no contact can
-    involve.
-    """
-
-    moment: float = 0.0
-    """N mm, on the key without a contact."""
-    push_end: float = math.inf
-    """ms into the controller sample, end of that moment; inf if not within this sample."""
-
-    def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Start a controller sample at a time [s]; return whether the forces jump there."""
-        ...
-
-    def apply_forces(
-        self, elapsed: float, angle: float, ahead: float, step: float, fraction: float
-    ) -> None:
-        """Apply the finger's forces to the bodies at the end of a step.
-
-        Args:
-            elapsed: ms into the controller sample.
-            angle: rad, of the key.
-            ahead: ms, to the end of the next step.
-            step: ms, of the engine.
-            fraction: Dimensionless, of the forces to apply in this step.
-        """
-
-    def contact_force(self, weight: float) -> float:
-        """Return the force [N] on the key in the last step.
-
-        Args:
-            weight: ms, for which the forces acted in it.
-        """
-        ...
-
-    def reaches_key(self, angle: float, step: float) -> bool:
-        """Return whether a separated finger reaches the key, at an angle [rad] after a step."""
-        return False
-
-    def stays_clear(self, angle: float) -> bool:
-        """Return whether it stays off a key at an angle [rad] in this controller sample.
-
-        Only a finger without bodies in motion may return True: then no step is taken.
-        """
-        return False
-
-    def gap(self, angle: float, time: float, ahead: float) -> float:
-        """Return the gap [mm] to the key.
-
-        Args:
-            angle: rad, of the key then.
-            time: ms from the present position.
-            ahead: ms, by half of which the last impulse advanced the velocity.
-        """
-        return math.inf
-
-    def make_contact(self, time: float) -> None:
-        """Be in contact with the key from a time [s] on."""
-
-    def correct_and_drift(self, back: float, drift: float) -> None:
-        """Undo the surplus of the last impulse and compute the state after a drift.
-
-        Args:
-            back: ms, by which the last forces acted too long.
-            drift: ms.
-        """
-
-    def set_bodies(self, step: float) -> None:
-        """Set the bodies so that a step [ms] of the engine ends in their target state."""
-
-    def end_sample(self, angle: float) -> tuple[float, float]:
-        """End a controller sample with the key at an angle [rad].
-
-        Returns:
-            The contact angle if the finger touches the key, else the angle itself; and the largest
-            error [mm] of a joint or a contact.
-        """
-        return angle, 0.0
-
-
 class StandingFinger:
     """A finger without motors that follows its reference exactly."""
 
@@ -148,25 +82,3 @@ class StandingFinger:
     def settled(self) -> bool:
         """True: it is always at its reference."""
         return True
-
-
-class PushFinger(StandingFinger, SteppedFinger):
-    """A force on the key from the first instant on; the arm is not simulated and stays still."""
-
-    def __init__(self, push: Push, press_arm: float, start: tuple[float, float], period: float):
-        super().__init__(start)
-        self._push, self._period = push, period
-        self._arm = press_arm
-
-    def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Start a controller sample; see `SteppedFinger`."""
-        before, left = self.moment, self._push.duration - time
-        on = powered and left > 1e-9 * self._period
-        self.moment = self._push.force * self._arm * 1e3 if on else 0.0
-        within = on and left < self._period * (1 - 1e-9)
-        self.push_end = left * 1e3 if within else math.inf
-        return self.moment != before
-
-    def contact_force(self, weight: float) -> float:
-        """Return the force [N] on the key."""
-        return self.moment / self._arm / 1e3

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.physics.base import World
 from sautereau.sim_backend.physics.drive import Drive, drive_of
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
-from sautereau.sim_backend.physics.world import World, new_world
+from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 
 GRID, GRID_ORDER = 50e-6, 6

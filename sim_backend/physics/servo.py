@@ -3,6 +3,7 @@
 import numpy as np
 
 from sautereau.rig.schema import Arm
+from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.parts import Servo
 from sautereau.trajectory.dynamics import gravity_torque
 
@@ -10,10 +11,11 @@ from sautereau.trajectory.dynamics import gravity_torque
 class PositionLoops:
     """Compute the torque of each joint from reference and encoder, once per sample."""
 
-    def __init__(self, servo: Servo, arm: Arm, period: float):
+    def __init__(self, servo: Servo, arm: Arm, period: float, gravity: float = GRAVITY):
         self.servo = servo
         self.arm = arm
         self.period = period
+        self._gravity = gravity
         self.radians = arm.radians_per_count
         self.offsets = (0.0, 0.0)
         """N m, added to the loops' torques."""
@@ -24,7 +26,8 @@ class PositionLoops:
 
     def engage(self, joints: tuple[float, float]) -> None:
         """Take over an arm at rest: the integrators start at the torques of its weight."""
-        self._integral = gravity_torque(self.arm, np.array(joints)).tolist()
+        weight = gravity_torque(self.arm, np.array(joints)) * (self._gravity / GRAVITY)
+        self._integral = weight.tolist()
         self._last = [0.0, 0.0]
 
     def torque(

@@ -1,54 +1,9 @@
-"""The simulated bench as controller and sensors see it, advanced by controller samples."""
-
-from typing import Protocol
+"""The world of a scene, by its engine."""
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.events import Motions, PluckEvents
-from sautereau.sim_backend.physics.finger import Finger, Reference
+from sautereau.sim_backend.physics.base import World
 from sautereau.sim_backend.scene import Scene
-
-
-class World(Protocol):
-    """The physics of a scene; the same `Scene`, rig and references give the same bits."""
-
-    rig: Rig
-    """The true bench."""
-    start: tuple[float, float]
-    """rad, joints when power came on."""
-    radians_per_count: float
-    """rad, of an encoder count."""
-    samples: int
-    """Controller samples done."""
-    events: PluckEvents
-    """Events of the strings: ground truth that no recording contains."""
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]; advanced by motion and acquisition only."""
-        ...
-
-    @property
-    def finger(self) -> Finger:
-        """What presses the key."""
-        ...
-
-    def advance(self, reference: Reference, powered: bool) -> Motions:
-        """Advance by one controller sample.
-
-        Args:
-            reference: Of the arm over this sample, in raw encoder counts.
-            powered: Whether the motors are on.
-
-        Raises:
-            SceneError: The simulation diverged.
-        """
-        ...
-
-    def play(self, drive: Drive) -> Motions:
-        """Advance through a complete drive, with the motors on; see `advance`."""
-        ...
 
 
 def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) -> World:

@@ -1,13 +1,14 @@
 """The sensor chain of one channel: from the measured quantity to volts at the terminal block."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 from scipy import signal
 
 from sautereau.rig.acquisition import Channel
-from sautereau.sim_backend.parts import Sensors
+from sautereau.sim_backend.parts import Sensors, Transducer
 from sautereau.sim_backend.sensors.converter import Converter
 from sautereau.sim_backend.sensors.simulated import SIMULATED, Disturbance
 from sautereau.trajectory.motion import Floats
@@ -39,7 +40,7 @@ class Signal:
 
 
 class SensorChain:
-    """One channel: delay, low-pass, AC coupling, noise, hum, range and conversion.
+    """One channel: delay, resonance, low-pass, AC coupling, noise, hum, range and conversion.
 
     Args:
         channel: Calibration of the sensor, which holds for the simulated one.
@@ -50,6 +51,7 @@ class SensorChain:
         disturbances: Faults of the sensor, in the order in which they act.
         lag: s, by which the card's samples lag its terminal; negative where they are later.
         converter: Of the card; None for an ideal card.
+        transducer: Its resonance; None for a sensor without one.
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class SensorChain:
         disturbances: Sequence[Disturbance] = (),
         lag: float = 0.0,
         converter: Converter | None = None,
+        transducer: Transducer | None = None,
     ):
         self.channel = channel
         self._sensors = sensors
@@ -71,6 +74,8 @@ class SensorChain:
         self._disturbances = disturbances
         self._lag, self._converter = lag, converter
         self._phase = random.uniform(0, 2 * np.pi)
+        self._resonance = _oscillator(transducer, rate) if transducer else ([1.0], [1.0])
+        self._state = rest * signal.lfilter_zi(*self._resonance) if transducer else np.zeros(0)
         self._filters = []
         if 0 < channel.low_pass < rate / 2:
             self._add_filter(signal.butter(1, channel.low_pass, "low", fs=rate), rest)
@@ -87,6 +92,7 @@ class SensorChain:
             return np.zeros(0)
         times = np.arange(first, first + n) / self.rate - self._lag
         value = self.input.at(times - self.channel.delay)
+        value, self._state = signal.lfilter(*self._resonance, value, zi=self._state)
         for disturbance in self._disturbances:
             value = disturbance.disturb(times, value)
         for state in self._filters:
@@ -102,6 +108,19 @@ class SensorChain:
             value += hum * np.sin(2 * np.pi * sensors.hum_frequency * times + self._phase)
         volts = np.clip(value / self.channel.scale, -self.channel.range, self.channel.range)
         return (self._converter or IDEAL_CONVERTER).convert(volts)
+
+
+def _oscillator(transducer: Transducer, rate: float) -> tuple[Floats, Floats]:
+    """Return the filter of w^2 / (s^2 + 2 zeta w s + w^2), exact for an input linear in between.
+
+    Args:
+        transducer: With w and zeta.
+        rate: Hz, of the samples.
+    """
+    w = 2 * np.pi * transducer.resonance
+    continuous = [w * w], [1.0, 2 * transducer.damping * w, w * w]
+    filtered: Any = signal.cont2discrete(continuous, 1 / rate, method="foh")
+    return np.ravel(filtered[0]), np.ravel(filtered[1])
 
 
 class OpenInput:

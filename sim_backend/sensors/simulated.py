@@ -44,6 +44,8 @@ class SimulatedQuantity:
     """Returns the faults of the scene that apply, in the order in which they act."""
     static: bool = False
     """Whether it may be nonzero before the trigger, as a force; else the sensor starts from 0."""
+    on_transducer: bool = False
+    """Whether the scene's resonance of the force transducer shows in it."""
 
 
 class DropOuts:
@@ -160,6 +162,7 @@ FORCE = SimulatedQuantity(
     hum=lambda sensors: sensors.hum,
     faults=_faults_of_force,
     static=True,
+    on_transducer=True,
 )
 """Force of the finger on the key [N], as a piezoelectric transducer measures it."""
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.observation import Errors, Observation, errors
 from sautereau.sim_backend.scene import Scene
@@ -111,14 +112,14 @@ class Trial:
     def errors(self, scene: Scene) -> Iterator[tuple[int, Errors]]:
         """Yield steps per controller sample and their errors, from the longest step down.
 
-        Errors are measured against the exact solution; for modal strings, which have none, they
-        are estimated.
+        Errors are measured against the exact solution; for modal strings and bending keys, which
+        have none, they are estimated.
 
         Raises:
             SceneError: There is no exact solution of the scene, or it cannot be simulated.
         """
-        refinement = self._refinement(scene, fewest(self.true))
-        if self._solve is None or scene.string == "modal":
+        refinement = self._refinement(scene, steps_in_sample(self.true, LONGEST))
+        if self._solve is None or not scene.solvable:
             level = 0
             while refinement.reaches(level):
                 yield refinement.steps(level), refinement.estimate(level)
@@ -156,11 +157,6 @@ def stepped(true: Rig, scene: Scene, steps: int, **changes: str | int) -> Scene:
     """Return a scene with a number of steps per controller sample, and other changes."""
     step = true.controller.sample_period / steps
     return scene.model_copy(update={"step": step, "accuracy": None, **changes})
-
-
-def fewest(true: Rig, step: float = LONGEST) -> int:
-    """Return the least number of steps per controller sample, each at most ``step`` [s] long."""
-    return math.ceil(true.controller.sample_period / step - 1e-9)
 
 
 def total(*parts: Errors) -> Errors:

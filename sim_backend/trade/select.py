@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
+from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, observe, reference
 from sautereau.sim_backend.scene import Scene
@@ -77,7 +78,7 @@ def select_solver(
     true = scene.true_rig(rig)
     trial = refinement.Trial(rig, true, drive or drive_of(rig, scene), observe, solve)
     if scene.accuracy is None:
-        steps = refinement.fewest(true, scene.step or refinement.LONGEST)
+        steps = steps_in_sample(true, scene.step or refinement.LONGEST)
         return _selected(true, scene, steps, None, trial.estimate(scene, steps))
     asked = Accuracy.parse(scene.accuracy)
     best: Selected | None = None
@@ -88,7 +89,7 @@ def select_solver(
         own = spring_error if candidate.string == "spring" else Errors(0.0, 0.0)
         if not meets(own, asked):
             continue
-        if best and cost(true, candidate, refinement.fewest(true)) >= 1 / best.real_time_factor:
+        if best and cost(true, candidate, _fewest(true)) >= 1 / best.real_time_factor:
             continue
         try:
             found = _refined(trial, candidate, asked, own)
@@ -190,18 +191,23 @@ def _selected(
     )
 
 
+def _fewest(true: Rig) -> int:
+    """Return the least number of steps per controller sample."""
+    return steps_in_sample(true, refinement.LONGEST)
+
+
 def _candidates(true: Rig, scene: Scene) -> list[Scene]:
     """Return the scene with every engine and string that it leaves open, the cheapest first."""
     base = best_models(true, scene)
     strings = ("spring", "modal") if scene.string == "auto" else (base.string,)
     engines = ("exact", "rigid") if scene.engine == "auto" else (scene.engine,)
-    candidates = [
+    ways = [
         base.model_copy(update={"engine": engine, "string": string})
         for string in strings
         for engine in engines
-        if engine == "rigid" or string != "modal"
     ]
-    return sorted(candidates, key=lambda way: cost(true, way, refinement.fewest(true)))
+    candidates = [way for way in ways if way.engine == "rigid" or way.solvable]
+    return sorted(candidates, key=lambda way: cost(true, way, _fewest(true)))
 
 
 def _spring_error(trial: refinement.Trial, scene: Scene) -> Errors:

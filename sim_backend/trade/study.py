@@ -161,7 +161,7 @@ def _measured(rig: Rig, scene: Scene, progress: Callable[[float], None]) -> Trad
 
 def _ways(true: Rig, exact: Scene) -> list[Scene]:
     """Return complete scenes: all steps of the exact one, and a few of each simpler model."""
-    engines = ["rigid"] if exact.string == "modal" else ["rigid", "exact"]
+    engines = ["rigid", "exact"] if exact.solvable else ["rigid"]
     ways = [stepped(true, exact, n, engine=engine) for engine in engines for n in STEPS[engine]]
     ways += [
         stepped(true, exact, MIDDLE, engine="rigid", iterations=n)

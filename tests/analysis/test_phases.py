@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.phases import phases_figure
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import find_phases
+from sautereau.analysis.summary.press import press_summary
+from tests.plots import texts
 
 CONTACT, RELEASE = 0.052, 0.072
 LAG = 1 / (2 * np.pi * 22e3)
@@ -296,3 +299,9 @@ def test_a_gradual_fall_is_no_pluck_but_a_warning_that_says_where(make_press):
     assert phases.plucks == ()
     assert phases.fit.verdict == "poor"
     assert any("climbs by" in warning for warning in phases.warnings)
+    ((start, stop),) = phases.missed
+    assert start == pytest.approx(0.06, abs=10e-3)
+    assert stop == pytest.approx(0.15, abs=3e-3)
+    assert press_summary(press, phases)["missed"] == [[start, stop]]
+    named = f"load without a pluck: {start * 1e3:.4g} to {stop * 1e3:.4g} ms"
+    assert named in texts(phases_figure([press], [phases]))

@@ -5,54 +5,71 @@ import pytest
 
 from benchmarks.independent import ONE_FACTOR
 from benchmarks.independent_phases import judge
-from sautereau.analysis.phases.event_fit import EventFit
-from sautereau.analysis.phases.response import Columns, pole
-from sautereau.analysis.phases.signals import Rows
+from sautereau.analysis.phases.event import refine_event
+from sautereau.analysis.phases.response import Response, pole
+from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.phases.slow import Slow
 
 pytest.importorskip("numba")  # without it the independent simulator takes half a minute a press
 
 
-def rows_of_load(load, step, noise):
-    n = len(load)
-    time = (np.arange(n) + 0.5) * step
-    zero = np.zeros(n)
-    return Rows(time, step, load, zero, zero, zero, np.full(n, noise**2), np.zeros(n - 1))
+def signals_around(force, velocity, rate, noise):
+    time = np.linspace(0, len(force) / rate, len(force), endpoint=False)
+    zero, none = np.zeros(len(force)), np.zeros(len(force), bool)
+    moving, noises = (zero, zero, zero, 0.1), (noise[0], noise[1], 1 / rate)
+    return Signals(time, rate, force, velocity, *moving, *noises, none, none)
 
 
-@pytest.mark.parametrize("samples", [1, 8])
-def test_a_row_is_the_mean_of_the_response(samples):
+def test_a_block_is_the_mean_of_the_response():
     """Against sums over fine steps."""
-    step, p = 1e-4, pole(700.0, 0.1)
-    rows = rows_of_load(np.zeros(40), step, 1.0)
-    columns = Columns(rows, 0.0, samples)
-    fine = (np.arange(-2000, 2000) + 0.5) / 2000 * step  # about the middle of a row
-    weight = (np.abs(fine) < step / 2) * 1.0 if samples == 1 else 1 - np.abs(fine) / step
-    at, instant = rows.time[12], rows.time[12] - 0.3 * step
-    since = at + fine - instant
-    ring = np.where(since > 0, np.exp(p * np.maximum(since, 0)), 0)
-    expected = (weight * ring).sum() / weight.sum()
-    assert columns.ring(np.array([instant]), p)[0, 12] == pytest.approx(expected, rel=1e-3)
-    expected = (weight * (since > 0)).sum() / weight.sum()
-    assert columns.step(np.array([instant]))[0, 12] == pytest.approx(expected, rel=1e-3)
+    step, p, instant = 1e-4, pole(700.0, 0.1), 1.23e-3
+    response = Response(np.linspace(0.05e-3, 3.95e-3, 40), step)
+    fine = (np.arange(40 * 2000) + 0.5) / 2000 * step - instant
+    since = np.where(fine > 0, fine, 0)
+    mode = np.exp(p * since) - 1 - p * since
+    curve = (since / 1e-2) ** 2
+    expected = np.stack([curve, mode.real, mode.imag], 1).reshape(40, 2000, 3).mean(1)
+    found = response.event(np.array(instant), np.array([p]))
+    assert found == pytest.approx(expected, rel=1e-3, abs=1e-6)
 
 
-@pytest.mark.parametrize("frequency", [500.0, 900.0])
-def test_an_event_with_a_mode_is_found_with_its_instant_and_its_pole(frequency):
-    """A load that grows, and then rings about a lower level, with white noise."""
-    step, noise, instant = 5e-5, 5e-3, 4.0123e-3
-    time = (np.arange(140) + 0.5) * step
-    since, p = np.maximum(time - instant, 0), pole(frequency, 0.05)
-    ringing = (np.exp(p * since) * (1 - 0.3j)).real * 0.4
-    load = np.where(time > instant, 0.1 + ringing, 0.1 + 30 * (time - instant) + 0.6)
-    load = load + noise * np.random.default_rng(0).standard_normal(len(time))
-    fit = EventFit(rows_of_load(load, step, noise), 4e-3, 1)
-    start = fit.refine(np.array([0.0]), np.zeros(0, complex))
-    found, gain = fit.another(start)
-    assert gain > 100
-    best = fit.refine(np.zeros(1), np.array([found]))
-    assert best.instant == pytest.approx(instant - 4e-3, abs=step / 2)
-    assert np.abs(best.poles[0]) == pytest.approx(np.abs(p), rel=0.05)
+def test_the_slopes_of_an_event_are_those_of_its_columns():
+    """Against difference quotients."""
+    response, poles = (
+        Response(np.linspace(0.05e-3, 3.95e-3, 40), 1e-4),
+        np.array([pole(700.0, 0.1)]),
+    )
+    instants, small = np.array([1.23e-3]), 1e-8
+    by_instant, by_pole, _ = response.slopes(instants, poles)
+    quotient = (response.event(instants + small, poles) - response.event(instants, poles)) / small
+    assert by_instant == pytest.approx(quotient, rel=1e-3, abs=1e-2)
+    other = response.event(instants, poles + (1e-2 + 0j))
+    quotient = (other - response.event(instants, poles))[..., 1] / 1e-2
+    assert by_pole[..., 0].real == pytest.approx(quotient, rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize("other", [None, 2.5e-3])
+def test_an_event_is_found_with_its_modes(other):
+    """Two modes in force and velocity, which grow until then; perhaps another event before."""
+    rate, noise, instant = 50e3, (5e-3, 1e-4), 6.0123e-3
+    time = np.arange(600) / rate
+
+    def event(at, poles):
+        since = np.maximum(time - at, 0)[:, None]
+        return np.exp(since * poles) - 1 - poles * since
+
+    poles = np.array([pole(500.0, 0.1), pole(1100.0, 0.2)])
+    modes = event(instant, poles) @ [0.3 - 0.2j, 0.1j]
+    if other is not None:
+        modes = modes + event(other, poles) @ [0.2 + 0.2j, 0.1]
+    random = np.random.default_rng(0)
+    force = 0.5 + 20 * time + modes.real + noise[0] * random.standard_normal(600)
+    velocity = 0.05 + 0.03 * modes.imag + noise[1] * random.standard_normal(600)
+    signals = signals_around(force, velocity, rate, noise)
+    others = [] if other is None else [other]
+    found = refine_event(signals, instant + 0.2e-3, 0.3e-3, 0.5, 0.0, time[-1], others)
+    assert found.time == pytest.approx(instant, abs=20e-6)
+    assert found.noise < 2
 
 
 def test_the_smoothed_derivatives_belong_to_the_smoothed_signal(make_press):

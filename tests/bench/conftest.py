@@ -11,7 +11,7 @@ import pytest
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
-from tests.presses import BARE, QUICK, press_on
+from tests.presses import MUTE_TEXT, QUICK, press_on
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def quick_rig():
 def bare(tmp_path):
     """Scene file of a key without strings, for tests that need no pluck."""
     path = tmp_path / "bare.toml"
-    path.write_text(BARE)
+    path.write_text(MUTE_TEXT)
     return path
 
 

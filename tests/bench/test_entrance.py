@@ -42,6 +42,10 @@ def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     mixed = session.identify(["plectrum.overlap"], starts=1)
     assert "although the presses differ in day" in str(mixed)
     assert [len(c.presses) for c in session.compare().found.conditions] == [1, 1]
+    assert session.report().path == Path("monday/report.html")
+    assert (session.report("page.html").presses, session.folder) == (2, Path("monday"))
+    with pytest.raises(SautereauError, match="not of one folder"):
+        session[:1].report()
     assert session.plot()._repr_png_().startswith(b"\x89PNG")
     shown = [names["rig"], plan, session, session[0], session.compare(), fit]
     shown += [names["rig"].predict(), names["rig"].sweep(overlap=...)]
@@ -167,3 +171,11 @@ def test_a_replay_presses_what_was_pressed(quick, quick_rig, tmp_path):
     np.testing.assert_array_equal(one.plan.jack_rise, two.plan.jack_rise)
     assert again.info.notes == "replay of press-0001.mcap"
     assert np.ptp(one.plan.jack_rise - two.plan.jack_rise) == 0
+
+
+def test_learning_is_a_call_of_the_bench(quick_rig, tmp_path):
+    learned = st.stand_in(quick_rig, "ideal", seed=1).learn(1, out=tmp_path)
+    assert list(learned.to_frame()["rms_speed_error"]) == list(learned.errors)
+    assert learned.errors[0] < 1e-3
+    assert (learned.path, len(learned.session), learned.simulated) == (None, 1, True)
+    assert len(repr(learned)) < 200

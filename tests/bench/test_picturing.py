@@ -60,7 +60,7 @@ def test_the_quality_by_default_is_the_models(tmp_path, capsys):
     words = ("listen", "--out", tmp_path / "pluck.wav", "--duration", "100 ms", "--json")
     call(*words)
     default = capsys.readouterr().out
-    call(*words, "--quality", QUALITY)
+    call(*words, "--quality", QUALITY, "--force")
     assert capsys.readouterr().out == default
 
 

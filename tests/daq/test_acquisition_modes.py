@@ -1,5 +1,7 @@
 """Continuous, around the trigger's edge, many channels, and the dry run, over the real nidaqmx."""
 
+import math
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recording import Recording
+from sautereau.daq.file.survey import describe
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS
@@ -81,22 +84,53 @@ def test_samples_before_the_edge_are_recorded_below_zero(card, rig, session, tmp
     assert np.array_equal(found.volts["force"], volts(0, 7680, 2)[1])
 
 
-@pytest.mark.parametrize(("before", "latest"), [(0.05, 5120), (0.0, 40_000)])
-def test_the_trigger_is_dated_by_the_samples_acquired_since(
-    card, rig, session, tmp_path, before, latest
-):
-    """And not by the first block, which may be read seconds after the edge."""
-    card.acquired = lambda run: run.setup.before or latest
-    rig = changed(rig, pre_trigger=before)
-    now = 1_790_000_000_000_000_000
-    with Acquisition(rig.daq, 0.1) as acquisition:
+class TimedRun:
+    """An acquisition in real time, whose edge comes ``LEAD`` s after it is started."""
+
+    LEAD = 0.12
+
+    def __init__(self, setup):
+        self._rate, before = setup.rate, setup.before or 0
+        lead = self.LEAD if before else 0.0
+        self._edge = math.ceil(lead * setup.rate)
+        self._end, self._before = self._edge - before + setup.n_samples, before
+        self._start = time.monotonic()
+        self.trigger_ns = time.time_ns() + round(self._edge / setup.rate * 1e9)
+
+    @property
+    def acquired(self):
+        return min(self._end, int((time.monotonic() - self._start) * self._rate) + 1)
+
+    def wait_for(self, n, timeout):
+        due = self._start + (self._end if self._before else n) / self._rate
+        time.sleep(min(max(0.0, due - time.monotonic()), timeout))
+        acquired = self.acquired
+        return acquired if not self._before else n * (acquired == self._end)
+
+    def read(self, first, n):
+        return volts(first, n, 2)
+
+    def stop(self):
+        pass
+
+
+@pytest.mark.parametrize("before", [0.0, 0.05])
+def test_the_trigger_is_dated_by_counts_of_samples(card, rig, session, tmp_path, before):
+    """Within the stated uncertainty: half of the time in which the device answers."""
+    runs = []
+    card.start = lambda setup: runs.append(TimedRun(setup)) or runs[-1]
+    rig, path = changed(rig, pre_trigger=before), tmp_path / "a.mcap"
+    with Acquisition(rig.daq, 0.3) as acquisition, Recording(path, rig, session=session) as made:
         acquisition.start()
-        block = next(acquisition.blocks())
-    path = tmp_path / "a.mcap"
-    with Recording(path, rig, session=session, clock=lambda: now, monotonic=lambda: 0) as made:
-        made.write_block(block)
-    edge = now - round((latest - 1) * 1e9 / 51_200)
-    assert edge - 50_000_000 < made.t0_ns <= edge  # less the time that the answer took
+        for block in acquisition.blocks():
+            made.write_block(block)
+    found = read_recording(path)
+    assert found.t0_ns == made.t0_ns
+    assert found.t0_std is not None
+    assert 0 < found.t0_std < 0.1
+    error = (found.t0_ns - runs[-1].trigger_ns) / 1e9
+    assert abs(error) <= math.sqrt(3) * found.t0_std + 1e-4  # clocks are read one after the other
+    assert describe(path)["t0_std"] == found.t0_std
 
 
 def test_start_returns_when_the_samples_before_the_edge_are_there(card, rig):

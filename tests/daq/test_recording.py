@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 import os
 import tempfile
 from pathlib import Path
@@ -21,6 +22,7 @@ from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Event, Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
 from sautereau.daq.file.survey import describe
+from sautereau.daq.file.trigger_date import Counted
 from sautereau.rig.load import load_rig
 from tests.budget import examples
 from tests.daq.damage import record_and
@@ -107,20 +109,39 @@ def test_times_do_not_drift(tmp_path, paper, session):
     assert read_recording(path).t0_ns == T0
 
 
-def test_the_trigger_is_dated_by_the_earliest_of_the_first_blocks(tmp_path, paper, session):
-    """No sample is taken after it was read: a block that was read late gives no earlier date."""
+@pytest.mark.parametrize("late", [0.0, 0.004])
+def test_counts_date_the_trigger(tmp_path, paper, session, late):
+    """Half of 0.2 ms between question and answer, also if the device was late twice."""
+    seconds, path, rate = [0.0], tmp_path / "press.mcap", 51_200
+    with Recording(
+        path, paper, session=session, clock=lambda: T0, monotonic=lambda: seconds[0]
+    ) as recording:
+        for first in (0, 1024, 2048):
+            held = first + 1024
+            asked = (held - 0.5) / rate + (late if first != 1024 else 0.0)
+            seconds[0] = asked + 0.05
+            counted = Counted(asked - 1e-4, asked + 1e-4, held)
+            recording.write_block(Block(first, np.zeros((2, 1024)), (counted,)))
+            assert recording.t0_ns is not None
+    found = read_recording(path)
+    assert abs(found.t0_ns - T0) < 1000
+    assert found.t0_std == pytest.approx((2e-4 + 1 / rate) / math.sqrt(12), rel=1e-6)
+
+
+def test_without_counts_no_sample_is_taken_after_it_arrived(tmp_path, paper, session):
+    """A block that was read late gives no earlier date."""
     seconds = [0.0]
     path = tmp_path / "press.mcap"
     with Recording(
         path, paper, session=session, clock=lambda: T0, monotonic=lambda: seconds[0]
     ) as recording:
-        for first, late, age in ((0, 0.03, 0.0), (1024, 0.0021, 0.002), (2048, 0.01, 0.0)):
+        for first, late in ((0, 0.03), (1024, 0.0001), (2048, 0.01)):
             seconds[0] = (first + 1023) / 51_200 + late
-            recording.write_block(Block(first, np.zeros((2, 1024)), age=age))
-            assert recording.t0_ns is not None
+            recording.write_block(Block(first, np.zeros((2, 1024))))
         t0 = recording.t0_ns
     assert abs(t0 - T0 - 100_000) < 2000
-    assert read_recording(path).t0_ns == t0
+    found = read_recording(path)
+    assert (found.t0_ns, found.t0_std) == (t0, None)
 
 
 def test_previews_are_in_si_for_a_viewer(tmp_path, record, paper):

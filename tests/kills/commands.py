@@ -13,7 +13,7 @@ from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.text import rig_text
 from tests.forked import CommandServer
-from tests.presses import BARE, QUICK
+from tests.presses import MUTE_TEXT, QUICK
 
 PRESSES, RECORDINGS = 4, 300
 LEFT_OVER = re.compile(r"\.new$|ing\.part$|\.parquet\.part$")
@@ -39,7 +39,7 @@ def make_inputs(server: CommandServer, folder: Path) -> None:
     """Make what the commands work on."""
     text = rig_text(with_values(load_rig(), QUICK))
     (folder / "rig.toml").write_text(text, encoding="utf-8")
-    (folder / "bare.toml").write_text(BARE, encoding="utf-8")
+    (folder / "bare.toml").write_text(MUTE_TEXT, encoding="utf-8")
 
     def run(words: str) -> None:
         done = server.run(*words.split(), folder=folder)

@@ -29,7 +29,8 @@ from sautereau.robot.errors import (
 from sautereau.sim_backend.devices.dynamixel.firmware import Servos
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
-from tests.robot.streamed import stop_after
+from tests.emulated import EmulatedPort
+from tests.robot.motions import stop_after
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -45,46 +46,17 @@ SLOW = {
 OFF = "its motors are off: the controller confirms it"
 
 
-class Emulated:
-    """A port, and behind it the emulated servos of an arm without inertia."""
+class Emulated(EmulatedPort):
+    """The emulated servos; what they answer can be spoilt."""
 
     def __init__(self, rig):
-        self.counts, self.home = [5, -7], (0, 0)
-        self.answers, self.fault, self.spoil = b"", None, lambda answer: answer
-        self.closed = False
+        super().__init__((5, -7))
+        self.spoil = lambda answer: answer
         self.firmware = Servos(self, rig.controller.sample_period, stepped=True)
 
-    def encoder_counts(self):
-        return self.counts[0], self.counts[1]
-
-    def home_counts(self):
-        return self.home
-
-    def open(self, name, baud_rate, timeout):
-        return self
-
-    @property
-    def in_waiting(self):
-        return len(self.answers)
-
-    def read(self, size=1):
-        data, self.answers = self.answers[:size], self.answers[size:]
-        return data
-
-    def write(self, data):
-        if self.fault:
-            raise self.fault
-        self.answers += self.spoil(self.firmware.receive(bytes(data)))
-        while self.firmware.moving:
-            self.firmware.tick()
-            positions, _ = self.firmware.reference(np.array([1.0]))
-            self.counts = [round(value) for value in positions[0]]
-
-    def reset_input_buffer(self):
-        self.answers = b""
-
-    def close(self):
-        self.closed = True
+    def exchange(self, data):
+        self.answers += self.spoil(self.firmware.receive(data))
+        self.run()
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import with_values
-from sautereau.robot.drivers.galil.dmc import check_segments
+from sautereau.robot.drivers.galil.dmc import check_segments, pieces
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.drivers.galil.line import pieces
 from sautereau.robot.drivers.galil.program import controller_program, signature
 from sautereau.robot.errors import (
     GarbledAnswer,
@@ -17,6 +16,7 @@ from sautereau.robot.errors import (
     UnsafeRequest,
 )
 from sautereau.trajectory.segments import Segments
+from tests.robot.motions import run_to_wait
 
 FAULTS = ("#CMDERR", "#POSERR", "#LIMSWI", "#AMPERR", "#TCPERR", "#SAFE")
 
@@ -190,53 +190,45 @@ def test_a_press_that_ends_elsewhere_than_planned(bench, lines, segments):
     other = (sent, answer.replace("1050.", "1049."))
     script = [*lines.started, *lines.wait[:-1], other, *lines.abort]
     controller, _ = bench(script)
-    with pytest.raises(MotionFault, match="ended at 1049 and -501025 counts"):  # noqa: PT012, SIM117
-        with controller, controller.powered():
-            controller.home()
-            controller.move_to(segments.start, 100_000)
-            controller.load(segments)
-            controller.arm()
-            controller.start()
-            controller.wait()
+    with pytest.raises(MotionFault, match="ended at 1049 and -501025 counts"):
+        run_to_wait(controller, segments)
 
 
-def test_a_switch_that_is_not_found_twice_at_one_place(bench, lines):
-    at = lines.home.index(("DP 0,-500000", ":")) - 1
-    other = [("MG _TPA,_TPB", " 1.0000 -499000.0000\r\n:")]
-    controller, _ = bench(lines.connect, lines.on, lines.home[:at], other, lines.abort)
-    with pytest.raises(MotionFault, match="found twice, 0 and 999 counts apart"):  # noqa: SIM117
-        with controller, controller.powered():
-            controller.home()
+def end_of_search(lines, stopped_by):
+    """Return a script of homing up to its first search, which ends with codes."""
+    asked, _ = found = lines.both_edges[-1]
+    return [*lines.home[: lines.home.index(found)], (asked, f" {stopped_by}\r\n:")]
 
 
-def test_a_search_that_goes_the_wrong_way_ends_at_its_travel(bench, lines):
-    wrong = (lines.both_edges[-1][0], " 9.0000 3.0000 1.0000 9.0000 0.0000\r\n:")
-    at = lines.home.index(lines.both_edges[-1])
-    controller, _ = bench(lines.connect, lines.on, lines.home[:at], [wrong], lines.abort)
-    with pytest.raises(MotionFault, match="homing broke off: joint 2 stopped by the reverse"):  # noqa: SIM117
-        with controller, controller.powered():
-            controller.home()
+def not_found_twice(lines):
+    end = lines.home.index(("DP 0,-500000", ":")) - 1
+    return [*lines.home[:end], ("MG _TPA,_TPB", " 1.0000 -499000.0000\r\n:")]
 
 
-def test_a_command_that_the_program_was_refused_is_named_by_its_code(bench, lines):
-    refused = (lines.both_edges[-1][0], " 7.0000 7.0000 1.0000 9.0000 20.0000\r\n:")
-    at = lines.home.index(lines.both_edges[-1])
-    controller, _ = bench(lines.connect, lines.on, lines.home[:at], [refused], lines.abort)
-    with pytest.raises(MotionFault, match=r"refused a command of its program, with code 20 \(TC\)"):  # noqa: SIM117
-        with controller, controller.powered():
-            controller.home()
-
-
-def test_a_limit_is_named_although_the_abort_overwrites_the_stop_codes(bench, lines):
-    limit = (lines.both_edges[-1][0], " 7.0000 7.0000 1.0000 9.0000 -1.0000\r\n:")
+def at_a_limit(lines):
+    """The abort overwrites the stop codes."""
     names = ",".join(f"_{name}{axis}" for axis in "AB" for name in ("LF", "LR", "TP", "FL", "BL"))
-    first, second = (
-        " 1.0000 1.0000 5.0000 900.0000 -900.0000",
-        " 1.0000 0.0000 5.0000 900.0000 -9.0",
-    )
-    at = lines.home.index(lines.both_edges[-1])
-    read = (f"MG {names}", f"{first}{second}\r\n:")
-    controller, _ = bench(lines.connect, lines.on, lines.home[:at], [limit, read], lines.abort)
-    with pytest.raises(MotionFault, match="joint 2 stopped by the reverse limit; remove"):  # noqa: SIM117
-        with controller, controller.powered():
-            controller.home()
+    first, second = "1.0000 1.0000 5.0000 900.0000 -900.0000", "1.0000 0.0000 5.0000 900.0000 -9.0"
+    read = (f"MG {names}", f" {first} {second}\r\n:")
+    return [*end_of_search(lines, "7.0000 7.0000 1.0000 9.0000 -1.0000"), read]
+
+
+@pytest.mark.parametrize(
+    ("homing", "said"),
+    [
+        (not_found_twice, "found twice, 0 and 999 counts apart"),
+        (
+            lambda lines: end_of_search(lines, "9.0000 3.0000 1.0000 9.0000 0.0000"),
+            "homing broke off: joint 2 stopped by the reverse",
+        ),
+        (
+            lambda lines: end_of_search(lines, "7.0000 7.0000 1.0000 9.0000 20.0000"),
+            r"refused a command of its program, with code 20 \(TC\)",
+        ),
+        (at_a_limit, "joint 2 stopped by the reverse limit; remove"),
+    ],
+)
+def test_a_homing_that_fails_is_explained(bench, lines, homing, said):
+    controller, _ = bench(lines.connect, lines.on, homing(lines), lines.abort)
+    with pytest.raises(MotionFault, match=said), controller, controller.powered():
+        controller.home()

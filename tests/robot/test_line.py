@@ -4,7 +4,7 @@ import pickle
 
 import pytest
 
-from sautereau.robot.drivers.galil.line import LONGEST_LINE, pack
+from sautereau.robot.drivers.galil.dmc import LONGEST_LINE, pack
 from sautereau.robot.errors import (
     CommandRefused,
     GarbledAnswer,

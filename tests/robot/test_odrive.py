@@ -24,24 +24,20 @@ from sautereau.robot.errors import (
 )
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
 from sautereau.trajectory.segments import Segments
-from tests.robot.streamed import stop_after
+from tests.emulated import EmulatedPort
+from tests.robot.motions import stop_after
 
 GRBL = "".join(map(framed, ("Grbl 1.1h", "x", "y"))).encode()
 OFF = "its motors are off: the controller confirms it"
 NOT_OFF = "NOT confirmed off"
 
 
-class Emulated:
-    """A serial port, and behind it the emulated controller of an arm without inertia."""
+class Emulated(EmulatedPort):
+    """The emulated controller; its answers can be replaced."""
 
     def __init__(self, rig):
-        self.counts, self.home = [19_099, -19_099], (0, 0)
-        self.follows = True
-        self.answers = b""
-        self.said = []
-        self.replace = {}
-        self.fault = None
-        self.closed = False
+        super().__init__((19_099, -19_099))
+        self.said, self.replace = [], {}
         counts, ratios = rig.arm.counts_per_revolution, rig.arm.gear_ratios
         self.firmware = OdriveFirmware(
             self,
@@ -51,35 +47,10 @@ class Emulated:
             torque_per_volt=(0.2, 0.2),
         )
 
-    # What the controller is wired to.
-
-    def encoder_counts(self):
-        return self.counts[0], self.counts[1]
-
-    def home_counts(self):
-        return self.home
-
     def torque_volts(self):
         return 0.5, -0.5
 
-    # What the host holds.
-
-    def open(self, name, baud_rate, timeout):
-        return self
-
-    @property
-    def in_waiting(self):
-        return len(self.answers)
-
-    def read(self, size=1):
-        if self.fault:
-            raise self.fault
-        data, self.answers = self.answers[:size], self.answers[size:]
-        return data
-
-    def write(self, data):
-        if self.fault:
-            raise self.fault
+    def exchange(self, data):
         for line in data.decode().splitlines():
             text, star, sent = line.rpartition("*")
             if not star:
@@ -99,20 +70,7 @@ class Emulated:
                     raise changed
                 answer = changed if isinstance(changed, bytes) else framed(changed).encode()
             self.answers += answer
-            self._go_on()
-
-    def _go_on(self):
-        while self.firmware.moving:
-            self.firmware.tick()
-            positions, _ = self.firmware.reference(np.array([1.0]))
-            if self.follows:
-                self.counts = [round(value) for value in positions[0]]
-
-    def reset_input_buffer(self):
-        self.answers = b""
-
-    def close(self):
-        self.closed = True
+            self.run()
 
 
 @pytest.fixture

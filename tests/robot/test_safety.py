@@ -16,6 +16,7 @@ from sautereau.robot.errors import (
 )
 from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.monitor import Fault
+from tests.robot.motions import run_to_wait
 
 OFF = "its motors are off: the controller confirms it"
 NOT_OFF = "NOT confirmed off"
@@ -180,17 +181,6 @@ def limit(transcript, ending):
     transcript.write = follow
 
 
-def run_to_wait(controller, segments, before_wait=lambda: None):
-    with controller, controller.powered():
-        controller.home()
-        controller.move_to(segments.start, 100_000)
-        controller.load(segments)
-        controller.arm()
-        controller.start()
-        before_wait()
-        controller.wait()
-
-
 def test_an_abort_requested_by_another_thread_ends_a_press_at_once(terminal, lines, segments):
     """The next question is not asked any more: the motors go off, and that is read back."""
     controller, _ = terminal(lines.started, lines.wait[:1], lines.abort)
@@ -201,16 +191,9 @@ def test_an_abort_requested_by_another_thread_ends_a_press_at_once(terminal, lin
 
 
 def test_an_abort_requested_before_the_motors_are_on_ends_nothing(terminal, lines, segments):
-    controller, _ = terminal(lines.press[: -len(lines.off)], lines.off)
+    controller, _ = terminal(lines.started, lines.wait, lines.off)
     controller.request_abort()
-    with controller, controller.powered():
-        controller.home()
-        controller.move_to(segments.start, 100_000)
-        controller.load(segments)
-        controller.arm()
-        controller.start()
-        controller.wait()
-        controller.capture()
+    run_to_wait(controller, segments)
 
 
 def test_the_operator_aborts_the_motions_of_one_session():

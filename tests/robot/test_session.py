@@ -12,6 +12,7 @@ from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.differences import check_same
 from sautereau.robot.experiment.plan import Plan, to_set
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner
@@ -20,7 +21,6 @@ from sautereau.robot.experiment.session_folder import (
     MANIFEST,
     Manifest,
     SessionFolder,
-    check_same,
     read_manifest,
     write_manifest,
 )

@@ -10,22 +10,17 @@ from sautereau.sim_backend.devices.dynamixel.firmware import Servos, emulate
 from sautereau.sim_backend.devices.dynamixel.packets import Receiver, crc, packet
 from sautereau.sim_backend.devices.dynamixel.servo import BANDWIDTH, CENTRE
 from sautereau.sim_backend.errors import SceneError
+from tests.emulated import Encoders
 
 PERIOD = 1e-3
 
 
-class Bare:
-    """Two servos whose encoders are where the reference is."""
+class Bare(Encoders):
+    """Two servos."""
 
     def __init__(self, counts=(0, 0), home=(0, 0), stepped=False):
-        self.counts, self.home = list(counts), home
+        super().__init__(counts, home)
         self.firmware = Servos(self, PERIOD, stepped=stepped)
-
-    def encoder_counts(self):
-        return self.counts[0], self.counts[1]
-
-    def home_counts(self):
-        return self.home
 
     def say(self, servo, instruction, *parameters):
         return self.firmware.receive(packet(servo, instruction, bytes(parameters)))
@@ -38,12 +33,6 @@ class Bare:
     def read(self, servo, address, size):
         answer = self.say(servo, 2, address, 0, size, 0)
         return int.from_bytes(answer[9:-2], "little", signed=address in (98, 132))
-
-    def tick(self, times=1):
-        for _ in range(times):
-            self.firmware.tick()
-            positions, _ = self.firmware.reference(np.array([1.0]))
-            self.counts = [round(value) for value in positions[0]]
 
 
 # Packets as printed in the examples of ROBOTIS's e-Manual, page dxl/protocol2.

@@ -442,6 +442,7 @@ def bench(*jacks, dry=0.0, friction=0.0, arm=None):
     key, found = np.zeros(1, KEY), np.zeros(len(jacks), JACK)
     key["inertia"], key["gravity_moment"], key["viscous"], key["dry"] = 7e-4, 4e-3, 1e-4, dry
     key["dip"], key["height"], key["press_arm"] = math.inf, 0.01, 0.171
+    key["gravity"] = GRAVITY
     found["friction"], found["clearance"] = friction, 1.0
     for name, values in zip(
         ("mass", "arm", "lift", "damper"), zip(*jacks, strict=True), strict=True

@@ -12,15 +12,9 @@ from sautereau.sim_backend.fault_tables import Drift, Faults, Overload, Speckle
 from sautereau.sim_backend.scene import Scene, load_scene, parse_scene
 from sautereau.sim_backend.sensors.chain import SensorChain
 from sautereau.sim_backend.sensors.simulated import Drifting, DropOuts, Overloading
+from tests.presses import MUTE_TEXT
 
-IDEAL = """
-finger = "ideal"
-plectrum = "none"
-string = "none"
-friction = false
-felt = false
-step = "500 us"
-"""
+IDEAL = MUTE_TEXT.replace("1 ms", "500 us")
 
 
 def faults(**tables) -> Faults:

@@ -13,6 +13,7 @@ from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import parse_scene
+from tests.presses import MUTE_TEXT
 from tests.sim_backend.scenes import MUTE, scene_of
 
 HELLO = b'DL\r#A\rWT 4\rMG "hello"\rEN\r\\\r'
@@ -167,14 +168,7 @@ def test_echo_at_power_up(bench, unit, echoes):
     assert firmware.receive(b"TP\r") == (b"TP\r" if echoes else b"") + b" 0, 0\r\n:"
 
 
-SCENE = """
-finger = "ideal"
-plectrum = "none"
-string = "none"
-step = "1 ms"
-friction = false
-felt = false
-[controller]
+SCENE = f"""{MUTE_TEXT}[controller]
 model = "DMC4123"
 firmware = "1.3b-FAST"
 burned_program = "#AUTO\\nEN"

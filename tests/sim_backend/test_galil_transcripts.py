@@ -10,20 +10,11 @@ import serial
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene, parse_scene
+from tests.presses import MUTE_TEXT
 from tests.sim_backend.transcripts import Terminal, read_dialogues
 
 HERE = Path(__file__).parent / "galil_transcripts"
-SCENE = """
-description = "a controller that is talked to"
-finger = "ideal"
-plectrum = "none"
-string = "none"
-friction = false
-felt = false
-step = "1 ms"
-[controller]
-index_angles = ["0.01 rad", "0.01 rad"]
-"""
+SCENE = f'{MUTE_TEXT}[controller]\nindex_angles = ["0.01 rad", "0.01 rad"]\n'
 UNITS = {
     "burned": "",
     "dmc4143": 'model = "DMC4143"\nfirmware = "1.1a1"\ninterface = "usb"\namplifier = "D3040"\n',

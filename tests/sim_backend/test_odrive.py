@@ -11,17 +11,17 @@ from scipy.integrate import solve_ivp
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
 from sautereau.sim_backend.devices.odrive.setpoint import Trapezoid
 from sautereau.sim_backend.devices.setpoint import Setpoint, filtered
+from tests.emulated import Encoders
 
 PERIOD = 1e-3
 TURN = 10_000.0
 
 
-class Bare:
-    """Encoders that are where the reference is, or stay put."""
+class Bare(Encoders):
+    """A controller and its arm."""
 
     def __init__(self, stepped=False):
-        self.counts = [0, 0]
-        self.follows = True
+        super().__init__(home=(-700, 300))
         self.firmware = OdriveFirmware(
             self,
             per_turn=(TURN, TURN / 2),
@@ -30,31 +30,11 @@ class Bare:
             torque_per_volt=(0.08, 0.04),
         )
 
-    def encoder_counts(self):
-        return self.counts[0], self.counts[1]
-
-    def home_counts(self):
-        return -700, 300
-
     def torque_volts(self):
         return 0.5, -1.0
 
     def say(self, text):
         return self.firmware.receive(text.encode("latin-1") + b"\n").decode("latin-1")
-
-    def tick(self, times=1):
-        for _ in range(times):
-            self.firmware.tick()
-            positions, _ = self.firmware.reference(np.array([1.0]))
-            if self.follows:
-                self.counts = [round(value) for value in positions[0]]
-
-    def run(self, limit=20_000):
-        for tick in range(limit):
-            if not self.firmware.moving:
-                return tick
-            self.tick()
-        raise AssertionError("does not come to an end")
 
 
 @pytest.fixture

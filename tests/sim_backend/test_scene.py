@@ -12,16 +12,9 @@ from sautereau.sim_backend.scene import (
     packaged_scenes,
     parse_scene,
 )
+from tests.presses import MUTE_TEXT
 
-MUTE = """
-finger = "ideal"
-plectrum = "none"
-string = "none"
-friction = false
-felt = false
-step = "100 us"
-iterations = 10
-"""
+MUTE = MUTE_TEXT.replace("1 ms", "100 us") + "iterations = 10\n"
 
 
 @pytest.fixture(scope="module")
@@ -30,11 +23,19 @@ def rig():
 
 
 def test_shipped_scenes_load():
-    assert packaged_scenes() == ["free-key", "ideal", "paper", "pluck", "return", "two-choirs"]
+    assert packaged_scenes() == [
+        "free-key",
+        "ideal",
+        "paper",
+        "pluck",
+        "return",
+        "transient",
+        "two-choirs",
+    ]
     for name in packaged_scenes():
         scene = load_scene(name)
         assert len(scene.description) > 20
-        assert scene.step == pytest.approx(1e-4)
+        assert scene.step in (pytest.approx(1e-4), pytest.approx(5e-5))
         assert scene.engine == "rigid"
         assert scene.truth == {}
     ideal, paper = load_scene("ideal"), load_scene()

@@ -7,6 +7,7 @@ import pytest
 
 from sautereau.daq.signals.calibration import correct
 from sautereau.rig.load import load_rig
+from sautereau.sim_backend.parts import Transducer
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import IDEAL_CONVERTER, SensorChain, Signal
@@ -20,9 +21,10 @@ PLAIN = {"delay": 0.0, "low_pass": 0.0, "high_pass": 0.0}
 VELOCITY, FORCE = load_rig("paper").daq.channels
 
 
-def chain(channel=FORCE, sensors=None, rest=0.0, seed=0, rate=RATE, **chart):
+def chain(channel=FORCE, sensors=None, rest=0.0, seed=0, rate=RATE, transducer=None, **chart):
     channel = channel.model_copy(update={**PLAIN, **chart})
-    return SensorChain(channel, sensors, rate, rest, np.random.default_rng(seed))
+    random = np.random.default_rng(seed)
+    return SensorChain(channel, sensors, rate, rest, random, transducer=transducer)
 
 
 def fed(chain, function, duration, step=None):
@@ -112,6 +114,27 @@ def test_a_low_pass_above_the_samples_own_band_does_nothing():
     np.testing.assert_allclose(
         sensor.volts(0, 2000), np.sin(300 * np.arange(2000) / 20_000), atol=1e-9
     )
+
+
+@pytest.mark.parametrize("resonance", [30.0, 1500.0, 40_000.0, 1e6])
+@pytest.mark.parametrize("damping", [1e-4, 0.02, 0.999])
+def test_a_transducer_answers_a_ramp_like_an_oscillator(resonance, damping):
+    """y = t - 2 zeta / w + exp(-zeta w t) / w (2 zeta cos + (2 zeta^2 - 1) / sqrt(1 - zeta^2) sin)
+    at any rate of the samples, after a force at rest; also where the resonance is above it."""
+    part = Transducer.model_construct(resonance=resonance, damping=damping)
+    sensor = fed(chain(rest=0.4, transducer=part), lambda t: 0.4 + 50 * t, 0.1)
+    time = np.arange(5000) / RATE
+    w, root = 2 * math.pi * resonance, math.sqrt(1 - damping**2)
+    decay = np.exp(-damping * w * time) / w
+    swing = 2 * damping * np.cos(root * w * time)
+    swing += (2 * damping**2 - 1) / root * np.sin(root * w * time)
+    expected = 0.4 + 50 * (time - 2 * damping / w + decay * swing)
+    found = np.concatenate([sensor.volts(0, 7), sensor.volts(7, 4993)]) * FORCE.scale
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_a_transducer_shows_in_the_force_alone():
+    assert [n for n in SIMULATED.names() if SIMULATED.get(n).on_transducer] == ["force"]
 
 
 @pytest.mark.parametrize(("channel", "rms"), [(VELOCITY, 0.05e-3), (FORCE, 5e-3)])

@@ -121,7 +121,9 @@ class Equilibria:
         some, low, high = self.subset(rows), none[rows, 0], last[rows]
         for _ in range(TURN_NARROWINGS):
             load = np.linspace(low, high, TURN_POINTS, axis=1)
-            best = np.argmin(some._slide(load, -self.plectra.friction).position, axis=1)
+            place = some._slide(load, -self.plectra.friction).position
+            # A load with which the string would be beyond the tip has no position, NaN.
+            best = np.argmin(np.where(np.isfinite(place), place, np.inf), axis=1)
             low, none[rows, 0], high = (
                 load[np.arange(len(rows)), np.clip(best + k, 0, TURN_POINTS - 1)]
                 for k in (-1, 0, 1)

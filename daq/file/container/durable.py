@@ -136,7 +136,11 @@ class SteadyClock:
 
     def now_ns(self) -> int:
         """Return the date, ns since 1970."""
-        return self._start_ns + round(self.seconds() * 1e9)
+        return self.date_ns(self._monotonic())
+
+    def date_ns(self, time_s: float) -> int:
+        """Return the date of a time of the clock that is never set, ns since 1970."""
+        return self._start_ns + round((time_s - self._start) * 1e9)
 
 
 class RecordingFile:
@@ -202,16 +206,16 @@ class RecordingFile:
         with self.writing() as writer:
             writer.close_chunk(least=0)
 
-    def finish(self, stop_sample: int) -> None:
+    def finish(self, end: dict[str, str]) -> None:
         """Complete the file, flush it to the disk and close it, still under its ``.part`` name.
 
         Args:
-            stop_sample: Index after the last sample, written into the file.
+            end: Metadata at the end of the file.
         """
         try:
             with self.writing() as writer:
                 writer.close_chunk(least=0)
-                writer.add_metadata("end", {"stop_sample": str(stop_sample)})
+                writer.add_metadata("end", end)
                 writer.finish()
             self._file.close()
         finally:

@@ -16,6 +16,7 @@ from sautereau.robot.drivers.dynamixel import line as table
 from sautereau.robot.drivers.dynamixel.line import DynamixelLine
 from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.drivers.serial_port import Port
+from sautereau.robot.drivers.stream import Rows
 from sautereau.robot.drivers.streamed import StreamedDriver
 from sautereau.robot.errors import MotionFault, RobotError, SettingNotTaken
 from sautereau.trajectory.motion import Floats
@@ -45,15 +46,11 @@ _ERRORS = {
 
 
 @dataclass(frozen=True)
-class Goals:
+class Goals(Rows):
     """The setpoints of a motion, one row for each interval."""
 
     positions: Counts
     """Counts, where each joint should be at the end of the interval; shape (n, 2)."""
-    planned: Floats
-    """Counts, planned joint positions at its start; shape (n, 2)."""
-    interval: float
-    """s, between two setpoints."""
 
     @classmethod
     def of(cls, segments: Segments, sample_period: float) -> Self:
@@ -64,7 +61,7 @@ class Goals:
         starts = np.arange(-LEAD * INTERVAL, last + _SETTLE * INTERVAL, INTERVAL)
         ends = position[np.clip(starts + INTERVAL, 0, last)]
         planned = position[np.clip(starts, 0, last)]
-        return cls(np.rint(ends).astype(np.int64), planned, INTERVAL * sample_period)
+        return cls(planned, INTERVAL * sample_period, np.rint(ends).astype(np.int64))
 
 
 class Servos(StreamedDriver[Goals]):

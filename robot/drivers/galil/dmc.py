@@ -1,5 +1,8 @@
 """Limits, profiles and segments as commands of Galil's DMC language."""
 
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+
 import numpy as np
 
 from sautereau.rig.controller import Controller
@@ -8,6 +11,8 @@ from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.errors import UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments
 
+LONGEST_LINE = 79
+"""Characters of one command line, without its carriage return."""
 END_OF_MOTION = ("PVA=0,0,0", "PVB=0,0,0")
 """Ends PVT mode after the segments before it."""
 CLEAR_SEGMENTS = ("PVA=0,0,-1", "PVB=0,0,-1")
@@ -132,3 +137,22 @@ def segment_commands(segments: Segments) -> list[str]:
         )
         for axis, step, velocity in zip("AB", steps, velocities, strict=True)
     ]
+
+
+def pack(commands: Iterable[str]) -> Iterator[tuple[str, ...]]:
+    """Group commands so that each group, joined by `;`, fits on one line."""
+    line: list[str] = []
+    for command in commands:
+        if line and len(";".join([*line, command])) > LONGEST_LINE:
+            yield tuple(line)
+            line = []
+        line.append(command)
+    if line:
+        yield tuple(line)
+
+
+def pieces(rows: int, longest: int) -> Iterator[tuple[int, int]]:
+    """Divide rows from 0 into pieces of at least 2, as QU needs; yield the first and last row."""
+    count = max(1, min(-(-rows // longest), rows // 2))
+    edges = [rows * i // count for i in range(count + 1)]
+    return ((first, end - 1) for first, end in pairwise(edges))

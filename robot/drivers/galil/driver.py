@@ -29,7 +29,7 @@ from sautereau.robot.drivers.galil.dmc import (
     profile,
     segment_commands,
 )
-from sautereau.robot.drivers.galil.homing import Homing
+from sautereau.robot.drivers.galil.homing import find_switches
 from sautereau.robot.drivers.galil.program import PRESS, RATE, WATCH
 from sautereau.robot.drivers.galil.push import Push, plan_push, table_of, write_push
 from sautereau.robot.drivers.polling import MARGIN
@@ -61,10 +61,9 @@ class GalilDriver(Axes):
         self._motion: Segments | None = None
         self._plan: CapturePlan | None = None
         self._push: Push | None = None
-        self.homing = Homing(self)
 
     def find_home(self, home: Counts) -> None:
-        self.homing.find(home)
+        find_switches(self, home)
 
     def home_levels(self) -> list[float]:
         return self.line.read("_HMA", "_HMB")

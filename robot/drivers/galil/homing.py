@@ -7,91 +7,74 @@ stands end a search that goes the wrong way.
 """
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sautereau.robot.drivers.galil.axes import Axes
 from sautereau.robot.drivers.galil.dmc import EDGE_FOUND, INDEX_FOUND, halting, profile
 from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.segments import Counts
-
-if TYPE_CHECKING:
-    from sautereau.robot.drivers.galil.axes import Axes
 
 FAST, SLOW = 0.2, 0.01
 """rad/s, of the search and of the last approach."""
 _AXES = "AB"
 
 
-class Homing:
-    """Homing of two axes.
+def find_switches(axes: Axes, home: Counts) -> None:
+    """Find home, define the position there, and set the limits of torque and travel.
 
     Args:
         axes: Their motors are on.
+        home: Counts at home, shape (2,).
+
+    Raises:
+        MotionFault: A switch or index was not found within `controller.home_travel`, or not
+            twice within `controller.home_tolerance`.
     """
-
-    def __init__(self, axes: "Axes"):
-        self._axes = axes
-        self._rig, self._limits = axes.rig.controller, axes.limits
-        self._behind = 1.0 if self._rig.home_approach == "forward" else 0.0
-        """Reading of a home input after the last approach."""
-
-    def find(self, home: Counts) -> None:
-        """Find home, define the position there, and set the limits of torque and travel.
-
-        Args:
-            home: Counts at home, shape (2,).
-
-        Raises:
-            MotionFault: A switch or index was not found within `controller.home_travel`, or not
-                twice within `controller.home_tolerance`.
-        """
-        axes, line = self._axes, self._axes.line
-        start, reach = axes.positions(), math.ceil(self._limits.in_counts(self._rig.home_travel))
-        axes.settings.limit_torque(self._rig.home_torque)
-        axes.settings.limit_travel(start - reach, start + reach)
-        self._find_edges(_AXES, FAST)
-        first, second = self.approach(), self.approach()
-        if (apart := np.abs(second - first)).max() > self._rig.home_tolerance:
-            raise MotionFault(
-                f"homing: the switches were found twice, {apart[0]} and {apart[1]} counts apart,"
-                f" and controller.home_tolerance is {self._rig.home_tolerance}; check that the"
-                " switches are fixed and clean"
-            )
-        if self._rig.home_index:
-            self._find_indices()
-        line.ask(f"DP {home[0]},{home[1]}")
-        axes.settle(home)
-        axes.settings.limit_travel(self._limits.lower, self._limits.upper)
-        axes.settings.limit_torque(1.0)
-
-    def approach(self) -> Counts:
-        """Cross the edges slowly, at last in the direction of the rig; return where that ends."""
-        self._find_edges(_AXES, SLOW)
-        levels = self._axes.line.read("_HMA", "_HMB")
-        if wrong := "".join(a for a, at in zip(_AXES, levels, strict=True) if at != self._behind):
-            self._find_edges(wrong, SLOW)
-        return self._axes.positions()
-
-    def _find_edges(self, which: str, speed: float) -> None:
-        self._move(f"FE {which}", which, speed, EDGE_FOUND)
-
-    def _find_indices(self) -> None:
-        sign = 1 if self._rig.home_approach == "forward" else -1
-        speed = 2 * round(sign * self._limits.in_counts(SLOW) / 2)
-        axes = self._axes
+    rig, limits = axes.rig.controller, axes.limits
+    start, reach = axes.positions(), math.ceil(limits.in_counts(rig.home_travel))
+    axes.settings.limit_torque(rig.home_torque)
+    axes.settings.limit_travel(start - reach, start + reach)
+    _find_edges(axes, _AXES, FAST)
+    first, second = approach(axes), approach(axes)
+    if (apart := np.abs(second - first)).max() > rig.home_tolerance:
+        raise MotionFault(
+            f"homing: the switches were found twice, {apart[0]} and {apart[1]} counts apart,"
+            f" and controller.home_tolerance is {rig.home_tolerance}; check that the"
+            " switches are fixed and clean"
+        )
+    if rig.home_index:
+        sign = 1 if rig.home_approach == "forward" else -1
+        speed = 2 * round(sign * limits.in_counts(SLOW) / 2)
         axes.line.ask(f"JG {speed},{speed}", f"HV {abs(speed)},{abs(speed)}")
-        self._move(f"FI {_AXES}", _AXES, SLOW, INDEX_FOUND)
+        _search(axes, "FI", _AXES, SLOW, INDEX_FOUND)
+    axes.line.ask(f"DP {home[0]},{home[1]}")
+    axes.settle(home)
+    axes.settings.limit_travel(limits.lower, limits.upper)
+    axes.settings.limit_torque(1.0)
 
-    def _move(self, command: str, which: str, speed: float, found: int) -> None:
-        axes = self._axes
-        if command.startswith("FE"):
-            axes.line.ask(*profile(self._limits, self._limits.in_counts(speed)))
-            if speed == SLOW:  # so that the edge is crossed by a few counts only
-                axes.line.ask(halting(self._limits)[0])
-        axes.line.ask(command)
-        axes.line.ask(f"BG {which}")
-        axes.await_standstill("homing", self._rig.home_travel / speed + MARGIN)
-        # A joint that did not take part keeps the code of its own last search.
-        axes.check_stop("homing", {found, EDGE_FOUND})
+
+def approach(axes: Axes) -> Counts:
+    """Cross the edges slowly, at last in the direction of the rig; return where that ends."""
+    _find_edges(axes, _AXES, SLOW)
+    behind = 1.0 if axes.rig.controller.home_approach == "forward" else 0.0
+    levels = axes.line.read("_HMA", "_HMB")
+    if wrong := "".join(a for a, at in zip(_AXES, levels, strict=True) if at != behind):
+        _find_edges(axes, wrong, SLOW)
+    return axes.positions()
+
+
+def _find_edges(axes: Axes, which: str, speed: float) -> None:
+    axes.line.ask(*profile(axes.limits, axes.limits.in_counts(speed)))
+    if speed == SLOW:  # so that the edge is crossed by a few counts only
+        axes.line.ask(halting(axes.limits)[0])
+    _search(axes, "FE", which, speed, EDGE_FOUND)
+
+
+def _search(axes: Axes, command: str, which: str, speed: float, found: int) -> None:
+    axes.line.ask(f"{command} {which}")
+    axes.line.ask(f"BG {which}")
+    axes.await_standstill("homing", axes.rig.controller.home_travel / speed + MARGIN)
+    # A joint that did not take part keeps the code of its own last search.
+    axes.check_stop("homing", {found, EDGE_FOUND})

@@ -7,11 +7,11 @@ by itself has the most significant bit of every byte set (CW 1), which separates
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from itertools import pairwise
 from math import isfinite
 
+from sautereau.robot.drivers.galil.dmc import pack, pieces
 from sautereau.robot.drivers.galil.fair_lock import FairLock
 from sautereau.robot.drivers.serial_port import Port, Wire
 from sautereau.robot.errors import (
@@ -22,8 +22,6 @@ from sautereau.robot.errors import (
     SettingNotTaken,
 )
 
-LONGEST_LINE = 79
-"""Characters of one command line, without its carriage return."""
 _LONGEST_ANSWER = 1 << 18
 _SPACES = b"\t\n\r\x1a"
 """Control characters of answers; control-Z follows an uploaded array."""
@@ -284,25 +282,6 @@ class Line(Wire):
                 " code and text of TC1; check the firmware's revision"
             )
         raise CommandRefused(self.name, command, int(code), text.strip())
-
-
-def pack(commands: Iterable[str]) -> Iterator[tuple[str, ...]]:
-    """Group commands so that each group, joined by `;`, fits on one line."""
-    line: list[str] = []
-    for command in commands:
-        if line and len(";".join([*line, command])) > LONGEST_LINE:
-            yield tuple(line)
-            line = []
-        line.append(command)
-    if line:
-        yield tuple(line)
-
-
-def pieces(rows: int, longest: int) -> Iterator[tuple[int, int]]:
-    """Divide rows from 0 into pieces of at least 2, as QU needs; yield the first and last row."""
-    count = max(1, min(-(-rows // longest), rows // 2))
-    edges = [rows * i // count for i in range(count + 1)]
-    return ((first, end - 1) for first, end in pairwise(edges))
 
 
 def _short(text: str) -> str:

@@ -103,7 +103,7 @@ class Axes(Power):
         Returns:
             Joint positions (counts) and commanded torques at the joints (N m); shape (2,) each.
         """
-        answers = self.line.exchange((*self._commands(rows, index), *_POSITIONS, *_CURRENTS), 4)
+        answers = self.line.ask(*self._commands(rows, index), *_POSITIONS, *_CURRENTS, answers=4)
         currents = [
             self.line.parsed(asked, text, 1)[0]
             for asked, text in zip(_CURRENTS, answers[2:], strict=True)
@@ -111,7 +111,7 @@ class Axes(Power):
         return self._counts(self._turns_from(answers[:2])[0]), np.array(currents) * self._per_ampere
 
     def positions(self) -> Counts:
-        return self._counts(self._turns_from(self.line.exchange(_POSITIONS, 2))[0])
+        return self._counts(self._turns_from(self.line.ask(*_POSITIONS, answers=2))[0])
 
     def move(self, target: Floats | Counts, speed: float, acceleration: float) -> None:
         """Start a move of both joints; counts, counts per second, counts per second squared."""
@@ -129,7 +129,7 @@ class Axes(Power):
     def start_halt(self) -> None:
         """Start a decelerated stop: a move to where the joints can come to rest."""
         acceleration = self.limits.acceleration
-        turns, rates = self._turns_from(self.line.exchange(_POSITIONS, 2))
+        turns, rates = self._turns_from(self.line.ask(*_POSITIONS, answers=2))
         speeds = rates * self.per_turn
         rest = self._counts(turns) + speeds * np.abs(speeds) / (2 * acceleration)
         self.move(rest, self.limits.speed, acceleration)

@@ -42,27 +42,15 @@ class OdriveLine(Wire):
         self._lock = threading.RLock()
         self._received = b""
 
-    def say(self, *commands: str) -> None:
-        """Send commands that answer nothing.
-
-        Raises:
-            LineLost: The port has gone away.
-        """
-        self.exchange(commands, 0)
-
     def confirmed(self, *commands: str) -> None:
         """Send commands that answer nothing, and make sure that they were received.
 
         Raises:
-            RobotError: See `exchange`.
+            RobotError: See `ask`.
         """
-        self.exchange((*commands, _QUESTION), 1)
+        self.ask(*commands, _QUESTION)
 
-    def ask(self, command: str, answers: int = 1) -> list[str]:
-        """Send a question and return the lines that it answers; see `exchange`."""
-        return self.exchange((command,), answers)
-
-    def exchange(self, commands: tuple[str, ...], answers: int) -> list[str]:
+    def ask(self, *commands: str, answers: int = 1) -> list[str]:
         """Send commands in one write, and return ``answers`` lines of answers.
 
         Raises:
@@ -101,7 +89,7 @@ class OdriveLine(Wire):
         """Write properties, read each back, and list all that were not taken in one error."""
         faults = []
         for name, value in settings.items():
-            (text,) = self.exchange((f"w {name} {value:.9g}", f"r {name}"), 1)
+            (text,) = self.ask(f"w {name} {value:.9g}", f"r {name}")
             (taken,) = self.parsed(f"r {name}", text, 1)
             # An answer is cut to nine characters, of which six are decimals.
             if not math.isclose(taken, value, rel_tol=1e-5, abs_tol=2e-6):
@@ -126,7 +114,7 @@ class OdriveLine(Wire):
             Hardware version, firmware version and serial number, as the controller sends them.
 
         Raises:
-            RobotError: As `exchange`; `GarbledAnswer` where it does not identify itself.
+            RobotError: As `ask`; `GarbledAnswer` where it does not identify itself.
         """
         lines: list[str] = []
         with self._lock, self._reaching("i"):

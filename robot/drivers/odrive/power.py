@@ -44,7 +44,7 @@ class Power(StreamedDriver[Setpoints]):
 
     def renew(self, _keep_waiting: Callable[[], bool] | None = None, /) -> None:
         """Give both watchdogs a sign of life."""
-        self.line.say("u 0", "u 1")
+        self.line.ask("u 0", "u 1", answers=0)
 
     @property
     def running(self) -> bool:
@@ -139,7 +139,7 @@ class Power(StreamedDriver[Setpoints]):
 
     def send_abort(self) -> None:
         with suppress(RobotError):  # the error that it was not confirmed is raised already
-            self.line.say(*_OFF)
+            self.line.ask(*_OFF, answers=0)
 
     def _off_and_read_back(self) -> None:
         """Switch off, and wait for the idle state of both axes."""

@@ -18,6 +18,7 @@ from typing import Self
 
 import numpy as np
 
+from sautereau.robot.drivers.stream import Rows
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments, motion_at, segment_cubics
 
@@ -39,17 +40,13 @@ def bandwidth(sample_period: float) -> float:
 
 
 @dataclass(frozen=True)
-class Setpoints:
+class Setpoints(Rows):
     """The setpoints of a motion, one row for each interval."""
 
     positions: Floats
     """Counts, sent to the filter; shape (n, 2)."""
     velocities: Floats
     """Counts per second, sent to the filter; shape (n, 2)."""
-    planned: Floats
-    """Counts, planned joint positions at the start of the interval; shape (n, 2)."""
-    interval: float
-    """s, between two setpoints."""
     run_out: Counts
     """Counts, where the joints would come to rest if no setpoint followed; shape (n, 2)."""
 
@@ -69,10 +66,10 @@ class Setpoints:
         rests = _rests(aims, motion.position[0], width, interval)
         rests[-1] = motion.position[last]
         return cls(
-            rests - 2 * velocities / width,
-            velocities,
             motion.position[np.clip(starts, 0, last)],
             interval,
+            rests - 2 * velocities / width,
+            velocities,
             np.rint(rests).astype(np.int64),
         )
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, MotionController
+from sautereau.robot.controller import Capture, MotionController, play
 from sautereau.robot.errors import MotionFault, RobotError
 from sautereau.robot.experiment.motion_source import open_motion
 from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
-from sautereau.trajectory.arm import joints_holding_point, link_vectors
-from sautereau.trajectory.dynamics import gravity_torque
+from sautereau.trajectory.arm import joints_holding_point
+from sautereau.trajectory.dynamics import gravity_torque, tip_torque
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.segments import Counts, Segments, to_counts
 
@@ -192,10 +192,7 @@ def play_measured(
     """
     channel = rig.daq.channel("force")
     if channel is None:
-        controller.load(segments)
-        controller.arm()
-        controller.start()
-        controller.wait()
+        play(controller, segments)
         return controller.capture(), None
     capture, volts = play_recorded(rig, controller, segments)
     return capture, volts[channel.name] * channel.scale
@@ -253,7 +250,5 @@ def _by_motors(
     missing = gravity_torque(rig.arm, joints[None])[0] - capture.torques[late].mean(axis=0)
     if before is None:
         return 0.0, missing
-    _, upper = link_vectors(rig.arm.upper_length, joints[:1])
-    _, lower = link_vectors(rig.arm.lower_length, joints.sum(keepdims=True))
-    jacobian = np.stack([(upper + lower)[0], lower[0]])
-    return abs(float(np.linalg.solve(jacobian, missing - before)[1])), before
+    per_newton = np.stack([tip_torque(rig.arm, joints, axis) for axis in np.eye(2)], -1)
+    return abs(float(np.linalg.solve(per_newton, missing - before)[1])), before

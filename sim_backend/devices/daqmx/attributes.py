@@ -92,6 +92,30 @@ def given(request: Any, name: str, default: Any = None) -> Any:
     return getattr(request, f"{name}_raw", 0) or getattr(request, name, default)
 
 
+def field(
+    name: str,
+    default: Any,
+    read: Callable[[Any], Any] | None = None,
+    *,
+    of: Callable[[Any], Any] = lambda about: about,
+) -> Attribute:
+    """Return a property that is a field, which cannot be set while the task runs.
+
+    Args:
+        name: Of the field.
+        default: To which it is reset.
+        read: Returns the property; None for the field itself.
+        of: Returns what has the field, by default what has the property.
+    """
+
+    def write(about: Any, value: Any) -> None:
+        about.must_be_idle()
+        setattr(of(about), name, value)
+
+    read = read or (lambda about: getattr(of(about), name))
+    return Attribute(read, write, lambda about: write(about, default))
+
+
 def call(method: Callable[..., Any], name: str = "") -> Callable[..., Any]:
     """Answer a call with the fields that a method returns, None for none, or its message.
 

@@ -1,5 +1,7 @@
 """The interface between the DAQmx stand-in and a card: its runs, and the driver's errors."""
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -8,8 +10,11 @@ from numpy.typing import NDArray
 
 from sautereau.sim_backend.device_types import DeviceType
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.names import split_names
 from sautereau.sim_backend.sensors.converter import Converter
+
+MOST_CHANNELS = 1024
+"""Channels that one range may name."""
+_SPAN = re.compile(r"(.*?)(\d+):(?:.*?)(\d+)")
 
 
 class ServerGone(Exception):  # noqa: N818 - the name says what happened
@@ -116,6 +121,21 @@ class Card(Protocol):
 def owner_of(card: Card) -> str:
     """Return the name of the device that has a card's trigger terminals."""
     return card.chassis or card.name
+
+
+def split_names(text: str) -> Iterable[str]:
+    """Yield the names of a list with ranges: ``"a, b0:2"`` has a, b0, b1, b2."""
+    for part in (part.strip() for part in text.split(",")):
+        span = _SPAN.fullmatch(part)
+        if not span:
+            yield part
+            continue
+        first, last = int(span[2]), int(span[3])
+        if abs(last - first) > MOST_CHANNELS:
+            raise DaqmxError(-200170, f"More than {MOST_CHANNELS} channels: {part}")
+        step = 1 if last >= first else -1
+        for number in range(first, last + step, step):
+            yield f"{span[1]}{number}"
 
 
 def physical_channels(text: str, card: Card) -> list[str]:

@@ -1,9 +1,10 @@
 """The properties of a channel."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from sautereau.sim_backend.device_types import AC, DC, IDEAL
-from sautereau.sim_backend.devices.daqmx.attributes import Attribute, kept, number, table
+from sautereau.sim_backend.devices.daqmx.attributes import Attribute, field, kept, number, table
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, NO_EXCITATION, Input, invalid
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
@@ -25,6 +26,10 @@ class Seat:
     def input(self) -> Input:
         """The channel itself."""
         return self.task.channels[self.name]
+
+    def must_be_idle(self) -> None:
+        """Refuse a change while its task runs."""
+        self.task.must_be_idle()
 
     @property
     def stored(self) -> dict[int, object]:
@@ -67,7 +72,7 @@ def _checked(prefix_name: str, default, possible, check=None) -> Attribute:
         return seat.stored[key] if key in seat.stored else default(seat)
 
     def write(seat: Seat, value) -> None:
-        seat.task.must_be_idle()
+        seat.must_be_idle()
         if check:
             check(seat)
         if value not in possible(seat):
@@ -77,36 +82,20 @@ def _checked(prefix_name: str, default, possible, check=None) -> Attribute:
     return Attribute(read, write, lambda seat: seat.stored.pop(key, None))
 
 
-def _set_configuration(seat: Seat, value: int) -> None:
-    seat.task.must_be_idle()
-    seat.input.configuration = value
-
-
 def _configuration(seat: Seat) -> int:
     seat.input.verify()
     given = seat.input.configuration
     return seat.task.device.configurations[0] if given == -1 else given
 
 
-def _set_range(seat: Seat, value: float) -> None:
-    seat.task.must_be_idle()
-    seat.input.requested_range = abs(value)
-
-
-def _free_range(seat: Seat) -> None:
-    seat.task.must_be_idle()
-    seat.input.requested_range = None
+def _of_input(name: str, default: object, read: Callable[[Seat], object]) -> Attribute:
+    return field(name, default, read, of=lambda seat: seat.input)
 
 
 def _limit(name: str, sign: int) -> Attribute:
-    def read(seat: Seat) -> float:
-        return sign * seat.input.range / seat.input.volts_per_unit
-
-    def write(seat: Seat, value: float) -> None:
-        seat.task.must_be_idle()
-        setattr(seat.input, name, value)
-
-    return Attribute(read, write, lambda seat: write(seat, sign * 5.0))
+    return _of_input(
+        name, sign * 5.0, lambda seat: sign * seat.input.range / seat.input.volts_per_unit
+    )
 
 
 def _scaling(seat: Seat) -> list[float]:
@@ -167,11 +156,9 @@ CHANNEL = {
             "AI_IS_TEDS": False,
             "AI_MAX": _limit("high", 1),
             "AI_MIN": _limit("low", -1),
-            "AI_RNG_HIGH": Attribute(lambda seat: seat.input.range, _set_range, _free_range),
-            "AI_RNG_LOW": Attribute(lambda seat: -seat.input.range, _set_range, _free_range),
-            "AI_TERM_CFG": Attribute(
-                _configuration, _set_configuration, lambda seat: _set_configuration(seat, -1)
-            ),
+            "AI_RNG_HIGH": _of_input("requested_range", None, lambda seat: seat.input.range),
+            "AI_RNG_LOW": _of_input("requested_range", None, lambda seat: -seat.input.range),
+            "AI_TERM_CFG": _of_input("configuration", -1, _configuration),
             "AI_COUPLING": _checked(
                 "AI_COUPLING", _coupling, lambda seat: seat.task.device.couplings
             ),

@@ -31,7 +31,7 @@ class Input:
     volts_per_unit: float = 1.0
     """V per unit of the channel: its sensor's sensitivity."""
     requested_range: float | None = None
-    """V, that the device's range must take; None for the limits themselves."""
+    """V, that the device's range must take, of either sign; None for the limits themselves."""
     stored: dict[int, Any] = field(default_factory=dict)
 
     def verify(self) -> None:
@@ -45,7 +45,7 @@ class Input:
     @property
     def range(self) -> float:
         """Largest magnitude of the device's input range, V."""
-        volts = self.requested_range or max(abs(volts) for volts in self.limits)
+        volts = abs(self.requested_range or max(self.limits, key=abs))
         # 1e-9: sensitivity times maximum may exceed a range by rounding only.
         found = self.device.range_for(volts * (1 - 1e-9), self.configuration)
         if not self.low < self.high or found is None:

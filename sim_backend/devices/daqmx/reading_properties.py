@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from sautereau.sim_backend.devices.daqmx.attributes import Attribute, kept, table
+from sautereau.sim_backend.devices.daqmx.attributes import Attribute, field, kept, table
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import invalid
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
@@ -26,11 +26,6 @@ def _read_channels(task: CardTask, names: str) -> None:
 
 def _default_relative(task: CardTask) -> None:
     task.requested_relative = None
-
-
-def _remove_buffer(task: CardTask) -> None:
-    task.must_be_idle()
-    task.buffer = None
 
 
 _FAULTS = (
@@ -92,7 +87,7 @@ BUFFER = table(
     "BUFFER",
     {
         "INPUT_BUF_SIZE": Attribute(
-            lambda task: task.buffer_size, CardTask.set_buffer, _remove_buffer
+            lambda task: task.buffer_size, CardTask.set_buffer, field("buffer", None).clear
         ),
         "INPUT_ONBRD_BUF_SIZE": 4095,
     },

@@ -92,6 +92,7 @@ class SampledRun:
                 simulated.faults(faults, np.random.default_rng(key)),
                 lags[i],
                 setup.converters[i] if setup.converters else None,
+                scene.transducer if simulated.on_transducer else None,
             )
             self._chains.append(chain)
             self._parts.append((chain, simulated.source(rig)))

@@ -10,10 +10,10 @@ from sautereau.sim_backend.devices.daqmx.card import (
     Run,
     TaskSetup,
     physical_channels,
+    split_names,
 )
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import Input, invalid
-from sautereau.sim_backend.devices.daqmx.names import split_names
 from sautereau.sim_backend.devices.daqmx.triggers import (
     DIGITAL_EDGE,
     FALLING,

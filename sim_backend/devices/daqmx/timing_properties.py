@@ -2,7 +2,14 @@
 
 from collections.abc import Callable
 
-from sautereau.sim_backend.devices.daqmx.attributes import Attribute, Table, kept, number, table
+from sautereau.sim_backend.devices.daqmx.attributes import (
+    Attribute,
+    Table,
+    field,
+    kept,
+    number,
+    table,
+)
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST
@@ -10,20 +17,6 @@ from sautereau.sim_backend.devices.daqmx.triggers import NONE, RISING, Trigger, 
 
 _SAMPLE_CLOCK, _ON_DEMAND = 10388, 10390
 _DEFAULT_RATE = 1000.0
-
-
-def _set(name: str) -> Callable[[CardTask, object], None]:
-    def write(task: CardTask, value: object) -> None:
-        task.must_be_idle()
-        setattr(task, name, value)
-
-    return write
-
-
-def _plain(name: str, default: object) -> Attribute:
-    """Return a property that is a field of the task."""
-    write = _set(name)
-    return Attribute(lambda task: getattr(task, name), write, lambda task: write(task, default))
 
 
 def _set_timing_type(task: CardTask, kind: int) -> None:
@@ -45,34 +38,32 @@ def _timebase(task: CardTask) -> float:
     return task.device.timebase
 
 
+_RATE = field("requested_rate", _DEFAULT_RATE, lambda task: task.rate or _DEFAULT_RATE)
+
+
+def _set_divisor(task: CardTask, divisor: int) -> None:
+    task.must_be_idle()
+    task.requested_rate = _timebase(task) / divisor
+
+
 TIMING = {
     **table(
         "TIMING",
         {
-            "SAMP_CLK_RATE": Attribute(
-                lambda task: task.rate or _DEFAULT_RATE,
-                _set("requested_rate"),
-                lambda task: _set("requested_rate")(task, _DEFAULT_RATE),
-            ),
+            "SAMP_CLK_RATE": _RATE,
             "SAMP_CLK_MAX_RATE": lambda task: task.device.most(len(task.channels)),
-            "SAMP_CLK_SRC": Attribute(
-                CardTask.clock_terminal, _set("clock"), lambda task: _set("clock")(task, "")
-            ),
+            "SAMP_CLK_SRC": field("clock", "", CardTask.clock_terminal),
             "SAMP_CLK_TERM": CardTask.clock_terminal,
             "SAMP_CLK_TIMEBASE_RATE": _timebase,
             "SAMP_CLK_TIMEBASE_SRC": lambda task: f"/{task.card.name}/ai/SampleClockTimebase",
             "SAMP_CLK_TIMEBASE_DIV": Attribute(
                 lambda task: round(_timebase(task) / (task.rate or _DEFAULT_RATE)),
-                lambda task, n: _set("requested_rate")(task, _timebase(task) / n),
-                lambda task: _set("requested_rate")(task, _DEFAULT_RATE),
+                _set_divisor,
+                _RATE.clear,
             ),
-            "SAMP_CLK_ACTIVE_EDGE": _plain("clock_edge", RISING),
-            "SAMP_QUANT_SAMP_MODE": _plain("mode", CONTINUOUS),
-            "SAMP_QUANT_SAMP_PER_CHAN": Attribute(
-                CardTask.checked_samples,
-                _set("n_samples"),
-                lambda task: _set("n_samples")(task, 1000),
-            ),
+            "SAMP_CLK_ACTIVE_EDGE": field("clock_edge", RISING),
+            "SAMP_QUANT_SAMP_MODE": field("mode", CONTINUOUS),
+            "SAMP_QUANT_SAMP_PER_CHAN": field("n_samples", 1000, CardTask.checked_samples),
             "SAMP_TIMING_TYPE": Attribute(
                 lambda task: _ON_DEMAND if task.requested_rate is None else _SAMPLE_CLOCK,
                 _set_timing_type,
@@ -104,21 +95,11 @@ def _of_trigger(pick: Callable[[CardTask], Trigger], word: str) -> Table:
         pick: Returns the trigger of a task.
         word: As in their names: ``START`` in DIG_EDGE_START_TRIG_SRC.
     """
-
-    def field(name: str, default: object) -> Attribute:
-        def write(task: CardTask, value: object) -> None:
-            task.must_be_idle()
-            setattr(pick(task), name, value)
-
-        return Attribute(
-            lambda task: getattr(pick(task), name), write, lambda task: write(task, default)
-        )
-
-    source = field("source", "")
-    routed = Attribute(
+    routed = field(
+        "source",
+        "",
         lambda task: pick(task).route(task.card) if pick(task).source else "",
-        source.write,
-        source.clear,
+        of=pick,
     )
     kept_ones: dict[str, object] = {
         f"{kind}_{word}_TRIG_DIG_FLTR_{what}": default
@@ -134,12 +115,12 @@ def _of_trigger(pick: Callable[[CardTask], Trigger], word: str) -> Table:
         **table(
             "TRIGGER",
             {
-                f"{word}_TRIG_TYPE": field("kind", NONE),
+                f"{word}_TRIG_TYPE": field("kind", NONE, of=pick),
                 f"DIG_EDGE_{word}_TRIG_SRC": routed,
                 f"ANLG_EDGE_{word}_TRIG_SRC": routed,
                 f"ANLG_WIN_{word}_TRIG_SRC": routed,
-                f"DIG_EDGE_{word}_TRIG_EDGE": field("edge", RISING),
-                f"ANLG_EDGE_{word}_TRIG_SLOPE": field("edge", RISING),
+                f"DIG_EDGE_{word}_TRIG_EDGE": field("edge", RISING, of=pick),
+                f"ANLG_EDGE_{word}_TRIG_SLOPE": field("edge", RISING, of=pick),
                 f"{word}_TRIG_TERM": lambda task: terminal(pick(task).source, task.card),
             },
         ),
@@ -163,7 +144,7 @@ def _of_trigger(pick: Callable[[CardTask], Trigger], word: str) -> Table:
 TRIGGER = {
     **_of_trigger(lambda task: task.start_trigger, "START"),
     **_of_trigger(lambda task: task.reference, "REF"),
-    **table("TRIGGER", {"REF_TRIG_PRETRIG_SAMPLES": _plain("before", LEAST)}),
+    **table("TRIGGER", {"REF_TRIG_PRETRIG_SAMPLES": field("before", LEAST)}),
     **kept("TRIGGER", {"PAUSE_TRIG_TYPE": NONE, "ARM_START_TRIG_TYPE": NONE}),
 }
 RETRIGGERABLE = number("TRIGGER", "START_TRIG_RETRIGGERABLE")

@@ -1,21 +1,20 @@
 """The exact engine as a world."""
 
-import math
-
 import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.fingertip import engage
 from sautereau.sim_backend.physics.exact.laws import set_laws
-from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches, joint_cubics
+from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches
 from sautereau.sim_backend.physics.exact.play import play
-from sautereau.sim_backend.physics.finger import Reference, StandingFinger
-from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
+from sautereau.sim_backend.scene import NO_BENDING, Scene
 from sautereau.trajectory.motion import Floats
 
 FINGERS = ("push", "ideal", "servo")
@@ -26,13 +25,10 @@ RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
 order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
 SPARE_ROWS = 64
 """Rows for changes of mode, in a call and in every sample; further ones are not kept."""
-SETTLED = 10
-"""Counts of following error below which an arm at rest has settled."""
 
 _ENDS = np.array([0.0, 1.0])
 _FAULTS = {
-    ix.TURNED_OVER: "the key has turned by 1.2 rad, the limit of the model; lower the push, or"
-    " enable the felt in the scene",
+    ix.TURNED_OVER: TURNED_OVER,
     ix.LOST: "the simulation diverged or is too stiff; the scene's forces are out of its range:"
     " lower masses, stiffness or damping",
     ix.JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
@@ -41,7 +37,7 @@ _FAULTS = {
 }
 
 
-class ExactWorld:
+class ExactWorld(World):
     """The physics of a scene with a spring string; see `physics.world.World`.
 
     Args:
@@ -66,15 +62,9 @@ class ExactWorld:
         order: int = ORDER,
         tolerance: float | None = None,
     ):
-        self.rig = rig = scene.true_rig(rig)
+        super().__init__(rig, scene, start)
+        rig = self.rig
         check_scene(scene)
-        home, offset = rig.arm.home_angles, scene.start_offset
-        self.start = start or (home[0] + offset[0], home[1] + offset[1])
-        """rad, joints when power came on."""
-        self.radians_per_count = rig.arm.radians_per_count
-        self.samples = 0
-        """Controller samples done."""
-        self.events = PluckEvents()
         self._period = rig.controller.sample_period
         self._timing = timing_of(rig, scene, order, tolerance)
         numbers = Numbers(rig, scene, {})
@@ -91,21 +81,8 @@ class ExactWorld:
             ExactWorld._compiled = True
         self.finger = ServoFinger(self.press) if scene.servo else StandingFinger(self.start)
 
-    @property
-    def time(self) -> float:
-        """Simulated time [s]; advanced by motion and acquisition only."""
-        return self.samples * self._period
-
     def advance(self, reference: Reference, powered: bool) -> Motions:
-        """Advance by one controller sample.
-
-        Args:
-            reference: Of the arm over this sample, in raw encoder counts.
-            powered: Whether the motors are on; without power there is no push.
-
-        Raises:
-            SceneError: The motion diverges.
-        """
+        """Advance by one controller sample; see `World.advance`."""
         return self._play(*reference(_ENDS), powered)
 
     def play(self, drive: Drive) -> Motions:
@@ -201,7 +178,7 @@ def check_scene(scene: Scene) -> None:
     """Refuse a scene that the exact engine does not support.
 
     Raises:
-        SceneError: The scene has a modal string, or an open choice.
+        SceneError: The scene has a modal string, a bending key, or an open choice.
     """
     faults = []
     if scene.string == "modal":
@@ -209,6 +186,8 @@ def check_scene(scene: Scene) -> None:
             'engine: "exact" does not support string = "modal"; set engine = "rigid", or'
             ' string = "spring"'
         )
+    if scene.bending is not None:
+        faults.append(f"engine: {NO_BENDING}")
     if scene.step is None or "auto" in (scene.plectrum, scene.string):
         faults.append(
             "step, plectrum, string: the scene leaves them open; choose them with"
@@ -224,6 +203,6 @@ def timing_of(
 ) -> tuple[int, int, float]:
     """Return the number of steps in a controller sample, their order and their tolerance."""
     period = rig.controller.sample_period
-    steps = math.ceil(period / (scene.step or math.inf) - 1e-9)
+    steps = steps_in_sample(rig, scene.step or period)
     rated = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
     return steps, order, rated if tolerance is None else tolerance

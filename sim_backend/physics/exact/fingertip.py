@@ -15,7 +15,8 @@ def locate_tip(press, time):
 
     With the joints q, a' = A q' and a'' = A q'' + bias. For a servo q'' = free - by F, where F is
     the moment on the key; for an ideal finger q is the reference, whatever the force. The angle is
-    NaN if the fingertip is so close to the pin that no angle gives a contact.
+    NaN if the fingertip is so close to the pin that no angle gives a contact. With a pad the key
+    has its own angle, and the pad's moment is set.
     """
     arm, finger = press.arm, press.finger
     if finger.kind == ix.PUSH:
@@ -33,10 +34,13 @@ def locate_tip(press, time):
     lx, lz = arm.lower * math.cos(q12), arm.lower * math.sin(q12)
     x, z = arm.base_x + ux + lx, arm.base_z + uz + lz
     squared = x * x + z * z - arm.height * arm.height
-    if not squared > 0:
+    if arm.pad_stiffness > 0.0:
+        angle = press.x[0]
+    elif squared > 0:
+        angle = math.atan2(-x, z) - math.atan2(math.sqrt(squared), arm.height)
+    else:
         finger.angle = math.nan
         return
-    angle = math.atan2(-x, z) - math.atan2(math.sqrt(squared), arm.height)
     sine, cosine = math.sin(angle), math.cos(angle)
     reach = x * cosine + z * sine
     # Columns of the fingertip's Jacobian: (-uz - lz, ux + lx) and (-lz, lx).
@@ -53,6 +57,22 @@ def locate_tip(press, time):
         s1, s2 = finger.free[0], finger.free[1]
         finger.compliance = slope1 * finger.by[0] + slope2 * finger.by[1]
     finger.acceleration = slope1 * s1 + slope2 * s2 + bias
+    if arm.pad_stiffness > 0.0:
+        finger.overlap = arm.height - z * cosine + x * sine
+        squeeze(press)
+
+
+@compiled
+def squeeze(press):
+    """Set the moment of the pad, which a rigid fingertip's contact never joins."""
+    arm, finger = press.arm, press.finger
+    closing = finger.lever * (finger.speed - press.v[0])
+    finger.push = arm.pad_stiffness * finger.overlap + arm.pad_damping * closing
+    finger.push *= finger.lever
+    finger.moment = max(0.0, finger.push) if finger.overlap > 0.0 else 0.0
+    finger.angle, finger.compliance = -math.inf, math.inf
+    for j in range(2):
+        finger.free[j] -= finger.by[j] * finger.moment
 
 
 @compiled

@@ -2,7 +2,6 @@
 
 import math
 
-from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import inlined
 from sautereau.sim_backend.physics.exact.fingertip import locate_tip
@@ -54,7 +53,7 @@ def pluck_force(cells, jack, choir, height):
 def static_load(press, k, rise):
     """Return the sum of weight, string and damper of a jack [N], downwards."""
     jack = press.jacks[k]
-    load = jack.mass * GRAVITY + string_force(press, k, rise)
+    load = jack.mass * press.key.gravity + string_force(press, k, rise)
     if press.choirs[k].damped:
         load -= jack.damper * (jack.lift - rise)
     return load

@@ -206,6 +206,9 @@ def select(press, time):
             v[i] = 0.0
     direction = heading(press, time) if finger.kind != ix.PUSH and v[0] == 0.0 else 0
     locate_tip(press, time)
+    mode.pad = ix.OFF
+    if finger.overlap > 0.0:
+        mode.pad = ix.PRESSED if finger.push >= 0.0 else ix.SLACK
     q, t = pose(press, 0, 1.0)
     near = x[0] - finger.angle <= ix.CLOSE and abs(v[0] - finger.speed) <= ix.SLOW
     solve(press, q, t, finger.acceleration, near, direction, x[0] <= ix.CLOSE and v[0] == 0.0)

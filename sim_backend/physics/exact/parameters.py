@@ -1,7 +1,7 @@
 """Parameters of presses, from a rig and values that vary between them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -68,7 +68,8 @@ def benches(numbers: Numbers, presses: int) -> tuple[NDArray[Any], NDArray[Any]]
     """
     scene, arm = numbers.scene, numbers("key.press_arm")
     keys, jacks = np.zeros(presses, KEY), np.zeros((presses, len(numbers.prefixes)), JACK)
-    keys["inertia"], keys["gravity_moment"] = numbers("key.inertia"), numbers("key.gravity_moment")
+    keys["inertia"], keys["gravity"] = numbers("key.inertia"), scene.gravity
+    keys["gravity_moment"] = numbers("key.gravity_moment") * (scene.gravity / GRAVITY)
     keys["height"], keys["press_arm"] = numbers("key.jack_surface_height"), arm
     if scene.friction:
         keys["viscous"] = numbers("key.pivot_viscous_friction")
@@ -77,6 +78,7 @@ def benches(numbers: Numbers, presses: int) -> tuple[NDArray[Any], NDArray[Any]]
     if scene.felt:
         keys["felt_stiffness"] = numbers("key.felt_stiffness") * arm * arm
         keys["felt_damping"] = numbers("key.felt_damping") * arm * arm
+    keys["push_end"] = math.inf
     if scene.push:
         keys["force"], keys["push_end"] = numbers("push.force"), numbers("push.duration")
     for k, at in enumerate(numbers.prefixes):
@@ -118,26 +120,15 @@ def arm_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
         "height": rig.key.surface_height + arm.fingertip_radius,
         "inertia1": (mass1 / 3 + mass2) * l1**2 + first, "inertia2": mass2 * l2**2 / 3,
         "rotor2": second, "coupling": mass2 * l1 * l2 / 2,
-        "weight1": GRAVITY * (mass1 / 2 + mass2) * l1, "weight2": GRAVITY * mass2 * l2 / 2,
+        "weight1": scene.gravity * (mass1 / 2 + mass2) * l1,
+        "weight2": scene.gravity * mass2 * l2 / 2,
         "radians": arm.radians_per_count, "start": start, "limit": arm.torque_limit, "locked": 1,
     }  # fmt: skip
     if scene.servo:
         names = ("stiffness", "damping", "feedforward", "integral_time")
         values |= {name: getattr(scene.servo, name) for name in names}
+    if scene.fingertip:
+        values |= {f"pad_{name}": value for name, value in scene.fingertip}
     for name, value in values.items():
         found[name] = value
     return found
-
-
-def joint_cubics(start: Sequence[float], counts: Floats, speeds: Floats, radians: float) -> Floats:
-    """Return the joints' cubics [rad] over controller samples; shape (samples, 2 joints, 4).
-
-    Args:
-        start: rad, joints where the counts are 0.
-        counts: At the ends of the samples; shape (samples + 1, 2).
-        speeds: Counts per sample, of the same shape.
-        radians: rad per count.
-    """
-    places, v = counts * radians, speeds * radians
-    step, v0, v1 = np.diff(places, axis=0), v[:-1], v[1:]
-    return np.stack([start + places[:-1], v0, 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step], axis=-1)

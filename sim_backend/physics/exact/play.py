@@ -7,18 +7,13 @@ landings alternate between two jacks, a nonsmooth step of first order passes the
 
 import math
 
+from sautereau.sim_backend.physics.base import LARGEST_ANGLE
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled
 from sautereau.sim_backend.physics.exact.fingertip import close_loops, locate_tip
 from sautereau.sim_backend.physics.exact.forces import surface
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
-from sautereau.sim_backend.physics.exact.step import (
-    LARGEST_ANGLE,
-    guard,
-    hold_tip,
-    locate,
-    try_step,
-)
+from sautereau.sim_backend.physics.exact.step import guard, hold_tip, locate, try_step
 from sautereau.sim_backend.physics.exact.strings import update_strings, write_row
 
 SHORTEST = 1e-8

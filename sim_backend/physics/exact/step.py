@@ -7,12 +7,11 @@ removes one of them per row.
 
 import math
 
+from sautereau.sim_backend.physics.base import LARGEST_ANGLE
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, inlined
 from sautereau.sim_backend.physics.exact.forces import accelerate, felt_push, surface
 
-LARGEST_ANGLE = 1.2
-"""rad, of the key, above which the simulation is stopped; the closed form ends at pi / 2."""
 ANGLE, RISE, RATE, SPEED, FORCE = 1e-15, 1e-16, 1e-13, 1e-14, 1e-12
 """rad, m, rad/s, m/s and fraction of the weights: by which a guard is violated at an event."""
 SLOWEST = 1e-3
@@ -112,6 +111,12 @@ def guard(press):
             least = min(least, mode.moment / weights + FORCE)
     elif finger.kind != ix.PUSH:
         least = min(least, (angle - finger.angle + ANGLE) * 1e2)
+    if press.arm.pad_stiffness > 0.0:
+        side = 1.0 if mode.pad == ix.PRESSED else -1.0
+        if mode.pad == ix.OFF:
+            least = min(least, (RISE - finger.overlap) * 1e3)
+        else:
+            least = min(least, (finger.overlap + RISE) * 1e3, side * finger.push / weights + FORCE)
     if mode.felt == ix.OFF:
         return min(least, (key.dip - angle + ANGLE) * 1e2)
     push = felt_push(key, angle, omega) * (1.0 if mode.felt == ix.PRESSED else -1.0)

@@ -67,8 +67,9 @@ def write_row(press, time, change):
     mode.rows += 1
     row[0], row[1], row[2], row[3] = time, press.x[0], press.v[0], press.x[1]
     row[4] = finger.moment / press.key.press_arm
-    if mode.touch:
-        row[4] = mode.moment / finger.lever
+    if finger.kind != ix.PUSH:
+        pushed = finger.moment if mode.pad == ix.PRESSED else 0.0
+        row[4] = (mode.moment if mode.touch else pushed) / finger.lever
     row[5] = 0.0
     for k in range(len(press.jacks)):
         row[5] += string_force(press, k, press.x[k + 1])

@@ -11,7 +11,8 @@ from sautereau.trajectory.motion import Floats
 BELOW, HELD, ABOVE, PASSING = 0, 1, 2, 3
 """States of a plectrum and its string."""
 OFF, PRESSED, SLACK = 0, 1, 2
-"""States of the front felt; the key leaves a slack felt faster than it expands."""
+"""States of the front felt and of the fingertip's pad; a slack one expands more slowly than the
+key leaves it."""
 CONTACT, RELEASE, RETURN = 0, 1, 2
 """Kinds of a string's events."""
 PUSH, IDEAL, SERVO = 0, 1, 2
@@ -36,10 +37,11 @@ def _record(floats: str, ints: str = "", pairs: str = "", **arrays: Any) -> np.d
 
 KEY = _record(
     "inertia gravity_moment viscous dry dip felt_stiffness felt_damping height press_arm"
-    " force push_end"
+    " force push_end gravity"
 )
 """kg m^2, N m, N m s/rad, N m; rad at first contact with the felt, infinite without it, N m/rad,
-N m s/rad; m, of the surface under the jacks above the pin; m; a push in N, and its end in s."""
+N m s/rad; m, of the surface under the jacks above the pin; m; a push in N, and its end in s;
+m/s^2."""
 JACK = _record(
     "mass friction arm clearance tongue_force tongue_stiffness travel lift damper",
     "pieces",
@@ -52,28 +54,31 @@ infinity without it, and N/m. Pieces of the string's force law, the first cell o
 of the last, and the heights [m] of their ends."""
 ARM = _record(
     "base_x base_z upper lower height inertia1 inertia2 rotor2 coupling weight1 weight2"
-    " integral_time radians",
+    " integral_time radians pad_stiffness pad_damping",
     pairs="stiffness damping feedforward start limit offset integral lag torque",
     locked=("i8", 2),
 )
 """Lengths in m, inertias in kg m^2, weights in N m; of the position loops s, and rad per encoder
-count. Of both joints: N m/rad, N m s/rad, kg m^2; rad where the encoders are 0; limits, offsets and
-integrals [N m], following errors [rad] of the last sample, torques [N m]; whether it is braked."""
+count; of the fingertip's pad N/m, 0 if it is rigid, and N s/m. Of both joints: N m/rad, N m s/rad,
+kg m^2; rad where the encoders are 0; limits, offsets and integrals [N m], following errors [rad] of
+the last sample, torques [N m]; whether it is braked."""
 FINGER = _record(
-    "start period moment angle speed acceleration compliance lever",
+    "start period moment angle speed acceleration compliance lever overlap push",
     "kind still",
     "free by",
     cubics=("f8", (2, 4)),
 )
-"""s, of the controller sample; N m, of a push. Of a key that touches the fingertip rad, rad/s, and
-rad/s^2 if no force acts on it; what a moment of 1 N m takes from that, 0 if ideal; m, moment per
-force. The kind, and whether an ideal one is at rest. The joints' accelerations without a force
-[rad/s^2], what a moment of 1 N m takes from those, and their reference over the sample [rad]."""
-MODE = _record("moment up down x", "slip touch felt events rows spare steps")
+"""s, of the controller sample; N m, of a push or a pad. Of a key that touches the fingertip rad,
+rad/s, and rad/s^2 if no force acts on it; what a moment of 1 N m takes from that, 0 if ideal and
+infinite behind a pad; m, moment per force. Of a pad m, by which a rigid fingertip would be within
+the key, and the moment [N m] of its spring and damper, negative if they would pull. The kind, and
+whether an ideal one is at rest. The joints' accelerations without a force [rad/s^2], what a moment
+of 1 N m takes from those, and their reference over the sample [rad]."""
+MODE = _record("moment up down x", "slip touch felt pad events rows spare steps")
 """N m, of the finger on the key, and by which friction holds a key at rest against a rise and
 against a fall; the unknown of the last inclusion. Sign of the key's velocity; whether the finger
-touches it; the felt. Numbers of recorded events and rows, rows left for changes of mode, and steps
-left before a scene counts as too stiff."""
+touches it; the felt; the pad. Numbers of recorded events and rows, rows left for changes of mode,
+and steps left before a scene counts as too stiff."""
 CHOIR = _record("low high load slope push dry", "stands sign string piece cell damped closed")
 """m, rises between which string and damper do not change; N, of the jack on the key; m/rad, slope
 of the key under it; constant and friction of its force in an inclusion. Whether it stands on the

@@ -16,8 +16,9 @@ from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.engine import FINGERS, check_scene, timing_of
 from sautereau.sim_backend.physics.exact.laws import DERIVED, PLECTRUM, STRING, set_laws
-from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches, joint_cubics
+from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches
 from sautereau.sim_backend.physics.exact.play import play_presses
+from sautereau.sim_backend.physics.finger import joint_cubics
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 

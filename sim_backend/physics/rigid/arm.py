@@ -8,7 +8,7 @@ import pymunk
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
-from sautereau.sim_backend.physics.finger import Reference, SteppedFinger
+from sautereau.sim_backend.physics.finger import SETTLED, Reference
 from sautereau.sim_backend.physics.rigid.bodies import (
     FAR,
     INERTIA,
@@ -17,14 +17,15 @@ from sautereau.sim_backend.physics.rigid.bodies import (
     add_arm,
     add_fingertip,
     brakes,
+    set_force,
     set_torque,
 )
+from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import touching_angle
+from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
 from sautereau.sim_backend.physics.servo import PositionLoops
+from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
-
-SETTLED = 10
-"""Counts of following error below which an arm at rest has settled."""
 
 _ENDS = np.array([0.0, 1.0])
 
@@ -41,6 +42,7 @@ class ServoFinger(SteppedFinger):
         rig: The bench.
         start: rad, joints when power comes on.
         servo: Gains of the loops.
+        scene: With its gravity and its fingertip.
 
     Raises:
         SceneError: The motor of joint 2 has a rotor.
@@ -53,6 +55,7 @@ class ServoFinger(SteppedFinger):
         rig: Rig,
         start: tuple[float, float],
         servo: Servo,
+        scene: Scene,
     ):
         first, second = armature(rig.arm)
         if second > 0:
@@ -65,13 +68,16 @@ class ServoFinger(SteppedFinger):
         self._space = space
         self._radians = arm.radians_per_count
         self._period = rig.controller.sample_period
-        self._loops = PositionLoops(servo, arm, self._period)
+        self._loops = PositionLoops(servo, arm, self._period, scene.gravity)
         self._base = arm.base_x * MM, arm.base_z * MM
         self._lengths = arm.upper_length * MM, arm.lower_length * MM
         self._height = (rig.key.surface_height + arm.fingertip_radius) * MM
         self.upper, self.lower = add_arm(space, arm, start)
         self.upper.moment += first * INERTIA
-        self._tip = add_fingertip(space, lever, self.lower, rig.key, arm)
+        if scene.fingertip is not None:
+            self.pad = Pad(scene.fingertip, lever, self._height)
+        else:
+            self._tip = add_fingertip(space, lever, self.lower, rig.key, arm)
         self._brakes = brakes(space, self.upper, self.lower)
         space.add(*self._brakes)
         self._start = start
@@ -126,13 +132,27 @@ class ServoFinger(SteppedFinger):
         return jumped
 
     def apply_forces(
-        self, elapsed: float, angle: float, ahead: float, step: float, fraction: float
+        self,
+        elapsed: float,
+        angle: float,
+        omega: float,
+        ahead: float,
+        step: float,
+        fraction: float,
     ) -> None:
-        """Apply the motors' torques; see `SteppedFinger`."""
+        """Apply the motors' torques and the pad's force; see `SteppedFinger`."""
         (first, second), (a, b) = self._torque, self._correction
         first, second = first * fraction + a, second * fraction + b
+        if self.pad is not None:
+            back = fraction * step - ahead / 2  # from here to the middle of the last step
+            place, velocity, along = self._tip_after(step, back)
+            force = self.pad.press(place, velocity, angle, omega, (ahead, step, fraction))
+            set_force(self.lower, force)
+            second_arm = along[0] / 2 * force[1] - along[1] / 2 * force[0]
+            set_torque(self.lower, second + second_arm)
+        else:
+            set_torque(self.lower, second)
         set_torque(self.upper, first - second)
-        set_torque(self.lower, second)
 
     def contact_force(self, weight: float) -> float:
         """Return the force [N] on the key; see `SteppedFinger`."""
@@ -140,6 +160,9 @@ class ServoFinger(SteppedFinger):
         first, second = self._omegas
         self._omegas = a, b = self.upper.angular_velocity, self.lower.angular_velocity
         self._acceleration = (a - first) / weight, (b - second) / weight
+        if self.pad is not None:
+            self.pad.end_step()
+            return self.pad.force
         if self._separated:
             return 0.0
         force = self._tip.impulse / weight
@@ -150,7 +173,7 @@ class ServoFinger(SteppedFinger):
 
     def reaches_key(self, angle: float, step: float) -> bool:
         """Return whether a separated finger reaches the key within a step; see `SteppedFinger`."""
-        if not self._separated:
+        if not self._is_separated:
             return False
         a, b = self._omegas
         gap = self._gap_at(self.upper.angle + a * step, self.lower.angle + b * step, angle)
@@ -158,7 +181,7 @@ class ServoFinger(SteppedFinger):
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
         """Return the gap [mm] to the key at a later time; see `SteppedFinger`."""
-        if not self._separated:
+        if not self._is_separated:
             return math.inf
         (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
         forward = (time - ahead) / 2
@@ -167,6 +190,9 @@ class ServoFinger(SteppedFinger):
 
     def make_contact(self, time: float) -> None:
         """Be in contact with the key from now on; see `SteppedFinger`."""
+        if self.pad is not None:
+            self.pad.make_contact()
+            return
         self._separated = False
         self._tip.max = FAR - REACH
 
@@ -203,10 +229,35 @@ class ServoFinger(SteppedFinger):
         shoulder = math.hypot(x - up_x - self._base[0], z - up_z - self._base[1])
         hinge = math.hypot(x + up_x - lower_x + out_x, z + up_z - lower_z + out_z)
         tip_x, tip_z = lower_x + out_x, lower_z + out_z
+        if self.pad is not None:
+            return angle, max(shoulder, hinge)
         gap = tip_z * math.cos(angle) - tip_x * math.sin(angle) - self._height
         if gap < 0 or (not self._separated and gap < REACH):
             angle = float(touching_angle(self._rig, np.array([tip_x, tip_z]) / MM))
         return angle, max(shoulder, hinge, -gap)
+
+    @property
+    def _is_separated(self) -> bool:
+        return self._separated if self.pad is None else self.pad.separated
+
+    def _tip_after(
+        self, step: float, back: float
+    ) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+        """Return place and velocity of the fingertip after a step, and link 2 [mm, mm/ms].
+
+        Args:
+            step: ms, of the engine.
+            back: ms, before the end of the step, for which the bodies' velocities hold.
+        """
+        (w1, w2), (accelerated1, accelerated2) = self._omegas, self._acceleration
+        first, second = self.upper.angle, self.lower.angle
+        first += self.upper.angular_velocity * step
+        second += self.lower.angular_velocity * step
+        w1, w2 = w1 + accelerated1 * back, w2 + accelerated2 * back
+        joints, rates = (first, second - first), (w1, w2 - w1)
+        place, velocity = fingertip_state(self._base, self._lengths, joints, rates)
+        l2 = self._lengths[1]
+        return place, velocity, (l2 * math.cos(second), l2 * math.sin(second))
 
     def _set(self, reference: Reference) -> tuple[float, float]:
         """Return the motors' torques [N mm] for the sample that starts."""

@@ -12,19 +12,22 @@ from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.parts import Fingertip
+from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.events import PluckEvents
-from sautereau.sim_backend.physics.finger import PushFinger, SteppedFinger
 from sautereau.sim_backend.physics.rigid.arm import ServoFinger
 from sautereau.sim_backend.physics.rigid.bodies import (
     INERTIA,
     MM,
-    WEIGHT,
     add_key,
     add_pivot_friction,
 )
+from sautereau.sim_backend.physics.rigid.finger import PushFinger, SteppedFinger
+from sautereau.sim_backend.physics.rigid.front import Front
 from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, touching_angle
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
 from sautereau.sim_backend.physics.rigid.key_loads import KeyLoads
+from sautereau.sim_backend.physics.rigid.padded import PaddedIdealFinger
 from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
@@ -53,12 +56,22 @@ class Division:
         loads: On the key.
         jacks: With their strings.
         step: ms, the longest.
+        fingertip: With its pad; None for a rigid one.
+        bending: 1/ms, angular frequency of the key's bending mode.
 
     Raises:
         SceneError: A stiffness or a damping is too large for any step.
     """
 
-    def __init__(self, rig: Rig, loads: KeyLoads, jacks: Iterable[CarriedJack], step: float):
+    def __init__(
+        self,
+        rig: Rig,
+        loads: KeyLoads,
+        jacks: Iterable[CarriedJack],
+        step: float,
+        fingertip: Fingertip | None = None,
+        bending: float = 0.0,
+    ):
         self._step = step
         self._loads = loads
         self._jacks = tuple(jacks)
@@ -67,13 +80,23 @@ class Division:
             math.sqrt(loads.felt_stiffness / inertia),
             (loads.felt_damping + loads.viscous) / inertia,
         )
-        slowed = self._parts(loads.viscous / inertia)
-        self._always = slowed
+        slowed, padded = self._parts(loads.viscous / inertia), 1
+        if fingertip is not None:
+            # Both masses on the pad, each alone.
+            masses = inertia / (rig.key.press_arm * MM) ** 2, rig.arm.lower_mass * MM / 3
+            yielding = sum(1 / mass for mass in masses)
+            padded = self._parts(
+                max(math.sqrt(fingertip.stiffness / MM * yielding), fingertip.damping * yielding)
+            )
+        bent = self._parts(bending)
+        self._always = max(slowed, padded, bent)
         self._felt = self._parts(felt)
         strings = [self._parts(_rate(j.string.stiffest, j)) for j in self._jacks if j.string]
         faults = []
         for parts, what, parameter in (
             (slowed, "the pivot's viscous friction", "key.pivot_viscous_friction"),
+            (bent, "the key's bending", "bending.frequency or bending.damping"),
+            (padded, "the fingertip's pad", "fingertip.stiffness or fingertip.damping"),
             (self._felt, "the front felt", "key.felt_stiffness or key.felt_damping"),
             (max(strings, default=1), "a held string", "string.tension, or raise jack.mass"),
         ):
@@ -84,7 +107,7 @@ class Division:
                 )
         if faults:
             raise SceneError("\n".join(faults))
-        self.most = max(slowed, self._felt, *strings, 1)
+        self.most = max(self._always, self._felt, *strings, 1)
         """Largest number of parts in this scene."""
 
     def step(self) -> float:
@@ -129,6 +152,9 @@ class Assembly:
 
     space: pymunk.Space
     key: pymunk.Body
+    """Or only its back, if it bends."""
+    front: Front | None
+    """Of a key that bends."""
     loads: KeyLoads
     jacks: list[CarriedJack]
     finger: SteppedFinger
@@ -150,7 +176,7 @@ class Assembly:
             step: ms, always the present step of the engine.
             fraction: Dimensionless, of weight and dry friction.
         """
-        across, down = WEIGHT
+        across, down = self.space.gravity
         self.space.gravity = across, down * fraction
         rho = mass_ratio(self.key, self.jacks, self.key.angle)
         least, factor = self.iterations
@@ -160,7 +186,7 @@ class Assembly:
         self.space.step(step)
         for joint, force in self.dry:
             joint.max_force = force
-        self.space.gravity = WEIGHT
+        self.space.gravity = across, down
 
 
 def mass_ratio(key: pymunk.Body, jacks: Iterable[CarriedJack], angle: float) -> float:
@@ -182,17 +208,23 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
             pluck, or the finger starts inside the key.
     """
     space = pymunk.Space()
-    space.gravity, space.iterations = WEIGHT, scene.iterations
+    space.gravity, space.iterations = (0.0, -scene.gravity / MM), scene.iterations
     period = rig.controller.sample_period
-    steps = math.ceil(period / (scene.step or math.inf) - 1e-9)
+    steps = steps_in_sample(rig, scene.step or period)
     angle = 0.0
-    if scene.finger != "push":
+    if scene.finger != "push" and scene.fingertip is None:
         angle = max(0.0, float(touching_angle(rig, fingertip_place(rig.arm, np.array(start)))))
-    key, loads = add_key(space, rig.key, angle), KeyLoads(rig.key, scene)
-    if not angle < loads.bottom:
+    key, loads, front = add_key(space, rig.key, angle), KeyLoads(rig.key, scene), None
+    pressed, before = key, loads
+    if scene.bending is not None:
+        loads, before = (KeyLoads(rig.key, scene, front=f, back=not f) for f in (False, True))
+        front = Front(space, key, scene.bending, before)
+        front.end_sample(angle)
+        pressed = front.body
+    if not angle < before.bottom:
         raise SceneError(
             f"start: the fingertip is in the key: contact needs a key angle of {angle:.4g} rad, and"
-            f" the key turns by {loads.bottom:.4g} rad at most; start above the key"
+            f" the key turns by {before.bottom:.4g} rad at most; start above the key"
         )
     dry: list[tuple[Constraint, float]] = []
     if loads.friction:
@@ -208,15 +240,18 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
             " of the jacks, or raise key.inertia"
         )
     dry += [(jack.dry, jack.dry_force) for jack in jacks if jack.dry]
-    division = Division(rig, loads, jacks, period * MM / steps)
+    rate = front.rate if front else 0.0
+    division = Division(rig, before, jacks, period * MM / steps, scene.fingertip, rate)
     if scene.push is not None:
         finger = PushFinger(scene.push, rig.key.press_arm, start, period)
     elif scene.servo is not None:
-        finger = ServoFinger(space, key, rig, start, scene.servo)
+        finger = ServoFinger(space, pressed, rig, start, scene.servo, scene)
+    elif scene.fingertip is not None:
+        finger = PaddedIdealFinger(pressed, rig, scene.fingertip, start)
     else:
-        finger = IdealFinger(space, key, rig, start, steps, steps * division.most)
+        finger = IdealFinger(space, pressed, rig, start, steps, steps * division.most)
     iterations = scene.iterations, ITERATIONS[scene.finger]
-    return Assembly(space, key, loads, jacks, finger, division, dry, iterations)
+    return Assembly(space, key, front, loads, jacks, finger, division, dry, iterations)
 
 
 def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> StringForce | None:

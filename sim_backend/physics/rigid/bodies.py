@@ -18,14 +18,11 @@ from pymunk.constraints import Constraint
 
 from sautereau.rig.instrument import Jack, Key
 from sautereau.rig.schema import Arm
-from sautereau.rig.section import GRAVITY
 
 MM = 1e3
 """Millimetres per metre; also N mm per N m, grams per kilogram, milliseconds per second."""
 INERTIA = 1e9
 """g mm^2 per kg m^2."""
-WEIGHT = (0.0, -GRAVITY / MM)
-"""mm/ms^2, of gravity."""
 FAR = 1e6
 """mm, from a plane to the centre of its sphere, which departs by 5e-7 mm over 1 mm."""
 REACH = 1e-3
@@ -55,6 +52,13 @@ def add_key(space: pymunk.Space, key: Key, angle: float) -> pymunk.Body:
     pin = constraints.PivotJoint(space.static_body, body, (0, 0), (0, 0))
     rail = constraints.RotaryLimitJoint(space.static_body, body, RAIL_REACH, 2 * math.pi)
     space.add(body, _hard(pin), _unilateral(rail))
+    return body
+
+
+def add_front(space: pymunk.Space, inertia: float) -> pymunk.Body:
+    """Add the front of a bending key [g mm^2] on the pin."""
+    body = pymunk.Body(_HEAVY, inertia)
+    space.add(body, _hard(constraints.PivotJoint(space.static_body, body, (0, 0), (0, 0))))
     return body
 
 

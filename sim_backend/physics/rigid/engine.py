@@ -17,12 +17,12 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.base import LARGEST_ANGLE, TURNED_OVER, World
 from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.events import Motions, PluckEvents
+from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_steps
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_angle, set_torque
-from sautereau.sim_backend.physics.rigid.key_loads import LARGEST_ANGLE
 from sautereau.sim_backend.physics.rigid.step_event import Event, earliest
 from sautereau.sim_backend.scene import Scene
 
@@ -30,7 +30,7 @@ MOST_EVENTS = 1000
 """Events in one controller sample above which the simulation counts as diverged."""
 
 
-class RigidWorld:
+class RigidWorld(World):
     """The physics of a scene; the same `Scene`, rig and references give the same bits.
 
     Args:
@@ -43,17 +43,14 @@ class RigidWorld:
     """
 
     def __init__(self, rig: Rig, scene: Scene, start: tuple[float, float] | None = None):
-        self.rig = rig = scene.true_rig(rig)
-        (first, second), (more, most) = rig.arm.home_angles, scene.start_offset
-        self.start = start or (first + more, second + most)
-        self.radians_per_count = rig.arm.radians_per_count
-        self.samples = 0
-        self.events = PluckEvents()
+        super().__init__(rig, scene, start)
+        rig = self.rig
         self._parts = parts = assemble(rig, scene, self.start, self.events)
         self._space, self._key, self._loads = parts.space, parts.key, parts.loads
         self._jacks, self._division = parts.jacks, parts.division
-        self.finger = parts.finger
-        """What presses the key."""
+        self._front = parts.front
+        self._pushed = self._loads if self._front is None else self._front.loads
+        self.finger = self._finger = parts.finger
         self._loaded = [jack for jack in self._jacks if jack.loaded]
         self._iterations = scene.iterations
         self._period = rig.controller.sample_period * MM
@@ -68,14 +65,9 @@ class RigidWorld:
         self.worst_gap = 0.0
         """m, largest error of a joint or a contact at the end of a controller sample so far."""
 
-    @property
-    def time(self) -> float:
-        """Simulated time [s]; advanced by motion and acquisition only."""
-        return self.samples * self.rig.controller.sample_period
-
     def advance(self, reference: Reference, powered: bool) -> Motions:
-        """Advance by one controller sample; see `sautereau.sim_backend.physics.world.World`."""
-        finger, loads, time = self.finger, self._loads, self.time
+        """Advance by one controller sample; see `World.advance`."""
+        finger, loads, time = self._finger, self._pushed, self.time
         kept = [*self._before, *self._rows][-2:]
         self._before = [(row[0] - self._period, *row[1:]) for row in kept]
         self._rows = []
@@ -87,8 +79,10 @@ class RigidWorld:
             self._run(finger.push_end)
             finger.moment, loads.steady = 0.0, loads.weight
             self._split(0.0, None, self._period)
-        if self._still and finger.stays_clear(self._angle):
-            self._rows.append((self._period, self._angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0))
+        if self._still and finger.stays_clear(self._pressed_angle):
+            self._rows.append(
+                (self._period, self._pressed_angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0)
+            )
         else:
             self._run(self._period)
             self._end_sample()
@@ -100,8 +94,13 @@ class RigidWorld:
         table[0, -1] = self.time
         return Motions(*table)
 
+    @property
+    def _pressed_angle(self) -> float:
+        """Angle [rad] of the key under the finger and in the laser."""
+        return self._angle if self._front is None else self._front.angle
+
     def play(self, drive: Drive) -> Motions:
-        """Advance through a complete drive; see `sautereau.sim_backend.physics.world.World`."""
+        """Advance through a complete drive; see `World.play`."""
         parts = [self.advance(drive.reference(i), True) for i in range(drive.samples)]
         joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Motions))
         return Motions(*joined)
@@ -124,7 +123,7 @@ class RigidWorld:
 
     def _cruise(self, count: int) -> int:
         """Take equal steps; return how many were done before the first one with an event."""
-        space_step, key, finger, rows = self._space.step, self._key, self.finger, self._rows
+        space_step, key, finger, rows = self._space.step, self._key, self._finger, self._rows
         jacks, loaded, moment = self._jacks, self._loaded, self._loads.moment
         first, step, seconds = jacks[0], self._step, self._step / MM
         apply_forces, reaches_key = finger.apply_forces, finger.reaches_key
@@ -132,10 +131,17 @@ class RigidWorld:
         angle, omega, acceleration = self._angle, self._omega, self._acceleration
         low, high = self._loads.bounds(angle)
         clock, start, elapsed, done = self.time, self._elapsed, self._elapsed, 0
-        sqrt, tan, fresh = math.sqrt, math.tan, self._fresh
+        sqrt, tan, fresh, front = math.sqrt, math.tan, self._fresh, self._front
+        pressed = rate = 0.0  # angle and velocity of a bending key's front
         while done < count:
             ahead = angle + omega * step
-            if not low < ahead < high or reaches_key(ahead, step):
+            if front is None:
+                pressed = ahead
+            elif front.stays(step):
+                pressed = front.next
+            else:
+                break
+            if not low < ahead < high or reaches_key(pressed, step):
                 break
             tangent = tan(ahead)
             secant = sqrt(1 + tangent * tangent)
@@ -149,10 +155,16 @@ class RigidWorld:
             for jack in loaded:
                 jack.load(clock + elapsed / MM, seconds)
                 pull += jack.pull
-            set_torque(key, moment(ahead, omega + acceleration * step / 2))
+            node = omega + acceleration * step / 2
+            torque = moment(ahead, node)
+            if front is not None:
+                twist = front.twist(ahead, node)
+                torque, node = torque + twist, front.node
+                front.apply(front.moment() - twist)
+            set_torque(key, torque)
             done += 1
             elapsed = start + done * step
-            apply_forces(elapsed, ahead, step, step, 1.0)
+            apply_forces(elapsed, pressed, node, step, step, 1.0)
             space_step(step)
             if fresh:
                 self._space.iterations, self._fresh, fresh = self._iterations, False, False
@@ -161,8 +173,11 @@ class RigidWorld:
             for jack in jacks:
                 jack.update(step)
             angle = ahead
-            speed = (before + omega) / 2 * MM
-            rows.append((elapsed, angle, speed, first.rise / MM, contact_force(step), pull))
+            rate = (before + omega) / 2
+            if front is not None:
+                rate = front.update(lambda grown: grown / step)
+            speed = rate * MM
+            rows.append((elapsed, pressed, speed, first.rise / MM, contact_force(step), pull))
         self._angle, self._omega = angle, omega
         self._acceleration, self._elapsed = acceleration, elapsed
         return done
@@ -175,7 +190,8 @@ class RigidWorld:
             event: At the end of the drift; None for no change of mode.
             end: ms into the controller sample, end of the next steps.
         """
-        key, jacks, loads, finger = self._key, self._jacks, self._loads, self.finger
+        key, jacks, loads, finger = self._key, self._jacks, self._loads, self._finger
+        front, pressed, twist = self._front, 0.0, 0.0
         back = (self._ahead - drift) / 2
         self._omega -= self._acceleration * back
         angle = self._angle + self._omega * drift
@@ -188,6 +204,11 @@ class RigidWorld:
         self._elapsed += drift
         node = self._omega + self._acceleration * drift / 2
         moment = loads.moment(angle, node)
+        pressed, rate, push = angle, node, 0.0
+        if front is not None:
+            front.correct_and_drift(back, drift)
+            pressed, rate, push = front.next, front.node, front.moment()
+            twist = front.twist(angle, node)
         now = self.time + self._elapsed / MM
         # A string may return a mean force over the drift; its present force counts for half of it.
         forces = [
@@ -206,15 +227,23 @@ class RigidWorld:
             for jack, force in zip(jacks, forces, strict=True)
         ]
         mean = (moment * drift + loads.moment(angle, node) * ahead) / (2 * weight)
+        if front is not None:
+            mean += twist
+            push = (push * drift + front.moment() * ahead) / (2 * weight) - twist
         finger.correct_and_drift(back, drift)
         before = self._omega
         for _ in range(2 if self._step != self._engine_step else 1):
             finger.set_bodies(self._step)
             key.angle, key.angular_velocity = angle - before * self._step, before
             set_torque(key, mean * weight / self._step)
+            if front is not None:
+                front.set_bodies(self._step)
+                front.apply(push * weight / self._step)
             for jack, force in zip(jacks, means, strict=True):
                 jack.set_bodies(self._step, force * weight / self._step)
-            finger.apply_forces(self._elapsed, angle, ahead, self._step, weight / self._step)
+            finger.apply_forces(
+                self._elapsed, pressed, rate, ahead, self._step, weight / self._step
+            )
             self._parts.kick(self._step, weight / self._step)
         self._engine_step, self._fresh = self._step, True
         self._angle, self._ahead = angle, ahead
@@ -223,9 +252,12 @@ class RigidWorld:
         # Half of the impulse is by the forces before the event, extrapolated to it.
         grown = 2 * (self._omega - before) - self._acceleration * drift
         self._acceleration = 0.0 if impact else grown / ahead
+        if front is not None:
+            old = front.acceleration
+            front.update(lambda grown: 0.0 if impact else (2 * grown - old * drift) / ahead)
         for jack in jacks:
             jack.update(weight)
-        self._append_rows(node, pulled, finger.contact_force(weight), drift, ahead, impact)
+        self._append_rows(rate, pulled, finger.contact_force(weight), drift, ahead, impact)
 
     def _append_rows(
         self, omega: float, pulled: float, mean: float, drift: float, ahead: float, impact: bool
@@ -242,14 +274,18 @@ class RigidWorld:
         """
         pull = sum(jack.pull for jack in self._loaded)
         rise, before, after = self._jacks[0].rise / MM, mean, mean
-        if drift and pull != pulled and not impact:
+        if self._finger.pad is not None:
+            before = self._finger.pad.before
+        elif drift and pull != pulled and not impact:
             before = self._force_before()
             after = (mean * (drift + ahead) - before * drift) / ahead
         if drift:
-            self._rows.append((self._elapsed, self._angle, omega * MM, rise, before, pulled))
-        if not drift or impact or pull != pulled:
-            speed = (self._omega if impact else omega) * MM
-            self._rows.append((self._elapsed, self._angle, speed, rise, after, pull))
+            row = self._elapsed, self._pressed_angle, omega * MM, rise, before, pulled
+            self._rows.append(row)
+        if not drift or impact or pull != pulled or before != after:
+            if impact:
+                omega = self._omega if self._front is None else self._front.omega
+            self._rows.append((self._elapsed, self._pressed_angle, omega * MM, rise, after, pull))
 
     def _force_before(self) -> float:
         """Return the finger's force [N] now, extrapolated from the last two rows."""
@@ -258,18 +294,27 @@ class RigidWorld:
 
     def _possible_events(self, drift: float) -> list[Event]:
         """Return the events that may occur within a drift [ms]."""
-        loads, finger = self._loads, self.finger
+        loads, finger = self._loads, self._finger
         omega = self._omega - self._acceleration * self._ahead / 2
         angle, acceleration = self._angle, self._acceleration
 
         def turned(time: float) -> float:
             return angle + (omega + acceleration * time / 2) * time
 
-        if not turned(drift) < LARGEST_ANGLE:
+        if not math.isfinite(turned(drift)):
             raise self._diverged()
+        if turned(drift) >= LARGEST_ANGLE:
+            raise SceneError(f"rig {self.rig.name}: after {self.time:.6g} s {TURNED_OVER}")
+        pressed, felt = turned, []
+        if self._front is not None:
+            pressed = self._front.turned(self._ahead)
+            felt = self._front.loads.possible_events(self._front.angle, pressed)
         possible = [
+            *felt,
             Event(
-                lambda t: finger.gap(turned(t), t, self._ahead), finger.make_contact, impact=True
+                lambda t: finger.gap(pressed(t), t, self._ahead),
+                finger.make_contact,
+                impact=finger.pad is None,
             ),
             *loads.possible_events(angle, turned),
         ]
@@ -279,13 +324,20 @@ class RigidWorld:
 
     def _end_sample(self) -> None:
         """End a controller sample: correct the drift of the constraints and record its size."""
-        angle, worst = self.finger.end_sample(self._key.angle)
+        angle, front = self._key.angle, self._front
+        if front is None:
+            angle, worst = self._finger.end_sample(angle)
+        else:
+            bent, worst = self._finger.end_sample(front.body.angle)
+            front.end_sample(bent)
         self._angle = angle
         set_angle(self._key, angle)
         x, z = self._key.position
         worst = max(worst, abs(x), abs(z), *[jack.end_sample(angle) for jack in self._jacks])
         self.worst_gap = max(self.worst_gap, worst / MM)
         before, self._state = self._state, (angle, self._omega, self._acceleration)
+        if front is not None:
+            self._state += front.angle, front.omega, front.acceleration
         unloaded = (jack.standing and jack.unloaded for jack in self._jacks)
         # A key at rest that a sample has not changed is not changed by the next one either.
         self._still = self._state == before and all(unloaded)

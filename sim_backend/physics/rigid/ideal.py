@@ -7,8 +7,9 @@ import pymunk
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.finger import Reference, StandingFinger, SteppedFinger
+from sautereau.sim_backend.physics.finger import Reference, StandingFinger
 from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver
+from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.key import contact_angle
 from sautereau.trajectory.motion import Floats, dot
@@ -80,15 +81,21 @@ class IdealFinger(StandingFinger, SteppedFinger):
         return False
 
     def apply_forces(
-        self, elapsed: float, angle: float, ahead: float, step: float, fraction: float
+        self,
+        elapsed: float,
+        angle: float,
+        omega: float,
+        ahead: float,
+        step: float,
+        fraction: float,
     ) -> None:
         """Set the least angular velocity of the key; see `SteppedFinger`."""
         if ahead < step / 4:  # the error is corrected over a quarter step at least
             now = self._least(elapsed)
-            omega = (self._least(elapsed + ahead) - now) / ahead + (now - angle) / (step / 4)
+            least = (self._least(elapsed + ahead) - now) / ahead + (now - angle) / (step / 4)
         else:
-            omega = (self._least(elapsed + ahead) - angle) / ahead
-        self._body.angular_velocity = omega
+            least = (self._least(elapsed + ahead) - angle) / ahead
+        self._body.angular_velocity = least
         cell = min(int(elapsed * self._per_ms + 0.5), len(self._reaches) - 1)
         self._reach = self._reaches[cell]
 

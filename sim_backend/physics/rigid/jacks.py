@@ -53,7 +53,7 @@ class CarriedJack:
         self.string = string
         self.rise = self.next = self.surface(lever.angle)
         self.speed = self.acceleration = 0.0
-        self.standing = True
+        self.standing, self._landed = True, False
         self.pull = 0.0
         """N, of the string, downwards."""
         self.body, self.foot_contact = add_jack(space, lever, key, choir.jack, self.rise)
@@ -170,13 +170,15 @@ class CarriedJack:
         if not self.standing:
             before, self.speed = self.speed, self.body.velocity[1]
             self.acceleration = (self.speed - before) / weight
+        elif self._landed:  # without an impulse, too, where the surface only accelerates towards it
+            self._landed = False
         elif not self.foot_contact.impulse > 0:
             self.standing = False
             self.speed, self.acceleration = self.body.velocity[1], 0.0
             self.foot_contact.min = 0.0
 
     def _make_contact(self, time: float) -> None:
-        self.standing = True
+        self.standing = self._landed = True
         self.foot_contact.min = FAR + REACH
 
     def end_sample(self, angle: float) -> float:

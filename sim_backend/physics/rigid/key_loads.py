@@ -4,31 +4,39 @@ import math
 from collections.abc import Callable
 
 from sautereau.rig.instrument import Key
+from sautereau.rig.section import GRAVITY
+from sautereau.sim_backend.physics.base import LARGEST_ANGLE
 from sautereau.sim_backend.physics.rigid.bodies import MM, RAIL_REACH
 from sautereau.sim_backend.physics.rigid.step_event import Event
 from sautereau.sim_backend.scene import Scene
 
-LARGEST_ANGLE = 1.0
-"""rad, of the key, above which the simulation is stopped."""
-
 
 class KeyLoads:
-    """Moments [N mm] on the key over its angle [rad] and angular velocity [rad/ms]."""
+    """Moments [N mm] on the key over its angle [rad] and angular velocity [rad/ms].
 
-    def __init__(self, key: Key, scene: Scene):
-        self.weight = key.gravity_moment * MM
+    Args:
+        key: The key.
+        scene: Which of them are enabled.
+        front: Whether they include those before the pin, felt and push.
+        back: Whether they include the others.
+    """
+
+    def __init__(self, key: Key, scene: Scene, *, front: bool = True, back: bool = True):
+        felt, friction = scene.felt and front, scene.friction and back
+        self._on_rail = back
+        self.weight = back * key.gravity_moment * MM * scene.gravity / GRAVITY
         self.steady = self.weight
         """N mm, of weight and of a push without contact."""
-        self.friction = key.pivot_coulomb_friction * MM if scene.friction else 0.0
+        self.friction = key.pivot_coulomb_friction * MM if friction else 0.0
         """N mm, dry, at the pin."""
-        self.viscous = key.pivot_viscous_friction * MM**2 if scene.friction else 0.0
+        self.viscous = key.pivot_viscous_friction * MM**2 if friction else 0.0
         """N mm ms/rad."""
         arm = key.press_arm * MM
-        self.bottom = key.dip * MM / arm if scene.felt else LARGEST_ANGLE
+        self.bottom = key.dip * MM / arm if felt else LARGEST_ANGLE
         """rad, at first contact with the felt."""
-        self.felt_stiffness = key.felt_stiffness / MM * arm**2 if scene.felt else 0.0
+        self.felt_stiffness = key.felt_stiffness / MM * arm**2 if felt else 0.0
         """N mm/rad."""
-        self.felt_damping = key.felt_damping * arm**2 if scene.felt else 0.0
+        self.felt_damping = key.felt_damping * arm**2 if felt else 0.0
         """N mm ms/rad."""
         self.pressed = False
         """Whether the key is in contact with its felt."""
@@ -39,6 +47,8 @@ class KeyLoads:
         """Return the angles [rad] between which a key at an angle has no event."""
         if self.pressed:
             return self.bottom, LARGEST_ANGLE
+        if not self._on_rail:
+            return -math.inf, self.bottom
         if angle <= RAIL_REACH:
             return -math.inf, RAIL_REACH
         return 0.0, self.bottom
@@ -48,7 +58,7 @@ class KeyLoads:
         if self.pressed:
             return [Event(lambda t: turned(t) - self.bottom, self._cross)]
         possible = []
-        if angle > RAIL_REACH:
+        if self._on_rail and angle > RAIL_REACH:
             possible = [Event(turned, _stop_on_rail, impact=True)]
         if self.felt_stiffness:
             possible.append(Event(lambda t: self.bottom - turned(t), self._cross))

@@ -1,10 +1,8 @@
 """Group A: the line and the program's timing, without any motion."""
 
-import time
-
 import numpy as np
 
-from sautereau.robot.drivers.galil.line import LONGEST_LINE
+from sautereau.robot.drivers.galil.dmc import LONGEST_LINE
 from sautereau.robot.drivers.galil.program import FAULT, PRESS, PUSHES, RATE, WATCH
 from sautereau.robot.errors import CommandRefused
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
@@ -67,11 +65,12 @@ def upload(bench: Workbench) -> None:
 
 def refused_command(bench: Workbench) -> None:
     """Let the program meet an error: only its thread may end, and the watchdog survives."""
-    driver, line = bench.driver, bench.line
+    driver, line, ends = bench.driver, bench.line, (FAULT, f"_XQ{PRESS}", f"_XQ{WATCH}")
     driver.start_watchdog()
     line.ask(f"{PUSHES}=0", f"{RATE}=1", f"{FAULT}=0")
     line.ask(f"XQ #PRESS,{PRESS}")  # the motors are off, so that it cannot start
-    code, press, watch = _when_ended(bench)
+    bench.until(lambda: _ended(*bench.line.read(*ends)), 5)
+    code, press, watch = line.read(*ends)
     driver.abort()
     bench.expect(
         code > 0 and press < 0 and watch >= 0,
@@ -82,12 +81,8 @@ def refused_command(bench: Workbench) -> None:
     bench.say(f"a refused command (code {code:g}) ends its thread only, and #CMDERR runs")
 
 
-def _when_ended(bench: Workbench) -> list[float]:
-    deadline = time.monotonic() + 5
-    while True:
-        found = bench.line.read(FAULT, f"_XQ{PRESS}", f"_XQ{WATCH}")
-        if (found[0] and found[1] < 0) or found[2] < 0 or time.monotonic() > deadline:
-            return found
+def _ended(code: float, press: float, watch: float) -> bool:
+    return (code != 0 and press < 0) or watch < 0
 
 
 def timing(bench: Workbench) -> None:
@@ -99,9 +94,7 @@ def timing(bench: Workbench) -> None:
         line.ask("XQ #TIMES,0")
         for thread in range(1, others + 1):
             line.ask(f"XQ #BUSY,{thread}")
-        deadline = time.monotonic() + 10
-        while not line.read("timed")[0] and time.monotonic() < deadline:
-            time.sleep(0.01)
+        bench.until(lambda: line.read("timed")[0] != 0, 10)
         steps = np.diff(line.upload("vtime", _ROWS))
         late = float(np.abs(steps - _EVERY).max())
         bench.say(f"AT -{_EVERY},1 with {others} other threads: {steps.mean():.3f}, +-{late:g}")

@@ -5,6 +5,7 @@ import time
 import numpy as np
 
 from sautereau.robot.drivers.galil.dmc import CLEAR_SEGMENTS
+from sautereau.robot.drivers.galil.homing import approach
 from sautereau.robot.drivers.galil.program import PRESS, PUSHES, RATE
 from sautereau.robot.errors import CommandRefused
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
@@ -86,7 +87,7 @@ def homing(bench: Workbench) -> None:
     """Find home, then cross its edges again and again."""
     with bench.controller.powered():
         bench.controller.home()
-        places = np.array([bench.driver.homing.approach() for _ in range(_HOMINGS)])
+        places = np.array([approach(bench.driver) for _ in range(_HOMINGS)])
     spread = np.ptp(places, axis=0)
     tolerance = bench.rig.controller.home_tolerance
     bench.expect(
@@ -100,7 +101,17 @@ def homing(bench: Workbench) -> None:
 
 def underrun(bench: Workbench) -> None:
     """Play a motion whose segments end without the end mark."""
-    _play(bench, end="", expected={31, 32})
+    with bench.controller.powered():
+        bench.controller.home()
+        _load(bench, end="")
+        bench.line.ask(f"XQ #PRESS,{PRESS}")
+        _await_program(bench)
+        codes = bench.line.read("_SCA", "_SCB")
+    bench.expect(
+        {31, 32}.issuperset(codes) or 7 in codes,
+        f"a motion without its end mark ended with stop codes {codes[0]:g} and {codes[1]:g}",
+        "compare SC with the command reference of this firmware",
+    )
     bench.say("a motion without its end mark stops, and the motors are off or standing")
 
 
@@ -163,13 +174,11 @@ def following_error(bench: Workbench) -> None:
 
 def _await_program(bench: Workbench) -> None:
     """Wait until the motion and the program that plays it have ended."""
-    deadline = time.monotonic() + _LONGEST
-    while bench.line.read(f"_XQ{PRESS}")[0] >= 0:
-        bench.expect(
-            time.monotonic() < deadline,
-            f"a motion of a quarter of a second has not ended after {_LONGEST} s",
-            "check that the arm moves freely",
-        )
+    bench.expect(
+        bench.until(lambda: bench.line.read(f"_XQ{PRESS}")[0] < 0, _LONGEST),
+        f"a motion of a quarter of a second has not ended after {_LONGEST} s",
+        "check that the arm moves freely",
+    )
 
 
 def _reset(bench: Workbench) -> None:
@@ -212,29 +221,11 @@ def _load(bench: Workbench, end: str, record: str = "_TPA", exponent: int = 9) -
     line.ask(f"{PUSHES}=0", f"{RATE}={exponent - 4}")
 
 
-def _play(bench: Workbench, end: str, expected: set[int]) -> None:
-    with bench.controller.powered():
-        bench.controller.home()
-        _load(bench, end)
-        bench.line.ask(f"XQ #PRESS,{PRESS}")
-        bench.driver.await_standstill("the motion", _LONGEST)
-        codes = bench.line.read("_SCA", "_SCB")
-    bench.expect(
-        expected.issuperset(codes) or 7 in codes,
-        f"a motion without its end mark ended with stop codes {codes[0]:g} and {codes[1]:g}",
-        "compare SC with the command reference of this firmware",
-    )
-
-
 def _off_after(bench: Workbench, *commands: str) -> bool:
     """Return whether both motors go off within 3 s after commands."""
     for command in commands:
         bench.line.ask(command)
-    deadline = time.monotonic() + 3
-    while bench.line.read("_MOA", "_MOB") != [1, 1]:
-        if time.monotonic() > deadline:
-            return False
-    return True
+    return bench.until(lambda: bench.line.read("_MOA", "_MOB") == [1, 1], 3)
 
 
 def _wait(bench: Workbench, duration: float) -> None:

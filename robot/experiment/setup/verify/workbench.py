@@ -1,11 +1,13 @@
 """What the steps of a verification share: the controller, the operator and the results."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.galil.driver import GalilDriver
 from sautereau.robot.drivers.galil.line import Line
+from sautereau.robot.drivers.polling import POLL
 from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.step import Ask, Declined
@@ -56,6 +58,13 @@ class Workbench:
         """
         if not holds:
             raise Surprise(f"setup verify, step {self.step}: {what}; {fix}")
+
+    def until(self, holds: Callable[[], bool], limit: float) -> bool:
+        """Ask until something holds, for ``limit`` s at most; return whether it does."""
+        deadline = time.monotonic() + limit
+        while not (held := holds()) and time.monotonic() < deadline:
+            time.sleep(POLL)
+        return held
 
     def by_hand(self, instruction: str) -> bool:
         """Have the operator do something; note it where nobody is there to do it."""

@@ -1,15 +1,17 @@
 """Commands that report: positions, codes, lists, messages."""
 
 import re
+from collections.abc import Iterable
 
 from sautereau.sim_backend.devices.emulators import SERIAL
-from sautereau.sim_backend.devices.galil.commands.call import Call
+from sautereau.sim_backend.devices.galil.commands.call import Call, Handler
 from sautereau.sim_backend.devices.galil.faults import TEXTS, CommandError
 from sautereau.sim_backend.devices.galil.formats import (
     Unended,
     write_as,
     write_in,
     write_line,
+    write_list,
     write_number,
 )
 from sautereau.sim_backend.devices.galil.grammar import evaluate, split_arguments
@@ -46,16 +48,6 @@ def tell_code(machine: Machine, call: Call) -> str:
     return f"{code} {TEXTS[code]}".rstrip() if call.number() else str(code)
 
 
-def tell_inputs(machine: Machine, call: Call) -> str:
-    """TI: a bank of inputs."""
-    return write_number(machine.input_bits if call.number() == 0 else 0, 0)
-
-
-def tell_amplifier(machine: Machine, call: Call) -> str:
-    """TA: a byte of the amplifiers' errors."""
-    return write_number(machine.amplifier_bits(int(call.number())), 0)
-
-
 def tell_status(machine: Machine, call: Call) -> str:
     """TB: the status byte."""
     status = machine.status_byte
@@ -71,11 +63,6 @@ def tell_ports(machine: Machine, call: Call) -> str:
     )
 
 
-def tell_record(machine: Machine, call: Call) -> str:
-    """QZ: the axes, and the sizes of the data record, which is not emulated itself."""
-    return ",".join(write_number(number, 0) for number in DATA_RECORD)
-
-
 def identify(machine: Machine, call: Call) -> str:
     """ID: firmware and hardware."""
     unit = machine.unit
@@ -83,6 +70,11 @@ def identify(machine: Machine, call: Call) -> str:
     if unit.amplifier != "none":
         lines.append(f"AMP1, 4{unit.amplifier[1:]}, Rev 6")
     return "\r\n".join(lines)
+
+
+def _lines(lines: Iterable[str]) -> str | None:
+    """Return a list's lines; None for none."""
+    return "\r\n".join(lines) or None
 
 
 def list_program(machine: Machine, call: Call) -> str | None:
@@ -98,31 +90,7 @@ def list_program(machine: Machine, call: Call) -> str | None:
     if not 0 <= first <= max(last, 0):
         raise CommandError(11)
     shown = [f"{n} {lines[n]} " for n in range(first, min(last, len(lines) - 1) + 1)]
-    return "\r\n".join(shown) if shown else None
-
-
-def upload_program(machine: Machine, call: Call) -> str:
-    """UL: the program without line numbers."""
-    return "\r\n".join((*machine.program.lines, CONTROL_Z))
-
-
-def list_labels(machine: Machine, call: Call) -> str | None:
-    """LL: labels and their lines."""
-    labels = sorted(machine.program.labels.items())
-    return "\r\n".join(f"{label}={line} " for label, line in labels) or None
-
-
-def list_variables(machine: Machine, call: Call) -> str | None:
-    """LV: variables and their values."""
-    named = sorted(machine.variables.items())
-    return (
-        "\r\n".join(f"{name} ={write_variable(machine, value)} " for name, value in named) or None
-    )
-
-
-def list_arrays(machine: Machine, call: Call) -> str | None:
-    """LA: arrays and their lengths."""
-    return "\r\n".join(f"{name}[{len(v)}]" for name, v in machine.arrays.items()) or None
+    return _lines(shown)
 
 
 def message(machine: Machine, call: Call) -> str | None:
@@ -169,3 +137,27 @@ def _written(machine: Machine, value: str, form: str, follows: bool) -> str:
     number = evaluate(value, machine)
     written = write_as(number, form) if form else write_number(number)
     return " " + written if follows and written.startswith("-") else written
+
+
+LISTS: dict[str, Handler] = {
+    # A bank of inputs.
+    "TI": lambda machine, call: write_number(machine.input_bits * (call.number() == 0), 0),
+    # A byte of the amplifiers' errors.
+    "TA": lambda machine, call: write_number(machine.amplifier_bits(int(call.number())), 0),
+    # The axes, and the sizes of the data record, which is not emulated itself.
+    "QZ": lambda machine, call: write_list(DATA_RECORD),
+    # The program without line numbers.
+    "UL": lambda machine, call: _lines([*machine.program.lines, CONTROL_Z]),
+    # Labels and their lines.
+    "LL": lambda machine, call: _lines(
+        f"{label}={line} " for label, line in sorted(machine.program.labels.items())
+    ),
+    # Variables and their values.
+    "LV": lambda machine, call: _lines(
+        f"{name} ={write_variable(machine, value)} "
+        for name, value in sorted(machine.variables.items())
+    ),
+    # Arrays and their lengths.
+    "LA": lambda machine, call: _lines(f"{name}[{len(v)}]" for name, v in machine.arrays.items()),
+}
+"""Commands that report something as it is."""

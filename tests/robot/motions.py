@@ -1,4 +1,4 @@
-"""Motions that the host streams, ended in the middle."""
+"""Motions of an arm in tests: a press up to its end, and one that is stopped."""
 
 import threading
 
@@ -19,3 +19,15 @@ def stop_after(controller, setpoints):
     controller.start()
     assert gate.wait(5)
     return controller.stop()
+
+
+def run_to_wait(controller, segments, before_wait=lambda: None):
+    """Press from the connection on, and wait for the end."""
+    with controller, controller.powered():
+        controller.home()
+        controller.move_to(segments.start, 100_000)
+        controller.load(segments)
+        controller.arm()
+        controller.start()
+        before_wait()
+        controller.wait()

@@ -1,0 +1,79 @@
+"""Least squares in a few parameters by Levenberg and Marquardt's method.
+
+The residuals are those after elimination of the linear factors (variable projection: L. Kaufman,
+BIT 15 (1975) 49), so that their derivatives are known only approximately; a step is accepted only
+if it reduces the sum of squares.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from sautereau.trajectory.motion import Floats
+
+Found = TypeVar("Found")
+STEPS, TRIALS, STIFFER = 12, 4, 5.0
+"""Largest number of steps; damped ones that are tried for each; factor of damping between them."""
+FIRST_STIFFNESS, LEAST_STIFFNESS, RIDGE = 1e-2, 1e-7, 1e-12
+"""Dimensionless damping at first and at least; and what is added to the normal equations."""
+
+
+@dataclass(frozen=True)
+class Minimum(Generic[Found]):
+    """The end of a search."""
+
+    state: Floats
+    """Shape (k,)."""
+    left: Floats
+    """Residuals, shape (n,)."""
+    found: Found
+    """What else `evaluate` returned."""
+    normal: Floats
+    """Normal equations before the last step, shape (k, k)."""
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.left @ self.left)
+
+
+def minimise(
+    state: Floats,
+    evaluate: Callable[[Floats], tuple[Floats, Found]],
+    slopes: Callable[[Floats, Found], Floats],
+    permitted: Callable[[Floats, Found], bool],
+    bounded: Callable[[Floats], Floats],
+    longest: Floats | float,
+    converged: float,
+) -> Minimum[Found]:
+    """Return a state with smaller residuals.
+
+    Args:
+        state: The start, shape (k,).
+        evaluate: Returns residuals, shape (n,), and what `slopes` needs.
+        slopes: Returns the derivatives of the residuals, shape (n, k).
+        permitted: Returns whether a state may be the result.
+        bounded: Returns the nearest state within bounds.
+        longest: Largest change of the state by one step, in its unit; shape (k,) or a number.
+        converged: Dimensionless, relative decrease of the sum of squares at which it ends.
+    """
+    left, found = evaluate(state)
+    total, stiff, normal = float(left @ left), FIRST_STIFFNESS, np.eye(len(state))
+    for _ in range(STEPS):
+        jacobian = slopes(state, found)
+        normal, right = jacobian.T @ jacobian, jacobian.T @ left
+        before = total
+        for _ in range(TRIALS):
+            damped = normal + np.diag(stiff * np.diag(normal) + RIDGE)
+            trial = bounded(state - np.clip(np.linalg.solve(damped, right), -longest, longest))
+            tried, made = evaluate(trial)
+            if (chi2 := float(tried @ tried)) < total and permitted(trial, made):
+                state, left, found, total = trial, tried, made, chi2
+                stiff = max(stiff / STIFFER, LEAST_STIFFNESS)
+                break
+            stiff *= STIFFER
+        if before - total <= converged * before:
+            break
+    return Minimum(state, left, found, normal)

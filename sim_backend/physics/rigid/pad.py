@@ -1,0 +1,96 @@
+"""A compliant pad between fingertip and key: a force on the bodies in place of a joint."""
+
+import math
+
+import pymunk
+
+from sautereau.sim_backend.parts import Fingertip
+from sautereau.sim_backend.physics.rigid.bodies import MM, set_torque
+
+APART = -1e-9
+"""mm, overlap below which the pad has left the key."""
+
+
+class Pad:
+    """The pad on the key's surface, in mm and ms.
+
+    Args:
+        fingertip: Its stiffness and damping.
+        lever: Body of the key under it.
+        height: mm, of the fingertip's centre above the pin where an uncompressed pad touches.
+    """
+
+    def __init__(self, fingertip: Fingertip, lever: pymunk.Body, height: float):
+        self._stiffness, self._damping = fingertip.stiffness / MM, fingertip.damping
+        self._lever, self._height = lever, height
+        self.separated = True
+        self.force = self.before = 0.0
+        """N, on the key, and just before an event there."""
+        self._fresh = False
+
+    def gap(self, x: float, z: float, angle: float) -> float:
+        """Return the gap [mm] of a fingertip centred at (x, z) [mm] to a key at an angle [rad]."""
+        return z * math.cos(angle) - x * math.sin(angle) - self._height
+
+    def press(
+        self,
+        place: tuple[float, float],
+        velocity: tuple[float, float],
+        angle: float,
+        omega: float,
+        weights: tuple[float, float, float],
+    ) -> tuple[float, float]:
+        """Push the key, and return the force [N] on the fingertip, (x, z), as it is applied.
+
+        Args:
+            place: mm, of the fingertip's centre at the end of the step.
+            velocity: mm/ms, there.
+            angle: rad, of the key there.
+            omega: rad/ms, of the key there.
+            weights: ms before the present next step's end, ms of the engine's step, and the
+                fraction of forces that it applies; see `SteppedFinger.apply_forces`.
+        """
+        (x, z), (speed_x, speed_z) = place, velocity
+        ahead, step, fraction = weights
+        sine, cosine = math.sin(angle), math.cos(angle)
+        overlap = -self.gap(x, z, angle)
+        reach = -(x * cosine + z * sine)
+        closing = speed_x * sine - speed_z * cosine - omega * reach
+        self.separated = self.separated or overlap < APART
+        push = self._stiffness * overlap + self._damping * closing
+        self.force = 0.0 if self.separated else max(0.0, push)
+        self.before = 0.0 if self._fresh else self.force
+        # A contact in the middle of an impulse: the force acts in the second part only.
+        applied = self.force * (ahead / (2 * step) if self._fresh else fraction)
+        set_torque(self._lever, self._lever.torque + applied * reach)
+        return -applied * sine, applied * cosine
+
+    def make_contact(self) -> None:
+        """Be in contact with the key from now on."""
+        self.separated, self._fresh = False, True
+
+    def end_step(self) -> None:
+        """End the step that `press` has prepared."""
+        self._fresh = False
+
+
+def fingertip_state(
+    base: tuple[float, float],
+    lengths: tuple[float, float],
+    joints: tuple[float, float],
+    rates: tuple[float, float],
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return place and velocity of the fingertip's centre.
+
+    Args:
+        base: mm.
+        lengths: mm, of the links.
+        joints: rad.
+        rates: rad/ms.
+    """
+    first, total = joints[0], joints[0] + joints[1]
+    ux, uz = lengths[0] * math.cos(first), lengths[0] * math.sin(first)
+    lx, lz = lengths[1] * math.cos(total), lengths[1] * math.sin(total)
+    along = rates[0] + rates[1]
+    velocity = -uz * rates[0] - lz * along, ux * rates[0] + lx * along
+    return (base[0] + ux + lx, base[1] + uz + lz), velocity
