@@ -3,6 +3,8 @@
 The card runs in its own process and in real time, so that a slow client loses samples.
 """
 
+import math
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -78,7 +80,7 @@ def run() -> list[Figure]:
     """Return the client's CPU load, and the time to connect and close for a press."""
     with served() as address:
         rig = _rig(address)
-        return [*_continuous(rig), _overhead(rig.daq)]
+        return [*_continuous(rig), _dated(rig), _overhead(rig.daq)]
 
 
 def _continuous(rig: Rig) -> list[Figure]:
@@ -109,6 +111,22 @@ def _continuous(rig: Rig) -> list[Figure]:
         Figure(f"{what} reading", read * 100, "%", "limit", 40.0),
         Figure(f"{what} reading and recording", recorded * 100, "%", "limit", 40.0),
     ]
+
+
+def _dated(rig: Rig) -> Figure:
+    """Date the start of a recording by its samples; the card starts them between two calls."""
+    from sautereau.daq.file.reading import read_recording
+    from sautereau.daq.source.continuous import record
+
+    with tempfile.TemporaryDirectory() as folder:
+        stds: list[float] = []
+        for number in range(5):
+            path = Path(folder) / f"{number}.mcap"
+            record(rig, path, 0.5)
+            stds.append(read_recording(path).t0_std or math.inf)
+    return Figure(
+        "date of the first sample, uncertainty", statistics.median(stds) * 1e3, "ms", "limit", 1.0
+    )
 
 
 def _overhead(daq: Daq) -> Figure:

@@ -37,17 +37,16 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
     beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{NEW}")
     try:
         with beside.open("xb") as file:
-            hold(file)
+            if not hold(file) or not beside.exists():  # another writer removed it before
+                write_durably(path, data, new=new)
+                return
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        if new and not may_replace(path):
-            os.link(beside, path)  # unlike a rename, this fails if the file exists
-            beside.unlink()
-        else:
-            if path.is_file():
-                beside.chmod(stat.S_IMODE(path.stat().st_mode))
-            beside.replace(path)
+            if os.name == "posix":  # while it is held: another writer removes what is not
+                _give_name(beside, path, new)
+        if os.name != "posix":
+            _give_name(beside, path, new)
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
@@ -68,6 +67,16 @@ def replacing(paths: Iterable[Path]) -> Iterator[None]:
 def may_replace(path: Path) -> bool:
     """Return whether a new file may take the name of an existing one."""
     return path.absolute() in _REPLACED.get()
+
+
+def _give_name(beside: Path, path: Path, new: bool) -> None:
+    if new and not may_replace(path):
+        os.link(beside, path)  # unlike a rename, this fails if the file exists
+        beside.unlink()
+    else:
+        if path.is_file():
+            beside.chmod(stat.S_IMODE(path.stat().st_mode))
+        beside.replace(path)
 
 
 def _remove_left(path: Path) -> None:

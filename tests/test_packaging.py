@@ -126,7 +126,7 @@ def test_the_wheel_has_its_metadata(built):
     assert (fields["Name"], fields["Version"]) == ("sautereau", PROJECT["version"])
     assert set(fields.get_all("Provides-Extra", [])) == set(EXTRAS)
     (entries,) = (text for name, text in held.items() if name.endswith("/entry_points.txt"))
-    assert "sautereau = sautereau.commands.app:main" in entries.decode()
+    assert "sautereau = sautereau.__main__:main" in entries.decode()
     assert len(fields.get_all("Classifier", [])) > 5
     assert fields["Keywords"]
 

@@ -58,16 +58,11 @@ class Plectrum:
 
 
 @dataclass(frozen=True)
-class Exponent:
+class Exponent(Spread):
     """Growth of a quantity in per cent for one per cent of another."""
 
-    value: float
     std: float
     """Standard uncertainty."""
-    low: float
-    """Lower end of the 95 % interval."""
-    high: float
-    """Upper end of the 95 % interval."""
 
 
 @dataclass(frozen=True)
@@ -268,7 +263,7 @@ def _felt(
         for name, place in zip(shape, places, strict=True):
             value = float(shaped.coefficients[place])
             std = float(np.sqrt(shaped.covariance[place, place]))
-            exponents[name] = Exponent(value, std, value - reach * std, value + reach * std)
+            exponents[name] = Exponent(value, value - reach * std, value + reach * std, std)
     return Felt(
         presses, omitted, found.residual, found.subgroup, found.group, unexplained, exponents
     )

@@ -44,6 +44,7 @@ from sautereau.analysis.identify.problem import (
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
+from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -122,7 +123,7 @@ def fit(
     noise = white(dynamics, spread(dynamics, before, levelled), levelled)
     residual_before = rms([f - w.trend(f) for f, w in zip(before, noise, strict=True)])
     tried = _starts(free, starts)
-    found = [descend(problem_at(dynamics, start, noise), start, robust) for start in tried]
+    found = [descend(problem_at(dynamics, start, noise), start, robust) for start in tracked(tried)]
     _, values = min(found, key=lambda pair: pair[0])
     factor = 1.0
     for _ in range(ROUNDS - 1):

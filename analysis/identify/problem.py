@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.identify.parameters import Parameter
+from sautereau.analysis.identify.parameters import DIFFERENCE, Parameter
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.phases.signals import SOLVE
 from sautereau.trajectory.motion import Floats
@@ -231,6 +231,17 @@ class Problem:
             columns.append((residuals(ends[1]) - residuals(ends[0])) / width)
         return np.stack(columns, axis=1)
 
+    def slopes(self, point: Floats) -> Floats:
+        """Return the derivatives of `all`, one-sided: less exact, in half the time."""
+        low, high = self.bounds
+        steps = np.where(point + DIFFERENCE <= high, DIFFERENCE, -DIFFERENCE)
+        at, columns = self.all(point), []
+        for k, end in enumerate(np.clip(point + steps, low, high).tolist()):
+            moved = point.copy()
+            moved[k] = end
+            columns.append((self.all(moved) - at) / (end - point[k]))
+        return np.stack(columns, axis=1)
+
 
 def descend(
     found: Problem, values: Floats, robust: bool = False, fixed: int | None = None
@@ -260,7 +271,7 @@ def descend(
     result = least_squares(
         lambda part: found.all(complete(part)),
         start[moving],
-        jac=lambda part: found.jacobian(complete(part), found.all)[:, moving],  # pyright: ignore[reportArgumentType]
+        jac=lambda part: found.slopes(complete(part))[:, moving],  # pyright: ignore[reportArgumentType]
         bounds=(low[moving], high[moving]),
         loss="soft_l1" if robust else "linear",
         xtol=TOLERANCE,

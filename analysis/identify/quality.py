@@ -90,10 +90,8 @@ def quality(made: Fit) -> Quality:
             f"the residual without a string is {free * 1e3:.3g} mN, and the noise at rest"
             f" {noise * 1e3:.3g} mN: look at the key, such as its bending, and at its frictions"
         )
-    held_residual, instants = (
-        (rms(inside) if sum(map(len, inside)) else None),
-        sum(map(len, inside)),
-    )
+    instants = sum(map(len, inside))
+    held_residual = rms(inside) if instants else None
     if held_residual is not None:
         spread = 1 / np.sqrt(2 * max(1.0, instants * _independent(dynamics.presses, period)))
         allowed = max(free, dynamics.floor) * (HELD_MAX + HELD_STDS * spread)

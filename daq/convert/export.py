@@ -53,12 +53,12 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
     return _write({out.with_name(out.name + end): write for end, write in parts.items()})
 
 
-def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path, Path]]:
+def targets(files: list[Path], to: str, out: Path | None) -> list[tuple[Path, Path]]:
     """Return each recording with the file to write.
 
     Args:
         files: Recordings.
-        to: Format, and file extension.
+        to: File extension.
         out: File, or existing folder; None for the folder of each recording.
 
     Raises:
@@ -84,7 +84,7 @@ def targets(files: list[Path], to: Format, out: Path | None) -> list[tuple[Path,
     return pairs
 
 
-def files_of(to: Format, out: Path) -> list[Path]:
+def files_of(to: str, out: Path) -> list[Path]:
     """Return the files that the export to `out` writes."""
     return [out, out.with_name(out.name + SIDECAR)] if to in ("csv", "wav") else [out]
 

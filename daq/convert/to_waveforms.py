@@ -11,6 +11,7 @@ from sautereau.daq.convert.columns import Column, counts_of
 from sautereau.daq.convert.document import DOCUMENT_KEY, SIDECAR, Parts, full_scale
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.recorded import Recorded
+from sautereau.rig.extras import require
 
 
 def to_hdf5(recorded: Recorded, columns: Sequence[Column], document: str) -> Parts:
@@ -21,12 +22,9 @@ def to_hdf5(recorded: Recorded, columns: Sequence[Column], document: str) -> Par
     attributes; ``starting_time`` beside them is the time of the first value in s after the
     trigger, with the attribute ``rate`` in Hz. The data set ``sautereau`` is the document.
     """
-    try:
-        import h5py
-    except ImportError as error:
-        raise RecordingError(
-            "export to HDF5 needs h5py; install it: pip install 'sautereau[hdf5]'"
-        ) from error
+    require("hdf5", "export to HDF5", "h5py")
+    import h5py
+
     held = io.BytesIO()
     with h5py.File(held, "w") as file:
         file[DOCUMENT_KEY] = document
@@ -48,6 +46,7 @@ def to_tdms(recorded: Recorded, columns: Sequence[Column], document: str) -> Par
     The waveform properties of each channel are its start, the trigger being time 0, and its
     interval.
     """
+    require("tdms", "export to TDMS", "nptdms")
     from nptdms import ChannelObject, RootObject, TdmsWriter
 
     t0 = np.datetime64(recorded.t0_ns, "ns")

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from sautereau.daq.convert.columns import si_values
-from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.recorded import Joints, Plan, Recorded
+from sautereau.rig.extras import require
 from sautereau.rig.measured import MEASURED
 
 JOINT_UNITS = {"jack_rise": "m", "m1": "N m", "m2": "N m"}
@@ -28,15 +28,11 @@ def to_xarray(recorded: Recorded, *, raw: bool = False) -> Any:
         raw: Whether the channels are raw volts, of all rows.
 
     Raises:
-        RecordingError: xarray is not installed.
+        MissingExtraError: xarray is not installed.
     """
-    try:
-        import xarray as xr  # pyright: ignore[reportMissingImports]
-    except ImportError as error:
-        raise RecordingError(
-            "to_xarray: xarray is not installed; install it with"
-            " `python -m pip install 'sautereau[xarray]'`"
-        ) from error
+    require("xarray", "to_xarray", "xarray")
+    import xarray as xr  # pyright: ignore[reportMissingImports]
+
     variables: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"time": ("time", recorded.time, {"units": "s"})}
     if raw:

@@ -25,7 +25,7 @@ from sautereau.daq.file.container.records import (
     texts_within,
 )
 from sautereau.daq.file.descriptors import FIELDS, LOG
-from sautereau.daq.file.integrity import IndexedChunk
+from sautereau.daq.file.integrity import FOREIGN, IndexedChunk
 from sautereau.daq.file.limits import (
     FARTHEST_SAMPLE,
     MOST_EVENTS,
@@ -55,13 +55,12 @@ from sautereau.rig.load import rig_from_json
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
-VIEWED = ("/preview", "/motion", "/scene")
+VIEWED = ("/preview", "/motion", "/scene", "/transforms")
 """Starts of topics for viewers, whose messages are counted and not read."""
 LEAST_RECORDS = 200_000
 """Records of chunks that any file may hold; those of previews count as one where they are alike."""
 SMALLEST_RECORD = 16
 """Byte of a file for each of the records that it may hold beyond those."""
-FOREIGN = "another program has changed it: use the file as sautereau wrote it"
 
 
 class Contents:

@@ -20,6 +20,8 @@ LOG = "foxglove.Log"
 """The message that Foxglove shows as a log, with the event's time as an additional field."""
 SCENE = "foxglove.SceneUpdate"
 """The message that Foxglove draws in space."""
+TRANSFORMS = "foxglove.FrameTransforms"
+"""The message that says where the links of a rig are."""
 FRAME = "rig"
 """Name of the frame of what is drawn: the pin is its origin, x points to the jack, z up."""
 INFO, ERROR = 2, 4
@@ -93,6 +95,14 @@ _FOXGLOVE: dict[str, _Fields] = {
         "points": (5, "repeated foxglove.Point3"),
         "color": (6, "foxglove.Color"),
     },
+    "FrameTransforms": {"transforms": "repeated foxglove.FrameTransform"},
+    "FrameTransform": {
+        "timestamp": _TIMESTAMP,
+        "parent_frame_id": "string",
+        "child_frame_id": "string",
+        "translation": "foxglove.Vector3",
+        "rotation": "foxglove.Quaternion",
+    },
     "Pose": {"position": "foxglove.Vector3", "orientation": "foxglove.Quaternion"},
     "Vector3": dict.fromkeys("xyz", "double"),
     "Quaternion": dict.fromkeys("xyzw", "double"),
@@ -165,6 +175,23 @@ def schema_data(rows: Mapping[str, Iterable[str]]) -> bytes:
     return declared.SerializeToString(deterministic=True)
 
 
+def schema_of(name: str, data: bytes) -> bytes:
+    """Return the part of a FileDescriptorSet that one message needs.
+
+    Args:
+        name: With its package: `foxglove.Log`.
+        data: The set, with the files that others depend on first.
+    """
+    declared = descriptor_pb2.FileDescriptorSet.FromString(data)
+    needed, kept = set[str](), []
+    for file in reversed(declared.file):
+        if file.package == name.rpartition(".")[0] or file.name in needed:
+            needed.update(file.dependency)
+            kept.insert(0, file)
+    found = descriptor_pb2.FileDescriptorSet(file=kept)
+    return found.SerializeToString(deterministic=True)
+
+
 @cache
 def twins() -> dict[str, type[Message]]:
     package = f"{PACKAGE}.wire"
@@ -175,7 +202,9 @@ def twins() -> dict[str, type[Message]]:
     }
     for file in _files(package, twins):
         pool.Add(file)  # type: ignore[attr-defined]
-    names = {name: f"{package}.{name}" for name in FIELDS} | {LOG: LOG, SCENE: SCENE}
+    names = {name: f"{package}.{name}" for name in FIELDS} | {
+        name: name for name in (LOG, SCENE, TRANSFORMS)
+    }
     return {
         name: message_factory.GetMessageClass(pool.FindMessageTypeByName(full))
         for name, full in names.items()

@@ -27,6 +27,8 @@ _OFFSET = struct.Struct("<HQ")  # channel, offset of its MessageIndex
 _CRC_SIZE = 4
 PIECE = 1024**2
 """Bytes read at a time."""
+FOREIGN = "another program has changed it: use the file as sautereau wrote it"
+"""End of messages about content that sautereau never writes."""
 SKIPPED = (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT)
 """Records that no reader uses."""
 
@@ -129,10 +131,7 @@ def chunk_index(file: BufferedReader) -> list[IndexedChunk]:
                 _, end, at, length, size = _CHUNK_INDEX.unpack_from(body)
                 offsets = _OFFSET.iter_unpack(body[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size])
             except struct.error as error:
-                raise RecordingError(
-                    "a record of its index is too short; another program has changed it: use the"
-                    " file as sautereau wrote it"
-                ) from error
+                raise RecordingError(f"a record of its index is too short; {FOREIGN}") from error
             channels = frozenset(channel for channel, _ in offsets)
             found.append(IndexedChunk(at, min(data_end, at + length), end, channels))
     return found
@@ -194,14 +193,10 @@ def records(file: BufferedReader, start: int, end: int) -> Iterator[Record]:
 def _refuse_length(length: int, beyond: bool) -> None:
     """Refuse a record that is too long, or reaches ``beyond`` its section."""
     if beyond:
-        raise RecordingError(
-            f"a record of {length} bytes reaches beyond its section; another program has"
-            " changed it: use the file as sautereau wrote it"
-        )
+        raise RecordingError(f"a record of {length} bytes reaches beyond its section; {FOREIGN}")
     if length > LARGEST_CHUNK:
         raise RecordingError(
-            f"a record of {length} bytes exceeds the limit of {LARGEST_CHUNK} bytes; another"
-            " program has changed it: use the file as sautereau wrote it"
+            f"a record of {length} bytes exceeds the limit of {LARGEST_CHUNK} bytes; {FOREIGN}"
         )
 
 

@@ -17,7 +17,13 @@ from sautereau.daq.file.descriptors import MOTION
 from sautereau.daq.file.preview import Decimator, Previewer
 from sautereau.daq.file.recorded import Event, Signal
 from sautereau.daq.file.samples import TOPIC, SampleLayout, block_head
-from sautereau.daq.file.schemas import encode, encode_log, encode_rows, encode_scene
+from sautereau.daq.file.schemas import (
+    encode,
+    encode_log,
+    encode_rows,
+    encode_scene,
+    encode_transforms,
+)
 from sautereau.rig.schema import Rig
 
 LAST_DATE = 2**63 - 1
@@ -78,13 +84,17 @@ class LogOrder:
                 for time, row in zip(times, rows, strict=True)
             ]
 
-    def add_scenes(self, now: int, times: Signal, lines: Mapping[str, Signal]) -> None:
-        """Add a drawing for each time; ``lines`` have the shape (n, n_points, 3)."""
+    def add_scenes(
+        self, now: int, times: Signal, lines: Mapping[str, Signal], frames: Mapping[str, Signal]
+    ) -> None:
+        """Add a drawing for each time; see `Recording.write_scenes`."""
+        views = (("/scene", encode_scene, lines), ("/transforms", encode_transforms, frames))
         for i, time in enumerate(times.tolist()):
-            drawn = {name: points[i] for name, points in lines.items()}
-            self._pending.append(
-                _Pending(now, time, "/scene", lambda date, drawn=drawn: encode_scene(date, drawn))
-            )
+            for topic, encoded, every in views:
+                here = {name: values[i] for name, values in every.items()}
+                self._pending.append(
+                    _Pending(now, time, topic, lambda date, e=encoded, h=here: e(date, h))
+                )
 
     def preview(self, samples: Samples, *, start: bool) -> None:
         """Add the next samples to the preview, which must not change any more.

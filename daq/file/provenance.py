@@ -16,7 +16,9 @@ from sautereau.daq.file.descriptors import (
     MOTION,
     PACKAGE,
     SCENE,
+    TRANSFORMS,
     schema_data,
+    schema_of,
 )
 from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
 from sautereau.daq.file.recorded import SessionInfo
@@ -80,7 +82,10 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
         channels.append(Channel(number, topic, "protobuf", metadata, schema))
     writer.start(
         PROFILE,
-        [*(Schema(n, data, "protobuf", name) for name, n in schemas.items()), *channels],
+        [
+            *(Schema(n, schema_of(name, data), "protobuf", name) for name, n in schemas.items()),
+            *channels,
+        ],
     )
     for _ in range(COPIES):
         for name, values in head.items():
@@ -147,3 +152,4 @@ def _topics(
     yield "/joints", f"{PACKAGE}.Joints", {**captured, "what": "on the controller's clock"}
     yield "/motion", f"{PACKAGE}.Motion", {**captured, "what": "the joints, for viewers"}
     yield "/scene", SCENE, {"what": "arm, key and jack, for viewers"}
+    yield "/transforms", TRANSFORMS, {"what": "links of the URDF of the rig, for viewers"}

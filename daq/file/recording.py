@@ -180,16 +180,20 @@ class Recording:
             "Joints", **{name: column for name, column in vars(joints).items() if len(column)}
         )
 
-    def write_scenes(self, times: Signal, lines: Mapping[str, Signal]) -> None:
-        """Write drawings for a viewer: lines in space, as they are at some times.
+    def write_scenes(
+        self, times: Signal, lines: Mapping[str, Signal], frames: Mapping[str, Signal]
+    ) -> None:
+        """Write drawings for a viewer: lines in space and the links of a URDF, at some times.
+
+        The balance pin is the origin, x points to the jack, z up.
 
         Args:
             times: s after the trigger, shape (n,).
-            lines: Points of each line by name, m, shape (n, n_points, 3); the balance pin is the
-                origin, x points to the jack, z up.
+            lines: Points of each line by name, m, shape (n, n_points, 3).
+            frames: x and z, m, and angle, rad, of each link's frame by name, shape (n, 3).
         """
         self._file()
-        self._order.add_scenes(self._clock.now_ns(), times, lines)
+        self._order.add_scenes(self._clock.now_ns(), times, lines, frames)
 
     def event(self, kind: str, text: str, time_s: float, std: float = 0.0) -> None:
         """Write an event at ``time_s`` (s after the trigger, negative before it), +-``std``.

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.contents import FOREIGN
+from sautereau.daq.file.integrity import FOREIGN
 from sautereau.daq.file.limits import time_faults
 from sautereau.daq.file.recorded import Gap, Signal, Stretch
 from sautereau.daq.file.samples import SampleLayout, WireBlock

@@ -1,5 +1,6 @@
 """Messages to and from their bytes on the wire."""
 
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -7,7 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sautereau.daq.file.descriptors import ARRAYS, ERROR, FRAME, INFO, LOG, SCENE, twins
+from sautereau.daq.file.descriptors import (
+    ARRAYS,
+    ERROR,
+    FRAME,
+    INFO,
+    LOG,
+    SCENE,
+    TRANSFORMS,
+    twins,
+)
 from sautereau.daq.file.recorded import Event
 
 THICKNESS = 3.0
@@ -48,6 +58,22 @@ def encode_scene(date: int, lines: Mapping[str, NDArray[np.float64]]) -> bytes:
         for x, y, z in points.tolist():
             line.points.add(x=x, y=y, z=z)
     return scene.SerializeToString()
+
+
+def encode_transforms(date: int, frames: Mapping[str, NDArray[np.float64]]) -> bytes:
+    """Return the wire bytes of `TRANSFORMS`.
+
+    Args:
+        date: ns since 1970.
+        frames: x and z, m, and angle from x towards z, rad, of each frame in `FRAME`, shape (3,).
+    """
+    message: Any = twins()[TRANSFORMS]()
+    for name, (x, z, angle) in frames.items():
+        frame = message.transforms.add(parent_frame_id=FRAME, child_frame_id=name)
+        frame.timestamp.FromNanoseconds(date)
+        frame.translation.x, frame.translation.z = x, z
+        frame.rotation.y, frame.rotation.w = -math.sin(angle / 2), math.cos(angle / 2)
+    return message.SerializeToString()
 
 
 def encode_rows(columns: ArrayLike) -> NDArray[np.uint8]:

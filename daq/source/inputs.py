@@ -58,8 +58,9 @@ def read_inputs(task: Any, daq: Daq) -> tuple[InputSettings, ...]:
     Raises:
         DaqError: Some input differs from the rig's request.
     """
+    skew = _skew(task)
     settings = tuple(
-        _read_input(task, channel, number) for number, channel in enumerate(daq.channels)
+        _read_input(task, channel, number * skew) for number, channel in enumerate(daq.channels)
     )
     faults = [
         fault
@@ -110,7 +111,7 @@ def _counts(channel: Any) -> tuple[Any, Any, Any, Any]:
     )
 
 
-def _read_input(task: Any, channel: Channel, number: int) -> InputSettings:
+def _read_input(task: Any, channel: Channel, skew: float) -> InputSettings:
     actual = task.ai_channels[channel.name]
     configuration = _optional(lambda: actual.ai_term_cfg)
     coupling = _optional(lambda: actual.ai_coupling)
@@ -124,7 +125,7 @@ def _read_input(task: Any, channel: Channel, number: int) -> InputSettings:
         terminal_configuration=configuration and configuration.name.lower(),
         coupling=coupling and coupling.name.lower(),
         excitation=_optional(lambda: actual.ai_excit_val) if channel.excitation else None,
-        delay=_filter_delay(task, actual) - _skew(task, number),
+        delay=_filter_delay(task, actual) - skew,
     )
 
 
@@ -144,16 +145,16 @@ def _filter_delay(task: Any, channel: Any) -> float:
     return delay
 
 
-def _skew(task: Any, number: int) -> float:
-    """Return by how many s a multiplexer samples an input later than the first one.
+def _skew(task: Any) -> float:
+    """Return by how many s a multiplexer samples an input later than the one before.
 
     Inputs are converted in the order of the task, at ``AIConv.Rate``.
     """
     (device,) = task.devices
-    if not number or _optional(lambda: device.ai_simultaneous_sampling_supported) in (None, True):
+    if _optional(lambda: device.ai_simultaneous_sampling_supported) in (None, True):
         return 0.0
     rate = _optional(lambda: task.timing.ai_conv_rate)
-    return number / rate if rate else 0.0
+    return 1 / rate if rate else 0.0
 
 
 def _differences(channel: Channel, actual: InputSettings) -> list[str]:

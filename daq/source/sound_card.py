@@ -17,7 +17,7 @@ from sautereau.daq.errors import DaqError
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.source.source import InputSettings, SourceSettings
-from sautereau.daq.source.task import RATE_TOLERANCE, plan_task
+from sautereau.daq.source.task import accepted_rate, plan_task
 from sautereau.rig.acquisition import Channel, Daq
 from sautereau.rig.schema import Rig
 
@@ -83,13 +83,11 @@ class SoundCard:
                 " it supports"
             ) from error
         self._description = f"{found}, sound card"
-        if abs(self.rate / daq.sample_rate - 1) > RATE_TOLERANCE:
-            actual = self.rate
+        try:
+            accepted_rate(self.rate, daq)
+        except DaqError:
             self.__exit__()
-            raise DaqError(
-                f"sound card {daq.device}: it runs at {actual:.9g} Hz instead of the requested"
-                f" {daq.sample_rate:.9g} Hz; set daq.sample_rate to a rate that it supports"
-            )
+            raise
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -115,7 +115,15 @@ def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
     elif plan.triggered:
         task.triggers.start_trigger.cfg_dig_edge_start_trig(trigger, edge)
     task.in_stream.input_buf_size = plan.buffer
-    rate = task.timing.samp_clk_rate
+    return accepted_rate(task.timing.samp_clk_rate, daq)
+
+
+def accepted_rate(rate: float, daq: Daq) -> float:
+    """Return the actual sampling rate of a device, Hz, if it is about the requested one.
+
+    Raises:
+        DaqError: It is not.
+    """
     if abs(rate / daq.sample_rate - 1) > RATE_TOLERANCE:
         raise DaqError(
             f"DAQ device {daq.device}: it runs at {rate:.9g} Hz instead of the requested"

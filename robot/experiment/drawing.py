@@ -9,21 +9,21 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import base, fingertip_place, link_vectors
 from sautereau.trajectory.key import contact_angle, rise_of_angle, surface_axes
 from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.urdf import JACK
 
 RATE = 200.0
 """Hz, largest rate of the drawings."""
-JACK = 0.1
-"""m, length of the jack as it is drawn."""
 
 
-def draw(rig: Rig, joints: Joints) -> tuple[Floats, dict[str, Floats]]:
+def draw(rig: Rig, joints: Joints) -> tuple[Floats, dict[str, Floats], dict[str, Floats]]:
     """Return drawings of the rig while its joints moved.
 
     The key is in contact with the fingertip, or at rest below it.
 
     Returns:
         Times, s after the trigger, shape (n,); points of each line by name, m, shape
-        (n, n_points, 3), in the frame of the key's geometry, whose plane is y = 0.
+        (n, n_points, 3), in the frame of the key's geometry, whose plane is y = 0; and x and z, m,
+        and angle, rad, of each link of the rig's URDF in this frame, shape (n, 3).
     """
     spacing = np.diff(joints.t).mean() if len(joints.t) > 1 else math.inf
     step = max(1, math.ceil(1 / (RATE * spacing)))
@@ -43,7 +43,18 @@ def draw(rig: Rig, joints: Joints) -> tuple[Floats, dict[str, Floats]]:
         "key": [front, key.surface_height * normal, back],
         "jack": ends,
     }
-    return joints.t[::step], {name: _in_space(points) for name, points in lines.items()}
+    still = np.zeros_like(angle)
+    frames = {
+        "arm_1": (shoulder, q[:, 0]),
+        "arm_2": (shoulder + upper, q.sum(1)),
+        "key": (np.zeros_like(upper), angle),
+        "jack": (ends[0], still),
+    }
+    return (
+        joints.t[::step],
+        {name: _in_space(points) for name, points in lines.items()},
+        {name: np.column_stack([place, turned]) for name, (place, turned) in frames.items()},
+    )
 
 
 def _in_space(points: list[Floats]) -> Floats:

@@ -18,7 +18,7 @@ def acquire(
     rig: common.RigName = "paper",
     *,
     out: common.OutFile | None = None,
-    duration: common.Time | None = None,
+    duration: common.Duration | None = None,
     triggered: bool = False,
     dry_run: bool = False,
     notes: str = "",

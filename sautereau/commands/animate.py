@@ -72,8 +72,8 @@ def listen(
     *,
     out: common.OutFile,
     level: common.Level = "elastica",
-    duration: common.Time = 4.0,
-    held: common.Time | None = None,
+    duration: common.Duration = common.Quantity(4),
+    held: common.Duration | None = None,
     quality: float = 1500.0,
     output: FileOutput = FileOutput(),
 ) -> int:

@@ -51,10 +51,17 @@ def _check_plot_path(_: object, path: Path | None) -> None:
         raise ValueError(f"Plot {path}: {'; '.join(faults)}.")
 
 
-def _seconds(_: object, tokens: Sequence[Token]) -> float:
+class Quantity(float):
+    """A time in s that is written with its unit, as help texts show it."""
+
+    def __str__(self) -> str:
+        return f"{float(self):g} s"
+
+
+def _seconds(_: object, tokens: Sequence[Token]) -> Quantity:
     from sautereau.rig.units import parse_quantity
 
-    return parse_quantity(tokens[0].value, "s")
+    return Quantity(parse_quantity(tokens[0].value, "s"))
 
 
 def _check_duration(_: object, value: float | None) -> None:
@@ -71,8 +78,7 @@ Picture = Annotated[
     Path | None,
     Parameter(help="Save the plot here (.png, .svg, .pdf).", validator=_check_plot_path),
 ]
-Time = Annotated[float, "QUANTITY", Parameter(converter=_seconds)]
-"""A time with its unit, in s."""
+Time = Annotated[Quantity, "QUANTITY", Parameter(converter=_seconds)]
 Duration = Annotated[Time, Parameter(validator=_check_duration)]
 Seed = Annotated[int | None, Parameter(validator=_check_seed)]
 

@@ -95,10 +95,10 @@ class Output:
             redirect_stdout=sys.stdout.isatty(),
             speed_estimate_period=ESTIMATED_OVER,
         ) as bar:
-            task = bar.add_task(label, total=1.0)
+            task = bar.add_task(label, total=None)  # a pulse, until a fraction is known
 
             def show(fraction: float) -> None:
-                bar.update(task, completed=fraction)
+                bar.update(task, completed=fraction, total=1.0)
 
             with progress_to(show):
                 yield show
@@ -133,12 +133,11 @@ class FileOutput(Output):
             SautereauError: Lists the files that exist.
         """
         from sautereau.rig.errors import SautereauError
-        from sautereau.rig.faults import fault_list
 
         there = [path for path in dict.fromkeys(paths) if path and _is_file(path)]
         if there and not self.force:
-            what = [f"{path} already exists; give another name, or --force" for path in there]
-            raise SautereauError(fault_list("output", what))
+            what = (f"{path} already exists; give another name, or --force" for path in there)
+            raise SautereauError("\n".join(what))
         return there
 
 

@@ -22,7 +22,7 @@ def press(
     n: Annotated[int, common.Number] = 1,
     table: Path | None = None,
     warm_up: int = 0,
-    rest: common.Duration = 0.0,
+    rest: common.Duration = common.Quantity(0),
     learned: Path | None = None,
     feed_forward: common.FeedForward = None,
     recorded: common.Recorded,

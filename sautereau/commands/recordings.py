@@ -57,12 +57,12 @@ def export(
     files: common.Files,
     /,
     *,
-    to: Literal["parquet", "csv", "h5", "wav", "tdms"],
+    to: Literal["parquet", "csv", "h5", "wav", "tdms", "urdf"],
     out: Path | None = None,
     raw: bool = False,
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Export recordings to Parquet, CSV, HDF5, WAV or TDMS.
+    """Export recordings to Parquet, CSV, HDF5, WAV or TDMS, or their rig to URDF.
 
     Parameters
     ----------
@@ -83,7 +83,27 @@ def export(
     made = [path for _, file in pairs for path in files_of(to, file)]
     with output.creating(*made), output.progress("exporting"):
         for file, target in tracked(pairs):
-            written += export_recording(file, to, target, raw=raw)
+            if to == "urdf":
+                written.append(_export_rig(file, target))
+            else:
+                written += export_recording(file, to, target, raw=raw)
     return output.answer(
         {"files": [str(path) for path in written]}, [str(path) for path in written]
     )
+
+
+def _export_rig(file: Path, target: Path) -> Path:
+    """Write the URDF of a recording's rig."""
+    from sautereau.daq.errors import RecordingError
+    from sautereau.daq.file.reading import read_recording
+    from sautereau.rig.disk import write_durably
+    from sautereau.trajectory.urdf import rig_urdf
+
+    try:
+        write_durably(target, rig_urdf(read_recording(file).rig), new=True)
+    except OSError as error:
+        raise RecordingError(
+            f"export of {file} to {target}: {error.strerror}; nothing is overwritten: give"
+            " another --out"
+        ) from error
+    return target

@@ -53,6 +53,7 @@ def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
         assert len(repr(one)) < 200
         assert "<table" in one._repr_html_()
         assert len(one.to_frame()) > 0
+    assert session[0].to_xarray()["velocity"].attrs["units"] == "m/s"
     assert shown[-1].to_xarray()["pluck_duration"].attrs == {"units": "s"}
     assert shown[-1].plot().axes
 

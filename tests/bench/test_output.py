@@ -27,7 +27,7 @@ WRITES = {
 """Options with which each command writes files."""
 WRITTEN = {
     "my-rig.toml", "p.png", "p.json", "p.gif", "a.mcap", "a.wav", "r.toml", "s/learned.json",
-    "s/report.html", "s/press-0001-recovered.mcap", "s/press-0001.csv.json",
+    "s/report.html", "s/press-0001.mcap", "s/press-0001-recovered.mcap", "s/press-0001.csv.json",
 }  # fmt: skip
 
 

@@ -4,13 +4,17 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
+from types import ModuleType
 
 import pytest
 
 from examples import session
+from sautereau.__main__ import main
 from sautereau.commands.app import app
+from sautereau.commands.signals import signals_stop
 from sautereau.rig.load import load_rig
 from tests import forked
 
@@ -106,6 +110,29 @@ def on_terminal(start: list[str], **environment: str) -> str:
             except OSError:  # the last writer has closed it
                 pass
     return printed.decode()
+
+
+def test_an_interrupt_while_importing_ends_with_130(monkeypatch):
+    class Interrupted(ModuleType):
+        def __getattr__(self, name):
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "sautereau.commands.app", Interrupted("app"))
+    with pytest.raises(SystemExit, match="130"):
+        main()
+
+
+@posix
+def test_a_closed_terminal_that_is_ignored_from_the_start_stays_ignored():
+    """As nohup starts a command."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with signals_stop():
+            os.kill(os.getpid(), signal.SIGHUP)
+            with pytest.raises(KeyboardInterrupt, match="SIGTERM"):
+                os.kill(os.getpid(), signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_the_stand_in_needs_no_pseudo_terminal(monkeypatch):

@@ -45,6 +45,14 @@ def test_beside_the_recording_and_never_twice(tmp_path, recordings, capsys):
     assert not (tmp_path / "press-2.parquet").exists()
 
 
+def test_the_rig_as_urdf(tmp_path, recordings, capsys):
+    assert run("export", recordings[0], "--to", "urdf") == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'press-1.urdf'}\n"
+    assert (tmp_path / "press-1.urdf").read_text().startswith('<?xml version="1.0"?>\n<robot')
+    with pytest.raises(SautereauError, match="already exists"):
+        run("export", recordings[0], "--to", "urdf")
+
+
 def test_a_table_of_another_program(tmp_path, capsys):
     table, back = tmp_path / "table.csv", tmp_path / "back.mcap"
     table.write_text("t,v\n0.0,10\n0.001,20\n0.002,30\n")

@@ -9,6 +9,7 @@ import serial
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import Bench, StandIn
 from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.devices.emulators import EMULATORS, emulator_of
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
@@ -189,6 +190,12 @@ def test_a_scene_describes_the_controller():
     odrive = with_values(load_rig(), {"controller.kind": "odrive"})
     with pytest.raises(SceneError, match="takes no such table"):
         StandIn(odrive, quiet(ETHERNET))
+
+
+def test_an_emulator_of_another_package_gets_the_scenes_table_if_it_takes_it(monkeypatch):
+    monkeypatch.setattr(EMULATORS, "get", lambda kind: lambda rig, unit=None: (rig, unit))
+    assert emulator_of("toy", unit="table")("rig") == ("rig", "table")
+    assert emulator_of("toy")("rig") == ("rig", None)
 
 
 def test_real_time_pacing_carries_characters_at_the_line_s_rate():

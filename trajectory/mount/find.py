@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
@@ -108,8 +109,8 @@ def find_mount(rig: Rig) -> Mount:
     coarse = [assess_bases(rig, elbow, grid, angles) for elbow in ELBOWS]
     found = [
         (*_refine(rig, elbow, grid[start]), elbow)
-        for elbow, assessment in zip(ELBOWS, coarse, strict=True)
-        for start in _lowest(assessment.cost)
+        for elbow, assessment in tracked([*zip(ELBOWS, coarse, strict=True)])
+        for start in tracked(_lowest(assessment.cost))
     ]
     base, assessment, elbow = min(found, key=lambda each: each[1].cost[0])
     if assessment.violation[0] > 0:
@@ -159,8 +160,8 @@ def mount_map(rig: Rig, n: int = 201) -> MountMap:
     angles = key_angles(rig, COARSE)
     # Row by row, so that memory does not grow with n squared.
     rows = [
-        [assess_bases(rig, elbow, _grid(x, z[i : i + 1]), angles) for i in range(n)]
-        for elbow in ELBOWS
+        [assess_bases(rig, elbow, _grid(x, z[i : i + 1]), angles) for i in tracked(range(n))]
+        for elbow in tracked(ELBOWS)
     ]
     residual = np.array([[row.worst_residual for row in elbow] for elbow in rows])
     feasible = np.array([[row.violation <= 0 for row in elbow] for elbow in rows])

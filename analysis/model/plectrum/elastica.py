@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import Chebyshev
+from numpy.polynomial.chebyshev import chebpts1
 
 from sautereau.analysis.model.plectrum.base import Bend, Floats
 from sautereau.analysis.model.plectrum.cantilever import Cantilever, similar
@@ -71,7 +72,7 @@ def elastica_tables(friction: float) -> "tuple[PPoly, PPoly]":
     from scipy.interpolate import PPoly
 
     edges = np.linspace(0.0, q_max(friction), CELLS + 1)
-    nodes = (1 - np.cos(np.pi * (np.arange(ORDER) + 0.5) / ORDER)) / 2
+    nodes = (1 + chebpts1(ORDER)) / 2
     width = edges[1]
     values = np.stack([series(edges[:-1, None] + nodes * width) for series in _series(friction)])
     powers = np.vander(nodes)  # highest power first, as PPoly wants them
@@ -99,7 +100,7 @@ def _series(friction: float) -> list[Chebyshev]:
     from scipy.integrate import solve_ivp
 
     end = q_max(friction)
-    nodes = np.sort((1 - np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))) / 2 * end)
+    nodes = (1 + chebpts1(DEGREE + 1)) / 2 * end
     xi = np.sqrt(nodes)
 
     def right(_, y):

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.string.string import ModalState, ModalString
+from sautereau.rig.progress import tracked
 
 PART = 10_000
 """Instants that are computed together, to limit memory."""
@@ -46,5 +47,5 @@ class FreeString:
     def _parts(self, time: ArrayLike) -> Iterator[ModalState]:
         """Yield the coordinates in parts of `PART` instants."""
         time = np.atleast_1d(np.asarray(time, float))
-        for part in np.split(time, range(PART, len(time), PART)):
+        for part in tracked(np.split(time, range(PART, len(time), PART))):
             yield self.string.free(self.state, part)

@@ -1,6 +1,7 @@
 """Compute the map of one plectrum shape by finite elements."""
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
@@ -13,6 +14,7 @@ from sautereau.analysis.model.plectrum.fe.cache import (
 from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
 from sautereau.analysis.model.plectrum.fe.profile import Profile, plectrum_grid
 from sautereau.analysis.model.plectrum.fe.solve import Body, rate, solve_loads
+from sautereau.rig.progress import tracked
 
 ACCURACY = 2e-4
 """Dimensionless; largest accepted error of the series between their nodes, relative to rotation,
@@ -71,7 +73,7 @@ def build(
     positions, error = 0, np.inf
     for positions, loads in _SIZES:
         s, f = _nodes(positions, nearest, 1.0), _nodes(loads, 0.0, solver.limit * MARGIN)
-        values = np.stack([solver.contact(place, f) / f for place in s], 1)
+        values = np.stack([solver.contact(place, f) / f for place in tracked([*s])], 1)
         table = DisplacementSeries(_series(values), nearest, solver.load, solver.limit)
         error = _error(table, solver)
         if error <= ACCURACY:
@@ -84,17 +86,15 @@ def build(
 
 def _nodes(count: int, low: float, high: float) -> Floats:
     """Return Chebyshev's nodes between two ends, increasing."""
-    angles = np.pi * (np.arange(count) + 0.5) / count
-    return (low + high) / 2 - (high - low) / 2 * np.cos(angles)
+    return (low + high) / 2 + (high - low) / 2 * chebyshev.chebpts1(count)
 
 
 def _series(values: Floats) -> Floats:
     """Return the Chebyshev series through values at `_nodes`, shape (fields, m, n)."""
     for axis in (1, 2):
         count = values.shape[axis]
-        angles = np.pi * (np.arange(count) + 0.5) / count
-        transform = 2 / count * np.cos(np.outer(np.arange(count), np.pi - angles))
-        transform[0] /= 2
+        basis = chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)
+        transform = np.linalg.inv(basis)
         values = np.moveaxis(np.tensordot(transform, values, (1, axis)), 0, axis)
     return values
 
