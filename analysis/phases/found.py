@@ -214,18 +214,18 @@ def pluck_warnings(
                 f" {before * 1e3:.5g} ms, which hides it: its uncertainty is"
                 f" {held.contact_std * 1e3:.2g} ms; increase the distance between the strings"
             )
-        elif earliest < steady:
+        elif earliest < steady and signals.missing != "force":
             found.append(
                 f"{who}contact may lie in the run-up, which ends at {steady * 1e3:.5g} ms, where it"
                 f" depends on the rig's inertia: its uncertainty is"
                 f" {held.contact_std * 1e3:.2g} ms; press more slowly"
             )
-        elif held.contact_std > WEAK:
+        elif held.contact_std > WEAK and not signals.missing:
             found.append(
                 f"{who}uncertainty of contact {held.contact_std * 1e3:.2g} ms: the slope of the"
                 " force hardly changes there; check the noise of the force"
             )
-        if held.release_std > WEAK:
+        if held.release_std > WEAK and not signals.missing:
             found.append(
                 f"{who}uncertainty of release {held.release_std * 1e3:.2g} ms; check the noise of"
                 " the force and the sampling rate"
