@@ -204,6 +204,7 @@ def pluck_warnings(
         steady: s after the trigger, end of the run-up.
     """
     found = []
+    then = "was not measured" if signals.missing else "is determined by the other channel alone"
     before = -float("inf")
     for number, held in enumerate(plucks, 1):
         who = f"pluck {number}: " if len(plucks) > 1 else ""
@@ -236,7 +237,7 @@ def pluck_warnings(
                     found.append(
                         f"{who}{what} at {instant * 1e3:.5g} ms lies in a {mark.kind} of"
                         f" {mark.channel}, {mark.start * 1e3:.5g} to {mark.stop * 1e3:.5g} ms,"
-                        " and is determined by the other channel alone"
+                        f" and {then}"
                     )
         before = held.release
     return found

@@ -26,8 +26,9 @@ from sautereau.rig.schema import Rig
 CONTACT_PART, LEAST_CONTACT_STD = 0.02, 0.15e-3
 """Standard uncertainty of a contact in the force alone, over the pluck's duration, and in s: the
 jack's speed is not quite as planned. From random presses of the stand-in, and tested on others."""
-RELEASE_STD = 0.02e-3
-"""s, the same of a release."""
+RELEASE_STD, LARGER, HIDDEN = 0.02e-3, 1.5, 1e-3
+"""s, the same of a release; in the velocity alone its standard uncertainty over that of its fit;
+and s, what a drop-out of the velocity within this time adds."""
 WITHOUT = {
     "velocity": "no velocity was recorded: speeds, rises, deflections, work, the slope of the force"
     " and its drop are unknown; contact and release are those of the force alone, for a jack that"
@@ -37,7 +38,8 @@ WITHOUT = {
 }
 """What cannot be said without a signal."""
 NOT_FOUND = {
-    "velocity": "; a finger that presses with constant force does not show a pluck",
+    "velocity": "; a pluck may not be found if the finger presses with constant force, or the jack"
+    " moves otherwise",
     "force": "; a string that does not change the key's speed is not seen, so there may have been a"
     " pluck",
 }
@@ -110,6 +112,9 @@ def _in_velocity(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
         if not near:
             continue
         release = max(near, key=lambda fall: fall.fall)
+        around = slice(*(signals.sample(release.time + side) for side in (-HIDDEN, HIDDEN)))
+        hidden = HIDDEN * bool(signals.no_velocity[around].any())
+        release = replace(release, std=math.hypot(LARGER * release.std, RELEASE_STD, hidden))
         # The rig's contact, and the release less the rig's climb: weighted by their variances.
         stds = np.array([CONTACT_STD, CLIMB_STD * climb])
         places = np.array([at, float(np.interp(release.time, time, rise)) - climb])

@@ -174,13 +174,22 @@ def _assumed(press: Press) -> tuple[Floats, ...]:
         )
         return np.zeros(len(velocity)), velocity, deflection, rise, speed
     (force,), key = press.columns("force"), press.rig.key
+    planned = press.rig.press
+    # Recordings that others made need no run-down that this arm could follow.
+    sudden = {
+        "run_down_acceleration": planned.run_up_acceleration,
+        "run_down_jerk": planned.run_up_jerk,
+    }
     try:
-        law = press_law(press.rig.press)
-    except TrajectoryError as error:
-        raise AnalysisError(
-            f"press {press.path}: without a velocity its motion is that of the rig's [press],"
-            f" which describes none: {error}"
-        ) from error
+        law = press_law(planned)
+    except TrajectoryError:
+        try:
+            law = press_law(planned.model_copy(update=sudden))
+        except TrajectoryError as error:
+            raise AnalysisError(
+                f"press {press.path}: without a velocity its motion is that of the rig's [press],"
+                f" which describes none: {error}"
+            ) from error
     since = (np.arange(len(force)) - departure(force, press.rate)) / press.rate
     angle = key_motion(key, law.law.at(law.start + np.clip(since, 0.0, law.bottom - law.start)))
     velocity = np.where(since < law.bottom - law.start, angle.velocity * key.laser_arm, 0.0)

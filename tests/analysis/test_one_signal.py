@@ -13,6 +13,9 @@ from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.one_signal import find_partial_phases
 from sautereau.analysis.press.features import NEED, UNITS, features
 from sautereau.analysis.summary.press import press_line, press_summary
+from sautereau.daq.file.recorded import Block
+from sautereau.daq.file.recording import Recording
+from sautereau.entrance.session import open as open_session
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
@@ -21,7 +24,7 @@ from sautereau.sim_backend.scene import load_scene
 def simulated(scene, speed=0.072, *, mute=False):
     """Return a press with both signals, what the card acquired, and the truth."""
     rig = with_values(load_rig(), {"press.jack_speed": f"{speed} m/s"})
-    changes = {"sensors": load_scene("paper").sensors}
+    changes: dict[str, object] = {"sensors": load_scene("paper").sensors}
     if scene != "paper":
         changes["engine"] = "exact"
     if mute:
@@ -148,3 +151,19 @@ def test_any_part_of_a_press_gives_finite_numbers():
             document = [features(part, found), press_summary(part, found)]
             json.dumps(document, allow_nan=False)
             assert press_line(part, found)
+
+
+@pytest.mark.parametrize("missing", SIGNALS)
+def test_a_file_has_phases_and_features_and_no_comparison(paper_press, tmp_path, missing):
+    recorded = without(paper_press[0], missing)
+    path = tmp_path / "press-0001.mcap"
+    with Recording(path, recorded.rig, session=recorded.session, clock=lambda: 0) as recording:
+        recording.write_block(Block(0, np.stack(list(recorded.volts.values()))))
+    session = open_session([path])
+    assert f"no {missing}" in str(session[0])
+    assert len(session[0].document["plucks"]) == 1
+    assert session.features["plucks"].tolist() == [1]
+    assert session.features["force_slope"].tolist() == [None]
+    for refused in (session.compare, session.plot, lambda: session.identify(["key.inertia"])):
+        with pytest.raises(MissingSignalError, match=f"0001.mcap: it has no {missing} channel"):
+            refused()
