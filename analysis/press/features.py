@@ -3,12 +3,15 @@
 The work on a string and the deflection start at contact, where the paper aligns its presses.
 """
 
+import math
+
 import numpy as np
 from scipy.integrate import trapezoid
 
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.quantities import QUANTITIES
+from sautereau.rig.schema import Rig
 
 Value = float | int | str | bool | None
 Row = dict[str, Value]
@@ -55,6 +58,16 @@ NEED = {
 }
 """Columns that are None where this signal was not recorded."""
 
+GAINED = {
+    "force": ("contact_force", "release_force", "peak_force"),
+    "velocity": (
+        *("free_speed", "held_speed", "released_speed"),
+        *("contact_rise", "release_rise", "held_deflection"),
+    ),
+}
+GAINED_BY_BOTH = ("force_slope", "held_work", "press_work")
+"""Columns that are proportional to a signal, and to both or to their quotient."""
+
 
 def column(name: str, pluck: int = 1) -> str:
     """Return the column of a quantity of a pluck, counted from 1: `release`, `release_2`."""
@@ -76,6 +89,25 @@ def title_of(column: str) -> str:
     name, pluck = split_column(column)
     title = QUANTITIES[name].title(QUANTITIES[name].displayed[1])
     return title if pluck == 1 else f"{title}, pluck {pluck}"
+
+
+def gain_stds(rig: Rig) -> dict[str, float]:
+    """Return the relative standard uncertainties of columns by the sensors' `gain_std`.
+
+    A gain is wrong by the same factor in all presses, so that their mean is not more certain.
+    Instants do not depend on gains, beyond the error of the rig's inertia that their fit includes.
+
+    Args:
+        rig: With the calibrations of the channels; a missing one leaves its columns out.
+    """
+    found = {quantity: rig.daq.channel(quantity) for quantity in ("force", "velocity")}
+    gains = {quantity: channel.gain_std for quantity, channel in found.items() if channel}
+    stds = {name: gain for q, gain in gains.items() for name in GAINED[q]}
+    if len(gains) == len(found):
+        stds |= dict.fromkeys(GAINED_BY_BOTH, math.hypot(*gains.values()))
+        # The finger's force and the key's inertia have parts in it that are unknown: at most this.
+        stds["force_drop"] = max(gains.values())
+    return stds
 
 
 def features(press: Press, phases: Phases) -> Row:

@@ -5,7 +5,7 @@ from typing import Any
 
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.features import NEED
+from sautereau.analysis.press.features import NEED, gain_stds
 
 HEADER = (
     "Contact and release: time after the trigger.\n"
@@ -51,6 +51,7 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
             "drop": of_first("force_drop"),
             "peak": known("peak_force", phases.peak_force),
         },
+        "gain_std": gain_stds(press.rig),
         "fit": phases.fit and asdict(phases.fit) | {"verdict": phases.fit.verdict},
         "warnings": [*press.warnings, *phases.warnings],
     }
