@@ -31,12 +31,17 @@ RELEASE_STD, LARGER, HIDDEN = 0.02e-3, 1.5, 1e-3
 and s, what a drop-out of the velocity within this time adds."""
 WITHOUT = {
     "velocity": "no velocity was recorded: speeds, rises, deflections, work, the slope of the force"
-    " and its drop are unknown; contact and release are those of the force alone, for a jack that"
-    " moves as the rig's [press] says",
-    "force": "no force was recorded: forces and work are unknown; a release is a sudden"
-    " acceleration of the key near where the rig expects it, and the contact is that of the rig",
+    " and its drop are unknown",
+    "force": "no force was recorded: forces and work are unknown",
 }
 """What cannot be said without a signal."""
+BY_WHAT = {
+    "velocity": "; contact and release are those of the force alone, for a jack that moves as the"
+    " rig's [press] says",
+    "force": "; a release is a sudden acceleration of the key near where the rig expects it, and"
+    " the contact is that of the rig",
+}
+"""What instants rest on that were not set by hand."""
 NOT_FOUND = {
     "velocity": "; a pluck may not be found if the finger presses with constant force, or the jack"
     " moves otherwise",
@@ -65,15 +70,19 @@ def find_partial_phases(press: Press) -> Phases:
         raise AnalysisError(f"press {press.path}: it has both signals; use find_phases")
     find = _in_force if press.missing == "velocity" else _in_velocity
     found = phases_in(press, signals_of(press), find)
-    first = "" if found.plucks else NOT_FOUND[press.missing]
+    by_hand = found.fit is not None and found.fit.model == "by hand"
+    why = "" if by_hand else BY_WHAT[press.missing]
+    if not (found.plucks or by_hand):
+        why += NOT_FOUND[press.missing]
     stds = [
         f"{name} {getattr(held, f'{name}_std') * 1e3:.2g} ms"
         for held in found.plucks
         for name in ("contact", "release")
     ]
     uncertain = f"; standard uncertainties: {', '.join(stds)}" if stds else ""
-    said = f"{WITHOUT[press.missing]}{first}{uncertain}; record the {press.missing} as well"
-    fit = found.fit if found.plucks or press.missing == "velocity" else None
+    said = f"{WITHOUT[press.missing]}{why}{uncertain}; record the {press.missing} as well"
+    explained = found.plucks or by_hand or press.missing == "velocity"
+    fit = found.fit if explained else None
     return replace(found, warnings=(said, *found.warnings), fit=fit)
 
 
