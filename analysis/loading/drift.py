@@ -16,6 +16,8 @@ from sautereau.trajectory.motion import Floats
 
 BLOCK = 1e-3
 """s, of the block means by which rest and motion are distinguished."""
+LEAVES = 0.02
+"""Dimensionless, fraction of the largest change of the force from which on it is no rest."""
 LEAST_REST = 5e-3
 """s, shortest rest."""
 MARGIN = 2
@@ -88,6 +90,24 @@ def find_rests(velocity: Floats, rate: float) -> Rests:
         return nothing
     first, last = (n if n >= LEAST_REST * rate else 0 for n in lengths)
     return Rests(slice(0, first), slice(len(velocity) - last, len(velocity)))
+
+
+def departure(force: Floats, rate: float) -> int:
+    """Return the sample at which a force leaves its level at the start; 0 without a rest.
+
+    Args:
+        force: N, shape (n,).
+        rate: Hz.
+    """
+    size = max(1, round(BLOCK / 2 * rate))
+    means = force[: len(force) // size * size].reshape(-1, size).mean(1)
+    if not len(means):
+        return 0
+    level = float(np.median(means[: round(2 * LEAST_REST / BLOCK)]))
+    away = np.abs(means - level)
+    moving = away > max(LEAVES * float(away.max()), 6 * white_noise(force) / math.sqrt(size))
+    first = int(np.argmax(moving)) * size
+    return first if first >= LEAST_REST * rate else 0
 
 
 def without_drift(

@@ -5,15 +5,16 @@ from datetime import date
 from functools import cache
 from math import ceil, pi
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.drift import (
     NO_DRIFT,
     RETURNED,
     Drift,
+    departure,
     find_rests,
     force_at_rest,
     without_drift,
@@ -39,6 +40,10 @@ if TYPE_CHECKING:
 
     from sautereau.daq.file.recorded import Event, Recorded
 
+Signal = Literal["force", "velocity"]
+"""A signal of a press."""
+SIGNALS: tuple[Signal, ...] = ("velocity", "force")
+"""Those that a press has."""
 UNITS = {name: quantity.unit for name, quantity in SECTIONS["Samples of a press"].items()}
 """Unit of each column of a press."""
 LEAST_ROWS = 16
@@ -80,6 +85,8 @@ class Press:
     """Start of the arm's motion, with its uncertainty; None where no arm was recorded."""
     warnings: tuple[str, ...] = ()
     """About lost samples, calibrations, quality flags and drift."""
+    missing: Signal | None = None
+    """The signal that was not recorded; `data` has no column that depends on it."""
 
     def columns(self, *names: str) -> tuple[Floats, ...]:
         """Return columns of the data, shape (rows,); pandas would copy `attrs` for each."""
@@ -106,8 +113,8 @@ def load_press(path: str | Path) -> Press:
 
     Raises:
         daq.errors.RecordingError: The file is not a complete recording.
-        AnalysisError: Its rig has `[daq]` alone, it has no velocity or no force channel, or it is
-            too short.
+        MissingSignalError: It has no velocity or no force channel.
+        AnalysisError: Its rig has `[daq]` alone, or it is too short.
     """
     from sautereau.daq.file.reading import read_recording
 
@@ -118,8 +125,25 @@ def press_of(recorded: "Recorded") -> Press:
     """Return the press of a recording that was already read or imported; see `load_press`.
 
     Raises:
-        AnalysisError: Its rig has `[daq]` alone, it has no velocity or no force channel, or it is
-            too short.
+        MissingSignalError: It has no velocity or no force channel.
+        AnalysisError: Its rig has `[daq]` alone, or it is too short.
+    """
+    channels = _channels(recorded)
+    for missing in (name for name in SIGNALS if name not in channels):
+        raise MissingSignalError(
+            f"recording {recorded.path}: it has no {missing} channel, and this analysis needs"
+            f" force and velocity; add a channel with quantity = {missing!r} to the rig's"
+            " [[daq.channels]], or find contact and release in the other one with `sautereau"
+            " phases`"
+        )
+    return partial_press_of(recorded)
+
+
+def partial_press_of(recorded: "Recorded") -> Press:
+    """Return the press of a recording that may lack the force or the velocity.
+
+    Raises:
+        AnalysisError: Its rig has `[daq]` alone, it has neither, or it is too short.
     """
     import pandas as pd
 
@@ -131,52 +155,65 @@ def press_of(recorded: "Recorded") -> Press:
             " describes them"
         )
     rig, rate = recorded.rig, recorded.rate
-    velocity_channel, force_channel = (_channel(recorded, q) for q in ("velocity", "force"))
-    lags = velocity_channel.lag, force_channel.lag
+    channels = _channels(recorded)
+    if not channels:
+        raise AnalysisError(
+            f"recording {path}: it has no force and no velocity channel; add one with quantity ="
+            " 'force' or 'velocity' to the rig's [[daq.channels]]"
+        )
+    lags = [channel.lag for channel in channels.values()]
     # An input sampled later than the first has a negative lag: its first row lies before its data.
     early = ceil(max(0.0, -min(lags)) * rate - 1e-9)
     rows = _rows(recorded, max(lags), early)
     start = (recorded.first_sample + early) / rate - recorded.origin
-
-    def aligned(signal: Floats, channel: Channel) -> Floats:
-        return undelayed(signal, channel.lag * rate + early)[:rows]
-
-    velocity, force = (
-        aligned(correct(recorded.volts[channel.name], channel, rate), channel)
-        for channel in (velocity_channel, force_channel)
-    )
-    marks = [
-        mark
-        for channel in (velocity_channel, force_channel)
-        for mark in find_quality_flags(
-            recorded.volts[channel.name], channel, rate, recorded.first_sample
-        )
-    ]
+    signals: dict[Signal, Floats] = {}
+    marks: list[QualityFlag] = []
+    for name, channel in channels.items():
+        volts = recorded.volts[channel.name]
+        corrected = correct(volts, channel, rate)
+        signals[name] = undelayed(corrected, channel.lag * rate + early)[:rows]
+        marks += find_quality_flags(volts, channel, rate, recorded.first_sample)
     warnings = [
         *map(str, recorded.gaps),
-        *_calibrations(recorded, velocity_channel, force_channel),
+        *_calibrations(recorded, *channels.values()),
         *quality_warnings(marks),
     ]
     if recorded.motion is not None:
         warnings += _coarse(rig)
     drift = NO_DRIFT
-    if np.isfinite(velocity).all() and np.isfinite(force).all():
-        rests = find_rests(velocity, rate)
-        velocity, drift, doubts = without_drift(
-            velocity, rests, rate, start, velocity_channel.high_pass, _returns(recorded)
-        )
-        at_rest = recorded.volts[force_channel.name][rests.before]
-        force, level, doubtful = _from_rest(
-            force, to_si(at_rest, force_channel), force_channel.high_pass, rate
-        )
-        drift = replace(drift, force=level)
-        warnings += [*doubts, *doubtful]
+    if all(np.isfinite(signal).all() for signal in signals.values()):
+        if "velocity" in signals:
+            rests = find_rests(signals["velocity"], rate)
+            corner = channels["velocity"].high_pass
+            signals["velocity"], drift, doubts = without_drift(
+                signals["velocity"], rests, rate, start, corner, _returns(recorded)
+            )
+            rest = rests.before
+            warnings += doubts
+        else:
+            rest = slice(0, departure(signals["force"], rate))
+        if "force" in signals:
+            channel = channels["force"]
+            at_rest = to_si(recorded.volts[channel.name][rest], channel)
+            signals["force"], level, doubtful = _from_rest(
+                signals["force"], at_rest, channel.high_pass, rate
+            )
+            drift = replace(drift, force=level)
+            warnings += doubtful
+    missing: Signal | None = next((name for name in SIGNALS if name not in channels), None)
+    nothing = np.zeros(rows if missing else 0)
+    columns = columns_of(
+        rig.key, signals.get("velocity", nothing), signals.get("force", nothing), rate
+    )
     frame = pd.DataFrame(
-        columns_of(rig.key, velocity, force, rate).T,
+        columns.T,
         columns=_names(),
         index=pd.Index(recorded.time[early : early + rows] - recorded.origin, name="time"),
         copy=False,
     )
+    if missing:
+        unknown = "force" if missing == "force" else frame.columns.difference(["force"])
+        frame = frame.drop(columns=unknown)
     frame.attrs = {"units": UNITS, "simulated": recorded.simulated, "path": str(path)}
     return Press(
         path,
@@ -188,6 +225,7 @@ def press_of(recorded: "Recorded") -> Press:
         drift,
         recorded.motion and replace(recorded.motion, time=recorded.motion.time - recorded.origin),
         tuple(warnings),
+        missing,
     )
 
 
@@ -223,15 +261,10 @@ def columns_of(key: Key, velocity: Floats, force: Floats, rate: float) -> Floats
     return columns
 
 
-def _channel(recorded: "Recorded", quantity: str) -> Channel:
-    channel = recorded.rig.daq.channel(quantity)
-    if channel is None:
-        raise AnalysisError(
-            f"recording {recorded.path}: it has no {quantity} channel, and the analysis needs"
-            f" force and velocity; add a channel with quantity = {quantity!r} to the rig's"
-            " [[daq.channels]]"
-        )
-    return channel
+def _channels(recorded: "Recorded") -> dict[Signal, Channel]:
+    """Return the channels of the signals that the recording has."""
+    of = recorded.rig.daq.channel
+    return {name: channel for name in SIGNALS if (channel := of(name))}
 
 
 def _rows(recorded: "Recorded", longest: float, early: int) -> int:

@@ -92,6 +92,8 @@ class EventFit:
         scale = np.maximum(np.ptp(load, axis=1, keepdims=True), TINY)
         noise = np.array([[signals.force_noise], [signals.velocity_noise]]) / math.sqrt(samples)
         self._load, self._white, self._good = load / scale, noise / scale, flags == 0
+        if signals.missing:
+            self._good[("force", "velocity").index(signals.missing)] = False
         self._table: Poles = np.array(
             [
                 pole(frequency, damping)

@@ -1,9 +1,11 @@
 """Segmentation of a press: free, string held, string released, bottom and return."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
@@ -20,8 +22,11 @@ from sautereau.analysis.phases.found import (
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.release import robust_std
 from sautereau.analysis.phases.signals import LEFT, Signals, rows_of, signals_of, way_down
+from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
+Finder = Callable[[Rig, Signals, int, int], Found]
+"""Finds the plucks of a rig's strings between two samples, as `find_plucks` does."""
 FULL_SPEED = 0.95
 """Dimensionless, fraction of the median speed above which the jack neither starts nor stops."""
 LEAST_SAMPLES = 16
@@ -39,10 +44,24 @@ def find_phases(press: Press) -> Phases:
         The phases, with warnings; a key without string or a short recording is no error.
 
     Raises:
+        MissingSignalError: It lacks the force or the velocity.
         AnalysisError: Samples of force or velocity are not numbers, or the file of instants set
             by hand cannot be read, or the fit has no solution.
     """
-    signals = signals_of(press)
+    if press.missing:
+        raise MissingSignalError(
+            f"press {press.path}: it has no {press.missing}, and these phases need force and"
+            " velocity; use `find_partial_phases`"
+        )
+    return phases_in(press, signals_of(press), find_plucks)
+
+
+def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
+    """Return the phases of a press by its signals, with a function that finds the plucks.
+
+    Raises:
+        AnalysisError: As `find_phases`.
+    """
     down, peak = way_down(signals), float(signals.force.max(initial=0.0))
     if down is None:
         most = max(0.0, signals.rise.max(initial=0.0)) * 1e3
@@ -65,7 +84,7 @@ def find_phases(press: Press) -> Phases:
     by_hand = read_by_hand(press.path)
     if by_hand is None:
         try:
-            found = find_plucks(press.rig, signals, begin, end)
+            found = find(press.rig, signals, begin, end)
         except np.linalg.LinAlgError as error:
             raise AnalysisError(
                 f"recording {press.path}: the fit of its phases has no solution ({error}): samples"

@@ -204,6 +204,7 @@ def pluck_warnings(
         steady: s after the trigger, end of the run-up.
     """
     found = []
+    then = "was not measured" if signals.missing else "is determined by the other channel alone"
     before = -float("inf")
     for number, held in enumerate(plucks, 1):
         who = f"pluck {number}: " if len(plucks) > 1 else ""
@@ -214,18 +215,18 @@ def pluck_warnings(
                 f" {before * 1e3:.5g} ms, which hides it: its uncertainty is"
                 f" {held.contact_std * 1e3:.2g} ms; increase the distance between the strings"
             )
-        elif earliest < steady:
+        elif earliest < steady and signals.missing != "force":
             found.append(
                 f"{who}contact may lie in the run-up, which ends at {steady * 1e3:.5g} ms, where it"
                 f" depends on the rig's inertia: its uncertainty is"
                 f" {held.contact_std * 1e3:.2g} ms; press more slowly"
             )
-        elif held.contact_std > WEAK:
+        elif held.contact_std > WEAK and not signals.missing:
             found.append(
                 f"{who}uncertainty of contact {held.contact_std * 1e3:.2g} ms: the slope of the"
                 " force hardly changes there; check the noise of the force"
             )
-        if held.release_std > WEAK:
+        if held.release_std > WEAK and not signals.missing:
             found.append(
                 f"{who}uncertainty of release {held.release_std * 1e3:.2g} ms; check the noise of"
                 " the force and the sampling rate"
@@ -236,7 +237,7 @@ def pluck_warnings(
                     found.append(
                         f"{who}{what} at {instant * 1e3:.5g} ms lies in a {mark.kind} of"
                         f" {mark.channel}, {mark.start * 1e3:.5g} to {mark.stop * 1e3:.5g} ms,"
-                        " and is determined by the other channel alone"
+                        f" and {then}"
                     )
         before = held.release
     return found

@@ -130,7 +130,11 @@ def refine(signals: Signals, near: float, step: float) -> Release:
         # A signal sampled at points does not resolve the instant within a sample.
         std=math.hypot(math.sqrt(variance) / rate, signals.instant_std),
         fall=-float(found.step[best]),
-        fall_std=math.hypot(float(found.step_std[best]) * math.sqrt(noise), BRIDGED * bridged),
+        fall_std=math.hypot(
+            float(found.step_std[best]) * math.sqrt(noise),
+            BRIDGED * bridged,
+            signals.fall_std * float(found.step[best]),
+        ),
         slowed=0.0 if bridged else _mean(rows.inertia[before]) - _mean(rows.inertia[after]),
         gain=(bent - float(found.chi2[best])) / noise,
         noise=noise,

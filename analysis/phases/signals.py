@@ -16,11 +16,15 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.press import UNITS, Press, columns_of
+from sautereau.analysis.loading.drift import departure
+from sautereau.analysis.loading.press import UNITS, Press, Signal, columns_of
 from sautereau.analysis.model.choirs import choirs
 from sautereau.daq.signals.calibration import white_noise
 from sautereau.rig.schema import Rig
+from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.key import key_motion
 from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.timing import press_law
 
 LEFT = 0.005
 """Dimensionless, fraction of the full rise at which the jack has left rest."""
@@ -46,6 +50,8 @@ BRIDGE = 0.5e-3
 """s, on either side of a drop-out, of the means between which the acceleration is interpolated."""
 BRIDGED, HIDDEN = 0.03, 10.0
 """N, noise of a row with flagged velocity, and with flagged force."""
+ASSUMED_FALL = 0.3
+"""Dimensionless, relative uncertainty of a fall at release in one signal alone."""
 FACTOR, SOLVE = get_lapack_funcs(("pbtrf", "tbtrs"))
 """LAPACK's Cholesky factorisation of a banded matrix, and the triangular solve."""
 
@@ -80,6 +86,11 @@ class Signals:
     """Where the force is flagged."""
     no_velocity: NDArray[np.bool_]
     """Where the velocity is flagged."""
+    missing: Signal | None = None
+    """The signal that was not recorded: its samples are assumed (`_assumed`)."""
+    fall_std: float = 0.0
+    """Dimensionless, relative uncertainty of a fall of the load, of which the missing signal has
+    a part."""
 
     def sample(self, instant: float) -> int:
         """Return the sample nearest to an instant [s]."""
@@ -94,9 +105,12 @@ def signals_of(press: Press) -> Signals:
     """
     rate, key = press.rate, press.rig.key
     time = press.data.index.to_numpy()
-    force, velocity, deflection, rise, speed = press.columns(
-        "force", "velocity", "deflection", "jack_rise", "jack_speed"
-    )
+    if press.missing is None:
+        force, velocity, deflection, rise, speed = press.columns(
+            "force", "velocity", "deflection", "jack_rise", "jack_speed"
+        )
+    else:
+        force, velocity, deflection, rise, speed = _assumed(press)
     for name, signal in (("force", force), ("velocity", velocity)):
         bad = len(signal) - int(np.count_nonzero(np.abs(signal) <= LARGEST[name]))
         if bad:
@@ -120,6 +134,12 @@ def signals_of(press: Press) -> Signals:
         velocity = np.interp(time, time[good], velocity[good])
         _, _, _, deflection, rise, speed = columns_of(key, velocity, force, rate)
     inertia = key.inertia + sum(c.jack.mass * c.jack_arm**2 for c in choirs(press.rig))
+    inertial = inertia / key.laser_arm / key.press_arm
+    force_noise = max(force_noise, FORCE_FLOOR)
+    velocity_noise = max(velocity_noise, VELOCITY_FLOOR)
+    if press.missing == "velocity":
+        # With this, rows of one sample have white noise.
+        velocity_noise = force_noise / (2 * inertial * rate)
     return Signals(
         time=time,
         rate=rate,
@@ -128,13 +148,53 @@ def signals_of(press: Press) -> Signals:
         deflection=deflection,
         rise=rise,
         speed=speed,
-        inertial=inertia / key.laser_arm / key.press_arm,
-        force_noise=max(force_noise, FORCE_FLOOR),
-        velocity_noise=max(velocity_noise, VELOCITY_FLOOR),
+        inertial=inertial,
+        force_noise=force_noise,
+        velocity_noise=velocity_noise,
         instant_std=math.hypot(1 / rate / math.sqrt(12), _lag_std(press.rig)),
         no_force=flagged["force"],
         no_velocity=flagged["velocity"],
+        missing=press.missing,
+        fall_std=ASSUMED_FALL if press.missing else 0.0,
     )
+
+
+def _assumed(press: Press) -> tuple[Floats, ...]:
+    """Return force, velocity, deflection, rise and speed of a press with one signal.
+
+    A missing force is 0: what does not change within milliseconds has no effect on a release. A
+    missing velocity is that of the rig's press, from where the force leaves its level at rest.
+
+    Raises:
+        AnalysisError: The rig describes no press.
+    """
+    if press.missing == "force":
+        velocity, deflection, rise, speed = press.columns(
+            "velocity", "deflection", "jack_rise", "jack_speed"
+        )
+        return np.zeros(len(velocity)), velocity, deflection, rise, speed
+    (force,), key = press.columns("force"), press.rig.key
+    planned = press.rig.press
+    # Recordings that others made need no run-down that this arm could follow.
+    sudden = {
+        "run_down_acceleration": planned.run_up_acceleration,
+        "run_down_jerk": planned.run_up_jerk,
+    }
+    try:
+        law = press_law(planned)
+    except TrajectoryError:
+        try:
+            law = press_law(planned.model_copy(update=sudden))
+        except TrajectoryError as error:
+            raise AnalysisError(
+                f"press {press.path}: without a velocity its motion is that of the rig's [press],"
+                f" which describes none: {error}"
+            ) from error
+    since = (np.arange(len(force)) - departure(force, press.rate)) / press.rate
+    angle = key_motion(key, law.law.at(law.start + np.clip(since, 0.0, law.bottom - law.start)))
+    velocity = np.where(since < law.bottom - law.start, angle.velocity * key.laser_arm, 0.0)
+    _, _, _, deflection, rise, speed = columns_of(key, velocity, force, press.rate)
+    return force, velocity, deflection, rise, speed
 
 
 def _lag_std(rig: Rig) -> float:

@@ -3,12 +3,15 @@
 The work on a string and the deflection start at contact, where the paper aligns its presses.
 """
 
+import math
+
 import numpy as np
 from scipy.integrate import trapezoid
 
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.quantities import QUANTITIES
+from sautereau.rig.schema import Rig
 
 Value = float | int | str | bool | None
 Row = dict[str, Value]
@@ -44,6 +47,27 @@ UNITS = {
 """Unit of each column, in the order of the columns; those of later plucks have these units too.
 `sautereau.rig.quantities` defines the columns; times are in s after the trigger."""
 
+NEED_BOTH = ("bottomed", "force_drop", "force_slope", "held_work", "press_work")
+"""Columns that need the force and the velocity."""
+NEED = {
+    "force": ("contact_force", "release_force", "peak_force", *NEED_BOTH),
+    "velocity": (
+        *("start", "bottom", "returned", "free_speed", "held_speed", "released_speed"),
+        *("contact_rise", "release_rise", "held_deflection", *NEED_BOTH),
+    ),
+}
+"""Columns that are None where this signal was not recorded."""
+
+GAINED = {
+    "force": ("contact_force", "release_force", "peak_force"),
+    "velocity": (
+        *("free_speed", "held_speed", "released_speed"),
+        *("contact_rise", "release_rise", "held_deflection"),
+    ),
+}
+GAINED_BY_BOTH = ("force_slope", "held_work", "press_work")
+"""Columns that are proportional to a signal, and to both or to their quotient."""
+
 
 def column(name: str, pluck: int = 1) -> str:
     """Return the column of a quantity of a pluck, counted from 1: `release`, `release_2`."""
@@ -67,17 +91,42 @@ def title_of(column: str) -> str:
     return title if pluck == 1 else f"{title}, pluck {pluck}"
 
 
+def gain_stds(rig: Rig) -> dict[str, float]:
+    """Return the relative standard uncertainties of columns by the sensors' `gain_std`.
+
+    A gain is wrong by the same factor in all presses, so that their mean is not more certain.
+    Instants do not depend on gains, beyond the error of the rig's inertia that their fit includes.
+
+    Args:
+        rig: With the calibrations of the channels; a missing one leaves its columns out.
+    """
+    found = {quantity: rig.daq.channel(quantity) for quantity in ("force", "velocity")}
+    gains = {quantity: channel.gain_std for quantity, channel in found.items() if channel}
+    stds = {name: gain for q, gain in gains.items() for name in GAINED[q]}
+    if len(gains) == len(found):
+        stds |= dict.fromkeys(GAINED_BY_BOTH, math.hypot(*gains.values()))
+        # The finger's force and the key's inertia have parts in it that are unknown: at most this.
+        stds["force_drop"] = max(gains.values())
+    return stds
+
+
 def features(press: Press, phases: Phases) -> Row:
     """Return the features of a press: the columns of `UNITS`, and those of further plucks.
 
-    Without a pluck the columns of the first one are None.
+    Without a pluck the columns of the first one are None; those of `NEED` are where the press
+    lacks that signal.
 
     Args:
         press: The recording.
         phases: Of `sautereau.analysis.phases.find_phases`.
     """
     time = press.data.index.to_numpy()
-    rise, deflection, angle, force = press.columns("jack_rise", "deflection", "angle", "force")
+    unknown = NEED[press.missing] if press.missing else ()
+    nothing = np.zeros(len(time))
+    rise, deflection, angle, force = (
+        press.columns(name)[0] if name in press.data else nothing
+        for name in ("jack_rise", "deflection", "angle", "force")
+    )
 
     def work(start: float, stop: float) -> float:
         """Return the finger's work [J] between two instants [s]: the integral of F a_p da."""
@@ -103,8 +152,9 @@ def features(press: Press, phases: Phases) -> Row:
             "held_work": work(*ends),
         }
         row |= {column(name, number): found[name] for name in OF_PLUCK}
-    return row | {
+    row |= {
         "peak_force": phases.peak_force,
         "press_work": work(-np.inf, phases.bottom),
         "warnings": len(press.warnings) + len(phases.warnings),
     }
+    return {n: None if split_column(n)[0] in unknown else value for n, value in row.items()}

@@ -6,9 +6,10 @@ from typing import Self
 
 import numpy as np
 
-from sautereau.analysis.loading.press import Press, press_of
+from sautereau.analysis.loading.press import Press, partial_press_of, press_of
 from sautereau.analysis.model.speed import JackSpeed
 from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.phases.one_signal import find_partial_phases
 from sautereau.analysis.press.features import Row, features
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Recorded, SessionInfo
@@ -47,7 +48,8 @@ class AnalysedPress:
         data = self.press.data
         try:
             law = press_law(self.press.rig.press)
-            kept = data.loc[law.cruise_start - BESIDE : law.cruise_end + BESIDE, ["jack_rise"]]
+            columns = [name for name in ("jack_rise",) if name in data]
+            kept = data.loc[law.cruise_start - BESIDE : law.cruise_end + BESIDE, columns]
         except TrajectoryError:  # of a rig that describes no press
             kept = data.iloc[:0]
         return replace(self, press=replace(self.press, data=kept.copy()))
@@ -57,12 +59,16 @@ def analyse_recording(recorded: Recorded) -> AnalysedPress:
     """Analyse the press of a recording.
 
     Raises:
-        AnalysisError: It has no velocity or no force channel, or is too short.
+        MissingSignalError: It has no velocity or no force channel.
+        AnalysisError: It is too short.
     """
     press = press_of(recorded)
-    phases = find_phases(press)
+    return _analysed(press, find_phases(press), recorded.session)
+
+
+def _analysed(press: Press, phases: Phases, session: SessionInfo) -> AnalysedPress:
     found, speed = features(press, phases), jack_speed(press, phases)
-    return AnalysedPress(press, phases, recorded.session, found, speed)
+    return AnalysedPress(press, phases, session, found, speed)
 
 
 def analyse_file(path: Path) -> AnalysedPress:
@@ -70,13 +76,30 @@ def analyse_file(path: Path) -> AnalysedPress:
 
     Raises:
         daq.errors.RecordingError: The file is not a complete recording.
-        AnalysisError: It has no velocity or no force channel, or is too short.
+        MissingSignalError: It has no velocity or no force channel.
+        AnalysisError: It is too short.
     """
     return analyse_recording(read_recording(path))
 
 
+def analyse_partial(path: Path) -> AnalysedPress:
+    """Analyse the press of a recording's file that lacks the force or the velocity.
+
+    What needs that signal is None in its `features`, and assumed in its `phases`, which are for
+    `sautereau.analysis.summary.press` only.
+
+    Raises:
+        daq.errors.RecordingError: The file is not a complete recording.
+        AnalysisError: It has both signals or neither, or is too short.
+    """
+    recorded = read_recording(path)
+    press = partial_press_of(recorded)
+    return _analysed(press, find_partial_phases(press), recorded.session)
+
+
 def jack_speed(press: Press, phases: Phases) -> JackSpeed | None:
-    """Return the speed of the first jack while its string was held; None without a pluck.
+    """Return the speed of the first jack while its string was held; None without a pluck,
+    or without both signals.
 
     It is that of a polynomial of degree `DEGREE` through the rise over time.
 
@@ -84,7 +107,7 @@ def jack_speed(press: Press, phases: Phases) -> JackSpeed | None:
         press: The recording, at least its `jack_rise` from contact to release.
         phases: Its phases.
     """
-    if not phases.plucks:
+    if not phases.plucks or press.missing:
         return None
     held = phases.plucks[0]
     start = held.contact - BEFORE * held.pluck_duration

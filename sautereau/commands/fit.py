@@ -27,7 +27,7 @@ def phases(
         repeat it for several; "none" for a press without a pluck. They are stored beside the one
         recording, in FILE.phases.toml, and used by all commands until that file is deleted.
     """
-    from sautereau.analysis.summary.press import HEADER, press_line
+    from sautereau.analysis.summary.press import HEADER
 
     if at:
         from sautereau.analysis.errors import AnalysisError
@@ -40,8 +40,8 @@ def phases(
             )
         write_by_hand(files[0], [] if at == ["none"] else at)
     session = common.opened(files, output)
-    warnings = [f"{p.path}: {warning}" for p in session for warning in p.analysed.warnings]
-    lines = [HEADER, *(press_line(p.analysed.press, p.phases) for p in session), *warnings]
+    warnings = [f"{p.path}: {warning}" for p in session for warning in p.partial.warnings]
+    lines = [HEADER, *(p.line for p in session), *warnings]
     if plot:
         session.plot().savefig(plot, dpi=120)
     return output.answer({"files": [p.document for p in session]}, lines, plot)

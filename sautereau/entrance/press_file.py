@@ -4,9 +4,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sautereau.analysis.errors import MissingSignalError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.session.analysed import AnalysedPress, analyse_file
+from sautereau.analysis.session.analysed import AnalysedPress, analyse_file, analyse_partial
 from sautereau.analysis.summary.press import HEADER, press_line, press_summary
 from sautereau.daq.convert.to_xarray import to_xarray
 from sautereau.daq.file.reading import read_recording
@@ -29,12 +30,26 @@ class PressFile(Shown):
         return f"<PressFile {self.path}>"
 
     def __str__(self) -> str:
-        return f"{HEADER}\n{press_line(self.analysed.press, self.phases)}"
+        return f"{HEADER}\n{self.line}"
 
     @cached_property
     def analysed(self) -> AnalysedPress:
         """Phases, features and description of the press, without most samples."""
         return analyse_file(self.path).light()
+
+    @cached_property
+    def partial(self) -> AnalysedPress:
+        """The same of a press that may lack the force or the velocity: for tables of its phases
+        and features, which omit what needs the missing signal."""
+        try:
+            return self.analysed
+        except MissingSignalError:
+            return analyse_partial(self.path).light()
+
+    @property
+    def line(self) -> str:
+        """The phases as rows of a table, under `HEADER`."""
+        return press_line(self.partial.press, self.partial.phases)
 
     @cached_property
     def press(self) -> Press:
@@ -66,7 +81,7 @@ class PressFile(Shown):
     @property
     def document(self) -> dict[str, Any]:
         """The phases as JSON."""
-        return press_summary(self.analysed.press, self.phases)
+        return press_summary(self.partial.press, self.partial.phases)
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the samples."""

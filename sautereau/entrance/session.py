@@ -73,7 +73,7 @@ class Session(Shown, Sequence[PressFile]):
             AnalysisError: A recording holds no press.
         """
         for press in tracked(self):
-            _ = press.press if samples else press.analysed
+            _ = press.press if samples else press.partial
         return self
 
     @property
@@ -86,7 +86,7 @@ class Session(Shown, Sequence[PressFile]):
         """One row for each press: session, rig and features in SI units, as in a campaign."""
         import pandas as pd
 
-        frame = pd.DataFrame([row_of(press.analysed, press.path) for press in self])
+        frame = pd.DataFrame([row_of(press.partial, press.path) for press in self])
         frame.attrs = {"units": {name: unit_of(name) for name in frame}}
         return frame
 

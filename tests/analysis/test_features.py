@@ -1,12 +1,14 @@
 """The flat row of features of a press."""
 
 import json
+import math
 from dataclasses import replace
 
 import pytest
 
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.features import UNITS, features
+from sautereau.analysis.press.features import UNITS, features, gain_stds
+from sautereau.rig.load import with_values
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +37,26 @@ def test_the_numbers_are_those_of_the_press(found):
     assert row["held_work"] == pytest.approx((0.33 + 27 * 0.020 / 2) * travel, rel=0.02)
     assert row["press_work"] > row["held_work"]
     assert row["force_slope"] == pytest.approx(27 / (0.072 * lever), rel=0.02)
+
+
+def test_wrong_gains_change_features_by_their_uncertainties(make_press, paper):
+    """Gains that are wrong by two different factors, and exact ones."""
+    press = make_press()
+    names = {"daq.channels.0.gain_std": 0.02, "daq.channels.1.gain_std": 0.03}
+    stds = gain_stds(with_values(paper, names))
+    gains = {c.quantity: gain for c, gain in zip(paper.daq.channels, (0.02, 0.03), strict=True)}
+    right = features(press, find_phases(press))
+    found = dict.fromkeys(stds, 0.0)
+    for wrong, gain in gains.items():
+        scaled = {q: press.data[q].to_numpy() * (1 + gain * (q == wrong)) for q in gains}
+        other = make_press.build(scaled["velocity"], scaled["force"], press.rate)
+        row = features(other, find_phases(other))
+        assert row["release"] == pytest.approx(right["release"], abs=0.02e-3)
+        assert row["contact"] == pytest.approx(right["contact"], abs=right["contact_std"] * 2)
+        for name in stds:
+            found[name] = math.hypot(found[name], row[name] / right[name] - 1)
+    assert found.pop("force_drop") < 1.1 * stds.pop("force_drop")
+    assert found == pytest.approx(stds, rel=0.1)
 
 
 def test_a_press_without_a_pluck_has_empty_columns(make_press):

@@ -1,0 +1,135 @@
+"""Contact and release in the force alone, or in the velocity alone.
+
+*Force alone.* The jack is assumed to move as planned, and what that shifts is added to the
+uncertainties. *Velocity alone.* A release is a sudden acceleration of the key, near where the rig
+expects it; the contact hardly changes the velocity, so it is that of the rig, with the release.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import Press
+from sautereau.analysis.phases.contact import Contact
+from sautereau.analysis.phases.expected import expected
+from sautereau.analysis.phases.find import phases_in
+from sautereau.analysis.phases.found import Fit, Phases
+from sautereau.analysis.phases.plucks import LEAST_FALL_GAIN, Found, find_plucks
+from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
+from sautereau.analysis.phases.saw_teeth import CLIMB_STD, CONTACT_STD
+from sautereau.analysis.phases.search import Growth
+from sautereau.analysis.phases.signals import Signals, rows_of, signals_of
+from sautereau.rig.schema import Rig
+
+CONTACT_PART, LEAST_CONTACT_STD = 0.02, 0.15e-3
+"""Standard uncertainty of a contact in the force alone, over the pluck's duration, and in s: the
+jack's speed is not quite as planned. From random presses of the stand-in, and tested on others."""
+RELEASE_STD, LARGER, HIDDEN = 0.02e-3, 1.5, 1e-3
+"""s, the same of a release; in the velocity alone its standard uncertainty over that of its fit;
+and s, what a drop-out of the velocity within this time adds."""
+WITHOUT = {
+    "velocity": "no velocity was recorded: speeds, rises, deflections, work, the slope of the force"
+    " and its drop are unknown",
+    "force": "no force was recorded: forces and work are unknown",
+}
+"""What cannot be said without a signal."""
+BY_WHAT = {
+    "velocity": "; contact and release are those of the force alone, for a jack that moves as the"
+    " rig's [press] says",
+    "force": "; a release is a sudden acceleration of the key near where the rig expects it, and"
+    " the contact is that of the rig",
+}
+"""What instants rest on that were not set by hand."""
+NOT_FOUND = {
+    "velocity": "; a pluck may not be found if the finger presses with constant force, or the jack"
+    " moves otherwise",
+    "force": "; a string that does not change the key's speed is not seen, so there may have been a"
+    " pluck",
+}
+"""Why there may have been a pluck where none was found."""
+LEAST_FRACTION = 0.05
+"""Force of a pluck in the force alone over the range of the force on the way down, below which it
+may be a motion that is not as planned."""
+FAR = 3.0
+"""Standard deviations from the rise that the rig expects, up to which a release is that of a
+string."""
+
+
+def find_partial_phases(press: Press) -> Phases:
+    """Return the phases of a press that lacks the force or the velocity.
+
+    What depends on the missing signal rests on assumptions, and must not be shown: `features` and
+    `press_summary` omit it.
+
+    Raises:
+        AnalysisError: Both signals were recorded; else as `find_phases`.
+    """
+    if press.missing is None:
+        raise AnalysisError(f"press {press.path}: it has both signals; use find_phases")
+    find = _in_force if press.missing == "velocity" else _in_velocity
+    found = phases_in(press, signals_of(press), find)
+    by_hand = found.fit is not None and found.fit.model == "by hand"
+    why = "" if by_hand else BY_WHAT[press.missing]
+    if not (found.plucks or by_hand):
+        why += NOT_FOUND[press.missing]
+    stds = [
+        f"{name} {getattr(held, f'{name}_std') * 1e3:.2g} ms"
+        for held in found.plucks
+        for name in ("contact", "release")
+    ]
+    uncertain = f"; standard uncertainties: {', '.join(stds)}" if stds else ""
+    said = f"{WITHOUT[press.missing]}{why}{uncertain}; record the {press.missing} as well"
+    explained = found.plucks or by_hand or press.missing == "velocity"
+    fit = found.fit if explained else None
+    return replace(found, warnings=(said, *found.warnings), fit=fit)
+
+
+def _in_force(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
+    """Return the plucks in the force alone; arguments as of `find_plucks`."""
+    found = find_plucks(rig, signals, begin, end)
+    least = LEAST_FRACTION * float(np.ptp(signals.force[begin:end]))
+    slight = [Growth(c.time, r.time, r.fall, c.gain) for c, r in found.plucks if not r.fall > least]
+    wider = [
+        (
+            replace(c, std=math.hypot(c.std, LEAST_CONTACT_STD, CONTACT_PART * (r.time - c.time))),
+            replace(r, std=math.hypot(r.std, RELEASE_STD)),
+        )
+        for c, r in found.plucks
+        if r.fall > least
+    ]
+    return replace(found, plucks=wider, further=(*found.further, *slight))
+
+
+def _in_velocity(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
+    """Return the plucks in the velocity alone; arguments as of `find_plucks`."""
+    rows, strings = rows_of(signals, begin, end), expected(rig)
+    falls = [refine(signals, float(rows.time[fall]), rows.step) for fall in find_falls(rows)]
+    falls = [f for f in falls if f.gain > LEAST_FALL_GAIN and f.fall > LEAST_FALL]
+    rise = np.maximum.accumulate(signals.rise[begin : end + 1])
+    time, speed = signals.time[begin : end + 1], signals.speed[begin : end + 1]
+    found: list[tuple[Contact, Release]] = []
+    for at, climb in zip(strings.contacts.tolist(), strings.climbs.tolist(), strict=True):
+        far = FAR * math.hypot(CONTACT_STD, CLIMB_STD * climb)
+        earliest = found[-1][1].time if found else -math.inf
+        near = [
+            fall
+            for fall in falls
+            if fall.time > earliest and abs(np.interp(fall.time, time, rise) - at - climb) < far
+        ]
+        if not near:
+            continue
+        release = max(near, key=lambda fall: fall.fall)
+        around = slice(*(signals.sample(release.time + side) for side in (-HIDDEN, HIDDEN)))
+        hidden = HIDDEN * bool(signals.no_velocity[around].any())
+        release = replace(release, std=math.hypot(LARGER * release.std, RELEASE_STD, hidden))
+        # The rig's contact, and the release less the rig's climb: weighted by their variances.
+        stds = np.array([CONTACT_STD, CLIMB_STD * climb])
+        places = np.array([at, float(np.interp(release.time, time, rise)) - climb])
+        place = float(places @ stds**-2.0 / (stds**-2.0).sum())
+        contact = float(np.interp(place, rise, time))
+        std = float((stds**-2.0).sum()) ** -0.5 / max(float(np.interp(contact, time, speed)), 1e-3)
+        if contact < release.time:
+            found.append((Contact(contact, std, release.gain, release.fall, 1.0), release))
+    return Found(found, Fit("rigid", max((r.noise for _, r in found), default=1.0)))
