@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
 from sautereau.daq.file.counts import Samples
