@@ -133,8 +133,8 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
     return changed.model_copy(update=kept)
 
 
-def rig_document(rig: Rig) -> dict[str, Any]:
-    """Return the rig as TOML holds it, every value a quantity that reads back exactly."""
+def rig_document(rig: BaseModel) -> dict[str, Any]:
+    """Return a rig, or a table of one, as TOML holds it: quantities that read back exactly."""
     return _document(rig, type(rig))
 
 

@@ -9,12 +9,11 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
 from sautereau.daq.file.counts import Samples
 from sautereau.daq.file.descriptors import MOTION
-from sautereau.daq.file.preview import Decimator, Previewer
+from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.recorded import Event, Signal
 from sautereau.daq.file.samples import TOPIC, SampleLayout, block_head
 from sautereau.daq.file.schemas import (
@@ -53,10 +52,11 @@ class LogOrder:
         """Date of the trigger, ns since 1970; None before `start`."""
         self._rate, self._layout, self._begin = rate, layout, 0
         self._scales = np.array([[channel.scale] for channel in rig.daq.channels])
-        decimator = Decimator(rate, len(layout.names))
-        self.margin = decimator.margin
-        """Samples of a block of which the previews must be made before it is written."""
-        self._previewer = Previewer(decimator, layout.write_volts, self._encode)
+        self._decimator = Decimator(rate, len(layout.names))
+        self.margin = self._decimator.margin
+        """Least samples of a block for the previews up to it to precede it."""
+        self._places = np.empty(0, np.int64)
+        self._rows = encode_rows(np.empty((len(layout.names), 0)))
         self._pending: list[_Pending] = []
 
     def start(self, t0: int, begin: int) -> None:
@@ -96,19 +96,9 @@ class LogOrder:
                     _Pending(now, time, topic, lambda date, e=encoded, h=here: e(date, h))
                 )
 
-    def preview(self, samples: Samples, *, start: bool) -> None:
-        """Add the next samples to the preview, which must not change any more.
-
-        Args:
-            samples: Shape (n_channels, n).
-            start: Whether to have the preview made of all that were added so far.
-        """
-        self._previewer.add(samples)
-        if start:
-            self._previewer.start()
-
     def write_block(self, writer: McapWriter, first: int, samples: Samples) -> None:
         """Write a block, after the previews and events up to its first sample."""
+        self._preview(samples)
         self._write_views(writer, first)
         data = np.ascontiguousarray(samples).data.cast("B")
         head = block_head(self.t0 or 0, first, self._rate, self._begin, len(data))
@@ -116,21 +106,26 @@ class LogOrder:
 
     def write_rest(self, writer: McapWriter) -> None:
         """Write all previews that are left, and all that waits for its time."""
-        self._previewer.start()
         self._write_views(writer, None)
 
-    def close(self) -> None:
-        """End the thread of the previews."""
-        self._previewer.close()
+    def _preview(self, samples: Samples) -> None:
+        """Add samples, shape (n_channels, n), to the preview; its new messages wait."""
+        self._layout.write_volts(samples, self._decimator.room(samples.shape[1]))
+        places, volts = self._decimator.rest()
+        with np.errstate(over="ignore", invalid="ignore"):  # samples may be any double
+            rows = encode_rows(volts * self._scales)
+        self._places = np.concatenate([self._places, places + self._begin])
+        self._rows = np.concatenate([self._rows, rows])
 
     def _write_views(self, writer: McapWriter, stop: int | None) -> None:
         """Write the previews and what waits up to a sample, or all of it."""
-        places, rows = self._previewer.take(None if stop is None else stop - self._begin)
-        since_trigger = (places + self._begin) * (1e9 / self._rate)
+        n = len(self._places) if stop is None else int(self._places.searchsorted(stop))
+        rows, since_trigger = self._rows[:n], self._places[:n] * (1e9 / self._rate)
+        self._places, self._rows = self._places[n:], self._rows[n:]
         times = np.maximum(0, (self.t0 or 0) + np.rint(since_trigger).astype(np.int64))
         preview, at = self.topics["/preview"], 0
         for date, topic, data in self._due(None if stop is None else stop / self._rate):
-            n = int(np.searchsorted(times, date))
+            n = int(times.searchsorted(date))
             writer.add_run(preview, times[at:n], rows[at:n])
             writer.add_message(self.topics[topic], date, data(date))
             writer.close_chunk()
@@ -154,7 +149,3 @@ class LogOrder:
         """
         date = now if self.t0 is None else self.t0 + round(time_s * 1e9)
         return min(max(0, date), LAST_DATE)
-
-    def _encode(self, volts: Signal) -> NDArray[np.uint8]:
-        with np.errstate(over="ignore", invalid="ignore"):  # samples may be any double
-            return encode_rows(volts * self._scales)

@@ -1,14 +1,9 @@
 """Previews: signals decimated without aliasing, for viewers that plot scalars."""
 
 import math
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
-
-from sautereau.daq.file.counts import Samples
 
 PREVIEW_RATE = 1000.0
 """Largest rate of a preview, Hz."""
@@ -18,9 +13,6 @@ PASS_BAND = 0.2
 """Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %."""
 
 Signals = NDArray[np.float64]
-Rows = tuple[NDArray[np.int64], NDArray[np.uint8]]
-"""Places of the values of a preview, in samples from the very first, shape (n,); and the bytes of
-their messages, shape (n, length)."""
 
 
 def low_pass(factor: int) -> NDArray[np.float64]:
@@ -104,74 +96,5 @@ class Decimator:
         with np.errstate(invalid="ignore", over="ignore"):
             products = np.ascontiguousarray(grouped @ self._columns)
             signal, row, column = products.strides
-            shape = (len(products), n, columns)
-            return as_strided(products, shape, (signal, row, row + column)).sum(2)
-
-
-class Previewer:
-    """Makes the previews of a recording on a thread of its own."""
-
-    def __init__(
-        self,
-        decimator: Decimator,
-        write_volts: Callable[[Samples, Signals], None],
-        encode: Callable[[Signals], NDArray[np.uint8]],
-    ):
-        """Prepare; the thread starts with the first samples.
-
-        Args:
-            decimator: New.
-            write_volts: Given samples and a place of the same shape, (n_channels, n), writes their
-                volts into it.
-            encode: Makes the bytes of messages, shape (n, length), of values of shape
-                (n_channels, n), V.
-        """
-        self._decimator, self._write_volts, self._encode = decimator, write_volts, encode
-        self._thread = ThreadPoolExecutor(1, "preview")
-        self._given: list[Samples] = []
-        self._running: tuple[Future[Rows], Callable[[], Rows]] | None = None
-        self._made: list[Rows] = []
-
-    def add(self, samples: Samples) -> None:
-        """Add samples, shape (n_channels, n), which must not change any more."""
-        self._given.append(samples)
-
-    def start(self) -> None:
-        """Have the previews made of the samples added so far."""
-        self._finish()
-        given, self._given = self._given, []
-
-        def work() -> Rows:
-            for samples in given:
-                self._write_volts(samples, self._decimator.room(samples.shape[1]))
-            places, volts = self._decimator.rest()
-            return places, self._encode(volts)
-
-        if given:
-            self._running = self._thread.submit(work), work
-
-    def take(self, stop: int | None = None) -> Rows:
-        """Return the next messages up to a place, as far as `start` has been given the samples.
-
-        Args:
-            stop: Place after the last value; None for all.
-        """
-        self._finish()
-        if not self._made:
-            return np.empty(0, np.int64), np.empty((0, 1), np.uint8)
-        places = np.concatenate([places for places, _ in self._made])
-        messages = np.concatenate([messages for _, messages in self._made])
-        n = len(places) if stop is None else int(np.searchsorted(places, stop))
-        self._made = [(places[n:], messages[n:])]
-        return places[:n], messages[:n]
-
-    def close(self) -> None:
-        """End the thread."""
-        self._thread.shutdown(cancel_futures=True)
-
-    def _finish(self) -> None:
-        """Wait for what the thread makes; if it has not started, make it here instead."""
-        if self._running is not None:
-            future, work = self._running
-            self._running = None
-            self._made.append(work() if future.cancel() else future.result())
+            shape, strides = (len(products), n, columns), (signal, row, row + column)
+            return np.ndarray(shape, float, products, 0, strides).sum(2)

@@ -127,7 +127,7 @@ def _topics(
     """Yield topic, message and metadata of every topic."""
     calibrations = [
         {key: "" if value is None else str(value) for key, value in document.items()}
-        for document in rig_document(rig)["daq"]["channels"]
+        for document in rig_document(rig.daq)["channels"]
     ]
     samples = {
         "unit": "V",

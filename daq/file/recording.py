@@ -80,8 +80,8 @@ class Recording:
         self._monotonic, self._trigger = monotonic, TriggerDate(self._rate)
         self._first: int | None = None
         self._next = 0
-        self._held = self._spare = self._layout.empty(0)
-        self._fill = self._led = 0
+        self._held = self._layout.empty(0)
+        self._fill = 0
 
     @property
     def part_path(self) -> Path:
@@ -117,7 +117,7 @@ class Recording:
             self.__exit__(type(error), error, None)
             raise
         size = min(round(FLUSH_PERIOD * self._rate), LARGEST_BLOCK // self._layout.size)
-        self._held, self._spare = (self._layout.empty(max(1, size)) for _ in range(2))
+        self._held = self._layout.empty(max(1, size))
         return self
 
     def __exit__(self, _type: object, error: BaseException | None, _trace: object) -> None:
@@ -139,7 +139,6 @@ class Recording:
             error.add_note(f"then closing the recording failed as well: {second}")
         finally:
             self._opened = None
-            self._order.close()
             file.abandon()
 
     def write_block(self, block: Block) -> None:
@@ -162,8 +161,6 @@ class Recording:
             n = min(samples.shape[1] - at, self._held.shape[1] - self._fill)
             self._held[:, self._fill : self._fill + n] = samples[:, at : at + n]
             at, self._fill, self._next = at + n, self._fill + n, self._next + n
-            if self._fill >= self._order.margin > self._led:
-                self._preview(self._order.margin, start=True)
             if self._fill == self._held.shape[1]:
                 self._write_held(file)
         if self._fill > self._order.margin and file.flush_due:
@@ -221,7 +218,7 @@ class Recording:
                 f"recording {self._path}: a block of shape {shape} at sample {first}; the"
                 f" rig has {len(self._layout.names)} channels: give (n_channels, n)"
             )
-        if samples.dtype != kind:
+        if samples.dtype != self._held.dtype:
             raise RecordingError(
                 f"recording {self._path}: a block of {samples.dtype} samples at sample {first}; it"
                 f" was opened for {kind}: give those, or open it with the `scaling` of the counts"
@@ -245,19 +242,12 @@ class Recording:
         time_s, std = self._trigger.found()
         return self._clock.date_ns(time_s), std
 
-    def _preview(self, stop: int, *, start: bool) -> None:
-        """Add the held samples up to ``stop`` to the preview; see `LogOrder.preview`."""
-        self._order.preview(self._held[:, self._led : stop], start=start)
-        self._led = stop
-
     def _write_held(self, file: RecordingFile) -> None:
         """Write the held samples as one block, in a chunk of its own."""
         samples, first = self._held[:, : self._fill], self._next - self._fill
         if self._order.t0 is None:
             self._order.start(self._dated()[0], first)
-        self._preview(self._fill, start=not self._led)
-        # The preview of the block before was made for this one: its place is free again.
-        self._held, self._spare, self._fill, self._led = self._spare, self._held, 0, 0
+        self._fill = 0
         with file.writing() as writer:
             self._order.write_block(writer, first, samples)
         file.flush()
@@ -291,7 +281,6 @@ class Recording:
             self.flush()
         finally:
             self._opened = None
-            self._order.close()
         std = None if self._first is None else self._dated()[1]
         dated = {} if std is None else {"t0_std": repr(std)}
         file.finish({"stop_sample": str(self._next)} | dated)

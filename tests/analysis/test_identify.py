@@ -125,6 +125,7 @@ def test_a_picture_shows_every_part(made, found):
     assert {"measured", "model before", "model fitted"} <= labels
 
 
+@pytest.mark.slow
 def test_one_press_is_enough_and_five_are_more_certain(five, true):
     pressed, phases = five
     one = identify(pressed[:1], phases[:1], FREE, starts=1)

@@ -117,7 +117,7 @@ def test_the_command_on_the_page_repeats_the_session(tmp_path, monkeypatch, caps
         assert app(words, print_error=False, exit_on_error=False) in (0, None)
 
     monkeypatch.chdir(tmp_path)
-    run(["press", "--sim", "--seed", "11", "--out", "first", "--json"])
+    run(["press", "--sim", "-n", "1", "--seed", "11", "--out", "first", "--json"])
     _, page = page_of(tmp_path / "first", capsys)
     rig = page.split('<pre id="rig-toml">')[1].split("</pre>")[0]
     (tmp_path / "rig.toml").write_text(rig, encoding="utf-8")

@@ -184,6 +184,7 @@ def test_on_a_terminal_the_session_waits_for_the_operator(command_server, bare, 
     assert (len(result["recordings"]), result["left"], result["to_set"]) == (1, 0, {})
 
 
+@pytest.mark.slow
 def test_a_known_jitter_is_recovered_within_its_interval(bare, quick_rig, tmp_path):
     """Each press is planned with a different speed; the recordings have the nominal one."""
     presses, sigma = 10, 4e-3
@@ -203,6 +204,7 @@ def test_a_known_jitter_is_recovered_within_its_interval(bare, quick_rig, tmp_pa
     assert found.velocity_accuracy == pytest.approx(speeds.mean() - 1, abs=3e-4)
 
 
+@pytest.mark.slow
 def test_sensors_noise_is_far_below_a_robots_repeatability(quick_rig, tmp_path):
     """The path depends on the time of the trigger's edge, up to a sample before the motion."""
     with StandIn(quick_rig, load_scene("paper"), 1) as stand_in:

@@ -42,6 +42,10 @@ class Page:
         return [textwrap.dedent(found) for found in _INDENTED.findall(self.prose)]
 
 
+LONG = ("campaigns", "ci", "pictures", "transient")
+"""Pages whose commands take many seconds, and are tested as commands elsewhere."""
+
+
 def read_page(path: Path) -> Page:
     text = path.read_text(encoding="utf-8")
     blocks = []
@@ -69,4 +73,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("page", pages, ids=[p.path.stem for p in pages])
     if "run_page" in metafunc.fixturenames:
         run = [p for p in pages if any(b.language == "console" for b in p.blocks)]
-        metafunc.parametrize("run_page", run, ids=[p.path.stem for p in run])
+        marked = [
+            pytest.param(p, marks=pytest.mark.slow) if p.path.stem in LONG else p for p in run
+        ]
+        metafunc.parametrize("run_page", marked, ids=[p.path.stem for p in run])

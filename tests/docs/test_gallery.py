@@ -29,6 +29,7 @@ def drawn(path: Path) -> bool:
     return path.read_bytes().startswith(b"\x89PNG") and path.stat().st_size < LARGEST
 
 
+@pytest.mark.slow
 def test_a_session_agrees_with_the_model(tmp_path):
     studied = session.study(n=2, picture=tmp_path / "a.png")
     assert abs(studied.compare().document["duration_error"]["value"]) < 5e-3
@@ -70,6 +71,7 @@ def test_the_best_place_hardly_tilts_the_finger(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.slow
 def test_three_presses_teach_the_speed(tmp_path):
     studied = learning.study(n=3)
     assert 0.05 < studied.errors[0] < 0.1
@@ -78,6 +80,7 @@ def test_three_presses_teach_the_speed(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.slow
 def test_a_pluck_is_shown_from_contact_to_the_free_string(tmp_path):
     studied = pluck.study()
     (choir,) = studied.choirs

@@ -73,6 +73,7 @@ def test_the_jack_speed_is_learned_in_a_few_presses(learned, tmp_path):
     assert again.errors[0] < 0.01
 
 
+@pytest.mark.slow
 def test_feed_forward_leaves_little_to_learn(learned, tmp_path):
     alone, (path, *_) = learned
     pushed, paths = learn_on("paper", tmp_path, 2, seed=1, measured=force_of(path))

@@ -175,7 +175,8 @@ def test_a_torque_that_the_controller_reads_back_differently(bench):
 
 
 @pytest.mark.parametrize(
-    ("joint", "counts"), [(1, 300), (2, -300), pytest.param(2, 3000, marks=pytest.mark.slow)]
+    ("joint", "counts"),
+    [(1, 300), *(pytest.param(2, n, marks=pytest.mark.slow) for n in (-300, 3000))],
 )
 def test_an_encoder_that_has_slipped_is_found_at_the_home_switch(bench, joint, counts):
     stand_in, controller = bench(slip={"press": 1, "joint": joint, "counts": counts})
