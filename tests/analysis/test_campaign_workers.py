@@ -81,7 +81,7 @@ def test_no_processes_are_refused():
 
 
 def test_an_unreachable_cluster_is_reported(monkeypatch):
-    monkeypatch.setattr(workers, "TIMEOUT", 2)
+    monkeypatch.setattr(workers, "TIMEOUT", 0.5)
     with pytest.raises(AnalysisError, match=r"no scheduler answered within 0\.5 s"):
         list(run_over(abs, [1], NOWHERE))
     with pytest.raises(AnalysisError, match="no scheduler answered"):

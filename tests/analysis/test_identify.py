@@ -254,6 +254,7 @@ def test_a_robust_fit_is_less_affected_by_a_disturbance(two, true):
     assert max(errors[1]) < max(errors[0])
 
 
+@pytest.mark.slow
 def test_friction_that_the_rig_does_not_know_is_suggested_and_then_fits(rig):
     """Friction of 0.15 makes the overlap a fifth too large, with residuals of 2 mN."""
     truth = TRUTH | {"plectrum.friction": 0.15}

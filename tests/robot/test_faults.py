@@ -780,6 +780,7 @@ def _page():
         page.write_text(f"{head}{table()}\n", encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_stand_in_itself_presses_without_a_fault(tmp_path, monkeypatch):
     desk = Desk(tmp_path / "out", monkeypatch)
     desk.press()
