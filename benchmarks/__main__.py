@@ -4,6 +4,7 @@ The figures of all, or of those named after `--write`, are written to the page o
 figure beyond its limit is marked MISSED; the exit status is then 1.
 """
 
+import argparse
 import ast
 import importlib
 import sys
@@ -37,14 +38,20 @@ ALL = (
 
 def main(arguments: list[str]) -> int:
     """Run the benchmarks; return the exit status."""
-    names = [name for name in arguments if name != "--write"]
+    parser = argparse.ArgumentParser("python -m benchmarks", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(ALL)}")
+    parser.add_argument("--write", action="store_true", help="write the figures of those named")
+    given = parser.parse_intermixed_args(arguments)
+    names: list[str] = given.names
+    if unknown := [name for name in names if name not in ALL]:
+        parser.error(f"unknown benchmark: {', '.join(unknown)}; there are {', '.join(ALL)}")
     missed = 0
     for name in names or ALL:
         figures = importlib.import_module(f"benchmarks.{name}").run()
         found = table(title(name), figures)
         print(found, flush=True)
         missed += sum(figure.missed for figure in figures)
-        if not names or "--write" in arguments:
+        if not names or given.write:
             write_page([found], [title(each) for each in ALL])
     if missed:
         print(f"{missed} MISSED limit{'s' * (missed > 1)}", file=sys.stderr)
