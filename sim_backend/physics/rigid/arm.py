@@ -23,6 +23,7 @@ from sautereau.sim_backend.physics.rigid.bodies import (
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import touching_angle
 from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
+from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
@@ -131,22 +132,14 @@ class ServoFinger(SteppedFinger):
             self._correction = (first - a) / 2, (second - b) / 2
         return jumped
 
-    def apply_forces(
-        self,
-        elapsed: float,
-        angle: float,
-        omega: float,
-        ahead: float,
-        step: float,
-        fraction: float,
-    ) -> None:
+    def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Apply the motors' torques and the pad's force; see `SteppedFinger`."""
         (first, second), (a, b) = self._torque, self._correction
-        first, second = first * fraction + a, second * fraction + b
+        first, second = first * kick.fraction + a, second * kick.fraction + b
         if self.pad is not None:
-            back = fraction * step - ahead / 2  # from here to the middle of the last step
-            place, velocity, along = self._tip_after(step, back)
-            force = self.pad.press(place, velocity, angle, omega, (ahead, step, fraction))
+            back = kick.fraction * kick.step - kick.ahead / 2  # to the middle of the last step
+            place, velocity, along = self._tip_after(kick.step, back)
+            force = self.pad.press(place, velocity, angle, omega, kick)
             set_force(self.lower, force)
             second_arm = along[0] / 2 * force[1] - along[1] / 2 * force[0]
             set_torque(self.lower, second + second_arm)

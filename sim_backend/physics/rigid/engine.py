@@ -23,7 +23,7 @@ from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_steps
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_angle, set_torque
-from sautereau.sim_backend.physics.rigid.step_event import Event, earliest
+from sautereau.sim_backend.physics.rigid.step_event import Event, Kick, earliest
 from sautereau.sim_backend.scene import Scene
 
 MOST_EVENTS = 1000
@@ -131,6 +131,7 @@ class RigidWorld(World):
         angle, omega, acceleration = self._angle, self._omega, self._acceleration
         low, high = self._loads.bounds(angle)
         clock, start, elapsed, done = self.time, self._elapsed, self._elapsed, 0
+        kick = Kick(step, step, 1.0)
         sqrt, tan, fresh, front = math.sqrt, math.tan, self._fresh, self._front
         pressed = rate = 0.0  # angle and velocity of a bending key's front
         while done < count:
@@ -164,7 +165,7 @@ class RigidWorld(World):
             set_torque(key, torque)
             done += 1
             elapsed = start + done * step
-            apply_forces(elapsed, pressed, node, step, step, 1.0)
+            apply_forces(elapsed, pressed, node, kick)
             space_step(step)
             if fresh:
                 self._space.iterations, self._fresh, fresh = self._iterations, False, False
@@ -241,9 +242,8 @@ class RigidWorld(World):
                 front.apply(push * weight / self._step)
             for jack, force in zip(jacks, means, strict=True):
                 jack.set_bodies(self._step, force * weight / self._step)
-            finger.apply_forces(
-                self._elapsed, pressed, rate, ahead, self._step, weight / self._step
-            )
+            kick = Kick(ahead, self._step, weight / self._step)
+            finger.apply_forces(self._elapsed, pressed, rate, kick)
             self._parts.kick(self._step, weight / self._step)
         self._engine_step, self._fresh = self._step, True
         self._angle, self._ahead = angle, ahead

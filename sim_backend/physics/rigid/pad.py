@@ -6,6 +6,7 @@ import pymunk
 
 from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_torque
+from sautereau.sim_backend.physics.rigid.step_event import Kick
 
 APART = -1e-9
 """mm, overlap below which the pad has left the key."""
@@ -38,7 +39,7 @@ class Pad:
         velocity: tuple[float, float],
         angle: float,
         omega: float,
-        weights: tuple[float, float, float],
+        kick: Kick,
     ) -> tuple[float, float]:
         """Push the key, and return the force [N] on the fingertip, (x, z), as it is applied.
 
@@ -47,11 +48,9 @@ class Pad:
             velocity: mm/ms, there.
             angle: rad, of the key there.
             omega: rad/ms, of the key there.
-            weights: ms before the present next step's end, ms of the engine's step, and the
-                fraction of forces that it applies; see `SteppedFinger.apply_forces`.
+            kick: How the force acts.
         """
         (x, z), (speed_x, speed_z) = place, velocity
-        ahead, step, fraction = weights
         sine, cosine = math.sin(angle), math.cos(angle)
         overlap = -self.gap(x, z, angle)
         reach = -(x * cosine + z * sine)
@@ -61,7 +60,7 @@ class Pad:
         self.force = 0.0 if self.separated else max(0.0, push)
         self.before = 0.0 if self._fresh else self.force
         # A contact in the middle of an impulse: the force acts in the second part only.
-        applied = self.force * (ahead / (2 * step) if self._fresh else fraction)
+        applied = self.force * (kick.ahead / (2 * kick.step) if self._fresh else kick.fraction)
         set_torque(self._lever, self._lever.torque + applied * reach)
         return -applied * sine, applied * cosine
 

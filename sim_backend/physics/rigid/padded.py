@@ -11,6 +11,7 @@ from sautereau.sim_backend.physics.finger import Reference, StandingFinger, join
 from sautereau.sim_backend.physics.rigid.bodies import MM
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
+from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.trajectory.motion import Floats
 
 _ENDS = np.array([0.0, 1.0])
@@ -49,19 +50,10 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         self._joints = first, second
         return False
 
-    def apply_forces(
-        self,
-        elapsed: float,
-        angle: float,
-        omega: float,
-        ahead: float,
-        step: float,
-        fraction: float,
-    ) -> None:
+    def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Apply the pad's force; see `SteppedFinger`."""
         self._elapsed = elapsed
-        place, velocity = self._tip(elapsed)
-        self._pad.press(place, velocity, angle, omega, (ahead, step, fraction))
+        self._pad.press(*self._tip(elapsed), angle, omega, kick)
 
     def contact_force(self, weight: float) -> float:
         """Return the force [N] on the key at the end of the last step."""
