@@ -9,6 +9,7 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.finger import Reference, StandingFinger, joint_cubics
 from sautereau.sim_backend.physics.rigid.bodies import MM
+from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
 from sautereau.sim_backend.physics.rigid.step_event import Kick
@@ -25,10 +26,16 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         rig: The bench.
         fingertip: The pad.
         start: rad, joints when power comes on.
+        pin: Height of the key's pin.
     """
 
     def __init__(
-        self, lever: pymunk.Body, rig: Rig, fingertip: Fingertip, start: tuple[float, float]
+        self,
+        lever: pymunk.Body,
+        rig: Rig,
+        fingertip: Fingertip,
+        start: tuple[float, float],
+        pin: Coordinate,
     ):
         super().__init__(start)
         arm = rig.arm
@@ -36,9 +43,8 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         self._period = rig.controller.sample_period * MM
         self._base = arm.base_x * MM, arm.base_z * MM
         self._lengths = arm.upper_length * MM, arm.lower_length * MM
-        self._pad = self.pad = Pad(
-            fingertip, lever, (rig.key.surface_height + arm.fingertip_radius) * MM
-        )
+        height = (rig.key.surface_height + arm.fingertip_radius) * MM
+        self._pad = self.pad = Pad(fingertip, lever, height, pin)
         self._cubics = [[start[0], 0.0, 0.0, 0.0], [start[1], 0.0, 0.0, 0.0]]
         self._elapsed = 0.0
 
@@ -68,7 +74,8 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         """Return the gap [mm] of a separated pad; see `SteppedFinger`."""
         if not self._pad.separated:
             return math.inf
-        return self._pad.gap(*self._tip(self._elapsed + time)[0], angle)
+        x, z = self._tip(self._elapsed + time)[0]
+        return self._pad.gap(x, z - self._pad.pin.at(time, ahead), angle)
 
     def make_contact(self, time: float) -> None:
         """Be in contact with the key from now on."""
