@@ -18,6 +18,7 @@ from benchmarks.recording import memory
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.daq.source.continuous import record
 from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.progress import progress_to
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
@@ -112,5 +113,6 @@ def _campaign(folder: Path) -> list[Figure]:
     for number in range(len(made), RECORDINGS):
         path = made[number % len(made)]
         path.with_name(f"{path.stem}-{number}.mcap").hardlink_to(path)
-    run_campaign(folder / "recordings", folder / "table.parquet", 1, on_read=lambda n, _: watch(n))
+    with progress_to(lambda fraction: watch(round(fraction * RECORDINGS))):
+        run_campaign(folder / "recordings", folder / "table.parquet")
     return watch.figures(f"campaign of {RECORDINGS} recordings", RECORDINGS, "a recording")
