@@ -181,7 +181,7 @@ class Exports:
             return mutate.of_bytes(self._parquet, dice)
         table = pq.read_table(io.BytesIO(self._parquet))
         document = json.loads(table.schema.metadata[b"sautereau"])
-        changed = json.dumps(mutate.of_tree(document, dice)).encode()
+        changed = mutate.json_text(mutate.of_tree(document, dice)).encode()
         file = io.BytesIO()
         pq.write_table(table.replace_schema_metadata({b"sautereau": changed}), file)
         return file.getvalue()
