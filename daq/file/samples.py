@@ -39,9 +39,8 @@ class WireBlock(NamedTuple):
 
 def block_head(t0: int, first_sample: int, rate: float, begin: int, size: int) -> bytes:
     """Return the bytes of a Block that precede ``size`` bytes of samples."""
-    values = (t0, first_sample, rate, begin)
-    fields = [part for pair in zip(_TAGS, values, strict=False) for part in pair]
-    return _HEAD.pack(*fields, _TAGS[-1]) + _length(size)
+    a, b, c, d, e = _TAGS
+    return _HEAD.pack(a, t0, b, first_sample, c, rate, d, begin, e) + _length(size)
 
 
 @lru_cache(16)
