@@ -105,7 +105,7 @@ class SampleLayout:
         """
         return np.frombuffer(data, TYPES[self.kind]).reshape(len(self.names), -1)
 
-    def write_volts(self, samples: Samples, into: Signal) -> None:
+    def write_volts(self, samples: Samples, into: Signal | NDArray[np.float32]) -> None:
         """Write the volts of samples; both have the shape (n_channels, n)."""
         write_volts(samples, self.scaling, into)
 
