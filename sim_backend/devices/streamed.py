@@ -69,7 +69,6 @@ class StreamedController(ABC, Generic[AxisT]):
     @abstractmethod
     def streaming(self) -> bool:
         """Whether the motion is the host's, position by position."""
-        ...
 
     @property
     def motors_on(self) -> tuple[bool, bool]:

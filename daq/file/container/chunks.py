@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from io import BufferedReader
+from typing import Any
 
 import numpy as np
 import zstandard
@@ -90,14 +91,12 @@ class OpenChunk:
             log_times: ns since 1970, ascending, shape (n,).
             data: Shape (n, length).
         """
-        run = np.empty(len(data), _run_of(data.shape[1]))
-        run["opcode"], run["length"] = Opcode.MESSAGE, MESSAGE.size + data.shape[1]
-        run["channel"], run["sequence"] = channel, 0
+        run = _message_of(channel, data.shape[1]).repeat(len(data))
         run["log_time"] = run["publish_time"] = log_times
         run["data"] = data
         entries = np.empty((len(data), 2), "<u8")
         entries[:, 0] = log_times
-        entries[:, 1] = self.size + run.itemsize * np.arange(len(data))
+        entries[:, 1] = np.arange(self.size, self.size + run.nbytes, run.itemsize)
         self.index.setdefault(channel, bytearray()).extend(entries.tobytes())
         self.times += int(log_times[0]), int(log_times[-1])
         self.put(run.tobytes())
@@ -120,9 +119,10 @@ def indexed(records: Bytes) -> OpenChunk:
 
 
 @cache
-def _run_of(length: int) -> np.dtype:
-    """Return the type of a message record with ``length`` bytes of data."""
-    return np.dtype(
+def _message_of(channel: int, length: int) -> NDArray[Any]:
+    """Return a message record with ``length`` bytes of data, shape (1,), without its times."""
+    record = np.zeros(
+        1,
         [
             ("opcode", "u1"),
             ("length", "<u8"),
@@ -131,8 +131,11 @@ def _run_of(length: int) -> np.dtype:
             ("log_time", "<u8"),
             ("publish_time", "<u8"),
             ("data", "u1", (length,)),
-        ]
+        ],
     )
+    record["opcode"], record["length"] = Opcode.MESSAGE, MESSAGE.size + length
+    record["channel"] = channel
+    return record
 
 
 def unpacked(records: Iterable[Record]) -> Iterator[Unpacked]:

@@ -212,7 +212,6 @@ class McapWriter:
             self._counts[channel] += len(entries) // INDEX_ENTRY.size
             index = PREFIX.pack(Opcode.MESSAGE_INDEX, _INDEX_HEAD.size + len(entries))
             self._put(index + _INDEX_HEAD.pack(channel, len(entries)) + entries)
-        self._stream.flush()
         first, last, unpacked, _, length = CHUNK.unpack_from(head)
         body = _CHUNK_INDEX.pack(first, last, start, index_start - start, len(offsets)) + offsets
         body += _INDEX_SIZE.pack(self._at - index_start, length) + bytes(head[CHUNK.size :])
