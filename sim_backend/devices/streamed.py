@@ -69,6 +69,7 @@ class StreamedController(ABC, Generic[AxisT]):
     @abstractmethod
     def streaming(self) -> bool:
         """Whether the motion is the host's, position by position."""
+        ...
 
     @property
     def motors_on(self) -> tuple[bool, bool]:

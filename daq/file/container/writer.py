@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.checksum import crc32
-from sautereau.daq.file.container.chunks import CHUNK, INDEX_ENTRY, ZSTD, OpenChunk, indexed
+from sautereau.daq.file.container.chunks import CHUNK, ZSTD
+from sautereau.daq.file.container.open_chunk import INDEX_ENTRY, OpenChunk, indexed
 from sautereau.daq.file.container.records import (
     CHUNK_SIZE,
     LARGEST_CHUNK,
