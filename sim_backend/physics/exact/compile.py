@@ -38,6 +38,7 @@ def _compiled(function: F, *, forceinline: bool = False) -> F:
         error_model="numpy",
         no_cfunc_wrapper=True,
         forceinline=forceinline,
+        _nrt=False,
     )(function)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.interpolate import PchipInterpolator
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.choirs import choir_pluck, choirs
@@ -21,7 +21,7 @@ from sautereau.sim_backend.physics.exact.parameters import Numbers
 from sautereau.sim_backend.physics.exact.structures import JACK, PIECES
 from sautereau.trajectory.motion import Floats
 
-POINTS = 97
+POINTS = 65
 """Points per piece where many plucks are solved together."""
 CHUNK = 192
 """Plucks that are solved together; limited by the processor's cache."""
@@ -32,6 +32,8 @@ PLECTRUM = tuple(
 STRING = tuple(f"string.{n}" for n in ("tension", "length", "plucking_point", "diameter"))
 DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
 """Values of a pluck by dotted key; with the elastica the derived ones may be given too."""
+_EDGE = np.array([[-25, 48, -36, 16, -3], [-3, -10, 18, -6, 1]]).T / 12
+"""Differences of order 4 at the first two points."""
 
 
 @dataclass(frozen=True)
@@ -220,12 +222,10 @@ def elastica_laws(
 
 def _cells(height: Floats, force: Floats, folded: NDArray[np.bool_]) -> Floats:
     """Return starts [m] of cells and cubics of the force over K; shape (laws, cells, 5)."""
-    share = np.arange(POINTS)
     step = np.diff(height, axis=1)
     # Both are smooth functions of the load, in which the points are equidistant.
     with np.errstate(all="ignore"):
-        by_share = [CubicSpline(share, np.nan_to_num(a), axis=1)(share, 1) for a in (force, height)]
-        slope = by_share[0] / by_share[1]
+        slope = _slopes(force) / _slopes(height)
     for row in np.flatnonzero(folded & (step > 0).all(axis=1)):
         # At a fold the slope of the force is unbounded, and a smooth spline would oscillate.
         slope[row] = PchipInterpolator(height[row], force[row])(height[row], 1)
@@ -233,6 +233,13 @@ def _cells(height: Floats, force: Floats, folded: NDArray[np.bool_]) -> Floats:
     left, right = slope[:, :-1], slope[:, 1:]
     second, third = (3 * rise - 2 * left - right) / step, (left + right - 2 * rise) / step**2
     return np.stack([height[:, :-1], force[:, :-1], left, second, third], axis=-1)
+
+
+def _slopes(values: Floats) -> Floats:
+    """Return the derivatives by the number of the point, of order 4; shape (laws, POINTS)."""
+    near, far = values[:, 3:-1] - values[:, 1:-3], values[:, 4:] - values[:, :-4]
+    start, end = values[:, :5] @ _EDGE, values[:, :-6:-1] @ -_EDGE
+    return np.concatenate([start, (8 * near - far) / 12, end[:, ::-1]], axis=1)
 
 
 def _lasts(start: Floats, end: Floats) -> NDArray[np.bool_]:

@@ -87,7 +87,8 @@ def advance(press, time, end, size, order, tolerance):
         step = min(step, end - time)
         if not repeated:
             before = guard(press)
-            start[0, :], start[1, :], start[2, :] = press.x, press.v, press.a
+            for i in range(len(press.x)):
+                start[0, i], start[1, i], start[2, i] = press.x[i], press.v[i], press.a[i]
         error = try_step(press, start, time, step, order) / allowed
         repeated = not error <= 1.0 and step > SHORTEST
         if repeated:
@@ -140,8 +141,12 @@ def play(press, sample, cubics, powered, period, steps, order, tolerance):
     for i in range(len(cubics)):
         start = (sample + i) * period
         finger.start, finger.period = start, period
-        finger.cubics[:] = cubics[i]
-        finger.still = not cubics[i, :, 1:].any()
+        finger.still = 1
+        for j in range(2):
+            for k in range(4):
+                finger.cubics[j, k] = cubics[i, j, k]
+                if k > 0 and cubics[i, j, k] != 0.0:
+                    finger.still = 0
         if sample + i == 0:
             status = rest(press, start)
             if status != ix.FINE:
