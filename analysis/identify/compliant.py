@@ -1,5 +1,6 @@
 """Fits of a compliant key: elastic modes, one by one, where a rigid key does not fit."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -66,7 +67,7 @@ def _with_mode(made: Fit) -> InverseDynamics | None:
     free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, values, strict=True)]
     if all(p.name != FOOT for p in free):
         free.append(foot_parameter())
-    presses = [_before_release(press) for press in dynamics.presses]
+    presses = _before_release(dynamics.presses)
     dynamics = InverseDynamics(dynamics.rig, free, presses, dynamics.level)
     found = _strongest(dynamics, number, made.levelled)
     if found is None:
@@ -89,14 +90,17 @@ def _known(rig: Rig, number: int) -> tuple[float, float] | None:
     )
 
 
-def _before_release(press: Observed) -> Observed:
-    """Return a press without what follows its first release.
+def _before_release(presses: Sequence[Observed]) -> list[Observed]:
+    """Return presses without what follows the first release of each.
 
     There the jack leaves the key, which springs up, and excites it by an impact when it falls back.
     """
-    if not len(press.releases):
-        return press
-    return replace(press, used=press.used & (press.time < press.releases[0]))
+    ends = [
+        int(np.searchsorted(p.time, p.releases[0])) if len(p.releases) else len(p.time)
+        for p in presses
+    ]
+    # Presses of one motion keep one length.
+    return [p.until(max(ends), end) for p, end in zip(presses, ends, strict=True)]
 
 
 def _strongest(dynamics: InverseDynamics, number: int, levelled: bool) -> Mode | None:
