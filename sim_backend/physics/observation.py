@@ -116,8 +116,8 @@ def _held_error(found: Observation, true: Observation) -> float:
     jump = np.diff(b.time) == 0  # there the force has two values
     held[:-1] &= ~jump
     held[1:] &= ~jump
-    largest = float(np.abs(b.finger_force).max(initial=0.0))
-    if not held.any() or largest == 0.0:
+    largest = float(np.abs(b.finger_force[held]).max(initial=0.0))  # no blow, which has no bound
+    if largest == 0.0:
         return 0.0
     difference = np.interp(b.time[held], a.time, a.finger_force) - b.finger_force[held]
     return float(np.sqrt(np.mean(difference**2))) / largest
