@@ -3,6 +3,8 @@
 import math
 from collections.abc import Callable, Iterator
 
+import numpy as np
+
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.base import steps_in_sample
@@ -11,15 +13,17 @@ from sautereau.sim_backend.physics.observation import Errors, Observation, error
 from sautereau.sim_backend.scene import Scene
 
 FINER = 3
-"""Halvings of a step from which its error is estimated."""
+"""Halvings of a step from which its error is estimated; more of one that the engine divides."""
 SAFETY = Errors(time=1.5, force=3.0)
 """Dimensionless factors on the estimates; forces jump, and converge more slowly."""
 BLOW = 1.3
 """Dimensionless growth of the largest force with half the step, above which it is a blow's."""
 ROUNDING = Errors(time=1e-8, force=1e-5)
 """Added to every error: rounding, tables and the reference solution itself."""
+MORE = 5
+"""Further halvings of a step that the engine divides, above which its error is not estimated."""
 DIVERGED = Errors(math.inf, math.inf)
-"""Error of a step with which the engine found no motion."""
+"""Error of a step with which the engine found no motion, or that has no estimate."""
 SHORTEST, LONGEST = 1e-7, 2e-3
 """s, limits of a scene's step."""
 CHECKED = 3
@@ -39,12 +43,22 @@ class StepRefinement:
         observe: Runs the drive with a number of steps per controller sample.
         first: Steps per controller sample at level 0.
         most: Largest number of steps per controller sample.
+        period: s, of a controller sample.
+        noise: s, by which rounding of the encoders may shift events.
     """
 
-    def __init__(self, observe: Callable[[int], Observation], first: int, most: int):
+    def __init__(
+        self,
+        observe: Callable[[int], Observation],
+        first: int,
+        most: int,
+        period: float,
+        noise: float = 0.0,
+    ):
         self._observe = observe
         self.first = first
         self.most = most
+        self._period, self._noise = period, noise
         self._runs: dict[int, Observation] = {}
         self._diverged: dict[int, SceneError] = {}
 
@@ -57,23 +71,32 @@ class StepRefinement:
         return self.steps(level + FINER) <= self.most
 
     def estimate(self, level: int) -> Errors:
-        """Return the error at a level; infinite where events depend on the step.
+        """Return the error at a level; infinite where events depend on the step, or are unresolved.
 
         If errors at least halve from the second finest level to the finest, the error of the
-        finest is at most the distance of these two (Richardson extrapolation). More than one
-        level lies between, because engines divide a step themselves while something stiff is in
-        contact, so that two neighbouring levels may give the same result.
+        finest is at most the distance of these two (Richardson extrapolation). The distance of each
+        level to the finest counts, because two may agree by coincidence. Engines divide a step
+        while something stiff is in contact, and halving such a step changes nothing at first: the
+        finest level is so fine that the steps of a pressing finger are shorter by a factor of 4.
 
         Raises:
             SceneError: None of the levels can be simulated.
         """
-        runs = [self.run(level + i) for i in range(FINER + 1)]
-        here, before, last = runs[0], runs[-2], runs[-1]
+        here = self.run(level)
+        more = 0 if here is None else self._halvings(level, here)
+        if more > MORE:
+            return DIVERGED
+        finest = level + FINER + more
+        finer = range(max(finest - FINER, level + 1), finest + 1)
+        runs = [here, *(self.run(each) for each in finer)]
+        before, last = runs[-2], runs[-1]
         if here is None or before is None or last is None:
             if not any(runs):
                 raise self._diverged[level]
             return DIVERGED
-        found = total(_distance(here, last), _distance(before, last), ROUNDING)
+        apart = [_distance(run, last) for run in runs[:-1] if run is not None]
+        widest = Errors(max(each.time for each in apart), max(each.force for each in apart))
+        found = total(widest, apart[-1], ROUNDING, self._rounding(last))
         # The force of a finger that strikes the key of a held string grows as the step shrinks.
         is_blow = _largest_force(last) > BLOW * _largest_force(before)
         return Errors(found.time, math.inf) if is_blow else found
@@ -86,6 +109,21 @@ class StepRefinement:
             except SceneError as error:
                 self._diverged[level] = error
         return self._runs.get(level)
+
+    def _halvings(self, level: int, run: Observation) -> int:
+        """Return by how many halvings the engine's steps are shorter than those of a level."""
+        steps = np.diff(run.motions.time)[run.motions.finger_force[1:] > 0]
+        steps = steps[steps > 0]
+        if not len(steps):
+            return 0
+        parts = self._period / self.steps(level) / float(np.median(steps))
+        return max(0, math.floor(math.log2(parts) + 1e-6))
+
+    def _rounding(self, run: Observation) -> Errors:
+        """Return what the encoders' rounding may change; forces grow in the shortest pluck."""
+        if not self._noise:
+            return Errors(0.0, 0.0)
+        return Errors(self._noise, self._noise / max(_shortest_pluck(run), self._noise))
 
 
 class Trial:
@@ -149,8 +187,16 @@ class Trial:
 
     def _refinement(self, scene: Scene, first: int) -> StepRefinement:
         most = MOST[scene.engine] // self._drive.samples
-        most = min(most, int(self.true.controller.sample_period / SHORTEST))
-        return StepRefinement(lambda steps: self.run(scene, steps), first, most)
+        period = self.true.controller.sample_period
+        most = min(most, int(period / SHORTEST))
+        noise = encoder_noise(self.true) if scene.finger == "servo" else 0.0
+        return StepRefinement(lambda steps: self.run(scene, steps), first, most, period, noise)
+
+
+def encoder_noise(true: Rig) -> float:
+    """Return the time [s] in which a pressing fingertip moves by half an encoder count."""
+    speed = true.press.jack_speed * true.key.press_arm / true.key.jack_arm
+    return true.arm.resolution / 2 / speed
 
 
 def stepped(true: Rig, scene: Scene, steps: int, **changes: str | int) -> Scene:
@@ -173,6 +219,13 @@ def _largest_force(run: Observation) -> float:
         held = (time > contact.time + margin) & (time < release.time - margin)
         largest = max(largest, float(force[held].max(initial=0.0)))
     return largest
+
+
+def _shortest_pluck(run: Observation) -> float:
+    """Return the shortest time [s] from a contact to its release; infinite without any."""
+    contacts, releases = run.events.contacts, run.events.releases
+    held = (b.time - a.time for b in releases for a in contacts if a.choir == b.choir)
+    return min((time for time in held if time >= 0), default=math.inf)
 
 
 def _distance(one: Observation, last: Observation) -> Errors:

@@ -153,7 +153,7 @@ def meets(found: Errors, asked: Accuracy) -> bool:
 def reached(found: Errors) -> str:
     """Return the text of an error."""
     if not math.isfinite(found.time):
-        return "events that depend on the step"
+        return "events that depend on the step, or a step too long to estimate their error"
     return f"events to {found.time * 1e6:.2g} us and forces to {100 * found.force:.2g} %"
 
 

@@ -1,3 +1,4 @@
+import math
 import sys
 
 import numpy as np
@@ -6,8 +7,8 @@ import pytest
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
-from sautereau.sim_backend.physics.observation import Observation
-from sautereau.sim_backend.scene import parse_scene
+from sautereau.sim_backend.physics.observation import Observation, errors
+from sautereau.sim_backend.scene import load_scene, parse_scene
 from sautereau.sim_backend.trade.refinement import DIVERGED, StepRefinement
 from sautereau.sim_backend.trade.select import best_models, select_solver
 
@@ -30,9 +31,9 @@ def scene(engine="auto", string="spring", plectrum="elastica", want='accuracy = 
     )
 
 
-def events_at(contact, release, force=0.5):
-    still = np.zeros(3)
-    time = np.array([contact, (contact + release) / 2, release])
+def events_at(contact, release, force=0.5, steps=2):
+    still = np.zeros(steps + 1)
+    time = np.linspace(contact, release, steps + 1)
     motions = Motions(time, still, still, still, still + 1.2, still)
     return Observation(
         motions,
@@ -67,7 +68,9 @@ def toy_selected(toy, scene):
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
 def test_an_estimate_is_never_below_the_error(order):
-    refinement = StepRefinement(lambda n: events_at(0.01, 0.02 + 1e-3 * n**-order), 1, 1 << 20)
+    refinement = StepRefinement(
+        lambda n: events_at(0.01, 0.02 + 1e-3 * n**-order), 1, 1 << 20, PERIOD
+    )
     for level in range(6):
         true = 1e-3 * refinement.steps(level) ** -order
         assert true <= refinement.estimate(level).time <= 2 * true + 1.1e-8
@@ -80,8 +83,8 @@ def test_events_that_depend_on_the_step_have_no_estimate():
             found.events.releases.clear()
         return found
 
-    assert StepRefinement(observe, 1, 64).estimate(0) == DIVERGED
-    assert StepRefinement(observe, 8, 64).estimate(0).time < 2e-8
+    assert StepRefinement(observe, 1, 64, PERIOD).estimate(0) == DIVERGED
+    assert StepRefinement(observe, 8, 64, PERIOD).estimate(0).time < 2e-8
 
 
 def test_a_diverging_step_has_no_estimate_and_the_reason_is_reported():
@@ -90,16 +93,76 @@ def test_a_diverging_step_has_no_estimate_and_the_reason_is_reported():
             raise SceneError(f"{n} steps diverge")
         return events_at(0.01, 0.02)
 
-    assert StepRefinement(observe, 1, 64).estimate(0) == DIVERGED
+    assert StepRefinement(observe, 1, 64, PERIOD).estimate(0) == DIVERGED
     with pytest.raises(SceneError, match="1 steps diverge"):
-        StepRefinement(lambda n: observe(1), 1, 64).estimate(0)
+        StepRefinement(lambda n: observe(1), 1, 64, PERIOD).estimate(0)
 
 
 def test_equal_neighbouring_results_do_not_hide_an_error():
     error = {1: 0.8e-6, 2: 0.5e-6, 4: 0.5e-6, 8: 0.1e-6}
-    refinement = StepRefinement(lambda n: events_at(0.01, 0.02 + error.get(n, 0.0)), 1, 1 << 20)
+    refinement = StepRefinement(
+        lambda n: events_at(0.01, 0.02 + error.get(n, 0.0)), 1, 1 << 20, PERIOD
+    )
     for level in range(3):
         assert error[refinement.steps(level)] <= refinement.estimate(level).time
+
+
+def test_levels_that_agree_by_coincidence_do_not_hide_an_error():
+    error = {1: 2e-6, 2: -2e-6, 4: 1.5e-6, 8: 1.9e-6}
+    refinement = StepRefinement(lambda n: events_at(0.01, 0.02 + error[n]), 1, 8, PERIOD)
+    assert error[1] <= refinement.estimate(0).time
+
+
+@pytest.mark.parametrize("parts", [1, 2, 3, 7, 32])
+@pytest.mark.parametrize("first", [1, 4])
+def test_a_step_that_the_engine_divides_is_refined_until_it_is_shorter(first, parts):
+    """A step of the sample over n is divided into the parts that a stiff contact needs."""
+
+    def steps(n):
+        return n * math.ceil(parts / n)
+
+    def observe(n):
+        samples = round(0.01 / PERIOD)
+        return events_at(0.01, 0.01 + samples * PERIOD + error(n), steps=samples * steps(n))
+
+    def error(n):
+        return 1e-4 * steps(n) ** -2
+
+    found = StepRefinement(observe, first, 1 << 20, PERIOD).estimate(0)
+    assert error(first) <= found.time <= 2 * error(first) + 1.1e-8
+
+
+def test_a_step_that_is_divided_into_too_many_parts_has_no_estimate():
+    refinement = StepRefinement(lambda n: events_at(0.01, 0.02, steps=1000), 1, 64, PERIOD)
+    assert refinement.estimate(0) == DIVERGED
+    assert refinement.estimate(4).time < 2e-8
+
+
+def test_a_servo_is_as_accurate_as_its_encoders():
+    rig, toy = load_rig(), Toy()
+    toy.error = lambda scene: 0.0
+    paper = load_scene("paper").model_copy(update={"step": PERIOD, "accuracy": None})
+    found = toy_selected(toy, paper).errors
+    half = rig.arm.resolution / 2
+    speed = rig.press.jack_speed * rig.key.press_arm / rig.key.jack_arm
+    assert found.time == pytest.approx(half / speed, abs=2e-8)
+    pluck = toy(rig, paper, None).events
+    held = pluck.releases[0].time - pluck.contacts[0].time
+    assert found.force == pytest.approx(half / speed / held, abs=2e-5)
+    ideal = paper.model_copy(update={"finger": "ideal", "servo": None})
+    assert toy_selected(toy, ideal).errors.time < 2e-8
+
+
+def test_a_blow_before_a_pluck_does_not_hide_the_error_of_its_force():
+    def pluck(blow, held):
+        found = events_at(0.01, 0.02, steps=10)
+        found.motions.finger_force[:] = held
+        found.motions.finger_force[0] = blow
+        return found
+
+    for blow in (1.2, 1000.0):
+        found = errors(pluck(blow, 1.3), pluck(blow, 1.2))
+        assert found.force == pytest.approx(0.1 / 1.2)
 
 
 def test_the_force_of_a_blow_has_no_estimate():
@@ -108,7 +171,7 @@ def test_the_force_of_a_blow_has_no_estimate():
         found.motions.finger_force[1] = 1.2 * n
         return found
 
-    found = StepRefinement(observe, 1, 64).estimate(0)
+    found = StepRefinement(observe, 1, 64, PERIOD).estimate(0)
     assert found.time < 2e-8
     assert found.force == float("inf")
 
