@@ -185,15 +185,34 @@ def random_cases(rig: Rig, n: int, seed: int = 0) -> Iterator[Case]:
             "key.pivot_coulomb_friction": f"{maybe(log(1e-5, 1e-1))!r} N m",
             "jack.register_friction": f"{maybe(log(1e-4, 1.0))!r} N",
         }
-        friction, felt = (bool(rng.integers(2)) for _ in range(2))
-        step = log(2e-5, 2e-3)
-        if rng.integers(2):
+        friction, felt, tongue, damper = (bool(rng.integers(2)) for _ in range(4))
+        step, finger = log(2e-5, 2e-3), str(rng.choice(["push", "ideal", "servo"]))
+        if finger == "push":
             force = log(0.05, 100)
             scene = _push(engine, step, force=force, duration=0.1, friction=friction, felt=felt)
         else:
             scene = _ideal(engine, step, friction=friction, felt=felt)
             values |= at_speed(rig, log(0.02, 1.0))
-        yield Case(f"random {i}", scene, values)
+        parts: dict[str, Any] = {
+            "gravity": maybe(log(1.0, 100.0)),
+            "more_choirs": _more_choirs(rig)[: rng.integers(3)],
+            "tongue": tongue,
+            "damper": damper,
+        }
+        if finger == "servo":
+            parts |= {"finger": finger, "servo": load_scene("paper").servo}
+        padded = finger != "push" and bool(rng.integers(2))
+        if padded:
+            parts["fingertip"] = _pad(log(1e3, 1e5), maybe(log(0.1, 20.0)))
+        if engine == "rigid":
+            part = str(rng.choice(["none", "modal", "bending", "play"]))
+            if part == "modal":
+                parts["string"] = "modal"
+            elif part == "bending":
+                parts["bending"] = Bending.model_construct(frequency=log(150.0, 800.0))
+            elif part == "play" and (padded or finger != "ideal"):
+                parts["play"] = Play.model_construct(stiffness=log(5e3, 1e6), damping=maybe(5.0))
+        yield Case(f"random {i}", _with(scene, **parts), values)
 
 
 def at_speed(rig: Rig, speed: float) -> Values:

@@ -25,8 +25,9 @@ from sautereau.sim_backend.trade.select import reached, select_solver
 
 RANDOM = 40
 """Random cases of the complete map."""
-FINER = 10
-"""Dimensionless, by which the steps are shorter that replace a missing exact solution."""
+FINER = 32
+"""Dimensionless, by which the steps are shorter that replace a missing exact solution: four times
+as short as the shortest ones from which a claim is estimated."""
 Verdict = Literal["converged", "refused", "failed"]
 
 
@@ -75,7 +76,7 @@ def judge(rig: Rig, case: Case) -> Cell:
     if fault:
         return Cell(case, "failed", claim, reason=fault)
     try:
-        error = errors(found, _truth(bench, case.scene, drive))
+        error = errors(found, _truth(bench, selected.scene, drive))
     except SautereauError as refusal:
         reason = f"simulated, but refused by the finest steps: {refusal}"
         return Cell(case, "failed", claim, reason=reason)
@@ -85,7 +86,7 @@ def judge(rig: Rig, case: Case) -> Cell:
 
 
 def _truth(bench: Rig, scene: Scene, drive: Drive) -> Observation:
-    """Return the exact solution; of a scene that has none, that of a tenth of its step."""
+    """Return the exact solution; of a scene that has none, that of much shorter steps."""
     if scene.solvable:
         return reference(bench, scene, drive)
     step = scene.step or bench.controller.sample_period

@@ -128,6 +128,14 @@ def test_without_friction_no_energy_is_made_or_lost(engine, steps):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_random_mixtures_of_all_parts_keep_their_claims():
+    found = run_stability(RIG, random_cases(RIG, 24, seed=20261122))
+    assert not with_verdict(found, "failed"), "\n".join(stability_text(found))
+    assert len(with_verdict(found, "converged")) > len(found) / 2
+
+
+@pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_the_complete_map_has_no_silent_failure():
     found = run_stability(RIG)
