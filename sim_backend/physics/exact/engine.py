@@ -13,7 +13,7 @@ from sautereau.sim_backend.physics.exact.laws import set_laws
 from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches
 from sautereau.sim_backend.physics.exact.play import play
 from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
-from sautereau.sim_backend.scene import NO_BENDING, Scene
+from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
 FINGERS = ("push", "ideal", "servo")
@@ -172,16 +172,9 @@ def check_scene(scene: Scene) -> None:
     """Refuse a scene that the exact engine does not support.
 
     Raises:
-        SceneError: The scene has a modal string, a bending key, or an open choice.
+        SceneError: The scene has a part that the engine does not support, or an open choice.
     """
-    faults = []
-    if scene.string == "modal":
-        faults.append(
-            'engine: "exact" does not support string = "modal"; set engine = "rigid", or'
-            ' string = "spring"'
-        )
-    if scene.bending is not None:
-        faults.append(f"engine: {NO_BENDING}")
+    faults = scene.unsolved
     if scene.step is None or "auto" in (scene.plectrum, scene.string):
         faults.append(
             "step, plectrum, string: the scene leaves them open; choose them with"
