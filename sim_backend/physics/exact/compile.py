@@ -76,8 +76,8 @@ def _digest() -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 
-class Announcement(  # pyright: ignore[reportGeneralTypeIssues]
-    event.Listener if event else object
+class Announcement(
+    event.Listener if event else object  # pyright: ignore[reportGeneralTypeIssues]
 ):
     """Logs once that this engine is compiled, as it is where numba's cache lacks it."""
 
