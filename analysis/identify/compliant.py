@@ -1,5 +1,6 @@
 """Fits of a compliant key: elastic modes, one by one, where a rigid key does not fit."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,12 +13,14 @@ from sautereau.analysis.identify.elastic import (
     mode_parameters,
     modes_of,
 )
-from sautereau.analysis.identify.fit import Fit, fit, problem_at, spread
+from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, problem_at, spread
 from sautereau.analysis.identify.fixed import ScoreTest
 from sautereau.analysis.identify.observed import Observed
-from sautereau.analysis.identify.parameters import FOOT
+from sautereau.analysis.identify.parameters import FOOT, FORCE, Prior
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.identify.residuals import InverseDynamics
+from sautereau.analysis.loading.press import Press
+from sautereau.analysis.phases import Phases
 from sautereau.rig.schema import Rig
 
 FREQUENCIES, DAMPINGS = np.geomspace(90.0, 1500.0, 20), (0.02, 0.15)
@@ -31,6 +34,20 @@ AT_REST = 0.2
 fraction of its frequency; and of its damping ratio."""
 LEAST_GAIN = 0.7
 """Dimensionless, largest residual over that without a mode which makes the mode worthwhile."""
+
+
+def fit_presses(
+    presses: Sequence[Press],
+    phases: Sequence[Phases],
+    names: Sequence[str],
+    priors: Mapping[str, Prior] | None,
+    level: str,
+    starts: int,
+    robust: bool,
+) -> Fit:
+    """Fit parameters to presses of one rig; see `identified.identify`."""
+    dynamics = inverse_dynamics(presses, phases, names, priors, level)
+    return fit_compliant(fit(dynamics, starts, robust, levelled=FORCE in names), robust)
 
 
 def fit_compliant(rigid: Fit, robust: bool = False) -> Fit:

@@ -115,7 +115,12 @@ def fit(
         starts: Number of starting points.
         robust: Weight large residuals linearly instead of quadratically.
         levelled: Whether the zero of each force is free although the force is not AC-coupled.
+
+    Raises:
+        AnalysisError: There is no starting point.
     """
+    if starts < 1:
+        raise AnalysisError(f"starts: {starts} starting points; give 1 or more")
     free = dynamics.free
     levelled = levelled or coupled_force(dynamics.rig) is not None
     values = np.array([p.start for p in free])

@@ -1,7 +1,7 @@
 """Stability map: every case is as accurate as the engine claims, or refused with a reason."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import with_values
+from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.drive import Drive, drive_of
 from sautereau.sim_backend.physics.observation import (
@@ -43,11 +44,7 @@ class Cell:
     """Of a refusal or a failure."""
 
 
-def run_stability(
-    rig: Rig,
-    cases: Iterable[Case] | None = None,
-    progress: Callable[[float], None] = lambda fraction: None,
-) -> list[Cell]:
+def run_stability(rig: Rig, cases: Iterable[Case] | None = None) -> list[Cell]:
     """Run cases through their engines and compare each with the reference solution.
 
     A scene without one, such as one with a modal string, is compared with much shorter steps.
@@ -55,15 +52,9 @@ def run_stability(
     Args:
         rig: The bench from which the cases differ.
         cases: None for the complete grid and `RANDOM` random ones.
-        progress: Called with the fraction that is done, from 0 to 1.
     """
     chosen = [*grid(rig), *random_cases(rig, RANDOM)] if cases is None else list(cases)
-    cells = []
-    for i, case in enumerate(chosen):
-        progress(i / len(chosen))
-        cells.append(judge(rig, case))
-    progress(1.0)
-    return cells
+    return [judge(rig, case) for case in tracked(chosen)]
 
 
 def judge(rig: Rig, case: Case) -> Cell:

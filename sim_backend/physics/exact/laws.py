@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.choirs import choir_pluck, choirs
+from sautereau.analysis.model.choirs import choirs, pluck_of
 from sautereau.analysis.model.pluck.equilibria import Equilibria
 from sautereau.analysis.model.pluck.loaded import UniformPlectra
 from sautereau.analysis.model.pluck.paths import Status, solve_paths
@@ -69,13 +69,13 @@ def set_laws(
         SceneError: A plectrum and string that do not vary have no pluck.
     """
     plucks, level = np.ones(len(jacks), bool), numbers.scene.plectrum
-    cells = [np.zeros((1, 5))]  # of no law
+    cells, found = 0, [np.zeros((0, 5))]
     for k, (at, choir) in enumerate(zip(numbers.prefixes, choirs(numbers.rig), strict=True)):
-        if level == "none":
+        if level == "none" or not played.any():
             continue
         if not any(f"{at}{name}" in numbers.given for name in (*PLECTRUM, *STRING, *DERIVED)):
             try:
-                laws, which = [choir_law(choir, level)], 0
+                laws, which = choir_law(choir, level), 0
             except ModelError as error:
                 raise SceneError(f"rig {numbers.rig.name}: {at}{error}") from error
         else:
@@ -88,14 +88,12 @@ def set_laws(
                 different, which = _different(values, played)
                 laws, good = _one_by_one(choir, level, different)
             plucks &= good[which]
-        first = []
-        for law in laws:
-            first.append(law.jacks["first"] + sum(map(len, cells)))
-            cells.append(law.cells)
-        jacks["first"][:, k] = np.concatenate(first)[which]
-        for name in ("pieces", "border"):
-            jacks[name][:, k] = np.concatenate([law.jacks[name] for law in laws])[which]
-    return np.concatenate(cells), plucks
+        for name in ("pieces", "first", "border"):
+            jacks[name][:, k] = laws.jacks[name][which]
+        jacks["first"][:, k] += cells
+        cells += len(laws.cells)
+        found.append(laws.cells)
+    return np.concatenate(found), plucks
 
 
 def _of_elastica(
@@ -119,7 +117,7 @@ def _of_elastica(
     return friction, overlap, length, bending, stiffness, (thick + diameter) / 2 * surface
 
 
-def _elastica(columns: Floats) -> tuple[list[Laws], NDArray[np.bool_]]:
+def _elastica(columns: Floats) -> tuple[Laws, NDArray[np.bool_]]:
     """Return laws of the elastica, and which of them are valid."""
     friction, overlap, length, bending, stiffness, offset = columns
     low, high = STIFFNESS_RANGE
@@ -133,10 +131,10 @@ def _elastica(columns: Floats) -> tuple[list[Laws], NDArray[np.bool_]]:
             solved, sure = elastica_laws(*parts, friction=float(friction[start]))
             good[part] &= sure
             laws.append(solved)
-    return laws, good
+    return _joined(laws), good
 
 
-def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[list[Laws], NDArray[np.bool_]]:
+def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[Laws, NDArray[np.bool_]]:
     """Return laws of any level, and which of them are valid."""
     good, laws = np.ones(columns.shape[1], bool), []
     for row, values in enumerate(columns.T.tolist()):
@@ -150,7 +148,15 @@ def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[list[Laws], 
         except ModelError:
             good[row] = False
             laws.append(Laws(np.zeros((1, 5)), np.zeros(1, JACK)))
-    return laws, good
+    return _joined(laws), good
+
+
+def _joined(parts: list[Laws]) -> Laws:
+    """Return the laws of all parts."""
+    ends = np.cumsum([len(part.cells) for part in parts])
+    jacks = np.concatenate([part.jacks for part in parts])
+    jacks["first"] += np.repeat([0, *ends[:-1]], [len(part.jacks) for part in parts])[:, None]
+    return Laws(np.concatenate([part.cells for part in parts]), jacks)
 
 
 def _different(
@@ -169,7 +175,7 @@ def _different(
 
 @lru_cache(maxsize=256)
 def _law(plectrum: Plectrum, string: String, level: str) -> Laws:
-    pluck = choir_pluck(Choir.model_construct(plectrum=plectrum, string=string), level)
+    pluck = pluck_of(plectrum, string, level)  # pyright: ignore[reportArgumentType]
     knots, jack = pluck.height, np.zeros(1, JACK)
     places = np.array([1, 3, 5, 7]) / 8
     steps = np.diff(knots)[:, None]
