@@ -3,11 +3,14 @@
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.search import Searched, search
+from sautereau.analysis.phases.saw_teeth import SawTeeth
+from sautereau.analysis.phases.search import Growth, Searched, row_noise, search
 from sautereau.analysis.phases.signals import BRIDGED, Signals
 from sautereau.analysis.phases.slow import Slow
 
@@ -36,12 +39,20 @@ def compliant_plucks(
         way: First and last sample of the way down.
     """
     start, last = (float(signals.time[sample]) for sample in way)
-    searched = search(Slow(signals, *way), strings)
+    slow = Slow(signals, *way)
+    searched = search(slow, strings)
+    growths = searched.growths
+    nears = [min(max(NEAR * g.release_std, LEAST_NEAR), MOST_NEAR) for g in growths]
+    releases = [
+        refine_event(
+            *(signals, growth.release, near, growth.force, start, last),
+            [other.release for other in growths if other is not growth],
+        )
+        for growth, near in zip(growths, nears, strict=True)
+    ]
+    growths = _with_releases(slow, strings, searched, releases)
     found: list[tuple[Contact, Release]] = []
-    for growth in searched.growths:
-        near = min(max(NEAR * growth.release_std, LEAST_NEAR), MOST_NEAR)
-        others = [other.release for other in searched.growths if other is not growth]
-        release = refine_event(signals, growth.release, near, growth.force, start, last, others)
+    for growth, near, release in zip(growths, nears, releases, strict=True):
         around = signals.no_velocity[
             slice(*(signals.sample(growth.release + side) for side in (-near, near)))
         ]
@@ -55,3 +66,22 @@ def compliant_plucks(
         std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)
         found.append((contact, replace(release, std=std)))
     return found, searched
+
+
+def _with_releases(
+    slow: Slow, strings: Expected, searched: Searched, releases: list[Release]
+) -> tuple[Growth, ...]:
+    """Return the growths with the contacts for the releases of their own fits.
+
+    The smoothed load shows a release with an error which its contact shares.
+    """
+    growths = searched.growths
+    if any(r.time - g.contact < SHORTEST for g, r in zip(growths, releases, strict=True)):
+        return growths
+    known = np.array([(release.time, release.std) for release in releases]).reshape(-1, 2)
+    fit = SawTeeth(slow, searched.compliance, row_noise(searched.residual), strings, known)
+    start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
+    plucks, solved, _ = fit.refined(start)
+    stds, _ = fit.stds(plucks, solved)
+    contacts = zip(growths, plucks[:, 0].tolist(), stds, strict=True)
+    return tuple(replace(g, contact=contact, contact_std=std) for g, contact, (std, _) in contacts)

@@ -141,8 +141,10 @@ def _explained(
     rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
     far = np.abs(rises[:, None] - strings.contacts).min(initial=np.inf) > DISPLACED
     most = CERTAIN if far else RIGID_NOISE
-    # A string held together with the next one spoils the fit of its contact on any key.
-    if found and min(c.noise for c, _ in found) < most:
+    # A string held together with the next one spoils the fit of its contact on any key; but what
+    # exceeds the number of strings may be ringing.
+    typical = min if len(found) <= len(strings.contacts) else max
+    if found and typical(c.noise for c, _ in found) < most:
         ends = float(signals.time[begin]), float(signals.time[end])
         sharp = [
             (c, r if r.noise < RINGING else refine_event(signals, r.time, NEAR, r.fall, *ends))

@@ -72,11 +72,20 @@ class SawTeeth:
         compliance: s^2, k of `sautereau.analysis.phases.slow`.
         noise: N, of a row; it weights the priors.
         strings: Of the rig.
+        releases: s, of the plucks with their standard uncertainties, shape (plucks, 2), where they
+            are known from elsewhere.
     """
 
-    def __init__(self, slow: Slow, compliance: float, noise: float, strings: Expected):
+    def __init__(
+        self,
+        slow: Slow,
+        compliance: float,
+        noise: float,
+        strings: Expected,
+        releases: Floats | None = None,
+    ):
         self.slow, self.compliance, self.strings = slow, compliance, strings
-        self._noise = noise
+        self._noise, self._releases = noise, releases
         self.rise = slow.rise(compliance)
         """m, of the jack at the blocks."""
         self.weight = noise / np.hypot(noise, slow.error(slow.time))
@@ -183,8 +192,16 @@ class SawTeeth:
         best = np.argmin((chosen**2).sum((-2, -1)), -1)[..., None, None, None]
         return np.take_along_axis(chosen, best, -3).reshape(*far.shape[:-3], 2 * count)
 
+    def _far(self, plucks: Floats) -> Floats:
+        """Return `doubts`, and how far releases are from known ones, in standard deviations."""
+        doubts = self.doubts(plucks)
+        if self._releases is None:
+            return doubts
+        time, std = self._releases.T
+        return np.concatenate([doubts, (plucks[..., 1] - time) / std], -1)
+
     def _slopes(self, plucks: Floats, solved: Solved) -> tuple[Floats, Floats]:
-        """Return the derivatives of residuals, and of doubts, by contacts and releases."""
+        """Return the derivatives of residuals, and of `_far`, by contacts and releases."""
         u, by_ends = self._held(plucks)
         force, sharp, *shapes = solved.factors.T
         steep = 1 + _steepness(u, *self.strings.bends)
@@ -200,7 +217,7 @@ class SawTeeth:
         change[:rows] *= self.weight[:, None]
         change[:known] -= self.base @ (self.base.T @ change[:known])
         off = SMALL * np.eye(plucks.size).reshape(-1, *plucks.shape)
-        up, down = self.doubts(np.stack([plucks + off, plucks - off]))
+        up, down = self._far(np.stack([plucks + off, plucks - off]))
         return solved.base @ (solved.base.T @ change) - change, (up - down).T / (2 * SMALL)
 
     def stds(self, plucks: Floats, solved: Solved) -> tuple[list[list[float]], list[float]]:
@@ -224,7 +241,7 @@ class SawTeeth:
         def evaluate(state: Floats) -> tuple[Floats, Solved]:
             trial = state.reshape(-1, 2)
             tried = self.solved(trial)
-            return np.concatenate([tried.left, weight * self.doubts(trial)]), tried
+            return np.concatenate([tried.left, weight * self._far(trial)]), tried
 
         def permitted(state: Floats, tried: Solved) -> bool:
             apart = np.diff(state.reshape(-1, 2)) > self.slow.width

@@ -97,10 +97,15 @@ def search(slow: Slow, strings: Expected) -> Searched:
         found, plucks = _Search(fit, QUICK if number == 0 else None, plucks).all()
         change = abs(found.compliance - compliance)
         compliance, before = found.compliance, noise
-        noise = max(LEAST_NOISE, CORRELATED * found.residual)
+        noise = row_noise(found.residual)
         if number > 0 and change < max(2e-7, 0.05 * compliance) and 0.5 < noise / before < 2:
             break
     return found
+
+
+def row_noise(residual: float) -> float:
+    """Return the noise [N] of a row, by the rms of the load that is not explained [N]."""
+    return max(LEAST_NOISE, CORRELATED * residual)
 
 
 class _Search:

@@ -32,7 +32,7 @@ DROP_OUT_SEED = 7.0
 DROP_OUT_EDGE = 3.0
 """Deviation at which a drop-out starts and ends, in standard deviations."""
 DROP_OUT_JUMP = 60e-6
-"""s, within which it starts or ends by `DROP_OUT_FRACTION` of its depth; at least a sample."""
+"""s, within which it starts, and ends, by `DROP_OUT_FRACTION` of its depth; at least a sample."""
 DROP_OUT_FRACTION = 0.5
 """Dimensionless, least fraction of its depth."""
 FASTEST = 8.0
@@ -122,7 +122,7 @@ def _stretches(volts: Signal, channel: Channel, rate: float) -> list[tuple[Kind,
     for start, stop in _saturated(volts, magnitude, noise, channel.range, high):
         found.append(("overload", start, stop))
     if channel.quantity == "velocity":
-        for start, stop in _drop_outs(volts, noise, channel, rate, high):
+        for start, stop in _drop_outs(volts, channel, rate, high):
             found.append(("drop-out", start, stop))
     return found
 
@@ -144,18 +144,19 @@ def _saturated(
 
 
 def _drop_outs(
-    volts: Signal, noise: float, channel: Channel, rate: float, known: NDArray[np.bool_]
+    volts: Signal, channel: Channel, rate: float, known: NDArray[np.bool_]
 ) -> list[tuple[int, int]]:
-    """Return short deviations from a running median that start or end suddenly.
+    """Return short deviations from a running median that start and end suddenly.
 
-    A reversing key deviates from the median as well, but slowly, as at a release; one that vibrates
-    deviates before and after as well.
+    A reversing key deviates from the median as well, but slowly, as at a release; after an impact
+    the deviation starts suddenly, but ends slowly; a key that vibrates deviates before and after as
+    well.
     """
     window = math.ceil(DROP_OUT_WINDOW * rate) | 1
     if len(volts) < window:
         return []
-    unit = max(noise, LEAST_DROP_OUT * channel.range / DROP_OUT_SEED)
     step = max(1, round(DROP_OUT_JUMP * rate))
+    unit = max(white_noise(volts, step), LEAST_DROP_OUT * channel.range / DROP_OUT_SEED)
     least = max(DROP_OUT_SEED * math.sqrt(2) * unit, FASTEST * step / rate / channel.scale)
     jumps = volts[step:] - volts[:-step]
     if not ((jumps > least) | (jumps < -least)).any():
@@ -166,8 +167,11 @@ def _drop_outs(
     found = []
     for start, stop in _runs(np.abs(deviation) > DROP_OUT_EDGE * unit):
         depth = np.abs(deviation[start:stop]).max()
-        jump = np.abs(jumps[max(0, start - step) : stop]).max(initial=0.0)
-        sudden = jump > max(least, DROP_OUT_FRACTION * depth)
+        away = np.sign(deviation[start + int(np.argmax(np.abs(deviation[start:stop])))])
+        inside = away * jumps[max(0, start - step) : stop]
+        starts, ends = int(np.argmax(inside)), int(np.argmin(inside))
+        sudden = min(inside[starts], -inside[ends]) > max(least, DROP_OUT_FRACTION * depth)
+        sudden &= starts < ends
         wide = stop - start + 1
         beside = np.concatenate([deviation[max(0, start - wide) : start], deviation[stop:][:wide]])
         slower = stop - start > LONG * rate > 4 * step

@@ -126,6 +126,17 @@ def test_a_release_is_no_drop_out_at_any_rate(velocity, rate):
     assert find_quality_flags((speed + noise) / velocity.scale, velocity, rate) == []
 
 
+def test_a_bouncing_key_has_no_drop_outs(velocity):
+    """It falls on its rail again and again: each impact reverses it at once, the fall does not."""
+    time = np.arange(0, 0.1, 1 / RATE)
+    bounces = 0.02 - 20 * (time % 2e-3)
+    since = np.maximum(time - 0.05, 0)
+    ringing = 0.03 * np.exp(-300 * since) * np.sin(2 * np.pi * 1200 * since)
+    noise = 5e-5 * np.random.default_rng(0).standard_normal(len(time))
+    speed = np.where(time < 0.05, bounces, ringing) + noise
+    assert find_quality_flags(speed / velocity.scale, velocity, RATE) == []
+
+
 def test_quiet_data_of_16_bits_are_no_overload(force):
     """A slow force: many neighbouring samples have the same count."""
     count = 20 / 2**16

@@ -10,6 +10,7 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.finger import Reference, StandingFinger
 from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
+from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.key import contact_angle
 from sautereau.trajectory.motion import Floats, dot
@@ -80,16 +81,9 @@ class IdealFinger(StandingFinger, SteppedFinger):
         self._joints = (first, second)
         return False
 
-    def apply_forces(
-        self,
-        elapsed: float,
-        angle: float,
-        omega: float,
-        ahead: float,
-        step: float,
-        fraction: float,
-    ) -> None:
+    def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Set the least angular velocity of the key; see `SteppedFinger`."""
+        ahead, step, _ = kick
         if ahead < step / 4:  # the error is corrected over a quarter step at least
             now = self._least(elapsed)
             least = (self._least(elapsed + ahead) - now) / ahead + (now - angle) / (step / 4)
