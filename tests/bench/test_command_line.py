@@ -325,7 +325,7 @@ def test_an_output_that_cannot_be_written_is_an_error(command_server, tmp_path):
     assert process.returncode == 1
 
 
-def test_streams_that_are_closed_are_not_missed(command_server, tmp_path):
+def test_closed_streams_change_nothing(command_server, tmp_path):
     program = """
 import sys
 from sautereau.commands.app import main

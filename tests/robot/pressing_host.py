@@ -7,6 +7,7 @@ import sys
 import time
 
 from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.controller import play
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.trajectory.press import plan_press
 
@@ -19,12 +20,10 @@ def main(port: str) -> None:
     with controller, controller.powered():
         controller.home()
         controller.move_to(plan.hover, 150_000)
-        for motion in (plan.approach, plan.segments):
-            controller.load(motion)
-            controller.arm()
-            controller.start()
-            if motion is plan.approach:
-                controller.wait()
+        play(controller, plan.approach)
+        controller.load(plan.segments)
+        controller.arm()
+        controller.start()
         time.sleep(1)  # longer than the watchdog's period, which it survives
         print(*controller.positions(), controller.state, flush=True)  # noqa: T201
         time.sleep(60)

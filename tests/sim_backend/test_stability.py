@@ -33,6 +33,12 @@ def test_pushes_converge_or_are_refused_and_never_fail_silently():
     assert len(with_verdict(found, "converged")) > len(found) / 2
 
 
+@pytest.mark.parametrize("part", ["bending", "play", "modal string"])
+def test_scenes_without_an_exact_solution_are_compared_with_shorter_steps(part):
+    assert judge(RIG, GRID[f"push, {part}", "rigid"]).verdict == "converged"
+    assert (f"push, {part}", "exact") not in GRID
+
+
 @pytest.mark.parametrize("engine", ["rigid", "exact"])
 def test_a_balanced_key_is_refused_with_the_reason(engine):
     cell = judge(RIG, GRID["key balanced", engine])

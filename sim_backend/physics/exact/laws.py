@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.choirs import choir_pluck, choirs
+from sautereau.analysis.model.choirs import choirs, pluck_of
 from sautereau.analysis.model.pluck.equilibria import Equilibria
 from sautereau.analysis.model.pluck.loaded import UniformPlectra
 from sautereau.analysis.model.pluck.paths import Status, solve_paths
@@ -175,7 +175,7 @@ def _different(
 
 @lru_cache(maxsize=256)
 def _law(plectrum: Plectrum, string: String, level: str) -> Laws:
-    pluck = choir_pluck(Choir.model_construct(plectrum=plectrum, string=string), level)
+    pluck = pluck_of(plectrum, string, level)  # pyright: ignore[reportArgumentType]
     knots, jack = pluck.height, np.zeros(1, JACK)
     places = np.array([1, 3, 5, 7]) / 8
     steps = np.diff(knots)[:, None]
