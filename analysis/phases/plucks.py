@@ -14,7 +14,7 @@ from sautereau.analysis.phases.compliant import (
 from sautereau.analysis.phases.contact import Contact, find_contact
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.expected import Expected, expected
-from sautereau.analysis.phases.found import Fit
+from sautereau.analysis.phases.found import GOOD, Fit
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
 from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Rows, Signals, rows_of
@@ -150,6 +150,7 @@ def _explained(
             (c, r if r.noise < RINGING else refine_event(signals, r.time, NEAR, r.fall, *ends))
             for c, r in found
         ]
+        sharp = [_with_residual(c, r) if c.noise > GOOD else (c, r) for c, r in sharp]
         return Found(sharp, Fit("rigid", _noise(sharp)))
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
     exact = [_with_residual(contact, release) for contact, release in found]
