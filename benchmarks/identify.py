@@ -36,8 +36,8 @@ from sautereau.sim_backend.scene import Scene, load_scene
 
 RESULTS = ("plectrum.bending_stiffness", "plectrum.overlap", "key.inertia")
 FREE = (*RESULTS, "key.pivot_coulomb_friction")
-BENCHES, PRESSES = 30, 5
-"""Random benches, and presses of each."""
+BENCHES, PRESSES = range(300, 340), 5
+"""Random benches, none of which was seen in the development, and the number of presses of each."""
 ROUNDS = 3
 """Fits of a bench, each with the first suggestion of the last one freed."""
 STEP = 20e-6
@@ -49,7 +49,7 @@ COMPLIANT = (
     *("jack on cloth of 400 kN/m", "jack on cloth of 60 kN/m", "soft pad"),
 )
 """Conditions of the independent simulator with one soft part or none."""
-RANDOM = 10
+RANDOM = range(100, 110)
 """Benches of the independent simulator with every factor drawn."""
 LIMIT, COVERED = 0.05, 0.88
 """Dimensionless: largest error of a result that is reported as identifiable, by a model that fits;
@@ -228,11 +228,11 @@ def judged(
 
 def run() -> list[Figure]:
     """Return how many results are claimed, and how many of the claimed ones are right."""
-    found = outcomes(simulated_cases(range(BENCHES)))
+    found = outcomes(simulated_cases(BENCHES))
     figures = _figures("stand-in", found)
     soft = (one_factor_case(name) for name in COMPLIANT)
     figures += _figures("independent, one soft part", outcomes(soft))
-    figures += _figures("independent, all random", outcomes(independent_cases(range(RANDOM))))
+    figures += _figures("independent, all random", outcomes(independent_cases(RANDOM)))
     spent = Figure(f"a fit of {len(FREE)} to {PRESSES} presses", found.seconds, "s", "limit", 10.0)
     return [*figures, spent]
 

@@ -17,7 +17,7 @@ print(time.process_time() - start, *(name for name in {heavy!r} if name in sys.m
 """
 HEAVY = (
     "numpy", "pydantic", "scipy", "pandas", "matplotlib", "PIL", "pyarrow", "nidaqmx", "grpc",
-    "pymunk", "skfem", "numba", "plotly", "jinja2", "dask", "distributed", "foxglove",
+    "pymunk", "skfem", "numba", "plotly", "jinja2", "dask", "distributed", "websockets",
 )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Long runs: memory, open files, threads and time per press at their start and at their end.
+"""Long runs: memory, open files, threads and processor time at their start and at their end.
 
 A session on the stand-in in this process, an acquisition from a card in another, which does not
 wait for real time, and a campaign of copies. Linux only: it reads /proc.
@@ -18,6 +18,7 @@ from benchmarks.recording import memory
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.daq.source.continuous import record
 from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.progress import progress_to
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
@@ -28,6 +29,7 @@ PRESSES = 1000
 HOURS, RATE = 8.0, 250
 """Of the acquisition, in the card's time; Hz: ten reads per second, the fewest allowed."""
 RECORDINGS = 10_000
+NOTES = 1000
 WARM = 0.1
 """Dimensionless fraction of a run after which its start is measured."""
 GROWTH, SLOWER = 30.0, 1.3
@@ -47,35 +49,37 @@ class Use:
     files: int
     threads: int
     time: float
-    """s."""
+    """s, of the processor: other work on the machine does not count."""
 
 
 class Watch:
-    """Notes what a run uses after each step."""
+    """Notes what a run uses, at most `NOTES` times: many notes would be what grows."""
 
-    def __init__(self) -> None:
-        self._uses: list[Use] = []
+    def __init__(self, total: int) -> None:
+        self._total, self._uses = total, list[Use]()
 
     def __call__(self, done: int) -> None:
+        if self._uses and done * NOTES // self._total == self._uses[-1].done * NOTES // self._total:
+            return
         folder = Path("/proc/self")
         files, threads = (len(os.listdir(folder / name)) for name in ("fd", "task"))  # noqa: PTH208
-        self._uses.append(Use(done, memory("VmRSS"), files, threads, time.perf_counter()))
+        self._uses.append(Use(done, memory("VmRSS"), files, threads, time.process_time()))
 
-    def figures(self, what: str, total: int, unit: str) -> list[Figure]:
+    def figures(self, what: str, unit: str) -> list[Figure]:
         """Compare the tenth after the start with the last tenth."""
         uses, n = self._uses, len(self._uses)
         last = uses[-1]
-        check(last.done == total, f"{what}: {last.done} of {total} are done")
+        check(last.done == self._total, f"{what}: {last.done} of {self._total} are done")
         warm, near = uses[int(WARM * n)], uses[-1 - int(WARM * n)]
         second = uses[int(2 * WARM * n)]
-        paces = [(b.time - a.time) / (b.done - a.done) for a, b in ((warm, second), (near, last))]
+        spans = ((warm, second), (near, last))
+        start, end = [1e3 * (b.time - a.time) / (b.done - a.done) for a, b in spans]
+        pace = f"{what}: processor time of {unit} at the end"
         return [
             Figure(f"{what}: memory grows by", last.memory - warm.memory, "MiB", "limit", GROWTH),
             Figure(f"{what}: open files at the end", last.files, "", "limit", warm.files + MORE),
             Figure(f"{what}: threads at the end", last.threads, "", "limit", warm.threads + MORE),
-            Figure(
-                f"{what}: {unit} at the end", paces[1] * 1e3, "ms", "limit", SLOWER * paces[0] * 1e3
-            ),
+            Figure(pace, end, "ms", "limit", SLOWER * start),
         ]
 
 
@@ -86,31 +90,32 @@ def run() -> list[Figure]:
 
 
 def _session(folder: Path) -> list[Figure]:
-    watch, made = Watch(), itertools.count(1)
+    watch, made = Watch(PRESSES), itertools.count(1)
     rig = with_values(load_rig(), {"controller.timeout": "20 s", "arm.approach_speed": "5 rad/s"})
     scene = load_scene("ideal").model_copy(update=BARE)
     with StandIn(rig, scene) as stand_in:
         rig, out = stand_in.rig, folder / "session"
         items = [Item(rig, plan_press(rig))] * PRESSES
         make_presses(GalilController(rig), out, items, on_press=lambda *_: watch(next(made)))
-    return watch.figures(f"session of {PRESSES} presses", PRESSES, "a press")
+    return watch.figures(f"session of {PRESSES} presses", "a press")
 
 
 def _acquisition(folder: Path) -> list[Figure]:
-    watch = Watch()
+    watch = Watch(round(HOURS * 3600 * RATE))
     with served("free") as address:
         changes = {"address": address, "sample_rate": float(RATE), "block": RATE // 10}
         daq = load_rig().daq.model_copy(update=changes)
         rig = load_rig().model_copy(update={"daq": daq})
-        n = record(rig, folder / "long.mcap", HOURS * 3600, on_block=watch)
-    return watch.figures(f"acquisition of {HOURS:g} h at {RATE} Hz", n, "an instant")
+        record(rig, folder / "long.mcap", HOURS * 3600, on_block=watch)
+    return watch.figures(f"acquisition of {HOURS:g} h at {RATE} Hz", "a sample")
 
 
 def _campaign(folder: Path) -> list[Figure]:
-    watch = Watch()
+    watch = Watch(RECORDINGS)
     made = write_presses(folder / "recordings", 2, 2, 5)
     for number in range(len(made), RECORDINGS):
         path = made[number % len(made)]
         path.with_name(f"{path.stem}-{number}.mcap").hardlink_to(path)
-    run_campaign(folder / "recordings", folder / "table.parquet", 1, on_read=lambda n, _: watch(n))
-    return watch.figures(f"campaign of {RECORDINGS} recordings", RECORDINGS, "a recording")
+    with progress_to(lambda fraction: watch(round(fraction * RECORDINGS))):
+        run_campaign(folder / "recordings", folder / "table.parquet")
+    return watch.figures(f"campaign of {RECORDINGS} recordings", "a recording")

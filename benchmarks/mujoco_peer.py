@@ -4,28 +4,40 @@ MuJoCo's Euler steps change the velocities first, by the forces at the positions
 them. With half of the forces in the first step they are leap-frog steps, of the second order; the
 contact and the release are located within a step, on a parabola, and the step after the release
 takes back what the string's force has given too much.
+
+Nothing but the first step is called from Python: the string is a compiled callback, which MuJoCo's
+own loop calls, and which keeps its numbers in MuJoCo's `userdata`.
 """
 
+import ctypes
+import math
 import time
+from functools import cache, lru_cache
+from typing import Any
 
 import mujoco
 import numpy as np
+from numba import carray, cfunc, types
 
-from benchmarks.figures import check
-from sautereau.analysis.model.predict import rig_pluck
+from benchmarks.figures import BenchmarkFault, check
+from sautereau.analysis.model.choirs import pluck_of
+from sautereau.rig.instrument import Plectrum, String
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
 from sautereau.sim_backend.physics.observation import Observation
 from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.motion import Floats
 
 _XML = """
 <mujoco>
-  <compiler inertiafromgeom="false" boundmass="0" boundinertia="0"/>
+  <compiler inertiafromgeom="false" boundmass="0" boundinertia="0"
+            usethread="false"/>
   <option timestep="{step}" integrator="Euler" gravity="0 0 -{gravity}"
           iterations="100" tolerance="1e-12">
     <flag eulerdamp="disable"/>
   </option>
+  <size nuserdata="{numbers}"/>
   <worldbody>
     <body name="key">
       <joint name="key" type="hinge" axis="0 -1 0" limited="true" range="0 1" margin="0"
@@ -44,9 +56,24 @@ _XML = """
 </mujoco>
 """
 """The jack follows the key by the series of its rise; in this scene it never loses contact."""
+_SLIDER = """
+<mujoco>
+  <size nuserdata="1"/>
+  <worldbody>
+    <body><joint type="slide"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+  </worldbody>
+</mujoco>
+"""
+CELLS = 4000
+"""Of the force law, which is linear in each."""
+CLEARANCE, RELEASE, STEP, STEPS, RISE, SPEED, CONTACT_TIME, RELEASE_TIME, LAW = range(9)
+"""Places in `userdata`: m; m, from contact to release; s; number of steps done; m and m/s, of the
+jack at the start of the last one; s, infinite before the event; N, the forces of the law. The rows
+of the motion follow: rad, rad/s, m and N at the start of each step."""
+ROWS = LAW + CELLS + 1
 
 
-def observe_in_mujoco(rig: Rig, scene: Scene, step: float) -> tuple[float, Observation]:
+def observe_in_mujoco(rig: Rig, scene: Scene, step: float) -> tuple[float, float, Observation]:
     """Run a scene's push in MuJoCo, the string's force applied to the jack at every step.
 
     Args:
@@ -55,34 +82,100 @@ def observe_in_mujoco(rig: Rig, scene: Scene, step: float) -> tuple[float, Obser
         step: s.
 
     Returns:
-        The time to build and to run it, s, and the observation.
+        The times to build and to run it, s, and the observation.
     """
-    assert scene.push is not None
+    push = scene.push
+    if push is None:
+        raise BenchmarkFault("the peer in MuJoCo simulates a push only; give a scene with a push")
+    steps = round(push.duration / step)
     clock = time.perf_counter()
-    model = _model(rig, scene, step)
+    model = _model(rig, scene, step, ROWS + 4 * (steps + 1))
     data = mujoco.MjData(model)
-    law = _Law(rig, scene.plectrum)
-    moment = rig.key.gravity_moment + scene.push.force * rig.key.press_arm
-    steps = round(scene.push.duration / step)
-    rows = np.empty((steps, 4))
-    _scale_forces(model, 0.5)
-    data.qfrc_applied[0], rise, speed, correction = moment / 2, 0.0, 0.0, 0.0
-    for i in range(steps):
-        force = law.force(rise)
-        data.qfrc_applied[1] = -force - correction
+    release, forces = _law(rig.plectrum, rig.string, scene.plectrum)
+    user = data.userdata
+    user[CLEARANCE], user[RELEASE], user[STEP] = rig.jack.string_clearance, release, step
+    user[CONTACT_TIME] = user[RELEASE_TIME] = math.inf
+    user[LAW:ROWS] = forces
+    built = time.perf_counter()
+    mujoco.set_mjcb_passive(_string().ctypes)
+    try:
+        moment = rig.key.gravity_moment + push.force * rig.key.press_arm
+        _scale_forces(model, 0.5)
+        data.qfrc_applied[0] = moment / 2
         mujoco.mj_step(model, data)
-        if i == 0:
-            _scale_forces(model, 2.0)
-            data.qfrc_applied[0] = moment
-        before, rise, was, speed = rise, data.qpos[1], speed, data.qvel[1]
-        rows[i] = data.qpos[0], data.qvel[0], rise, force
-        correction = law.note(before, rise, (speed - was) * step / 2, i * step, step)
-    seconds = time.perf_counter() - clock
-    _nothing_was_reset(data, steps * step)
-    angle, speed, rise, string = rows.T
-    push = np.full(steps, scene.push.force)
-    motions = Motions(step * np.arange(1.0, steps + 1), angle, speed, rise, push, string)
-    return seconds, Observation(motions, law.events)
+        _scale_forces(model, 2.0)
+        data.qfrc_applied[0] = moment
+        mujoco.mj_step(model, data, steps - 1)
+        ran = time.perf_counter()
+        _nothing_was_reset(data, steps * step)
+        mujoco.mj_forward(model, data)  # the callback sees the end of the last step
+    finally:
+        mujoco.set_mjcb_passive(None)
+    calls = int(user[STEPS])
+    check(calls == steps + 1, f"MuJoCo called the string {calls} times in {steps} steps")
+    angle, speed, rise, string = user[ROWS:].reshape(-1, 4)[1:].T.copy()
+    motions = Motions(
+        step * np.arange(1.0, steps + 1), angle, speed, rise, np.full(steps, push.force), string
+    )
+    events = PluckEvents()
+    for found, place, force in (
+        (events.contacts, CONTACT_TIME, 0.0),
+        (events.releases, RELEASE_TIME, float(forces[-1])),
+    ):
+        if user[place] < math.inf:
+            found.append(StringEvent(float(user[place]), 0, force))
+    return built - clock, ran - built, Observation(motions, events)
+
+
+@cache
+def _string() -> Any:
+    """Compile the string's force on the jack, with its events between steps."""
+    position, velocity, force, user = _places()
+
+    @cfunc(types.void(types.voidptr, types.CPointer(types.CPointer(types.float64))))
+    def pull(_, data):
+        q, v, numbers = carray(data[position], 2), carray(data[velocity], 2), data[user]
+        at = carray(numbers, 1 << 30)
+        rise, clearance, count = q[1], at[CLEARANCE], int(at[STEPS])
+        cell = (rise - clearance) / at[RELEASE] * CELLS
+        correction = held = 0.0
+        if count > 0:
+            # By which half the acceleration moves the jack in a step.
+            before, bend = at[RISE], (v[1] - at[SPEED]) * at[STEP] / 2
+            for place, height in (
+                (CONTACT_TIME, clearance),
+                (RELEASE_TIME, clearance + at[RELEASE]),
+            ):
+                if before <= height < rise and math.isinf(at[place]):
+                    part = (height - before) / (rise - before)
+                    for _ in range(3):  # of before + (rise - before) part + bend part (part - 1)
+                        part = (height - before - bend * part * (part - 1)) / (rise - before)
+                    at[place] = (count - 1 + part) * at[STEP]
+                    if place == RELEASE_TIME:
+                        last = at[ROWS + 4 * count - 1]
+                        correction = part * (last + at[LAW + CELLS]) / 2 - last / 2
+        if math.isinf(at[RELEASE_TIME]) and 0 <= cell < CELLS:
+            low = LAW + int(cell)
+            held = at[low] + (cell - int(cell)) * (at[low + 1] - at[low])
+        carray(data[force], 2)[1] -= held + correction
+        row = ROWS + 4 * count
+        at[row], at[row + 1], at[row + 2], at[row + 3] = q[0], v[0], rise, held
+        at[RISE], at[SPEED], at[STEPS] = rise, v[1], count + 1
+
+    return pull
+
+
+def _places() -> list[int]:
+    """Return where `mjData` has the pointers that the string needs, in words from its start."""
+    data = mujoco.MjData(mujoco.MjModel.from_xml_string(_SLIDER))
+    wanted = [a.ctypes.data for a in (data.qpos, data.qvel, data.qfrc_passive, data.userdata)]
+    places: dict[int, int] = {}
+    word = 0
+    while not places.keys() >= set(wanted):  # it has them all
+        value = ctypes.c_size_t.from_address(data._address + 8 * word).value
+        places.setdefault(value, word)
+        word += 1
+    return [places[value] for value in wanted]
 
 
 def _scale_forces(model: mujoco.MjModel, factor: float) -> None:
@@ -91,7 +184,7 @@ def _scale_forces(model: mujoco.MjModel, factor: float) -> None:
     model.dof_frictionloss *= factor
 
 
-def _model(rig: Rig, scene: Scene, step: float) -> mujoco.MjModel:
+def _model(rig: Rig, scene: Scene, step: float, numbers: int) -> mujoco.MjModel:
     key, jack = rig.key, rig.jack
     # b tan a + hb (1 / cos a - 1) to the fourth order; the fifth is 1e-8 m at the key's end.
     arm, height = key.jack_arm, key.jack_surface_height
@@ -100,6 +193,7 @@ def _model(rig: Rig, scene: Scene, step: float) -> mujoco.MjModel:
         _XML.format(
             step=step,
             gravity=GRAVITY,
+            numbers=numbers,
             inertia=key.inertia,
             viscous=key.pivot_viscous_friction if scene.friction else 0.0,
             dry=key.pivot_coulomb_friction if scene.friction else 0.0,
@@ -115,50 +209,12 @@ def _model(rig: Rig, scene: Scene, step: float) -> mujoco.MjModel:
     )
 
 
-class _Law:
-    """Quasi-static force of the pluck over the jack's rise, and its events between steps."""
-
-    def __init__(self, rig: Rig, level: str):
-        pluck = rig_pluck(rig, level)
-        self.clearance = rig.jack.string_clearance
-        self.release = pluck.release_height
-        self.heights = np.linspace(0, self.release, 4001)
-        self.forces = pluck.force_on_jack(self.heights)
-        self.events = PluckEvents()
-        self.cells = self.forces.tolist()
-
-    def force(self, rise: float) -> float:
-        """Return the string's force [N] at a rise [m]."""
-        cell = (rise - self.clearance) / self.release * 4000
-        if self.events.releases or not 0 <= cell < 4000:
-            return 0.0
-        low = int(cell)
-        return self.cells[low] + (cell - low) * (self.cells[low + 1] - self.cells[low])
-
-    def note(self, before: float, after: float, bend: float, start: float, step: float) -> float:
-        """Append the events of a step; return the force [N] that the next step lacks.
-
-        Args:
-            before: m, rise at the start.
-            after: m, at the end.
-            bend: m, by which half the acceleration moves the jack in a step.
-            start: s.
-            step: s.
-        """
-        lacking = 0.0
-        for height, events, force in (
-            (self.clearance, self.events.contacts, 0.0),
-            (self.clearance + self.release, self.events.releases, self.cells[-1]),
-        ):
-            if before <= height < after and not events:
-                held = self.force(before)
-                part = (height - before) / (after - before)
-                for _ in range(3):  # of before + (after - before) part + bend part (part - 1)
-                    part = (height - before - bend * part * (part - 1)) / (after - before)
-                events.append(StringEvent(start + part * step, 0, force))
-                if events is self.events.releases:
-                    lacking = part * (held + force) / 2 - held / 2
-        return lacking
+@lru_cache
+def _law(plectrum: Plectrum, string: String, level: str) -> tuple[float, Floats]:
+    """Return the height of release [m] and the law's forces [N]; kept, as the stand-in's is."""
+    pluck = pluck_of(plectrum, string, level)  # pyright: ignore[reportArgumentType]
+    heights = np.linspace(0, pluck.release_height, CELLS + 1)
+    return pluck.release_height, pluck.force_on_jack(heights)
 
 
 def _nothing_was_reset(data: mujoco.MjData, duration: float) -> None:

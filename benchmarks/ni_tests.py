@@ -74,6 +74,9 @@ channel = grpc.insecure_channel("127.0.0.1:" + os.environ["STAND_IN_PORT"])
 options = nidaqmx.GrpcSessionOptions(channel, "")
 nidaqmx.system.System.local = staticmethod(lambda: nidaqmx.system.System.remote(options))
 
+for name, slope in (("double_gain_scale", 2), ("no_scaling_scale", 1)):  # of NI's configuration
+    nidaqmx.Scale.create_lin_scale(name, slope, grpc_options=options)
+
 class Server:
     server_port = int(os.environ["STAND_IN_PORT"])
     def __enter__(self): return self

@@ -289,10 +289,9 @@ def memory(name: str, status: str | None = None) -> float:
 
 
 def _sixteen(rig: Rig) -> Rig:
-    force = rig.daq.channel("force")
-    assert force is not None
     channels = tuple(
-        force.model_copy(update={"name": f"c{n}", "terminal": f"ai{n}"}) for n in range(SIXTEEN)
+        rig.daq.channels[-1].model_copy(update={"name": f"c{n}", "terminal": f"ai{n}"})
+        for n in range(SIXTEEN)
     )
     return rig.model_copy(update={"daq": rig.daq.model_copy(update={"channels": channels})})
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from examples.release_fit import fit_release, overlap_for_duration
+from examples.release_fit import fit_release
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.string.string import first_mode_release_speed, release_speed
 from sautereau.rig.load import load_rig
@@ -91,7 +91,7 @@ def overlap_at(rig: Rig, share: float) -> float:
     modulus = rig.plectrum.youngs_modulus * share
     plectrum = rig.plectrum.model_copy(update={"youngs_modulus": modulus})
     case = rig.model_copy(update={"plectrum": plectrum})
-    return overlap_for_duration(case, RELEASE - CONTACT).overlap
+    return fit_release(case, RELEASE - CONTACT).overlap
 
 
 def lines(rig: Rig, draws: int = DRAWS) -> list[str]:

@@ -62,8 +62,10 @@ def release_as_is(rig: Rig, level: str = "elastica") -> Release:
     return Release(rig, rig_pluck(rig, level))
 
 
-def fit_release(rig: Rig, duration: float, v_osc: float, level: str = "elastica") -> Release:
-    """Return the rig with the Young's modulus and overlap that give both scalars.
+def fit_release(
+    rig: Rig, duration: float | None = None, v_osc: float | None = None, level: str = "elastica"
+) -> Release:
+    """Return the rig with the overlap that gives a scalar, or with the Young's modulus for both.
 
     Args:
         rig: The bench; all other values are kept.
@@ -72,63 +74,46 @@ def fit_release(rig: Rig, duration: float, v_osc: float, level: str = "elastica"
         level: Of the plectrum.
 
     Raises:
-        ModelError: No modulus and overlap give both within the level's range.
+        ModelError: Nothing gives them within the level's range.
     """
     _check_positive(duration=duration, v_osc=v_osc)
     plectrum, stiffness = string_map(rig.plectrum, rig.string, level), rig.string.static_stiffness
-    lift = v_osc / release_speed(rig.string, 1.0)
-    drop = duration * rig.press.jack_speed - lift
-    load = _solve(
-        lambda force: -plectrum.bend(plectrum.length, force).z - drop,
-        float(plectrum.force_limit(plectrum.length)),
-        f"a height of {(drop + lift) * 1e3:.4g} mm and a lift of {lift * 1e3:.4g} mm at release"
-        f" require a tip deflection of {drop * 1e3:.4g} mm",
-    )
-    x, out, up = _at_tip(plectrum, load)
-    force = float(stiffness * lift / up)
-    overlap = float(plectrum.length - x + force * out / stiffness)
-    modulus = rig.plectrum.youngs_modulus * force / load
-    return _checked(
-        _with_plectrum(rig, overlap=overlap, youngs_modulus=modulus), level, drop + lift
-    )
+    height = None if duration is None else duration * rig.press.jack_speed
+    lift = None if v_osc is None else v_osc / release_speed(rig.string, 1.0)
+    # Parts of the string's lift and of the tip's deflection in the height [m] to be reached.
+    if height is not None and lift is not None:
+        of_lift, of_drop, target = 0.0, 1.0, height - lift
+    elif height is not None:
+        of_lift, of_drop, target = 1.0, 1.0, height
+    elif lift is not None:
+        of_lift, of_drop, target = 1.0, 0.0, lift
+    else:
+        raise ModelError("release: nothing to fit; give a duration, a speed or both")
 
+    def beyond(load: Floats) -> Floats:
+        drop = -plectrum.bend(plectrum.length, load).z
+        lifted = load * _at_tip(plectrum, load)[2] / stiffness
+        return of_lift * lifted + of_drop * drop - target
 
-def overlap_for_duration(rig: Rig, duration: float, level: str = "elastica") -> Release:
-    """Return the rig with the overlap that gives a pluck duration [s].
-
-    Raises:
-        ModelError: No overlap gives it within the level's range.
-    """
-    _check_positive(duration=duration)
-    height = duration * rig.press.jack_speed
-    return _at_release(rig, level, height, f"a height of {height * 1e3:.4g} mm at release", 1.0)
-
-
-def overlap_for_speed(rig: Rig, v_osc: float, level: str = "elastica") -> Release:
-    """Return the rig with the overlap that gives a Vosc [m/s, all modes].
-
-    Raises:
-        ModelError: No overlap gives it within the level's range.
-    """
-    _check_positive(v_osc=v_osc)
-    lift = v_osc / release_speed(rig.string, 1.0)
-    return _at_release(rig, level, lift, f"a lift of {lift * 1e3:.4g} mm at release", 0.0)
-
-
-def _at_release(rig: Rig, level: str, target: float, what: str, part: float) -> Release:
-    """Find the force at the tip for which lift - part * Z equals a target [m], and its overlap."""
-    plectrum, stiffness = string_map(rig.plectrum, rig.string, level), rig.string.static_stiffness
-
-    def beyond(force: Floats) -> Floats:
-        _, _, up = _at_tip(plectrum, force)
-        drop = -plectrum.bend(plectrum.length, force).z
-        return force * up / stiffness + part * drop - target
-
-    force = _solve(beyond, float(plectrum.force_limit(plectrum.length)), what)
-    x, out, up = _at_tip(plectrum, force)
-    height = float(force * up / stiffness - plectrum.bend(plectrum.length, force).z)
-    overlap = float(plectrum.length - x + force * out / stiffness)
-    return _checked(_with_plectrum(rig, overlap=overlap), level, height)
+    asked = {"a height": height, "a lift": lift}
+    what = " and ".join(f"{n} of {v * 1e3:.4g} mm" for n, v in asked.items() if v is not None)
+    load = _solve(beyond, float(plectrum.force_limit(plectrum.length)), f"{what} at release")
+    x, out, up = map(float, _at_tip(plectrum, load))
+    force = load if height is None or lift is None else stiffness * lift / up
+    changed = {
+        "overlap": plectrum.length - x + force * out / stiffness,
+        "youngs_modulus": rig.plectrum.youngs_modulus * force / load,
+    }
+    fitted = rig.model_copy(update={"plectrum": rig.plectrum.model_copy(update=changed)})
+    found = release_as_is(fitted, level)
+    height = force * up / stiffness - float(plectrum.bend(plectrum.length, load).z)
+    if abs(found.pluck.release_height - height) > SAME * height:
+        raise ModelError(
+            f"plectrum.overlap: at {found.overlap * 1e3:.6g} mm and a bending stiffness of"
+            f" {found.bending_stiffness:.4g} N m^2 the string is released before it"
+            " reaches the tip; use a shorter duration or a lower speed"
+        )
+    return found
 
 
 def _at_tip(plectrum: PlectrumMap, force: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -154,28 +139,12 @@ def _solve(beyond, limit: float, what: str) -> float:
     return float(root_scalar(beyond, bracket=(forces[first - 1], forces[first])).root)
 
 
-def _checked(rig: Rig, level: str, height: float) -> Release:
-    """Return the release of a rig, which must be at the tip and at a height [m]."""
-    found = release_as_is(rig, level)
-    if abs(found.pluck.release_height - height) > SAME * height:
-        raise ModelError(
-            f"plectrum.overlap: at {rig.plectrum.overlap * 1e3:.6g} mm and a bending stiffness of"
-            f" {rig.plectrum.bending_stiffness:.4g} N m^2 the string is released before it"
-            " reaches the tip; use a shorter duration or a lower speed"
-        )
-    return found
-
-
-def _with_plectrum(rig: Rig, **changes: float) -> Rig:
-    return rig.model_copy(update={"plectrum": rig.plectrum.model_copy(update=changes)})
-
-
-def _check_positive(**values: float) -> None:
+def _check_positive(**values: float | None) -> None:
     units = {"duration": "s", "v_osc": "m/s"}
     faults = [
         f"{name}: {value:.4g} {units[name]} must be finite and above 0 {units[name]}; change it"
         for name, value in values.items()
-        if not 0 < value < np.inf
+        if value is not None and not 0 < value < np.inf
     ]
     if faults:
         raise ModelError("\n".join(faults))

@@ -74,8 +74,8 @@ HEAD = (
 def releases(rig: Rig) -> dict[str, release_fit.Release]:
     """Return the releases of the page's table by what was asked for."""
     return {
-        f"held for {DURATION * 1e3:.3g} ms": release_fit.overlap_for_duration(rig, DURATION),
-        f"Vosc = {V_OSC:.2g} m/s": release_fit.overlap_for_speed(rig, V_OSC),
+        f"held for {DURATION * 1e3:.3g} ms": release_fit.fit_release(rig, DURATION),
+        f"Vosc = {V_OSC:.2g} m/s": release_fit.fit_release(rig, v_osc=V_OSC),
         "both": release_fit.fit_release(rig, DURATION, V_OSC),
     }
 

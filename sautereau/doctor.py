@@ -60,8 +60,8 @@ def examine(rig: Rig, folder: Path) -> list[Finding]:
 
 
 def _python() -> Finding:
-    version = ".".join(map(str, sys.version_info[:3]))
-    return Finding("python", sys.version_info >= (3, 11), version, "install Python 3.11 or newer")
+    version, ok = ".".join(map(str, sys.version_info[:3])), sys.version_info >= (3, 11)
+    return Finding("python", ok, version, "" if ok else "install Python 3.11 or newer")
 
 
 def _packages() -> Iterator[Finding]:

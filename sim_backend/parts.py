@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sautereau.rig.section import Force, Frequency, Section, Time
+from sautereau.rig.section import Force, Frequency, Length, Mass, Section, Time
 from sautereau.rig.units import Unit, parse_quantity
 
 JointStiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad")]
@@ -67,6 +67,19 @@ class Bending(Section):
     """Dimensionless, fraction of critical damping."""
     front: float = Field(default=0.5, ge=0.05, le=0.95)
     """Dimensionless, fraction of the key's inertia before the pin."""
+
+
+class Play(Section):
+    """Play at the balance pin: the key sinks into the felt under it, down to the rail."""
+
+    stiffness: Annotated[float, Unit("N/m", "200 kN/m")] = Field(gt=0, le=1e8)
+    """N/m, of the felt."""
+    damping: Annotated[float, Unit("N*s/m", "5 N s/m")] = Field(default=0.0, ge=0, le=1e4)
+    """N s/m, of the felt."""
+    clearance: Length = Field(default=0.5e-3, gt=0, le=5e-3)
+    """m, from the key at rest down to the rail."""
+    mass: Mass = Field(default=0.05, ge=1e-3, le=1)
+    """kg, of the key; its centre of mass is at the pin."""
 
 
 class Push(Section):

@@ -21,6 +21,7 @@ from sautereau.sim_backend.parts import (
     Accuracy,
     Bending,
     Fingertip,
+    Play,
     Push,
     Sensors,
     Servo,
@@ -43,12 +44,6 @@ def _device_type(text: str) -> str:
 def _engine(name: Any) -> Any:
     """Return the present name of an engine, also of those before version 0.2."""
     return "exact" if name in ("reduced", "reference") else name
-
-
-NO_BENDING = (
-    '"exact" solves one equation for the angle of a rigid key, and a key with bending has two'
-    ' angles; use engine = "rigid", or remove the table [bending]'
-)
 
 
 class Scene(Section):
@@ -87,6 +82,8 @@ class Scene(Section):
     """The sensor chain; without it all sensors are exact and without delay."""
     bending: Bending | None = None
     """The key's first bending mode; without it the key is rigid."""
+    play: Play | None = None
+    """Play at the balance pin; without it the pin is fixed."""
     gravity: Acceleration = Field(default=GRAVITY, ge=0, le=1000)
     """m/s^2, downwards; the key's static gravity moment is proportional to it."""
     fingertip: Fingertip | None = None
@@ -140,21 +137,44 @@ class Scene(Section):
                         f'{name}: "auto" is chosen by the requested accuracy; give accuracy'
                         f" instead of step, or choose the {name}"
                     )
-        if self.engine == "exact" and self.string == "modal":
+        if self.play is not None and self.bending is not None:
             faults.append(
-                'engine: "exact" has no string that moves by itself; use engine = "rigid" or'
-                ' string = "spring"'
+                "play, bending: the key of one scene either sinks or bends; remove one of the"
+                " tables"
             )
-        if self.engine == "exact" and self.bending is not None:
-            faults.append(f"engine: {NO_BENDING}")
+        if self.play is not None and self.finger == "ideal" and self.fingertip is None:
+            faults.append(
+                'play: the rigid fingertip of finger = "ideal" prescribes the angle of a key on a'
+                " fixed pin; add the table [fingertip], or change finger"
+            )
+        if self.engine == "exact":
+            faults += self.unsolved
         if faults:
             raise ValueError("\n".join(faults))
         return self
 
     @property
+    def unsolved(self) -> list[str]:
+        """Reasons why the exact engine does not support it; empty where it does."""
+        reasons = []
+        if self.string == "modal":
+            reasons.append(
+                'engine: "exact" has no string that moves by itself; use engine = "rigid" or'
+                ' string = "spring"'
+            )
+        for part, has in (("bending", "two angles"), ("play", "an angle and a height")):
+            if getattr(self, part) is not None:
+                reasons.append(
+                    'engine: "exact" solves one equation for the angle of a rigid key on a fixed'
+                    f' pin, and a key with {part} has {has}; use engine = "rigid", or remove the'
+                    f" table [{part}]"
+                )
+        return reasons
+
+    @property
     def solvable(self) -> bool:
         """Whether the exact engine supports it."""
-        return self.string != "modal" and self.bending is None
+        return not self.unsolved
 
     def true_rig(self, rig: Rig) -> Rig:
         """Return the simulated bench: the rig with the scene's `truth` and `more_choirs`.

@@ -1,8 +1,11 @@
 """Shared by all tests: a server of commands, and sessions made of one press of the stand-in."""
 
 import importlib
+import sys
 import tempfile
+import tomllib
 from dataclasses import dataclass, replace
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +22,7 @@ from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
 from tests import budget  # noqa: F401 (it registers the profiles)
 from tests.forked import CommandServer
+from tests.pages import Page, read_page
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,35 @@ def install(monkeypatch):
         importlib.invalidate_caches()
 
     return write
+
+
+@pytest.fixture
+def follow(tmp_path, monkeypatch, install):
+    """Write the files of a page into the working folder, and install its package as pip does.
+
+    A rig file on a page has one table of those in the packaged one.
+    """
+    written = []
+
+    def on(name: str, *groups: str, installed: bool = True) -> Page:
+        page = read_page(name)
+        files = {block.title: block.body for block in page.blocks if block.title}
+        if "my-rig.toml" in files:
+            table = files["my-rig.toml"].partition("\n")[0] + "\n"
+            text = resources.files("sautereau.rig").joinpath("paper.toml").read_text("utf-8")
+            files["my-rig.toml"] = text.replace(table, files["my-rig.toml"], 1)
+        for title, body in files.items():
+            (tmp_path / title).write_text(body, encoding="utf-8")
+        if installed:
+            project = tomllib.loads(files["pyproject.toml"])["project"]
+            install(tmp_path, {"name": "toy", "version": "1.0"} | project, *groups)
+        monkeypatch.chdir(tmp_path)
+        written.extend(Path(title).stem for title in files)
+        return page
+
+    yield on
+    for name in written:
+        sys.modules.pop(name, None)
 
 
 @pytest.fixture(scope="session")

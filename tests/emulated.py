@@ -31,33 +31,43 @@ class Encoders:
         raise AssertionError("does not come to an end")
 
 
-class EmulatedPort(Encoders):
-    """A serial port, and behind it an emulated controller; a `fault` is raised."""
+class ScriptedPort:
+    """A serial port on which a test says what comes in; a `fault` is raised."""
 
-    def __init__(self, counts):
-        super().__init__(counts)
-        self.answers, self.fault, self.closed = b"", None, False
+    def __init__(self, incoming=b""):
+        self.incoming, self.fault, self.closed = incoming, None, False
 
     def open(self, name, baud_rate, timeout):
         return self
 
     @property
     def in_waiting(self):
-        return len(self.answers)
+        return len(self.incoming)
 
     def read(self, size=1):
         if self.fault:
             raise self.fault
-        data, self.answers = self.answers[:size], self.answers[size:]
+        data, self.incoming = self.incoming[:size], self.incoming[size:]
         return data
+
+    def write(self, data):
+        return len(data)
+
+    def reset_input_buffer(self):
+        self.incoming = b""
+
+    def close(self):
+        self.closed = True
+
+
+class EmulatedPort(Encoders, ScriptedPort):
+    """A serial port, and behind it an emulated controller."""
+
+    def __init__(self, counts):
+        Encoders.__init__(self, counts)
+        ScriptedPort.__init__(self)
 
     def write(self, data):
         if self.fault:
             raise self.fault
         self.exchange(bytes(data))
-
-    def reset_input_buffer(self):
-        self.answers = b""
-
-    def close(self):
-        self.closed = True

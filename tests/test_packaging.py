@@ -142,7 +142,7 @@ def test_what_is_imported_is_required():
     """Every imported package is a requirement, or one of an extra."""
     brought_by = {
         "google": "protobuf", "PIL": "pillow", "serial": "pyserial", "skfem": "scikit-fem",
-        "foxglove": "foxglove-sdk", "grpc": "nidaqmx", "session_pb2": "nidaqmx",
+        "grpc": "nidaqmx", "session_pb2": "nidaqmx",
         "pydantic_core": "pydantic", "markupsafe": "jinja2", "dynamixel_sdk": "dynamixel-sdk",
     }  # fmt: skip
     texts = [*PROJECT["dependencies"], *(text for extra in EXTRAS.values() for text in extra)]
@@ -167,7 +167,7 @@ MISSING = {
 def test_missing_extras_are_reported_with_their_command():
     """In one process, in which none of their packages can be imported."""
     texts = [text for extra in MISSING for text in EXTRAS[extra]]
-    names = {"foxglove-sdk": "foxglove", "npTDMS": "nptdms"}
+    names = {"npTDMS": "nptdms"}
     blocked = [re.split(r"[^\w-]", text)[0] for text in texts]
     program = (
         f"import sys\nsys.modules |= dict.fromkeys({[names.get(n, n) for n in blocked]})\n"

@@ -1,7 +1,6 @@
 """Turn a folder of recordings into a table, continuing an earlier run."""
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -11,6 +10,7 @@ from sautereau.analysis.campaign.row import Fault, Row, Source, read_batch
 from sautereau.analysis.campaign.table import SCHEMA, Campaign, empty_campaign, read_campaign
 from sautereau.analysis.campaign.workers import Where, run_over
 from sautereau.analysis.errors import AnalysisError
+from sautereau.rig.progress import tracked
 
 BATCH = 8
 """Recordings that a process reads before it returns them, about 0.2 s of work."""
@@ -35,13 +35,7 @@ class CampaignRun:
     """Number of rows of an earlier run whose recordings have disappeared or changed."""
 
 
-def run_campaign(
-    folder: str | Path,
-    out: str | Path,
-    where: Where | None = 1,
-    *,
-    on_read: Callable[[int, int], None] = lambda done, total: None,
-) -> CampaignRun:
+def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -> CampaignRun:
     """Make a table of all recordings in a folder and its subfolders.
 
     Recordings that the table already holds are not read again, unless their size or date has
@@ -54,7 +48,6 @@ def run_campaign(
         out: Parquet file to write; an existing table is continued.
         where: Processes or cluster that read the recordings; the table does not depend on it. None
             for as many processes as shorten the run, at most one per core.
-        on_read: Called with the number of recordings read so far and of those to read.
 
     Raises:
         AnalysisError: The folder holds no recordings, or ``out`` is not a campaign's table.
@@ -72,11 +65,11 @@ def run_campaign(
     faults: list[Fault] = []
     done = 0
     try:
-        for number, (more, faulty) in run_over(partial(read_batch, folder), batches, where):
+        read = run_over(partial(read_batch, folder), batches, where)
+        for _, (number, (more, faulty)) in zip(tracked(batches), read, strict=True):
             rows += more
             faults += faulty
             done += len(batches[number])
-            on_read(done, len(unread))
             if len(rows) >= max(UNWRITTEN, UNWRITTEN_FRACTION * len(campaign.table)):
                 campaign = campaign.grown(rows, faults)
                 campaign.write()

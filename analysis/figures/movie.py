@@ -15,10 +15,9 @@ from PIL import Image
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.animation import animation_figure
 from sautereau.analysis.press.replay import Replay
+from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
 
-Done = Callable[[float], object]
-"""Called with the completed fraction, 0 to 1."""
 FRAME_RATE = 25
 """Hz, frames per second."""
 MOST_FRAMES = 1500
@@ -50,13 +49,12 @@ def frame_times(start: float, stop: float, slow: float) -> Floats:
     return start + np.arange(count) / (slow * FRAME_RATE)
 
 
-def animate(path: str | Path, scene: Replay, done: Done = lambda fraction: None) -> None:
+def animate(path: str | Path, scene: Replay) -> None:
     """Write a press as an animation.
 
     Args:
         path: File, .gif or .mp4; the latter needs ffmpeg.
         scene: The press at the frames' instants.
-        done: Called with the written fraction.
 
     Raises:
         AnalysisError: The file extension is another, or ffmpeg is not installed.
@@ -64,7 +62,7 @@ def animate(path: str | Path, scene: Replay, done: Done = lambda fraction: None)
     path = Path(path)
     write = _writer(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write(path, scene, done)
+    write(path, scene)
 
 
 def pictures(scene: Replay, frames: Iterable[int]) -> Iterator[Image.Image]:
@@ -85,15 +83,11 @@ def pictures(scene: Replay, frames: Iterable[int]) -> Iterator[Image.Image]:
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 
-def _counted(scene: Replay, done: Done) -> Iterator[Image.Image]:
-    """Yield all frames, and report the completed fraction after each."""
-    n = len(scene.time)
-    for frame, picture in enumerate(pictures(scene, range(n))):
-        yield picture
-        done((frame + 1) / n)
+def _all_pictures(scene: Replay) -> Iterator[Image.Image]:
+    return pictures(scene, tracked(range(len(scene.time))))
 
 
-def _writer(path: Path) -> Callable[[Path, Replay, Done], None]:
+def _writer(path: Path) -> Callable[[Path, Replay], None]:
     """Return the function that writes files of this extension."""
     extension = path.suffix.lower()
     if extension == ".gif":
@@ -108,21 +102,21 @@ def _writer(path: Path) -> Callable[[Path, Replay, Done], None]:
     return _write_mp4
 
 
-def _write_gif(path: Path, scene: Replay, done: Done) -> None:
+def _write_gif(path: Path, scene: Replay) -> None:
     # One palette for all frames, so that unchanged pixels are stored once.
     sample = [np.asarray(p) for p in pictures(scene, range(0, len(scene.time), SAMPLED))]
     every = Image.fromarray(np.concatenate(sample))
     palette = every.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     reduced = (
-        frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in _counted(scene, done)
+        frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in _all_pictures(scene)
     )
     next(reduced).save(
         path, save_all=True, append_images=reduced, duration=1000 / FRAME_RATE, loop=0
     )
 
 
-def _write_mp4(path: Path, scene: Replay, done: Done) -> None:
-    frames = _counted(scene, done)
+def _write_mp4(path: Path, scene: Replay) -> None:
+    frames = _all_pictures(scene)
     first = next(frames)
     source = f"-f rawvideo -pix_fmt rgb24 -s {first.width}x{first.height} -r {FRAME_RATE} -i -"
     words = ["ffmpeg", "-loglevel", "error", "-y", *source.split(), "-pix_fmt", "yuv420p"]

@@ -75,7 +75,7 @@ def _sources(axes: Axes, found: Touch) -> None:
         style = {"label": QUANTITIES[name].label, **STYLES[name]}
         axes.errorbar(deviations, places, xerr=bars, **style)
     axes.set_yticks(range(len(SOURCES)), [QUANTITIES[f"felt.{s}"].label for s in SOURCES])
-    axes.invert_yaxis()
+    axes.set_ylim(len(SOURCES) - 0.5, -0.5)
     axes.set_xscale("symlog", linthresh=0.1)
     axes.set_xlim(left=0)
     axes.set_xlabel("standard deviation (%)")

@@ -97,7 +97,7 @@ def _frequencies(axes: Axes, found: Sequence[Attributed]) -> None:
     axes.set_yscale("log")
     axes.set_xlabel("frequency (Hz), bars: 95 %")
     axes.set_ylabel("force amplitude (mN)")
-    axes.legend(handles=keys, fontsize=8, ncols=2)
+    axes.legend(handles=keys, fontsize=8, ncols=6, loc="lower center", bbox_to_anchor=(0.5, 1.06))
     axes.grid(color=GRID, lw=0.6)
     axes.set_title("modes of all presses", fontsize=10)
 

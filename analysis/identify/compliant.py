@@ -1,5 +1,6 @@
 """Fits of a compliant key: elastic modes, one by one, where a rigid key does not fit."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,12 +13,14 @@ from sautereau.analysis.identify.elastic import (
     mode_parameters,
     modes_of,
 )
-from sautereau.analysis.identify.fit import Fit, fit, problem_at, spread
+from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, problem_at, spread
 from sautereau.analysis.identify.fixed import ScoreTest
 from sautereau.analysis.identify.observed import Observed
-from sautereau.analysis.identify.parameters import FOOT
+from sautereau.analysis.identify.parameters import ENDS, FINGERTIP, FORCE, Parameter, Prior
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.identify.residuals import InverseDynamics
+from sautereau.analysis.loading.press import Press
+from sautereau.analysis.phases import Phases
 from sautereau.rig.schema import Rig
 
 FREQUENCIES, DAMPINGS = np.geomspace(90.0, 1500.0, 20), (0.02, 0.15)
@@ -26,11 +29,27 @@ WEIGHT = 0.02
 """Dimensionless, weight of a mode for its derivative."""
 LARGEST = 3.0
 """Dimensionless, largest weight at which the search for a mode starts."""
+FINGERTIP_STD = 0.2
+"""Dimensionless, of the fingertip's friction on the key: its moment scales the force by 1 %."""
 AT_REST = 0.2
 """Dimensionless, by which a mode of the pressed key differs from the one found by tapping, as a
 fraction of its frequency; and of its damping ratio."""
 LEAST_GAIN = 0.7
 """Dimensionless, largest residual over that without a mode which makes the mode worthwhile."""
+
+
+def fit_presses(
+    presses: Sequence[Press],
+    phases: Sequence[Phases],
+    names: Sequence[str],
+    priors: Mapping[str, Prior] | None,
+    level: str,
+    starts: int,
+    robust: bool,
+) -> Fit:
+    """Fit parameters to presses of one rig; see `identified.identify`."""
+    dynamics = inverse_dynamics(presses, phases, names, priors, level)
+    return fit_compliant(fit(dynamics, starts, robust, levelled=FORCE in names), robust)
 
 
 def fit_compliant(rigid: Fit, robust: bool = False) -> Fit:
@@ -64,9 +83,14 @@ def _with_mode(made: Fit) -> InverseDynamics | None:
     # A fit of too stiff a key is far off: seek the first mode from the values of the rig.
     values = made.values if number else np.array([p.start for p in dynamics.free])
     free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, values, strict=True)]
-    if all(p.name != FOOT for p in free):
-        free.append(foot_parameter())
-    presses = [_before_release(press) for press in dynamics.presses]
+    # The way back, which separates the fingertip's friction from the force's gain, is not fitted.
+    tip, ends = dynamics.rig.arm.fingertip_friction, ENDS[FINGERTIP]
+    unknown = [
+        foot_parameter(),
+        Parameter(FINGERTIP, "", tip, *ends, tip, FINGERTIP_STD, hidden=True),
+    ]
+    free += [new for new in unknown if all(p.name != new.name for p in free)]
+    presses = _before_release(dynamics.presses)
     dynamics = InverseDynamics(dynamics.rig, free, presses, dynamics.level)
     found = _strongest(dynamics, number, made.levelled)
     if found is None:
@@ -89,14 +113,17 @@ def _known(rig: Rig, number: int) -> tuple[float, float] | None:
     )
 
 
-def _before_release(press: Observed) -> Observed:
-    """Return a press without what follows its first release.
+def _before_release(presses: Sequence[Observed]) -> list[Observed]:
+    """Return presses without what follows the first release of each.
 
     There the jack leaves the key, which springs up, and excites it by an impact when it falls back.
     """
-    if not len(press.releases):
-        return press
-    return replace(press, used=press.used & (press.time < press.releases[0]))
+    ends = [
+        int(np.searchsorted(p.time, p.releases[0])) if len(p.releases) else len(p.time)
+        for p in presses
+    ]
+    # Presses of one motion keep one length.
+    return [p.until(max(ends), end) for p, end in zip(presses, ends, strict=True)]
 
 
 def _strongest(dynamics: InverseDynamics, number: int, levelled: bool) -> Mode | None:

@@ -17,11 +17,12 @@ equation of motion is integrated, and damped modes cannot diverge.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
-from sautereau.analysis.identify.observed import Observed
+from sautereau.analysis.identify.observed import PARTS, Observed
 from sautereau.analysis.identify.parameters import FOOT, MODE, Parameter
 from sautereau.trajectory.motion import Floats
 
@@ -128,50 +129,108 @@ def foot_parameter() -> Parameter:
     return Parameter(FOOT, "m/N", 0.0, 0.0, 10 * FOOT_STD, 0.0, FOOT_STD, hidden=True)
 
 
-def responses(
-    modes: Sequence[Mode], finger: Floats, strings: Floats, scale: tuple[float, float], time: Floats
-) -> tuple[Floats, Floats]:
-    """Return what the modes add to the laser's angle with its derivatives, and to a jack's rise.
+class Bending:
+    """What the modes do in one press.
 
     Args:
         modes: The modes.
-        finger: N, force without that at rest; shape (n,).
-        strings: N m, moment of the strings about the pin; shape (n,).
-        scale: Lever arm of the finger [m], and inertia of the key with its jacks [kg m^2].
-        time: s, equidistant, 0 where the key leaves its rail; shape (n,).
+        press: The press.
+        lag: s, of the force behind the motion.
+        gain: True over measured force.
+        arm: m, lever arm of the finger.
+        inertia: kg m^2, of the key with its jacks.
+    """
+
+    def __init__(
+        self,
+        modes: Sequence[Mode],
+        press: Observed,
+        lag: float,
+        gain: float,
+        arm: float,
+        inertia: float,
+    ):
+        self.modes, self._step = modes, press.step / PARTS
+        self._stiffnesses = [inertia * (2 * np.pi * mode.frequency) ** 2 for mode in modes]
+        self._by_finger = [
+            np.tensordot(
+                [arm * gain, arm * mode.cosine, arm * mode.sine],
+                _driven(press, mode.frequency, mode.damping, lag),
+                1,
+            )
+            for mode in modes
+        ]
+
+    def by(self, strings: Floats) -> tuple[Floats, Floats]:
+        """Return what the modes add to the laser's angle, and to the rise of a jack.
+
+        Args:
+            strings: N m, moment of the strings about the pin, at `part_time`; shape (n,).
+
+        Returns:
+            The angle [rad] with its first two derivatives, shape (3, n); and the rise [rad] of a
+            jack over its lever arm, shape (n,).
+        """
+        angle, rise = np.zeros((3, len(strings))), np.zeros(len(strings))
+        for mode, stiffness, finger in zip(
+            self.modes, self._stiffnesses, self._by_finger, strict=True
+        ):
+            own = finger - mode.jack_by_finger * _moved(
+                strings, mode.frequency, mode.damping, self._step
+            )
+            own *= mode.weight / stiffness
+            angle += own
+            rise += mode.jack_by_laser * own[0]
+        return angle, rise
+
+
+@lru_cache(maxsize=128)
+def _driven(press: Observed, frequency: float, damping: float, lag: float) -> Floats:
+    """Return the motion of an oscillator that the measured force drives, and its free ringing.
+
+    Args:
+        press: The press.
+        frequency: Hz.
+        damping: Fraction of critical damping.
+        lag: s, of the force behind the motion.
 
     Returns:
-        The angle [rad] with its first two derivatives, shape (3, n); and the rise [rad] of a jack
-        over its lever arm, shape (n,).
+        N, of the force [N], and of the parts of a ringing of 1 N from the lift of the key on that
+        begin with a cosine and with a sine; each with its first two derivatives, at `part_time`;
+        shape (3, 3, n).
     """
-    arm, inertia = scale
-    angle, rise = np.zeros((3, len(time))), np.zeros(len(time))
-    for mode in modes:
-        turn = 2 * np.pi * mode.frequency
-        push = (arm * finger - mode.jack_by_finger * strings) / (inertia * turn**2)
-        moved = _moved(push, turn, mode.damping, float(time[1] - time[0]))
-        p = turn * complex(-mode.damping, np.sqrt(1 - mode.damping**2))
-        ringing = complex(mode.cosine, -mode.sine) * np.exp(p * np.maximum(time, 0.0)) * (time > 0)
-        ringing = ringing * np.array([1.0, p, p * p])[:, None]
-        moved = moved + arm / (inertia * turn**2) * ringing.real
-        angle += mode.weight * moved
-        rise += mode.weight * mode.jack_by_laser * moved[0]
-    return angle, rise
+    turn, time = 2 * np.pi * frequency, np.maximum(press.part_time - press.lifted, 0.0)
+    p = turn * complex(-damping, np.sqrt(1 - damping**2))
+    ringing = np.outer([1.0, p, p * p], np.exp(p * time) * (time > 0))
+    pushed = _moved(press.part_force(lag), frequency, damping, press.step / PARTS)
+    return np.stack([pushed, np.real(ringing), np.imag(ringing)])
 
 
-def _moved(push: Floats, turn: float, damping: float, step: float) -> Floats:
-    """Return position, velocity and acceleration of an oscillator from rest; shape (3, n).
+def _moved(push: Floats, frequency: float, damping: float, step: float) -> Floats:
+    """Return the static deflection's size, velocity and acceleration of an oscillator from rest.
 
     By the bilinear transform, which is exact for slow pushes and at the mode's frequency.
+
+    Args:
+        push: Of any unit, shape (n,).
+        frequency: Hz.
+        damping: Fraction of critical damping.
+        step: s, between values.
+
+    Returns:
+        In units of the push, with its first two derivatives; shape (3, n).
     """
     from scipy.signal import lfilter
 
+    turn = 2 * np.pi * frequency
     c = turn / np.tan(min(turn * step / 2, LARGEST_STEP))
-    by_order = [
-        np.array(row) for row in ([1.0, 2.0, 1.0], [c, 0.0, -c], [c * c, -2 * c * c, c * c])
-    ]
-    poles = by_order[2] + 2 * damping * turn * by_order[1] + turn**2 * by_order[0]
-    return np.stack([lfilter(turn**2 * row, poles, push) for row in by_order])
+    poles = [c * c + 2 * damping * turn * c + turn**2, 2 * (turn**2 - c * c)]
+    poles.append(poles[0] - 4 * damping * turn * c)
+    state = np.zeros(len(push) + 2)
+    state[2:] = lfilter([turn**2], poles, push)
+    now, before, earlier = state[2:], state[1:-1], state[:-2]
+    both = now + earlier
+    return np.stack([both + 2 * before, c * (now - earlier), c * c * (both - 2 * before)])
 
 
 def mode_names(number: int) -> list[str]:

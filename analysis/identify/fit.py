@@ -34,6 +34,8 @@ from sautereau.analysis.identify.parameters import (
     parameters,
 )
 from sautereau.analysis.identify.problem import (
+    COARSE,
+    TOLERANCE,
     Problem,
     Whitening,
     autocovariance,
@@ -115,7 +117,12 @@ def fit(
         starts: Number of starting points.
         robust: Weight large residuals linearly instead of quadratically.
         levelled: Whether the zero of each force is free although the force is not AC-coupled.
+
+    Raises:
+        AnalysisError: There is no starting point.
     """
+    if starts < 1:
+        raise AnalysisError(f"starts: {starts} starting points; give 1 or more")
     free = dynamics.free
     levelled = levelled or coupled_force(dynamics.rig) is not None
     values = np.array([p.start for p in free])
@@ -123,15 +130,19 @@ def fit(
     noise = white(dynamics, spread(dynamics, before, levelled), levelled)
     residual_before = rms([f - w.trend(f) for f, w in zip(before, noise, strict=True)])
     tried = _starts(free, starts)
-    found = [descend(problem_at(dynamics, start, noise), start, robust) for start in tracked(tried)]
+    found = [
+        descend(problem_at(dynamics, start, noise), start, robust, tolerance=COARSE)
+        for start in tracked(tried)
+    ]
     _, values = min(found, key=lambda pair: pair[0])
     factor = 1.0
-    for _ in range(ROUNDS - 1):
+    for tolerance in [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
         forces, rises = dynamics.residuals(values)
         noise = _coloured(dynamics, forces, noise, levelled)
         # The scatter of the rises at release over their stated uncertainties.
         factor = max(1.0, float(np.std(rises, ddof=1))) if len(rises) > 2 else 1.0
-        _, values = descend(problem_at(dynamics, values, noise, factor), values, robust)
+        problem = problem_at(dynamics, values, noise, factor)
+        _, values = descend(problem, values, robust, tolerance=tolerance)
     return Fit(problem_at(dynamics, values, noise, factor), values, residual_before, levelled)
 
 

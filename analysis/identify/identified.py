@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.identify.compliant import fit_compliant
+from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
-from sautereau.analysis.identify.fit import Fit, fit, inverse_dynamics, rms
+from sautereau.analysis.identify.fit import Fit, rms
 from sautereau.analysis.identify.fixed import (
     CONTACT,
     SUGGESTED,
@@ -22,7 +22,6 @@ from sautereau.analysis.identify.fixed import (
     suggestions,
 )
 from sautereau.analysis.identify.parameters import (
-    FORCE,
     FRICTION,
     Parameter,
     Prior,
@@ -161,9 +160,7 @@ def identify(
         AnalysisError: There is no press, no parameter, or the presses are of different rigs.
         ModelError: The model has no solution for the rig's values.
     """
-    dynamics = inverse_dynamics(presses, phases, names, priors, level)
-    rigid = fit(dynamics, starts, robust, levelled=FORCE in names)
-    return evaluate(fit_compliant(rigid, robust))
+    return evaluate(fit_presses(presses, phases, names, priors, level, starts, robust))
 
 
 def evaluate(made: Fit) -> Identified:

@@ -5,7 +5,7 @@ of the velocity smoothed by parabolic weights; force, angle and angular velocity
 same weights, so that the smoothing cancels in the equation of motion.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ LEAST = 20
 """Fewest fitted instants of a press."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Observed:
     """Input of a fit from one press; arrays of shape (n,) at n instants, `step` apart."""
 
@@ -71,11 +71,11 @@ class Observed:
     releases: Floats
     """s after the trigger, measured, in order; shape (plucks,)."""
     release_angles: Floats
-    """rad, of the key at release; shape (plucks,)."""
+    """rad, of the key at those releases whose rise is fitted, the first ones; shape (releases,)."""
     release_stds: Floats
-    """m, standard uncertainties of the rises of the first jack there; shape (plucks,)."""
+    """m, standard uncertainties of the rises of the first jack there; shape (releases,)."""
     release_speeds: Floats
-    """m/s, speed of the first jack at release; shape (plucks,)."""
+    """m/s, speed of the first jack there; shape (releases,)."""
     every_time: Floats
     """s after the trigger, of `every_force`; shape (m,)."""
     every_force: Floats
@@ -105,6 +105,23 @@ class Observed:
     def part_force(self, lag: float = 0.0) -> Floats:
         """Return the force [N] at `part_time` without that at rest, for a delay [s] of it."""
         return np.interp(self.part_time + lag, self.light_time, self.light_force)
+
+    def until(self, count: int, end: int) -> "Observed":
+        """Return the first `count` instants, of which none from `end` on is fitted."""
+        parts = len(self.part_time) - PARTS * (len(self.time) - count)
+        return replace(
+            self,
+            time=self.time[:count],
+            motion=Motion(*(part[:count] for part in self.motion)),
+            used=self.used[:count] & (np.arange(count) < end),
+            release_angles=self.release_angles[:1],
+            release_stds=self.release_stds[:1],
+            release_speeds=self.release_speeds[:1],
+            late_force=self.late_force[:count],
+            part_time=self.part_time[:parts],
+            part_angle=self.part_angle[:parts],
+            part=self.part[:count],
+        )
 
     def smoothed(self, values: Floats) -> Floats:
         """Return values at `part_time` after smoothing, at the instants."""

@@ -19,8 +19,8 @@ from sautereau.trajectory.motion import Floats
 
 AT_BOUND = 1e-6
 """Fraction of the range of a parameter within which it counts as at a bound."""
-TOLERANCE = 1e-6
-"""Relative tolerance of the solver."""
+TOLERANCE, COARSE = 1e-6, 1e-4
+"""Relative tolerances of the solver: of a result, and of a fit that only shows the noise."""
 UNSOLVED = 1e6
 """Residual of every datum where the model has no solution, so that the solver rejects the step."""
 REACH = 50e-3
@@ -207,8 +207,8 @@ class Problem:
         try:
             found = self.data(point)
         except ModelError:
-            count = sum(int(p.used.sum()) + len(p.releases) for p in self.dynamics.presses)
-            found = np.full(count, UNSOLVED)
+            count = sum(int(p.used.sum()) for p in self.dynamics.presses)
+            found = np.full(count + len(self.dynamics.rise_stds), UNSOLVED)
         return np.concatenate([found, self.prior(point)])
 
     @property
@@ -244,7 +244,11 @@ class Problem:
 
 
 def descend(
-    found: Problem, values: Floats, robust: bool = False, fixed: int | None = None
+    found: Problem,
+    values: Floats,
+    robust: bool = False,
+    fixed: int | None = None,
+    tolerance: float = TOLERANCE,
 ) -> tuple[float, Floats]:
     """Return the minimum of the cost reached from a start, and the parameters [SI] there.
 
@@ -253,6 +257,7 @@ def descend(
         values: SI, the start, shape (parameters,).
         robust: Weight large residuals linearly instead of quadratically.
         fixed: Index of a parameter that keeps its value; None for none.
+        tolerance: Relative, of the cost and of the parameters.
     """
     from scipy.optimize import least_squares
 
@@ -274,8 +279,8 @@ def descend(
         jac=lambda part: found.slopes(complete(part))[:, moving],  # pyright: ignore[reportArgumentType]
         bounds=(low[moving], high[moving]),
         loss="soft_l1" if robust else "linear",
-        xtol=TOLERANCE,
-        ftol=TOLERANCE,
+        xtol=tolerance,
+        ftol=tolerance,
         gtol=None,  # pyright: ignore[reportArgumentType]
         max_nfev=40,
     )

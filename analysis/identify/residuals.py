@@ -1,12 +1,15 @@
 """Inverse-dynamics residuals of presses: force at every instant, rise at every release."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from sautereau.analysis.identify.elastic import Mode, modes_of, responses
+from sautereau.analysis.identify.elastic import Bending, modes_of
 from sautereau.analysis.identify.observed import Observed
 from sautereau.analysis.identify.parameters import (
+    FINGERTIP,
     FOOT,
     FORCE_GAIN,
     LATE_SLIDING,
@@ -20,7 +23,7 @@ from sautereau.analysis.identify.parameters import (
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.pluck.pluck import Pluck
-from sautereau.rig.instrument import Choir
+from sautereau.rig.instrument import Choir, Key, Plectrum, String
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
@@ -28,6 +31,15 @@ from sautereau.trajectory.motion import Floats, Motion
 MODEL_STD = 5e-4
 """Dimensionless, accuracy of the model over the largest force. Without noise, smaller errors of the
 model would be taken for those of the calibrations."""
+BESIDE_STRINGS = {
+    *(SLIDING, LATE_SLIDING, RELEASE, FINGERTIP, "key.gravity_moment", "jack.register_friction"),
+    *("key.pivot_coulomb_friction", "key.pivot_viscous_friction"),
+}
+"""Parameters that change neither the strings' forces nor the bending of the key."""
+BESIDE_RIGID = {FORCE_GAIN, "key.inertia", "jack.mass"}
+"""Those that do not where the key is rigid."""
+KEPT = 3
+"""Number of points whose strings are kept: most derivatives leave them as they are."""
 
 
 class InverseDynamics:
@@ -47,7 +59,7 @@ class InverseDynamics:
         self, rig: Rig, free: Sequence[Parameter], presses: Sequence[Observed], level: str
     ):
         self.rig, self.free, self.presses, self.level = rig, tuple(free), tuple(presses), level
-        self._solved: dict[tuple[object, ...], Pluck] = {}
+        self._held: dict[tuple[float, ...], list[_Held]] = {}
 
     def with_free(self, free: Sequence[Parameter]) -> "InverseDynamics":
         """Return the same dynamics with other free parameters."""
@@ -79,111 +91,127 @@ class InverseDynamics:
         """
         values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
         rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
-        gains = values.get(FORCE_GAIN, 1.0), values.get(VELOCITY_GAIN, 1.0)
+        force_gain, gain = values.get(FORCE_GAIN, 1.0), values.get(VELOCITY_GAIN, 1.0)
         sliding = values.get(SLIDING, 0.0), values.get(LATE_SLIDING, 0.0)
-        plucks = [self._pluck(choir) for choir in choirs(rig)]
-        late = 1 + values.get(RELEASE, 0.0)
-        released = [
-            angle_of_rise(key_of(rig, choir), choir.jack.string_clearance + late * p.release_height)
-            for choir, p in zip(choirs(rig), plucks, strict=True)
-        ]
-        angles = np.array(released, float)
-        order = np.argsort(angles, kind="stable").tolist()  # in which the strings are released
-        modelled = rise_of_angle(rig.key, angles[order])
-        modes, foot = modes_of(values), values.get(FOOT, 0.0)
+        strings = _strings(rig, self.level, values.get(RELEASE, 0.0))
+        modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
         forces, rises = [], []
-        for press in self.presses:
-            count = min(len(order), len(press.releases))
-            measured = rise_of_angle(rig.key, gains[1] * press.release_angles[:count])
-            measured = measured - press.release_speeds[:count] * lag
-            angle = gains[1] * press.part_angle
-            held = _Held(rig, plucks, order, press, lag, foot)
-            bent = None
-            if modes:
-                bent = held.bend(modes, gains[0], angle)
-                measured = measured + np.interp(
-                    press.releases[:count] - lag, press.part_time, held.yielded
-                )
-            strings = np.stack([press.smoothed(force) for force in held.forces(angle, bent)])
-            motion = Motion(*(gains[1] * part for part in press.motion))
-            if bent is not None:
-                smooth = [press.smoothed(row) for row in bent]
-                motion = Motion(*(whole - part for whole, part in zip(motion, smooth, strict=True)))
+        for press, held in zip(self.presses, self._all_held(rig, strings, values), strict=True):
+            count = min(len(strings), len(press.release_angles))
+            measured = rise_of_angle(rig.key, gain * press.release_angles[:count])
+            measured = measured - press.release_speeds[:count] * lag + held.yielded[:count]
+            motion = Motion(
+                *(gain * m - bent for m, bent in zip(press.motion, held.bent, strict=True))
+            )
             # In units of the measured force, whose noise is the same for every gain.
-            force, seen = finger_force(rig, motion, strings), press.force(lag)
+            force, seen = finger_force(rig, motion, held.forces), held.seen
             slid = seen * (sliding[0] * seen + sliding[1] * press.late_force)
-            forces.append((seen + slid - force / gains[0])[press.used])
+            forces.append((seen + slid - force / force_gain)[press.used])
             rises.append((measured - modelled[:count]) / press.release_stds[:count])
         return forces, np.concatenate(rises)
 
-    def _pluck(self, choir: Choir) -> Pluck:
-        """Return the pluck of a choir, solved once for each plectrum and string."""
-        plectrum = choir.plectrum
-        key = (choir.string, plectrum)
-        if key not in self._solved:
-            if len(self._solved) > 64:
-                self._solved.clear()
-            self._solved[key] = choir_pluck(choir, self.level)
-        return self._solved[key]
+    def _all_held(
+        self, rig: Rig, strings: "Sequence[_String]", values: Mapping[str, float]
+    ) -> "list[_Held]":
+        """Return the strings of all presses, computed once for all points that share them."""
+        modes = modes_of(values)
+        beside = BESIDE_STRINGS if modes else BESIDE_STRINGS | BESIDE_RIGID
+        own = tuple(value for name, value in values.items() if name not in beside)
+        found = self._held.pop(own, None)
+        if found is None:
+            found = [_held(rig, strings, press, values) for press in self.presses]
+        self._held[own] = found
+        if len(self._held) > KEPT:
+            self._held.pop(next(iter(self._held)))
+        return found
 
 
+@dataclass(frozen=True)
+class _String:
+    """A choir's string with the values of the parameters."""
+
+    number: int
+    """Of the choir."""
+    choir: Choir
+    key: Key
+    """With the lever arm of the choir's jack."""
+    pluck: Pluck
+    release: float
+    """rad, angle of the key at its release."""
+
+
+@dataclass(frozen=True)
 class _Held:
-    """The strings of one press, which its plectra hold until the measured releases.
+    """What strings and modes do in one press; arrays at its n instants."""
 
-    Args:
-        rig: The bench with the parameters' values.
-        plucks: Of its choirs.
-        order: In which they are released.
-        press: The press.
-        lag: s, of the force behind the motion.
-        foot: m/N, compliance under each jack.
-    """
+    seen: Floats
+    """N, measured force, shape (n,)."""
+    forces: Floats
+    """N, of the strings on the jacks, smoothed, shape (choirs, n)."""
+    bent: Floats
+    """rad, what modes add to the key's angle, with its derivatives, smoothed; shape (3, n)."""
+    yielded: Floats
+    """m, what the first jack rises more at each release than it would on a rigid key."""
 
-    def __init__(
-        self,
-        rig: Rig,
-        plucks: Sequence[Pluck],
-        order: Sequence[int],
-        press: Observed,
-        lag: float,
-        foot: float,
-    ):
-        self.rig, self.plucks, self.press, self.lag, self.foot = rig, plucks, press, lag, foot
-        self.releases = dict(zip(order, press.releases - lag, strict=False))
-        self.before = np.zeros((len(plucks), len(press.part_time)))
-        self.rise: Floats | float = 0.0
-        self.yielded = np.zeros(len(press.part_time))
-        """m, what the first jack rises more than it would on a rigid key."""
 
-    def bend(self, modes: Sequence[Mode], force_gain: float, angle: Floats) -> Floats:
-        """Return what modes add to the key's angle [rad] and its derivatives; shape (3, n)."""
-        key, press = self.rig.key, self.press
-        arms = np.array([choir.jack_arm for choir in choirs(self.rig)])
-        masses = np.array([choir.jack.mass for choir in choirs(self.rig)])
-        scale = key.press_arm, key.inertia + float(masses @ arms**2)
-        finger, time = force_gain * press.part_force(self.lag), press.part_time - press.lifted
-        bent = np.zeros((3, len(angle)))
-        for _ in range(2):
-            # The strings' forces hardly depend on the bending.
-            strings = arms @ self.forces(angle, bent)
-            bent, self.rise = responses(modes, finger, strings, scale, time)
-        self.yielded = key.jack_arm * (self.rise - bent[0]) - self.foot * self.before[0]
-        return bent
+@lru_cache(maxsize=64)
+def _pluck(parts: tuple[Plectrum, String], level: str) -> Pluck:
+    """Return the pluck of a plectrum and a string; jack and key do not change it."""
+    plectrum, string = parts
+    return choir_pluck(Choir.model_construct(plectrum=plectrum, string=string), level)
 
-    def forces(self, angle: Floats, bent: Floats | None) -> Floats:
+
+def _strings(rig: Rig, level: str, late: float) -> list[_String]:
+    """Return the strings in the order of their release, `late` higher than the static ones."""
+    found = []
+    for number, choir in enumerate(choirs(rig)):
+        key, pluck = key_of(rig, choir), _pluck((choir.plectrum, choir.string), level)
+        height = choir.jack.string_clearance + (1 + late) * pluck.release_height
+        found.append(_String(number, choir, key, pluck, float(angle_of_rise(key, height))))
+    return sorted(found, key=lambda string: string.release)
+
+
+def _held(
+    rig: Rig, strings: Sequence[_String], press: Observed, values: Mapping[str, float]
+) -> _Held:
+    """Return what strings and modes do in one press; a string is held until it is released."""
+    lag, foot, modes = values.get(TIME, 0.0), values.get(FOOT, 0.0), modes_of(values)
+    angle = values.get(VELOCITY_GAIN, 1.0) * press.part_angle
+    releases, key = press.releases - lag, rig.key
+
+    def forces(rigid: Floats, rise: Floats | float, pushed: Floats) -> Floats:
         """Return the forces [N] of the strings on the jacks; shape (choirs, n).
 
         A string that is held beyond the modelled release keeps its force: so the residual is
         smooth in the parameters, and the release enters by its rise.
         """
-        found = np.zeros((len(self.plucks), len(angle)))
-        rigid = angle if bent is None else angle - bent[0]
-        for number, release in self.releases.items():
-            choir, pluck = choirs(self.rig)[number], self.plucks[number]
-            rise = rise_of_angle(key_of(self.rig, choir), rigid) + choir.jack_arm * self.rise
-            height = rise - choir.jack.string_clearance - self.foot * self.before[number]
-            held = (self.press.part_time < release) & (height > 0)
-            lifted = np.minimum(height[held], pluck.release_height)
-            found[number, held] = pluck.force_on_jack(lifted)
-        self.before = found
+        found = np.zeros_like(pushed)
+        for string, release in zip(strings, releases, strict=False):
+            choir, last = string.choir, int(np.searchsorted(press.part_time, release))
+            height = rise_of_angle(string.key, rigid) + choir.jack_arm * rise
+            height = height - choir.jack.string_clearance - foot * pushed[string.number]
+            height = np.minimum(height[:last], string.pluck.release_height)
+            found[string.number, :last] = string.pluck.force_on_jack(height)
         return found
+
+    pushing = forces(angle, 0.0, np.zeros((len(strings), len(angle))))
+    if not modes:
+        smooth = np.stack([press.smoothed(force) for force in pushing])
+        still = np.zeros((3, len(press.time))), np.zeros(len(releases))
+        return _Held(press.force(lag), smooth, *still)
+    every = choirs(rig)
+    arms = np.array([choir.jack_arm for choir in every])
+    inertia = key.inertia + float(arms**2 @ [choir.jack.mass for choir in every])
+    gain = values.get(FORCE_GAIN, 1.0)
+    bending = Bending(modes, press, lag, gain, key.press_arm, inertia)
+    # The strings' forces hardly depend on the bending.
+    bent, rise = bending.by(arms @ pushing)
+    before = forces(angle - bent[0], rise, pushing)
+    bent, rise = bending.by(arms @ before)
+    pushing = forces(angle - bent[0], rise, before)
+    return _Held(
+        press.force(lag),
+        np.stack([press.smoothed(force) for force in pushing]),
+        np.stack([press.smoothed(row) for row in bent]),
+        np.interp(releases, press.part_time, key.jack_arm * (rise - bent[0]) - foot * before[0]),
+    )

@@ -1,13 +1,14 @@
 """The choirs of a key, each with its own jack, plectrum and string."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
 from sautereau.analysis.model.string.string import release_speed
-from sautereau.rig.instrument import Choir, Key
+from sautereau.rig.instrument import Choir, Key, Plectrum, String
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle, rise_slope
 
@@ -86,20 +87,24 @@ def key_of(rig: Rig, choir: Choir) -> Key:
 
 
 def choir_pluck(choir: Choir, level: str = "elastica") -> Pluck:
-    """Return the pluck of a choir's plectrum and spring string.
+    """Return the pluck of a choir's plectrum and spring string; see `pluck_of`."""
+    return pluck_of(choir.plectrum, choir.string, level)  # pyright: ignore[reportArgumentType]
+
+
+@lru_cache(maxsize=128)
+def pluck_of(plectrum: Plectrum, string: String, level: str) -> Pluck:
+    """Return the pluck of a plectrum and a spring string; the last 128 are kept.
 
     Args:
-        choir: The choir.
+        plectrum: Plectrum.
+        string: String.
         level: Of the plectrum.
 
     Raises:
-        ModelError: The level has no solution for this choir.
+        ModelError: The level has no solution for them.
     """
-    return solve_pluck(
-        string_map(choir.plectrum, choir.string, level),
-        choir.string.static_stiffness,
-        choir.plectrum.overlap,
-    )
+    mapped = string_map(plectrum, string, level)
+    return solve_pluck(mapped, string.static_stiffness, plectrum.overlap)
 
 
 def hold(rig: Rig, level: str) -> list[PlacedPluck]:

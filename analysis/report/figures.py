@@ -95,9 +95,9 @@ def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -
         contents: The presses.
         columns: Title of each axis, and a value or None for every press.
     """
-    figure = make_subplots(1, len(columns), horizontal_spacing=0.08)
+    figure = make_subplots(len(columns), 1, shared_xaxes=True, vertical_spacing=0.06)
     numbers = [record.number for record in contents.presses]
-    for col, (label, values) in enumerate(columns, 1):
+    for row, (label, values) in enumerate(columns, 1):
         figure.add_scatter(
             x=numbers,
             y=values,
@@ -105,12 +105,12 @@ def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -
             marker={"color": COLOURS[0], "size": 7},
             showlegend=False,
             hovertemplate="press %{x}: %{y:.6g}<extra></extra>",
-            row=1,
-            col=col,
+            row=row,
+            col=1,
         )
-        figure.update_yaxes(title_text=label, row=1, col=col)
-        figure.update_xaxes(title_text="press", row=1, col=col)
-    return _finished(figure, 280)
+        figure.update_yaxes(title_text=label, row=row, col=1)
+    figure.update_xaxes(title_text="press", row=len(columns), col=1)
+    return _finished(figure, 190 * len(columns))
 
 
 def _axis_title(column: str) -> str:

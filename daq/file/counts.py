@@ -24,7 +24,9 @@ class Scaling:
 
 
 def write_volts(
-    samples: Samples, scaling: Sequence[Sequence[float]], into: NDArray[np.float64]
+    samples: Samples,
+    scaling: Sequence[Sequence[float]],
+    into: NDArray[np.float64] | NDArray[np.float32],
 ) -> None:
     """Write the volts of samples.
 

@@ -14,6 +14,10 @@ FARTHEST_SAMPLE = 2**53
 """Limit of the index of a sample, counted from the trigger."""
 FARTHEST_TIME = 9e9
 """s, limit of a time after or before the trigger: dates have 64 bits of ns."""
+MOST_VOLTS = 512 * 1024**2
+"""Byte of volts to which any file may be read at once."""
+VOLTS_PER_BYTE = 32
+"""Byte of volts for each byte of a larger file; the noise of a converter leaves fewer."""
 MOST_EVENTS = 100_000
 """Limit for a recording."""
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
 from sautereau.daq.file.counts import Samples
@@ -51,12 +52,13 @@ class LogOrder:
         self.t0: int | None = None
         """Date of the trigger, ns since 1970; None before `start`."""
         self._rate, self._layout, self._begin = rate, layout, 0
-        self._scales = np.array([[channel.scale] for channel in rig.daq.channels])
+        self._linear = all(len(row) < 3 for row in layout.scaling)
+        self._scale = _scale(rig, layout if self._linear else None)
         self._decimator = Decimator(rate, len(layout.names))
         self.margin = self._decimator.margin
         """Least samples of a block for the previews up to it to precede it."""
         self._places = np.empty(0, np.int64)
-        self._rows = encode_rows(np.empty((len(layout.names), 0)))
+        self._values = np.empty((len(layout.names), 0), np.float32)
         self._pending: list[_Pending] = []
 
     def start(self, t0: int, begin: int) -> None:
@@ -109,19 +111,27 @@ class LogOrder:
         self._write_views(writer, None)
 
     def _preview(self, samples: Samples) -> None:
-        """Add samples, shape (n_channels, n), to the preview; its new messages wait."""
-        self._layout.write_volts(samples, self._decimator.room(samples.shape[1]))
-        places, volts = self._decimator.rest()
+        """Add samples, shape (n_channels, n), to the preview; its new values wait."""
         with np.errstate(over="ignore", invalid="ignore"):  # samples may be any double
-            rows = encode_rows(volts * self._scales)
+            room = self._decimator.room(samples.shape[1])
+            if self._linear:
+                room[:] = samples
+            else:
+                self._layout.write_volts(samples, room)
+            places, filtered = self._decimator.rest()
+            offset, gain = self._scale
+            values = filtered * gain + offset
         self._places = np.concatenate([self._places, places + self._begin])
-        self._rows = np.concatenate([self._rows, rows])
+        self._values = np.concatenate([self._values, values], axis=1)
 
     def _write_views(self, writer: McapWriter, stop: int | None) -> None:
         """Write the previews and what waits up to a sample, or all of it."""
         n = len(self._places) if stop is None else int(self._places.searchsorted(stop))
-        rows, since_trigger = self._rows[:n], self._places[:n] * (1e9 / self._rate)
-        self._places, self._rows = self._places[n:], self._rows[n:]
+        rows, since_trigger = (
+            encode_rows(self._values[:, :n]),
+            self._places[:n] * (1e9 / self._rate),
+        )
+        self._places, self._values = self._places[n:], self._values[:, n:]
         times = np.maximum(0, (self.t0 or 0) + np.rint(since_trigger).astype(np.int64))
         preview, at = self.topics["/preview"], 0
         for date, topic, data in self._due(None if stop is None else stop / self._rate):
@@ -149,3 +159,14 @@ class LogOrder:
         """
         date = now if self.t0 is None else self.t0 + round(time_s * 1e9)
         return min(max(0, date), LAST_DATE)
+
+
+def _scale(rig: Rig, layout: SampleLayout | None) -> NDArray[np.float32]:
+    """Return SI units at 0 and per unit of the samples of a layout, each of shape (n_channels, 1).
+
+    None for volts.
+    """
+    per_volt = np.array([channel.scale for channel in rig.daq.channels])
+    rows = layout.scaling if layout and layout.scaling else [(0.0, 1.0)] * len(per_volt)
+    volts = np.array([(*row, 0.0)[:2] for row in rows]).T
+    return (volts * per_volt)[:, :, None].astype(np.float32)

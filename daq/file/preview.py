@@ -12,7 +12,8 @@ ATTENUATION = 60.0
 PASS_BAND = 0.2
 """Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %."""
 
-Signals = NDArray[np.float64]
+Values = NDArray[np.float32]
+"""Single precision is what a preview has in the file, and half the time of the filter."""
 
 
 def low_pass(factor: int) -> NDArray[np.float64]:
@@ -48,29 +49,29 @@ class Decimator:
         self.margin = len(weights) // 2
         """Samples at either end without a preview: half the filter's length."""
         # One column for each stretch of `factor` weights; the last one ends with zeros.
-        self._columns = np.zeros((-(-len(weights) // self.factor), self.factor))
+        self._columns = np.zeros((-(-len(weights) // self.factor), self.factor), np.float32)
         self._columns.reshape(-1)[: len(weights)] = weights
         self._columns = self._columns.T.copy()
         self._length = len(weights)
-        self._held = np.empty((n_channels, 0))
+        self._held = np.empty((n_channels, 0), np.float32)
         self._fill = 0
         self._first = 0
 
-    def room(self, n: int) -> Signals:
+    def room(self, n: int) -> Values:
         """Return the place of the next ``n`` samples, shape (n_channels, n), to be filled."""
         start, self._fill = self._fill, self._fill + n
         if self._fill > self._held.shape[1]:
             held = self._held[:, :start]
-            self._held = np.empty((len(held), self._fill + self._length))
+            self._held = np.empty((len(held), self._fill + self._length), np.float32)
             self._held[:, :start] = held
         return self._held[:, start : self._fill]
 
-    def feed(self, values: Signals) -> tuple[NDArray[np.int64], Signals]:
+    def feed(self, values: NDArray[np.float64]) -> tuple[NDArray[np.int64], Values]:
         """Add samples, shape (n_channels, n), in any unit; return as `rest`."""
         self.room(values.shape[1])[:] = values
         return self.rest()
 
-    def rest(self) -> tuple[NDArray[np.int64], Signals]:
+    def rest(self) -> tuple[NDArray[np.int64], Values]:
         """Return the new values of the preview.
 
         Returns:
@@ -85,7 +86,7 @@ class Decimator:
         self._first, self._fill = self._first + n * self.factor, left
         return places, values
 
-    def _filtered(self, n: int) -> Signals:
+    def _filtered(self, n: int) -> Values:
         """Return n values, each the sum of the products of as many rows as there are columns."""
         columns = self._columns.shape[1]
         rows = n + columns - 1 if n else 0
@@ -97,4 +98,4 @@ class Decimator:
             products = np.ascontiguousarray(grouped @ self._columns)
             signal, row, column = products.strides
             shape, strides = (len(products), n, columns), (signal, row, row + column)
-            return np.ndarray(shape, float, products, 0, strides).sum(2)
+            return np.ndarray(shape, np.float32, products, 0, strides).sum(2)

@@ -49,7 +49,7 @@ def read_parts(path: str | Path) -> tuple[Recorded, ...]:
     """
     path = Path(path)
     with opened(path) as file:
-        contents, runs = Contents(size_of(file)), Runs(size=size_of(file))
+        contents, runs = Contents(size_of(file)), Runs(size=size_of(file), complete=True)
         with verifying(file) as all_records:
             for layout, block in contents.blocks(all_records):
                 runs.add(layout, block)
@@ -152,7 +152,7 @@ def read_window(path: str | Path, start: float, stop: float) -> Stretch:
     window = f"the window from {start:g} s to {stop:g} s"
     with opened(Path(path)) as file:
         chunks = chunk_index(file)
-        contents, runs = Contents(size_of(file)), Runs(size=0)
+        contents, runs = Contents(size_of(file)), Runs(size=size_of(file))
         if chunks:
             list(contents.blocks(records(file, len(MAGIC), chunks[0].start)))
         names = [channel.name for channel in contents.rig().daq.channels]

@@ -7,7 +7,7 @@ import numpy as np
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.integrity import FOREIGN
-from sautereau.daq.file.limits import time_faults
+from sautereau.daq.file.limits import MOST_VOLTS, VOLTS_PER_BYTE, time_faults
 from sautereau.daq.file.recorded import Gap, Signal, Stretch
 from sautereau.daq.file.samples import SampleLayout, WireBlock
 from sautereau.rig.faults import fault_list
@@ -47,25 +47,28 @@ class _Run:
     def volts(self, row: int, first: int, stop: int) -> Signal:
         return self._room[row, first - self.first : stop - self.first]
 
-    def cut(self, stop: int) -> None:
-        """Drop the samples before ``stop``."""
+    def cut(self, stop: int) -> int:
+        """Drop the samples before ``stop``, and return their number."""
         n = min(max(stop - self.first, 0), self.stop - self.first)
         left = self.stop - self.first - n
         self._room[:, :left] = self._room[:, n : n + left].copy()
         self.first += n
+        return n
 
 
 class Runs:
     """The samples of a recording, added block by block."""
 
-    def __init__(self, *, size: int | None):
+    def __init__(self, *, size: int | None, complete: bool = False):
         """Start empty.
 
         Args:
-            size: Size of the file in bytes, from which the first arrays are allocated; None to
-                keep no samples, only their indices.
+            size: Size of the file in bytes, which limits the samples held at once; None to keep no
+                samples, only their indices.
+            complete: Whether the samples of the complete file will be held.
         """
-        self._size = size
+        self._size, self._complete = size, complete
+        self._left = 0 if size is None else max(MOST_VOLTS, VOLTS_PER_BYTE * size)
         self._groups: dict[tuple[str, ...], list[_Run]] = {}
         self._rows: dict[str, tuple[list[_Run], int]] = {}
         self.clock: Clock | None = None
@@ -94,7 +97,18 @@ class Runs:
         if self._size is None:
             run.stop += n
         else:
+            self._limit(n * len(layout.names))
             layout.write_volts(layout.columns(block.data), run.extend(n))
+
+    def _limit(self, volts: int) -> None:
+        """Refuse further volts if they exceed the memory that the file may take."""
+        self._left -= volts * np.dtype(float).itemsize
+        if self._left < 0:
+            raise RecordingError(
+                f"its volts exceed the limits MOST_VOLTS = {MOST_VOLTS} bytes and VOLTS_PER_BYTE ="
+                f" {VOLTS_PER_BYTE} for each byte of the file: read it in shorter stretches, with"
+                " sautereau.daq.file.reading.stream"
+            )
 
     def _run(self, layout: SampleLayout, names: str, first: int, n: int) -> _Run:
         """Return the run that ``n`` samples from ``first`` on continue, or begin."""
@@ -106,7 +120,7 @@ class Runs:
         if not runs or first > runs[-1].stop:
             if len(runs) == MOST_RUNS:
                 raise RecordingError(f"{names} has more than the limit of {MOST_RUNS} gaps")
-            room = 0 if runs else (self._size or 0) // layout.size
+            room = self._size // layout.size if self._size and self._complete and not runs else 0
             runs.append(_Run(first, len(layout.names), room))
         if first < runs[-1].stop:
             raise RecordingError(
@@ -166,9 +180,9 @@ class Runs:
             return None
         stop = min(stop, first + n)
         volts = {name: self.volts(name, first, stop).copy() for name in names}
-        for held in self._groups.values():
+        for group, held in self._groups.items():
             for run in held:
-                run.cut(stop)
+                self._limit(-run.cut(stop) * len(group))
             held[:-1] = [run for run in held[:-1] if run.first < run.stop]
         return Stretch(self.clock.t0, self.clock.rate, first, volts)
 

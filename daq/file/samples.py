@@ -39,9 +39,8 @@ class WireBlock(NamedTuple):
 
 def block_head(t0: int, first_sample: int, rate: float, begin: int, size: int) -> bytes:
     """Return the bytes of a Block that precede ``size`` bytes of samples."""
-    values = (t0, first_sample, rate, begin)
-    fields = [part for pair in zip(_TAGS, values, strict=False) for part in pair]
-    return _HEAD.pack(*fields, _TAGS[-1]) + _length(size)
+    a, b, c, d, e = _TAGS
+    return _HEAD.pack(a, t0, b, first_sample, c, rate, d, begin, e) + _length(size)
 
 
 @lru_cache(16)
@@ -106,7 +105,7 @@ class SampleLayout:
         """
         return np.frombuffer(data, TYPES[self.kind]).reshape(len(self.names), -1)
 
-    def write_volts(self, samples: Samples, into: Signal) -> None:
+    def write_volts(self, samples: Samples, into: Signal | NDArray[np.float32]) -> None:
         """Write the volts of samples; both have the shape (n_channels, n)."""
         write_volts(samples, self.scaling, into)
 

@@ -87,20 +87,23 @@ def encode_rows(columns: ArrayLike) -> NDArray[np.uint8]:
     """
     with np.errstate(over="ignore"):  # samples may be any double
         values = np.asarray(columns, "<f4")
-    data = np.empty(values.shape[1], _row_of(len(values)))
+    data = _row_of(len(values)).repeat(values.shape[1])
     for number, column in enumerate(values, 1):
-        data[f"tag {number}"] = _varint(number << 3 | 5)  # 5: 32 bits
         data[f"value {number}"] = column
     return data.view(np.uint8).reshape(len(data), data.itemsize)
 
 
 @cache
-def _row_of(n_fields: int) -> np.dtype:
-    """Return the type of a message of so many numbers of 32 bits."""
+def _row_of(n_fields: int) -> NDArray[Any]:
+    """Return a message of so many zeros of 32 bits, shape (1,)."""
+    tags = {number: _varint(number << 3 | 5) for number in range(1, n_fields + 1)}  # 5: 32 bits
     fields = []
-    for number in range(1, n_fields + 1):
-        fields += [(f"tag {number}", f"V{len(_varint(number << 3))}"), (f"value {number}", "<f4")]
-    return np.dtype(fields)
+    for number, tag in tags.items():
+        fields += [(f"tag {number}", f"V{len(tag)}"), (f"value {number}", "<f4")]
+    row = np.zeros(1, fields)
+    for number, tag in tags.items():
+        row[f"tag {number}"] = tag
+    return row
 
 
 def _varint(value: int) -> bytes:

@@ -42,8 +42,8 @@ def animate(
     phases = find_phases(press)
     start, stop = shown_stretch(press, phases, since, until)
     scene = replay(press, phases, movie.frame_times(start, stop, slow), recorded.arm)
-    with output.progress("drawing frames") as show:
-        movie.animate(out, scene, show)
+    with output.progress("drawing frames"):
+        movie.animate(out, scene)
     plucked = sum(motion.plucks for motion in scene.choirs)
     result = {
         "path": str(out),

@@ -9,6 +9,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Literal, get_args, get_origin
 
 # No matrix here is large enough for the threads of BLAS, which wait for each other in busy loops
@@ -36,8 +37,11 @@ from sautereau.commands import (
     transient,
     watch,
 )
-from sautereau.commands.output import fail
+from sautereau.commands.output import end_output, fail
 from sautereau.commands.signals import ignore_signals
+
+UNREAD = 141
+"""Exit status where the reader of the output has ended: 128 + SIGPIPE, as a shell reports it."""
 
 app = App(
     name="sautereau",
@@ -82,18 +86,21 @@ app.register_install_completion_command()
 def main() -> None:
     """Run the command line and exit with its status: 0, 1 for an error, 2 for wrong usage.
 
-    Ctrl-C gives 130, and any signal that ends a command 128 and its number, as of other programs.
+    Ctrl-C gives 130, and any signal that ends a command 128 and its number, as of other programs;
+    so does a pipe whose reader ends (141).
     With `--json` an error, too, is one JSON object, on standard error.
     """
     as_json = "--json" in sys.argv
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
     try:
         status = app(print_error=False, exit_on_error=False)
     except CycloptsError as error:
         command = " ".join(["sautereau", *(error.command_chain or ())])
         status = fail(as_json, f"{_usage_fault(error)}\nSee: {command} --help", 2)
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of the output has ended: no message would be read
-        status = 1
+    except BrokenPipeError as error:
+        status = _unread(error, as_json)
     except KeyboardInterrupt as error:
         ignore_signals()
         given = str(error)
@@ -110,6 +117,16 @@ def main() -> None:
         else:
             raise
     sys.exit(status)
+
+
+def _unread(error: BaseException, as_json: bool) -> int:
+    """End as the programs do that a pipe without a reader ends: silently, except for the arm."""
+    end_output()
+    if hasattr(error, "__notes__"):
+        message = "stopped, since nothing reads the output; run the same again to continue"
+        with suppress(OSError):  # the same pipe
+            fail(as_json, _with_notes(message, error))
+    return UNREAD
 
 
 def _with_notes(message: str, *errors: BaseException) -> str:

@@ -42,8 +42,8 @@ def campaign(
     if processes is not None and cluster is not None:
         return output.fail("--processes and --cluster exclude each other; give one of them", 2)
     where = processes if cluster is None else cluster
-    with output.progress("reading recordings") as show:
-        made = run_campaign(folder, out, where, on_read=lambda done, total: show(done / total))
+    with output.progress("reading recordings"):
+        made = run_campaign(folder, out, where)
     found = made.campaign
     presses, faults = len(found.table), found.faults
     result = {

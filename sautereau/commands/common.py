@@ -78,6 +78,13 @@ Picture = Annotated[
     Path | None,
     Parameter(help="Save the plot here (.png, .svg, .pdf).", validator=_check_plot_path),
 ]
+Drawing = Annotated[
+    Path | None,
+    Parameter(
+        help="Save a drawing of the bench to scale here (.png, .svg, .pdf).",
+        validator=_check_plot_path,
+    ),
+]
 Time = Annotated[Quantity, "QUANTITY", Parameter(converter=_seconds)]
 Duration = Annotated[Time, Parameter(validator=_check_duration)]
 Seed = Annotated[int | None, Parameter(validator=_check_seed)]
@@ -163,7 +170,7 @@ def opened(what: list[Path], output: Output, *, samples: bool = False) -> "Sessi
 def run(command: Callable[..., int]) -> Callable[..., int]:
     """Return a command that signals stop, that logs, and that refuses existing files.
 
-    The files are its arguments of the types `OutFile` and `Picture`.
+    The files are its arguments of the types `OutFile`, `Picture` and `Drawing`.
     """
     signature = inspect.signature(command)
     files = [name for name, one in signature.parameters.items() if _is_new_file(one.annotation)]
@@ -183,4 +190,4 @@ def run(command: Callable[..., int]) -> Callable[..., int]:
 
 
 def _is_new_file(annotation: Any) -> bool:
-    return annotation in (OutFile, Picture) or OutFile in get_args(annotation)
+    return annotation in (OutFile, Picture, Drawing) or OutFile in get_args(annotation)

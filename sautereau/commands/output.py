@@ -1,6 +1,7 @@
 """What a command prints and where: its answer, warnings and errors, progress, and its log."""
 
 import logging
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -44,14 +45,13 @@ class Output:
         if self.json:
             lines = [json_text({"schema": SCHEMA} | result)]
         if self.json or not self.quiet:
-            sys.stdout.write(printable("\n".join(lines)) + "\n")
+            _write("\n".join(lines))
         return 0
 
     def say(self, line: str) -> None:
         """Print a line while a command runs, unless its answer is JSON."""
         if not (self.json or self.quiet):
-            sys.stdout.write(printable(line) + "\n")
-            sys.stdout.flush()
+            _write(line)
 
     def warn(self, *warnings: str) -> None:
         """Log warnings, which are shown unless the answer is JSON, which holds them."""
@@ -139,6 +139,34 @@ class FileOutput(Output):
             what = (f"{path} already exists; give another name, or --force" for path in there)
             raise SautereauError("\n".join(what))
         return there
+
+
+def _write(text: str) -> None:
+    """Write to standard output at once.
+
+    Raises:
+        BrokenPipeError: Its reader has ended.
+        SautereauError: It cannot be written.
+    """
+    try:
+        sys.stdout.write(printable(text) + "\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        from sautereau.rig.errors import SautereauError
+
+        end_output()
+        raise SautereauError(
+            f"standard output: cannot be written: {error.strerror}; send it elsewhere"
+        ) from error
+
+
+def end_output() -> None:
+    """Discard what standard output still holds, and what is written to it from now on."""
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, sys.stdout.fileno())
+    os.close(nothing)
 
 
 def _is_file(path: Path) -> bool:

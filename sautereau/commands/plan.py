@@ -13,7 +13,7 @@ def plan(
     *,
     out: common.OutFile | None = None,
     plot: common.Picture = None,
-    bench: common.Picture = None,
+    bench: common.Drawing = None,
     output: FileOutput = FileOutput(),
 ) -> int:
     """Plan one press and check it.
@@ -24,8 +24,6 @@ def plan(
     ----------
     out
         File for the controller's segments, as JSON; written only if every check passes.
-    bench
-        Save a drawing of the bench to scale here (.png, .svg, .pdf).
     """
     from sautereau.analysis.summary.plan import plan_lines, plan_summary
     from sautereau.entrance.rig import Rig

@@ -75,14 +75,14 @@ def trade(
 
     bench = common.load_rig(rig)
     if stability:
-        with output.progress("mapping the stability") as progress:
-            found = stability_map.run_stability(bench, progress=progress)
+        with output.progress("mapping the stability"):
+            found = stability_map.run_stability(bench)
         output.answer(stability_map.stability_document(found), stability_map.stability_text(found))
         if stability_map.with_verdict(found, "failed"):
             return output.fail("an engine diverged without an error; see the table")
         return 0
-    with output.progress("measuring speed and accuracy") as progress:
-        measured = run_trade(bench, load_scene(scene), fresh=fresh, progress=progress)
+    with output.progress("measuring speed and accuracy"):
+        measured = run_trade(bench, load_scene(scene), fresh=fresh)
     if plot:
         results.trade_figure(measured).savefig(plot, dpi=120)
     return output.answer(results.trade_document(measured), results.trade_text(measured), plot)

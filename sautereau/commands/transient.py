@@ -54,8 +54,10 @@ def _known(texts: list[str]) -> "dict[Source, list[float]]":
     faults = []
     sources = {"key": Source.KEY, "finger": Source.FINGER, "transducer": Source.TRANSDUCER}
     for text in texts:
-        name, _, value = text.partition("=")
+        name, equals, value = text.partition("=")
         try:
+            if not equals:
+                raise ValueError('write it like "key=350 Hz"')
             frequency = parse_quantity(value.strip(), "Hz")
         except ValueError as error:
             faults.append(f"--known {text}: {error}")

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.identify import fit as fitting
-from sautereau.analysis.identify.compliant import fit_compliant
+from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.identified import Identified, evaluate
-from sautereau.analysis.identify.parameters import FORCE, read_prior, rig_values
+from sautereau.analysis.identify.parameters import read_prior, rig_values
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.summary.fit import fit_lines, fit_summary
@@ -139,8 +139,6 @@ def fitted(
 ) -> Fit:
     """Fit parameters to presses; see `Session.identify`."""
     known = dict(read_prior(text) for text in priors)
-    dynamics = fitting.inverse_dynamics(presses, phases, names, known, level)
-    rigid = fitting.fit(dynamics, starts, robust, levelled=FORCE in names)
-    made = fit_compliant(rigid, robust)
+    made = fit_presses(presses, phases, names, known, level, starts, robust)
     simulated = any(press.simulated for press in presses)
     return Fit(presses[0].rig, simulated, tuple(mixed), made, evaluate(made))

@@ -30,8 +30,9 @@ def recordings_of(what: str | Path, folder: str | Path | None) -> tuple[list[Pat
         found = [Path(name) for name in sorted(glob(str(what)))]  # noqa: PTH207 (absolute patterns)
     missing = [str(one) for one in found if not one.is_file()]
     if missing or not found:
+        there = "it holds no recording" if path.is_dir() else "there is no such file or folder"
         raise AnalysisError(
-            f"{what}: {f'there is no {missing[0]}' if missing else 'it holds no recording'};"
+            f"{what}: {f'there is no {missing[0]}' if missing else there};"
             " give recordings (NAME.mcap), the folder of a session, or a campaign's table with"
             " the folder of its recordings"
         )

@@ -32,8 +32,9 @@ class Rig(Shown):
     def __init__(self, source: "str | Path | schema.Rig | Rig" = "paper"):
         self.path: Path | None = None
         """File of the rig; None for a packaged one or one from a recording."""
+        self._changed = False
         if isinstance(source, Rig):
-            self.path, self.values = source.path, source.values
+            self.path, self.values, self._changed = source.path, source.values, source._changed
         elif isinstance(source, schema.Rig):
             self.values: schema.Rig = source
             """Its values as SI numbers: `rig.values.plectrum.overlap`."""
@@ -42,7 +43,8 @@ class Rig(Shown):
             self.values = load.load_rig(source)
 
     def __repr__(self) -> str:
-        return f"<Rig {self.values.name}{f' of {self.path}' if self.path else ''}>"
+        of = f" of {self.path}" if self.path else ""
+        return f"<Rig {self.values.name}{of}{', with other values' * self._changed}>"
 
     @property
     def name(self) -> str:
@@ -76,7 +78,7 @@ class Rig(Shown):
             RigError: A key is unknown or ambiguous, or the new rig is not valid.
         """
         changed = Rig(load.with_values(self.values, named_values(values, named)))
-        changed.path = self.path
+        changed.path, changed._changed = self.path, True
         return changed
 
     def plan(self) -> "Plan":

@@ -1,5 +1,6 @@
 """How objects are shown: a short text, a table in notebooks, a figure."""
 
+from abc import ABC, abstractmethod
 from html import escape
 from io import BytesIO
 from typing import TYPE_CHECKING
@@ -9,12 +10,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Shown:
+class Shown(ABC):
     """An object with a table."""
 
+    @abstractmethod
     def to_frame(self) -> "pd.DataFrame":
         """Return the object as a table in SI units; `attrs["units"]` has the units."""
-        raise NotImplementedError(f"{type(self).__name__} has no table; use its attributes")
 
     def _repr_html_(self) -> str:
         return f"<p>{escape(repr(self))}</p>{self.to_frame()._repr_html_()}"  # pyright: ignore

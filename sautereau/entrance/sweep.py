@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sautereau.analysis.figures.palette import DASHES, SERIES
 from sautereau.analysis.model.batch import DERIVED, PredictionBatch, predict_many
 from sautereau.analysis.model.pluck.paths import Status
 from sautereau.entrance.shown import Shown, shown
@@ -13,9 +15,9 @@ from sautereau.rig.errors import RigError
 from sautereau.rig.extras import require
 from sautereau.rig.faults import unit_of
 from sautereau.rig.named import full_key
-from sautereau.rig.quantities import QUANTITIES
+from sautereau.rig.quantities import DISPLAYED, QUANTITIES
 from sautereau.rig.schema import Rig
-from sautereau.rig.units import parse_quantity
+from sautereau.rig.units import parse_quantity, readable_quantity
 from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
@@ -26,6 +28,8 @@ POINTS = 25
 """Values of a range that is given as `...`."""
 SHOWN = ("pluck_duration", "peak_force", "v_osc")
 """Quantities of the figure."""
+LISTED = 24
+"""Lines that its legend lists at most."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,7 +55,7 @@ class Sweep(Shown):
         columns["status"] = [Status(value).name for value in columns["status"]]
         frame = pd.DataFrame(columns, index)
         units = {name: QUANTITIES[name].unit for name in columns if name in QUANTITIES}
-        units |= {key: unit_of(Rig, key.split(".")) or "" for key in self.values}
+        units |= {key: _unit(key) for key in self.values}
         frame.attrs = {"units": units}
         return frame
 
@@ -73,15 +77,21 @@ class Sweep(Shown):
         """Return a figure over the first value, with a line for each of the others."""
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(12, 4), layout="constrained")
-        (key, along), *_ = self.values.items()
+        figure = Figure(figsize=(12, 4.5), layout="constrained")
+        (key, along), *others = self.values.items()
+        labels = [", ".join(texts) for texts in product(*(_texts(*other) for other in others))]
+        factor, name_of_unit = DISPLAYED.get(unit := _unit(key), (1.0, unit))
         for axes, name in zip(figure.subplots(1, len(SHOWN)), SHOWN, strict=True):
             scale, unit = QUANTITIES[name].displayed
-            over = getattr(self.batch, name).reshape(len(along), -1)
-            axes.plot(along, over * scale)
-            axes.set(xlabel=f"{key} ({unit_of(Rig, key.split('.'))})")
-            axes.set_ylabel(QUANTITIES[name].title(unit))
+            over = getattr(self.batch, name).reshape(len(along), -1) * scale
+            for line, (values, label) in enumerate(zip(over.T, labels, strict=True)):
+                style = {"color": SERIES[line % len(SERIES)], "ls": DASHES[line % len(DASHES)]}
+                axes.plot(along * factor, values, label=label, **style)
+            axes.set(xlabel=f"{key} ({name_of_unit})", ylabel=QUANTITIES[name].title(unit))
             axes.grid(alpha=0.3)
+        if 1 < len(labels) <= LISTED:
+            handles, _ = axes.get_legend_handles_labels()
+            figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=9)
         figure.suptitle(repr(self).strip("<>"))
         return shown(figure)
 
@@ -96,13 +106,21 @@ def sweep(rig: Rig, values: Mapping[str, Any]) -> Sweep:
     return Sweep(rig, axes, predict_many(rig, grid))
 
 
+def _unit(key: str) -> str:
+    return unit_of(Rig, key.split(".")) or ""
+
+
+def _texts(key: str, values: Floats) -> list[str]:
+    return [f"{key} {readable_quantity(value, _unit(key))}" for value in values.tolist()]
+
+
 def _axis(rig: Rig, key: str, value: Any) -> Floats:
     """Return the values of one key [SI], shape (values,)."""
     if value is ...:
         if key not in rig.assumed:
             raise RigError(f"sweep: {key} has no assumed range in the rig; give its values")
         return np.linspace(*rig.assumed[key], POINTS)
-    unit = unit_of(Rig, key.split(".")) or "1"
+    unit = _unit(key) or "1"
     several = value if np.ndim(value) else [value]
     try:
         found = [parse_quantity(v, unit) if isinstance(v, str) else float(v) for v in several]

@@ -10,6 +10,7 @@ import select
 import socket
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Self
 
@@ -62,7 +63,7 @@ def accepted(listener: socket.socket) -> socket.socket | None:
         return None
 
 
-class Port:
+class Port(ABC):
     """The thread and its state: subclasses open, wait, read and write.
 
     Args:
@@ -145,14 +146,17 @@ class Port:
                 if writable:
                     del answers[: send(answers[:_CHUNK])]
 
+    @abstractmethod
     def _open(self) -> None:
-        raise NotImplementedError(f"{type(self).__name__} does not say how it opens")
+        """Open the line and set its URL."""
 
+    @abstractmethod
     def _close(self) -> None:
-        raise NotImplementedError(f"{type(self).__name__} does not say how it closes")
+        """Close what `_open` has opened."""
 
+    @abstractmethod
     def _serve(self) -> None:
-        raise NotImplementedError(f"{type(self).__name__} does not say how it serves")
+        """Answer the hosts until the port closes."""
 
 
 class PtyPort(Port):

@@ -1,5 +1,6 @@
 """What emulated controllers share that keep no motion, so that the host streams it."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Generic, Protocol, TypeVar
 
@@ -45,7 +46,7 @@ class StreamedAxis(Protocol):
 AxisT = TypeVar("AxisT", bound=StreamedAxis)
 
 
-class StreamedController(Generic[AxisT]):
+class StreamedController(ABC, Generic[AxisT]):
     """An `Emulator` of two axes, with simulated time that may wait for the host (decision 0006).
 
     It is not thread-safe; see `GalilFirmware`.
@@ -65,9 +66,10 @@ class StreamedController(Generic[AxisT]):
         self._granted = 0
 
     @property
+    @abstractmethod
     def streaming(self) -> bool:
         """Whether the motion is the host's, position by position."""
-        raise NotImplementedError(f"{type(self).__name__} does not say when it follows setpoints")
+        ...
 
     @property
     def motors_on(self) -> tuple[bool, bool]:

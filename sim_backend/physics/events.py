@@ -38,9 +38,9 @@ class Motions:
     time: Floats
     """s of simulated time, end of each step."""
     angle: Floats
-    """rad, of the key."""
+    """rad, of the key as the laser sees it: the depth under the spot over its arm."""
     angular_velocity: Floats
-    """rad/s, of the key."""
+    """rad/s, likewise."""
     rise: Floats
     """m, of the first jack above its rest."""
     finger_force: Floats

@@ -6,9 +6,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import GRAVITY
-from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.parts import Bending, Fingertip, Play
+from sautereau.sim_backend.scene import Scene, load_scene
 
 Engine = Literal["rigid", "exact"]
 ENGINES: tuple[Engine, ...] = ("rigid", "exact")
@@ -21,7 +23,7 @@ SPEEDS = (0.005, 0.02, 0.072, 0.3, 1.0)
 """m/s, of the jack."""
 FORCES = (0.01, 0.3, 1.2, 10.0, 100.0)
 """N, of a push."""
-MASS_RATIOS = (1.0, 10.0, 1e2, 1e3, 1e4)
+MASS_RATIOS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4)
 """Dimensionless, the key's inertia over the jack's about the pin."""
 STIFFNESSES = (1e-3, 0.1, 10.0, 1e3)
 """Dimensionless factors on the rig's."""
@@ -54,7 +56,8 @@ def grid(rig: Rig) -> Iterator[Case]:
             step = MIDDLE if speed > SPEEDS[0] else SLOW
             yield Case(f"ideal at {speed:g} m/s", _ideal(engine, step), at_speed(rig, speed))
         for ratio in MASS_RATIOS:
-            yield Case(f"mass ratio {ratio:g}", _push(engine), mass_ratio(rig, ratio))
+            force = min(100.0, 1.2 + 0.5 / ratio if ratio < 1 else 1.2)  # four times its jack's
+            yield Case(f"mass ratio {ratio:g}", _push(engine, force=force), mass_ratio(rig, ratio))
             yield Case(f"ideal, mass ratio {ratio:g}", _ideal(engine), mass_ratio(rig, ratio))
         for times in STIFFNESSES:
             for part in ("string", "plectrum"):
@@ -66,8 +69,62 @@ def grid(rig: Rig) -> Iterator[Case]:
                 _push(engine, force=2.0),
                 {"plectrum.overlap": f"{overlap!r} m"},
             )
+        yield from _families(rig, engine)
         yield from _frictions(rig, engine)
         yield from _stops(rig, engine)
+
+
+def _families(rig: Rig, engine: Engine) -> Iterator[Case]:
+    """Yield cases with the parts that a scene may have beside those of the others."""
+    push, ideal = _push(engine), _ideal(engine)
+    servo = _with(ideal, finger="servo", servo=load_scene("paper").servo)
+    more, pad = _more_choirs(rig), _pad(3e4, 5.0)
+    for gravity in (0.0, 1.62, 100.0):
+        for name, scene in (("push", push), ("ideal", ideal), ("servo", servo)):
+            yield Case(f"{name}, gravity {gravity:g} m/s^2", _with(scene, gravity=gravity))
+    for name, scene in (("push", push), ("ideal", ideal), ("servo", servo)):
+        yield Case(f"{name}, two choirs", _with(scene, more_choirs=more[:1]))
+        yield Case(f"{name}, three choirs", _with(scene, more_choirs=more))
+        returns = scene if scene.push is None else _push(engine, duration=0.03, rest=0.15)
+        yield Case(f"{name}, tongue and damper", _with(returns, tongue=True, damper=True))
+    for step in (MIDDLE, SLOW, STEPS[-1]):
+        yield Case(f"servo, step {step * 1e6:g} us", _with(servo, step=step))
+    for name, scene in (("ideal", ideal), ("servo", servo)):
+        yield Case(f"{name} with a pad", _with(scene, fingertip=pad))
+        yield Case(f"{name} with a soft pad", _with(scene, fingertip=_pad(1e3)))
+    if engine == "exact":
+        return
+    bending = Bending.model_validate({"frequency": "400 Hz"})
+    play = Play.model_validate({"stiffness": "200 kN/m", "damping": "5 N s/m"})
+    deep = play.model_copy(update={"stiffness": 5e3, "clearance": 0.05e-3})
+    for name, scene in (("push", push), ("ideal with a pad", _with(ideal, fingertip=pad))):
+        yield Case(f"{name}, bending", _with(scene, bending=bending))
+        yield Case(f"{name}, play", _with(scene, play=play))
+        yield Case(f"{name}, modal string", _with(scene, string="modal"))
+    yield Case("servo, play", _with(servo, play=play))
+    yield Case("servo, play down to the rail", _with(servo, play=deep))
+
+
+def _more_choirs(rig: Rig) -> tuple[Choir, ...]:
+    """Return two choirs with other arms and clearances than the rig's."""
+    return tuple(
+        Choir.model_construct(
+            jack_arm=rig.key.jack_arm + 0.012 * n,
+            jack=rig.jack.model_copy(update={"string_clearance": (1.5 - 0.4 * n) * 1e-3}),
+            plectrum=rig.plectrum,
+            string=rig.string,
+        )
+        for n in (1, 2)
+    )
+
+
+def _pad(stiffness: float, damping: float = 0.0) -> Fingertip:
+    """Return a pad of a stiffness [N/m] and a damping [N s/m]."""
+    return Fingertip.model_construct(stiffness=stiffness, damping=damping)
+
+
+def _with(scene: Scene, **changes: Any) -> Scene:
+    return scene.model_copy(update=changes)
 
 
 def _frictions(rig: Rig, engine: Engine) -> Iterator[Case]:

@@ -8,7 +8,6 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -16,6 +15,7 @@ from pathlib import Path
 from sautereau.analysis.errors import ModelError
 from sautereau.rig.disk import write_durably
 from sautereau.rig.load import rig_json
+from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
@@ -42,12 +42,7 @@ ENOUGH = 0.3
 """s, total duration of runs after which there are no more."""
 
 
-def run_trade(
-    rig: Rig,
-    scene: Scene,
-    fresh: bool = False,
-    progress: Callable[[float], None] = lambda fraction: None,
-) -> Trade:
+def run_trade(rig: Rig, scene: Scene, fresh: bool = False) -> Trade:
     """Measure error and speed of a scene over engine, step, iterations, level and string.
 
     The truth is the reference solution of the scene, with the best level and string where it
@@ -57,16 +52,14 @@ def run_trade(
         rig: The nominal bench.
         scene: With a step or an accuracy, which only affects the recommendation.
         fresh: Measure again, even if the result is in the cache.
-        progress: Called with the fraction that is done, from 0 to 1.
 
     Raises:
         SceneError: The scene cannot be simulated.
     """
     found = None if fresh else stored_trade(rig, scene)
     if found is None:
-        found = _measured(rig, scene, progress)
+        found = _measured(rig, scene)
         store_trade(rig, scene, found)
-    progress(1.0)
     return found
 
 
@@ -131,16 +124,12 @@ def _path(rig: Rig, scene: Scene) -> Path:
     return platformdirs.user_cache_path("sautereau", appauthor=False) / "trade" / f"{name}.json"
 
 
-def _measured(rig: Rig, scene: Scene, progress: Callable[[float], None]) -> Trade:
+def _measured(rig: Rig, scene: Scene) -> Trade:
     true = scene.true_rig(rig)
     drive = drive_of(rig, scene)
     exact = best_models(true, scene)
     truth = reference(rig, exact, drive)
-    ways = _ways(true, exact)
-    points = []
-    for i, way in enumerate(ways):
-        progress(i / len(ways))
-        points.append(_point(rig, way, drive, truth))
+    points = [_point(rig, way, drive, truth) for way in tracked(_ways(true, exact))]
     good = [i for i, point in enumerate(points) if not point.failed]
     front = pareto_front(
         [points[i].error or 0.0 for i in good],

@@ -17,6 +17,7 @@ from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.replay import replay
 from sautereau.daq.file.recorded import Plan
 from sautereau.rig.load import load_rig
+from sautereau.rig.progress import progress_to
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import draft_press
 from tests.plots import texts
@@ -56,7 +57,8 @@ def test_too_few_or_too_many_frames_are_refused(slow, word):
 def test_a_gif_has_all_frames_and_their_time(tmp_path, scene):
     path = tmp_path / "new" / "press.gif"
     shares = []
-    animate(path, scene, shares.append)
+    with progress_to(shares.append):
+        animate(path, scene)
     with Image.open(path) as film:
         assert film.n_frames == len(scene.time) == 4
         assert film.info["duration"] == 1000 / FRAME_RATE

@@ -21,6 +21,7 @@ from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.features import features
 from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.progress import progress_to
 
 GOOD = 12
 
@@ -134,12 +135,12 @@ def test_an_interrupted_campaign_is_continued(campaign_folder, complete, tmp_pat
     monkeypatch.setattr(campaign_run, "BATCH", 1)
     out = tmp_path / "table.parquet"
 
-    def stop(done, total):
-        if done == 3:
+    def stop(fraction):
+        if round(fraction * GOOD) == 3:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        run_campaign(campaign_folder, out, on_read=stop)
+    with pytest.raises(KeyboardInterrupt), progress_to(stop):
+        run_campaign(campaign_folder, out)
     assert len(read_campaign(out).table) == 3
     found = run_campaign(campaign_folder, out)
     assert (found.read, found.kept) == (GOOD - 3, 3)
@@ -149,14 +150,16 @@ def test_an_interrupted_campaign_is_continued(campaign_folder, complete, tmp_pat
 KILLED = """
 import os, signal, sys
 from sautereau.analysis.campaign import run
+from sautereau.rig.progress import progress_to
 
 run.BATCH = run.UNWRITTEN = 1
 
-def kill(done, total):
-    if done == 5:
+def kill(fraction):
+    if round(fraction * int(sys.argv[3])) == 5:
         os.kill(os.getpid(), signal.SIGKILL)
 
-run.run_campaign(sys.argv[1], sys.argv[2], 2, on_read=kill)
+with progress_to(kill):
+    run.run_campaign(sys.argv[1], sys.argv[2], 2)
 """
 
 
@@ -166,17 +169,18 @@ def test_a_killed_campaign_is_continued_and_leaves_no_process(
     out = tmp_path / "table.parquet"
     # The workers inherit the pipe, so communicate() returns when the last of them has ended.
     pipe = {"stdout": subprocess.PIPE}
-    with command_server.start("-c", KILLED, campaign_folder, out, **pipe) as killed:
+    with command_server.start("-c", KILLED, campaign_folder, out, str(GOOD), **pipe) as killed:
         killed.communicate(timeout=60)
-    assert len(read_campaign(out).table) == 4
+    assert len(read_campaign(out).table) == 5
     left = out.with_name(f".{out.name}.00.new")
     left.write_bytes(b"of an interrupted write")
     monkeypatch.setattr(campaign_run, "BATCH", 1)
     progress = []
-    found = run_campaign(campaign_folder, out, on_read=lambda *done: progress.append(done))
-    assert found.kept == 4
+    with progress_to(progress.append):
+        found = run_campaign(campaign_folder, out)
+    assert found.kept == 5
     assert found.campaign.table.equals(complete.table)
-    assert progress == [(done, GOOD - 4) for done in range(1, GOOD - 3)]
+    assert progress == [done / (GOOD - 5) for done in range(1, GOOD - 4)]
     assert not left.exists()
 
 

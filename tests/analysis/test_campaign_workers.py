@@ -18,6 +18,7 @@ from sautereau.analysis.campaign.workers import run_over
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.batch import predict_many
 from sautereau.rig.load import load_rig
+from sautereau.rig.progress import progress_to
 from sautereau.sim_backend.physics.exact.sweep import sweep
 from sautereau.sim_backend.scene import load_scene
 
@@ -105,12 +106,13 @@ def test_a_killed_worker_changes_no_table(campaign_folder, tmp_path, monkeypatch
     here = run_campaign(campaign_folder, tmp_path / "here.parquet").campaign
     with cluster(2) as (address, processes):
 
-        def kill(done, total):
-            if done == total // 2:
+        def kill(fraction):
+            if fraction >= 0.5 and processes[0].poll() is None:
                 processes[0].kill()
 
         out = tmp_path / "there.parquet"
-        there = run_campaign(campaign_folder, out, address, on_read=kill).campaign
+        with progress_to(kill):
+            there = run_campaign(campaign_folder, out, address).campaign
         assert processes[0].wait() == -signal.SIGKILL
     assert there.table.equals(here.table)
     assert not there.faults

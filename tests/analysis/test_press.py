@@ -97,15 +97,6 @@ def test_an_input_that_a_multiplexer_samples_later(paper, record, early):
     assert (press.data.index[0], len(press.data)) == (skipped / RATE, 4000 - skipped)
 
 
-def test_ac_coupling_is_inverted(paper, record):
-    """A step of force through AC coupling of 0.1 Hz is restored as a step."""
-    rig = ideal(paper, **{"daq.channels.1.high_pass": "0.1 Hz"})
-    time = np.arange(25_600) / RATE
-    volts = np.stack([np.zeros_like(time), np.exp(-2 * np.pi * 0.1 * time)])
-    press = load_press(record(rig, volts))
-    np.testing.assert_allclose(press.data["force"], 1.0, atol=1e-9)
-
-
 def test_nothing_is_filled_in(paper, record):
     press = load_press(record(paper, np.random.default_rng(0).standard_normal((2, 3000))))
     assert np.isfinite(press.data.to_numpy()).all()

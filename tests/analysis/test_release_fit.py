@@ -4,12 +4,7 @@ import re
 
 import pytest
 
-from examples.release_fit import (
-    fit_release,
-    overlap_for_duration,
-    overlap_for_speed,
-    release_as_is,
-)
+from examples.release_fit import fit_release, release_as_is
 from examples.table_1 import PAGE, page
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.levels import plectrum_map
@@ -32,10 +27,10 @@ def test_the_papers_two_scalars():
 
 
 def test_table_1_cannot_give_both():
-    slow = overlap_for_duration(RIG, 20e-3)
+    slow = fit_release(RIG, 20e-3)
     assert slow.overlap == pytest.approx(0.263e-3, abs=0.5e-6)
     assert slow.v_osc > 2 * 0.46
-    fast = overlap_for_speed(RIG, 0.46)
+    fast = fit_release(RIG, v_osc=0.46)
     assert fast.lift == pytest.approx(0.226e-3, abs=0.5e-6)
     assert fast.duration == pytest.approx(7.0e-3, abs=0.05e-3)
 
@@ -63,8 +58,8 @@ def test_the_map_depends_on_force_over_modulus(level):
 @pytest.mark.parametrize("overlap", [0.05e-3, 0.263e-3, 0.9e-3])
 def test_an_overlap_is_found_again(overlap):
     truth = release_as_is(with_plectrum(overlap=overlap))
-    assert overlap_for_duration(RIG, truth.duration).overlap == pytest.approx(overlap, rel=1e-6)
-    assert overlap_for_speed(RIG, truth.v_osc).overlap == pytest.approx(overlap, rel=1e-6)
+    assert fit_release(RIG, truth.duration).overlap == pytest.approx(overlap, rel=1e-6)
+    assert fit_release(RIG, v_osc=truth.v_osc).overlap == pytest.approx(overlap, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -79,6 +74,8 @@ def test_what_is_no_release_is_refused(duration, v_osc):
 def test_both_faults_are_reported():
     with pytest.raises(ModelError, match=r"(?s)duration.*v_osc"):
         fit_release(RIG, -1.0, -1.0)
+    with pytest.raises(ModelError, match="nothing to fit"):
+        fit_release(RIG)
 
 
 @pytest.mark.parametrize(
@@ -86,8 +83,8 @@ def test_both_faults_are_reported():
     [
         lambda: fit_release(RIG, 7e-3, 3.0),  # the lift alone is more than the jack rises
         lambda: fit_release(RIG, 1.0, 0.46),  # the tip's deflection would exceed its length
-        lambda: overlap_for_duration(RIG, 1.0),
-        lambda: overlap_for_speed(RIG, 20.0),
+        lambda: fit_release(RIG, 1.0),
+        lambda: fit_release(RIG, v_osc=20.0),
     ],
 )
 def test_what_no_plectrum_gives_is_refused(ask):

@@ -1,6 +1,7 @@
 """Sources of oscillations against presses whose truth is known."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -36,12 +37,12 @@ def pressed():
 
 @pytest.fixture(scope="module")
 def examined(pressed):
-    """What a press shows, by its factor and the number that it is given; each examined once."""
+    """What a press shows, by its factor; each examined once."""
 
     @cache
-    def of_press(name, number=0):
+    def of_press(name):
         loaded, _, phases = pressed[name]
-        return examine(loaded, phases, number)
+        return examine(loaded, phases)
 
     return of_press
 
@@ -104,7 +105,9 @@ def test_a_measured_mode_decides(pressed, examined):
 
 
 def test_presses_are_combined(examined):
-    once, twice = (combine([examined("all stiff", k) for k in range(n)]) for n in (1, 2))
+    first = examined("all stiff")
+    second = replace(first, observed=tuple(replace(each, press=1) for each in first.observed))
+    once, twice = combine([first]), combine([first, second])
     assert [o.frequency for o in once] == pytest.approx([o.frequency for o in twice])
     for one, both in zip(once, twice, strict=True):
         assert both.presses == 2

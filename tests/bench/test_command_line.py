@@ -11,13 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sautereau.commands.app import app, main
+from sautereau.commands.app import UNREAD, app, main
 from sautereau.rig.load import load_rig
 from sautereau.robot.experiment.folder_lock import LOCK
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import joints_holding_point
 from sautereau.trajectory.motion import Motion
+
+PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
 
 
 def refused(done: subprocess.CompletedProcess, *words: str) -> None:
@@ -289,6 +291,48 @@ def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
     assert stand_in.bench.firmware.motors_on == (False, False)
     for left in (tmp_path / "out").iterdir():
         assert left.suffix in (".mcap", ".json") or left.name == LOCK or left.name in message
+
+
+def test_a_session_whose_reader_ends_stops_and_says_that_the_motors_are_off(
+    command_server, rig_file, tmp_path, bare
+):
+    words = ("press", rig_file(), "--scene", bare, "-n", 99, "--out", "out")
+    with command_server.start(*words, cwd=tmp_path, **PIPES) as process:
+        while "press-0001" not in process.stdout.readline():
+            pass
+        process.stdout.close()
+        message = process.stderr.read()
+    assert process.returncode == UNREAD
+    assert "nothing reads the output" in message
+    assert "motors are off" in message
+    assert "Traceback" not in message
+
+
+def test_other_commands_end_silently_when_their_reader_does(command_server, tmp_path):
+    with command_server.start("plan", cwd=tmp_path, **PIPES) as process:
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == UNREAD
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")
+def test_an_output_that_cannot_be_written_is_an_error(command_server, tmp_path):
+    with (
+        Path("/dev/full").open("wb") as full,
+        command_server.start("plan", cwd=tmp_path, **PIPES | {"stdout": full}) as process,
+    ):
+        assert "standard output: cannot be written" in process.stderr.read()
+    assert process.returncode == 1
+
+
+def test_closed_streams_change_nothing(command_server, tmp_path):
+    program = """
+import sys
+from sautereau.commands.app import main
+sys.argv, sys.stdout, sys.stderr = ["sautereau", "plan"], None, None
+main()
+"""
+    assert command_server.run("-c", program, folder=tmp_path).returncode == 0
 
 
 def test_plain_clients_press_against_a_served_stand_in(command_server, tmp_path, sautereau):

@@ -13,8 +13,7 @@ from sautereau.rig.errors import RigError, SautereauError
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.monitor import Made, Stage
 from sautereau.robot.experiment.session_folder import read_manifest
-
-README = Path(__file__).parents[2] / "README.md"
+from tests.pages import read_page
 
 
 @pytest.fixture
@@ -26,7 +25,7 @@ def quick(bare, quick_rig):
 def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rig_file().rename("my-rig.toml")
-    snippet = README.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    snippet = read_page("../README.md").bodies("python")[0]
     names = {}
     quicker = snippet.replace("press(5", "press(2").replace('overlap"])', 'overlap"], starts=1)')
     exec(quicker, names)

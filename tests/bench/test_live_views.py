@@ -101,21 +101,23 @@ def test_a_new_press_starts_a_new_trace():
 
 @pytest.fixture
 def foxglove():
-    pytest.importorskip("foxglove")
+    pytest.importorskip("websockets")
     from sautereau.commands.live.foxglove import FoxgloveView
 
     return FoxgloveView
 
 
-def received(port, show, topics):
-    """Connect as Foxglove does, subscribe to all, and return the messages of each topic."""
+def connected(view, **more):
     from websockets.sync.client import connect
 
+    options = {"subprotocols": ["foxglove.sdk.v1"], "proxy": None, "close_timeout": 0.2}
+    return connect(f"ws://127.0.0.1:{view.port}", **options, **more)
+
+
+def received(view, show, topics):
+    """Connect as Foxglove does, subscribe to all, and return the messages of each topic."""
     channels, found = {}, {}
-    address = f"ws://127.0.0.1:{port}"
-    with connect(
-        address, subprotocols=["foxglove.sdk.v1"], proxy=None, close_timeout=0.2
-    ) as client:
+    with connected(view) as client:
         while not topics <= set(channels.values()) or sum(map(len, found.values())) == 0:
             message = client.recv(timeout=20)
             if isinstance(message, str):
@@ -139,6 +141,12 @@ def received(port, show, topics):
     return found
 
 
+def last(viewer):
+    """Read until the connection ends."""
+    while True:
+        viewer.recv(timeout=20)
+
+
 def test_foxglove_sees_previews_and_events(foxglove):
     """An independent client reads our messages, under the topic names of the layout."""
     topics = {"/preview", "/events"}
@@ -150,7 +158,7 @@ def test_foxglove_sees_previews_and_events(foxglove):
             blocks = [samples(press, first) for first in range(0, 8192, 1024)]
             view.show([Stage("moving", "reading", press), *blocks, Fault("oh")], 0)
 
-        found = received(view.port, show, topics)
+        found = received(view, show, topics)
     at, data = found["/preview"][0]
     scale = RIG.daq.channel("force").scale
     schema = schema_data({"Preview": [channel.name for channel in RIG.daq.channels]})
@@ -174,13 +182,72 @@ def test_foxglove_is_served_on_the_loopback_alone(foxglove):
         assert not [a for a in own if a.startswith("00000000:")]
 
 
+@pytest.mark.parametrize(
+    ("origin", "served"),
+    [
+        (None, True),
+        ("https://app.foxglove.dev", True),
+        ("file://", True),
+        ("app://foxglove", True),
+        ("null", False),
+        ("http://localhost:3000", False),
+        ("https://app.foxglove.dev.example.org", False),
+    ],
+)
+def test_other_web_pages_cannot_read_the_live_view(foxglove, origin, served):
+    from websockets.exceptions import InvalidStatus
+
+    with foxglove("rig", port=0) as view:
+        if served:
+            with connected(view, origin=origin) as viewer:
+                assert json.loads(viewer.recv(timeout=20))["name"] == "rig"
+        else:
+            with pytest.raises(InvalidStatus, match="403"), connected(view, origin=origin):
+                pass
+
+
+@pytest.mark.parametrize(
+    "message",
+    ["", "[", "{}", '{"op": "subscribe"}', b"\0\xff", "[" * 60_000,
+     '{"op": "subscribe", "subscriptions": [{"id": Infinity, "channelId": 1}]}'],
+)  # fmt: skip
+def test_what_is_no_subscription_ends_a_viewer_and_no_other(foxglove, message):
+    from websockets.exceptions import ConnectionClosed
+
+    with foxglove("rig", port=0) as view, connected(view) as other:
+        view.show([Fault("oh")], 0)
+        with connected(view) as viewer:
+            viewer.send(message)
+            with pytest.raises(ConnectionClosed):
+                last(viewer)
+        told = [json.loads(other.recv(timeout=20))["op"] for _ in range(3)]
+        assert told == ["serverInfo", "advertise", "advertise"]
+
+
+def test_a_viewer_that_does_not_read_is_disconnected(foxglove, monkeypatch):
+    from websockets.exceptions import ConnectionClosed
+
+    from sautereau.commands.live import server
+
+    monkeypatch.setattr(server, "BEHIND", 100_000)
+    with foxglove("rig", port=0) as view, connected(view) as viewer:
+        view.show([Fault("oh")], 0)
+        asked = [{"id": 1, "channelId": 1}]
+        viewer.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
+        viewer.ping().wait(20)
+        for _ in range(200):
+            view.show([Fault("x" * 100_000)], 0)
+        with pytest.raises(ConnectionClosed):
+            last(viewer)
+
+
 def test_a_port_that_is_taken_is_no_hindrance(foxglove):
     with foxglove("rig", port=0) as first, foxglove("rig", port=first.port) as second:
         assert second.port != first.port
 
 
 def test_without_the_package_it_says_what_to_install(foxglove, monkeypatch):
-    monkeypatch.setitem(sys.modules, "foxglove", None)
+    monkeypatch.setitem(sys.modules, "websockets", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'sautereau\[live\]'"):
         foxglove("rig")
 

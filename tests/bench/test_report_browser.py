@@ -182,6 +182,11 @@ def until(page, condition):
     raise AssertionError("the condition was not fulfilled within 10 s")
 
 
+DRAWN = """() => [...document.querySelectorAll('.plot')].every(plot =>
+  Math.abs(plot.querySelector('.main-svg').clientWidth - plot.clientWidth) < 2)"""
+"""Plotly draws again some time after the page was resized."""
+
+
 def brightness(page):
     colour = page.evaluate("() => getComputedStyle(document.body).backgroundColor")
     return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3
@@ -192,7 +197,7 @@ def brightness(page):
 def test_no_text_overlaps_another_and_nothing_is_cut(page, width, scheme):
     page.emulate_media(color_scheme=scheme)
     page.set_viewport_size({"width": width, "height": 900})
-    page.wait_for_timeout(300)  # plotly draws again after the page was resized
+    until(page, lambda: page.evaluate(DRAWN))
     found = page.evaluate(OVERLAPS)
     page.set_viewport_size({"width": 1200, "height": 900})
     assert found["texts"] > 100

@@ -1,8 +1,6 @@
 """docs/add-an-import-format.md, followed literally: a format from outside the package."""
 
-import re
 import shlex
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,41 +10,29 @@ from sautereau.commands.app import app
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 
-PAGE = Path(__file__).parents[2] / "docs" / "add-an-import-format.md"
-
 
 @pytest.fixture
-def package(tmp_path, monkeypatch, install):
-    """Write the page's files into a folder, and install it as pip would."""
-    page = PAGE.read_text(encoding="utf-8")
-    for title, body in re.findall(r'```\w+ title="([^"]+)"\n(.*?)```', page, re.DOTALL):
-        (tmp_path / title).write_text(body, encoding="utf-8")
-    install(tmp_path, tomllib.loads((tmp_path / "pyproject.toml").read_text())["project"])
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+def command(follow):
+    (text,) = follow("add-an-import-format.md").bodies("sh")
+    return shlex.split(text.replace("\\\n", " "))[1:]
 
 
-def command():
-    (text,) = re.findall(r"```sh\nsautereau (import .*?)```", PAGE.read_text(), re.DOTALL)
-    return shlex.split(text.replace("\\\n", " "))
-
-
-def test_the_page_s_format_imports_its_file(package, capsys):
-    assert app(command(), print_error=False, exit_on_error=False) == 0
+def test_the_page_s_format_imports_its_file(command, capsys):
+    assert app(command, print_error=False, exit_on_error=False) == 0
     assert capsys.readouterr().out.startswith("measured: press.mcap\n4 samples at 1000 Hz")
-    found = read_recording(package / "press.mcap")
+    found = read_recording(Path("press.mcap"))
     assert found.rate == 1000.0
     assert found.first_sample == -1
     np.testing.assert_array_equal(found.volts["velocity"], [0.0, 0.1, 0.2, 0.1])
     np.testing.assert_array_equal(found.volts["force"], [0.0, 1.0, 2.0, 0.5])
 
 
-def test_a_damaged_file_and_an_unknown_extension_are_refused(package):
-    (package / "press.toy").write_text("rate: fast\n")
+def test_a_damaged_file_and_an_unknown_extension_are_refused(command):
+    Path("press.toy").write_text("rate: fast\n")
     with pytest.raises(RecordingError, match=r"import of press\.toy: it is damaged"):
-        app(command(), print_error=False, exit_on_error=False)
-    (package / "press.xyz").write_text("")
-    words = ["press.xyz" if word == "press.toy" else word for word in command()]
+        app(command, print_error=False, exit_on_error=False)
+    Path("press.xyz").write_text("")
+    words = ["press.xyz" if word == "press.toy" else word for word in command]
     with pytest.raises(RecordingError, match=r"'\.xyz'.*\.tdms, \.csv, .*, \.hdf5, \.toy"):
         app(words, print_error=False, exit_on_error=False)
 

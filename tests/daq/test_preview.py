@@ -26,9 +26,9 @@ def test_the_filter_is_carried_across_blocks(lengths):
     places = np.concatenate([np.empty(0), *(place for place, _ in found)])
     filtered = np.concatenate([np.empty(0), *(value[0] for _, value in found)])
     assert len(places) == max(0, (len(values) - 2 * HALF - 1) // 52 + 1)
-    # A ramp is left as it is, and not delayed.
+    # A ramp is left as it is, in single precision, and not delayed.
     np.testing.assert_allclose(places, HALF + 52 * np.arange(len(places)))
-    np.testing.assert_allclose(filtered, places, rtol=1e-12)
+    np.testing.assert_allclose(filtered, places, rtol=1e-6)
 
 
 @pytest.mark.parametrize(("rate", "factor"), [(1000.0, 1), (1000.1, 2), (1e6, 1000)])

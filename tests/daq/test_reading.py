@@ -7,9 +7,10 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file import runs
 from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.provenance import PROFILE
-from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.reading import read_recording, read_window, stream
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.schemas import encode
 from sautereau.daq.file.survey import describe
@@ -185,3 +186,17 @@ def test_a_recording_without_samples(tmp_path, paper, session):
     assert found["n_samples"] == 0
     assert found["complete"] is False
     assert "aborted: TimeoutError: no edge" in found["events"][0]
+
+
+def test_a_small_file_of_many_samples_is_read_in_stretches(tmp_path, record, monkeypatch):
+    """Zeros are packed to a fraction; the volts held at once are limited, not their number."""
+    path = record(tmp_path / "zeros.mcap", np.zeros((2, 102_400)))
+    monkeypatch.setattr(runs, "MOST_VOLTS", 2 * 8 * 51_200)
+    assert path.stat().st_size * runs.VOLTS_PER_BYTE > 2 * 8 * 102_400
+    assert read_recording(path).n_samples == 102_400
+    monkeypatch.setattr(runs, "VOLTS_PER_BYTE", 1)
+    assert "MOST_VOLTS" in refused(path)
+    assert sum(part.n_samples for part in stream(path, 0.5)) == 102_400
+    assert read_window(path, 1.5, 1.9).n_samples == 20_480
+    with pytest.raises(RecordingError, match="MOST_VOLTS"):
+        list(stream(path, 2.0))

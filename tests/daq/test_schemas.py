@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from sautereau.daq.file.counts import Scaling
-from sautereau.daq.file.descriptors import FIELDS, schema_data
+from sautereau.daq.file.descriptors import FIELDS, FRAME, schema_data
 from sautereau.daq.file.recorded import Event
 from sautereau.daq.file.samples import (
     block_head,
@@ -22,6 +22,7 @@ from sautereau.daq.file.schemas import (
     encode,
     encode_log,
     encode_rows,
+    encode_scene,
 )
 from tests.daq.declared import declared_class
 
@@ -120,6 +121,44 @@ def test_an_event_is_a_log_of_foxglove():
     assert log.timestamp.ToNanoseconds() == 1_700_000_000_123_456_789
     assert (log.time, log.std, log.name, log.message) == (-0.25, 1e-3, "aborted", "no edge")
     assert log.Level.Name(log.level) == "ERROR"
+
+
+@pytest.mark.parametrize("name", ["Log", "SceneUpdate", "FrameTransforms"])
+def test_messages_for_foxglove_are_those_of_its_own_library(name):
+    """Field by field: viewers know these messages by name. A Log has two fields more."""
+    foxglove = pytest.importorskip("foxglove.messages")
+    schema = getattr(foxglove, name).get_schema()
+    pairs, compared = [(f"foxglove.{name}", f"foxglove.{name}")], 0
+    for own_name, their_name in pairs:
+        own = declared_class(DATA, own_name).DESCRIPTOR
+        their = declared_class(schema.data, their_name).DESCRIPTOR
+        extra = {"time", "std"} if own_name == "foxglove.Log" else set()
+        for field in own.fields:
+            if field.name in extra:
+                assert field.number not in their.fields_by_number
+                continue
+            known = their.fields_by_name[field.name]
+            assert (field.number, field.type, field.is_repeated) == (
+                known.number,
+                known.type,
+                known.is_repeated,
+            )
+            compared += 1
+            if field.message_type and (inner := field.message_type.full_name) != own_name:
+                pairs.append((inner, known.message_type.full_name))
+    assert compared >= 4
+
+
+def test_a_scene_as_foxgloves_own_library_declares_it():
+    foxglove = pytest.importorskip("foxglove.messages")
+    points = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.02]])
+    data = encode_scene(1_700_000_000_123_456_789, {"arm": points})
+    scene = declared_class(foxglove.SceneUpdate.get_schema().data, "foxglove.SceneUpdate")
+    (entity,) = scene.FromString(data).entities
+    assert entity.timestamp.ToNanoseconds() == 1_700_000_000_123_456_789
+    assert (entity.id, entity.frame_id) == ("arm", FRAME)
+    found = [[(p.x, p.y, p.z) for p in line.points] for line in entity.lines]
+    assert found == [[tuple(point) for point in points]]
 
 
 def test_the_schema_holds_every_message():

@@ -24,8 +24,8 @@ import yaml
 from cyclopts import CycloptsError
 
 from sautereau.commands.app import app
+from tests.pages import ROOT, read_page
 
-ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
 MARK = "@@ command "
 FORKED = ROOT / "tests" / "forked.py"
@@ -67,8 +67,8 @@ def test_what_a_page_runs_works_and_prints_what_it_shows(run_page, server, tmp_p
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the steps are written for bash")
-def test_the_steps_of_the_workflow_work(read_page, server, tmp_path):
-    page = read_page(ROOT / "docs" / "ci.md")
+def test_the_steps_of_the_workflow_work(server, tmp_path):
+    page = read_page("ci.md")
     files = {block.title: block.body for block in page.blocks if block.title}
     workflow = yaml.safe_load(files.pop(".github/workflows/press.yml"))
     for name, text in files.items():

@@ -276,6 +276,43 @@ def _change(parts: list[Record], dice: random.Random) -> None:
         parts.insert(dice.randrange(len(parts)), Record(METADATA, metadata(name, values)))
 
 
+def oversized(data: bytes, dice: random.Random) -> bytes:
+    """Give a chunk, a Metadata record or an inner string a length without sense."""
+    places = [i for i in range(len(data) - 60) if data[i] in (CHUNK, METADATA)]
+    place = dice.choice(places) + dice.choice([1, 25, 33, 41, 49])
+    wide = dice.choice([2**31, 2**32 - 1, 2**40, 2**64 - 1, len(data), dice.randrange(2**20)])
+    changed = data[:place] + wide.to_bytes(8, "little") + data[place + 8 :]
+    return with_checksums(changed) if dice.random() < 0.5 else changed
+
+
+def bomb(data: bytes, dice: random.Random) -> bytes:
+    """Insert chunks of zeros with their true size or a wrong one, before the first chunk."""
+    size, piece, crc = dice.choice([2**20, 2**25, 2**28]), bytes(2**20), 0
+    compressor = zstandard.ZstdCompressor(level=1).compressobj(size=size)
+    frame = b""
+    for _ in range(size // len(piece)):
+        frame += compressor.compress(piece)
+        crc = zlib.crc32(piece, crc)
+    frame += compressor.flush()
+    claimed = dice.choice([size, 1000, 2**63, 0])
+    head = struct.pack("<QQQII", 0, 0, claimed, crc, 4) + b"zstd"
+    body = head + struct.pack("<Q", len(frame)) + frame
+    place = len(MAGIC)
+    while data[place] != CHUNK:
+        place += 9 + int.from_bytes(data[place + 1 : place + 9], "little")
+    chunks = (PREFIX.pack(CHUNK, len(body)) + body) * dice.choice([1, 5])
+    return with_checksums(data[:place] + chunks + data[place:])
+
+
+def with_checksums(data: bytes) -> bytes:
+    """Make the checksums of a file right again, whose records need not be readable."""
+    end = data.rfind(PREFIX.pack(DATA_END, 4))
+    body = data[: end + 9] + struct.pack("<I", zlib.crc32(data[:end]))
+    summary, footer = data[end + 13 : -37], struct.pack("<BQQQ", FOOTER, 20, len(body), 0)
+    crc = zlib.crc32(summary + footer)
+    return body + summary + footer + struct.pack("<I", crc) + MAGIC
+
+
 def change_metadata(parts: list[Record], dice: random.Random, name: str) -> None:
     """Change both copies of a Metadata record alike."""
     named = [p for p in parts if p.opcode == METADATA and texts(p.body)[0] == name]

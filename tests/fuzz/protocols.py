@@ -18,6 +18,7 @@ from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer, Servicer
 from sautereau.sim_backend.devices.emulators import EMULATORS
 from tests.cards import Card
+from tests.emulated import ScriptedPort
 from tests.fuzz import mutate
 from tests.fuzz.run import Wrong
 from tests.still import Still
@@ -76,25 +77,16 @@ class Emulator:
         return "alive" if self._alive in firmware.receive(b"i\r" + b"MG 4711\r") else "silent"
 
 
-class Port:
+class Port(ScriptedPort):
     """A serial port with an emulated controller behind, whose answers are changed."""
 
     def __init__(self, firmware: Any, dice: random.Random, probability: float):
+        super().__init__()
         self._firmware, self._dice, self._probability = firmware, dice, probability
-        self._waiting = bytearray()
         self.left = 20_000
 
-    def open(self, name: str, baud_rate: int, timeout: float) -> "Port":
-        return self
-
-    @property
-    def in_waiting(self) -> int:
-        return len(self._waiting)
-
     def write(self, data: bytes) -> int:
-        self.left -= 1
-        if self.left < 0:
-            raise OSError("the cable was cut")
+        self._count()
         answer = self._firmware.receive(bytes(data))
         for _ in range(50):
             self._firmware.tick()
@@ -102,22 +94,17 @@ class Port:
             text = answer.decode("latin-1")
             changed = mutate.of_text(text, self._dice).encode("latin-1", "replace")
             answer = self._dice.choice((changed, mutate.of_bytes(answer, self._dice), b""))
-        self._waiting += answer[: 1 << 18]
+        self.incoming += answer[: 1 << 18]
         return len(data)
 
     def read(self, size: int = 1) -> bytes:
+        self._count()
+        return super().read(size)
+
+    def _count(self) -> None:
         self.left -= 1
         if self.left < 0:
             raise OSError("the cable was cut")
-        data = bytes(self._waiting[:size])
-        del self._waiting[:size]
-        return data
-
-    def reset_input_buffer(self) -> None:
-        self._waiting.clear()
-
-    def close(self) -> None:
-        pass
 
 
 class Clock:

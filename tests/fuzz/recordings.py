@@ -81,8 +81,7 @@ class Recordings:
     def case(self, dice: random.Random) -> str:
         index = dice.choice((0, 0, 0, 0, 1, 2))
         intact, truth = self._intact[index], self._truth[index]
-        harmed = dice.random() < 0.25
-        data = mutate.of_bytes(intact, dice) if harmed else mcap.mutated(intact, dice)
+        harmed, data = self.damaged(intact, dice)
         path, out = self._folder / "case.mcap", self._folder / "out.mcap"
         path.write_bytes(data)
         out.unlink(missing_ok=True)
@@ -102,6 +101,18 @@ class Recordings:
             outcome += ", recovered"
             _check(read_parts(out), truth if harmed else None)
         return outcome
+
+    def damaged(self, intact: bytes, dice: random.Random) -> tuple[bool, bytes]:
+        """Return another file; and whether its samples, if it has any, must be the true ones."""
+        harmed = dice.random() < 0.25
+        return harmed, mutate.of_bytes(intact, dice) if harmed else mcap.mutated(intact, dice)
+
+
+class Lengths(Recordings):
+    """Recordings with lengths without sense, or with much in a small file."""
+
+    def damaged(self, intact: bytes, dice: random.Random) -> tuple[bool, bytes]:
+        return True, dice.choice((mcap.oversized, mcap.bomb))(intact, dice)
 
 
 class Analysis:
@@ -181,7 +192,7 @@ class Exports:
             return mutate.of_bytes(self._parquet, dice)
         table = pq.read_table(io.BytesIO(self._parquet))
         document = json.loads(table.schema.metadata[b"sautereau"])
-        changed = json.dumps(mutate.of_tree(document, dice)).encode()
+        changed = mutate.json_text(mutate.of_tree(document, dice)).encode()
         file = io.BytesIO()
         pq.write_table(table.replace_schema_metadata({b"sautereau": changed}), file)
         return file.getvalue()

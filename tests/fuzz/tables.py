@@ -93,7 +93,7 @@ class Campaigns:
         for _ in range(dice.choice((1, 2))):
             table, metadata = self._change(table, metadata, dice)
         file = io.BytesIO()
-        pq.write_table(table.replace_schema_metadata({KEY: json.dumps(metadata)}), file)
+        pq.write_table(table.replace_schema_metadata({KEY: mutate.json_text(metadata)}), file)
         return file.getvalue()
 
     def _change(self, table: pa.Table, metadata: Any, dice: random.Random) -> tuple[pa.Table, Any]:

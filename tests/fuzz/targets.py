@@ -8,6 +8,7 @@ from typing import Any
 
 _PLACES = {
     "recording": "recordings:Recordings",
+    "lengths": "recordings:Lengths",
     "analysis": "recordings:Analysis",
     "export": "recordings:Exports",
     "rig": "texts:Rigs",

@@ -1,8 +1,11 @@
-"""Cases that failed once, and a short run of every format."""
+"""Cases that failed once, some of damaged files, and a short run of every format."""
 
 import contextlib
 import os
 import random
+import re
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -27,6 +30,31 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="processes are forked
 )
 def test_what_failed_once(tmp_path, name, number):
     one(TARGETS[name]()(tmp_path), name, number)
+
+
+@pytest.mark.parametrize("name", ["csv", "parquet", "wav", "tdms", "npz", "mat", "h5"])
+def test_damaged_files_of_other_programs_are_refused_or_finite(tmp_path, name):
+    target = TARGETS[name]()(tmp_path)
+    for number in range(2 if name in ("mat", "h5") else 25):  # read in a process of their own
+        one(target, name, number)
+
+
+def test_damaged_recordings_give_no_crash_no_hang_and_no_wrong_sample():
+    """In a process of its own, for its peak memory."""
+    words = ["recording", "lengths", "--first", "0", "--count", "30", "--seconds", "1000"]
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-m", "tests.fuzz", *words],
+        cwd=Path(__file__).parents[2],
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "60 cases, 0 failed" in done.stdout
+    assert max(map(int, re.findall(r"(\d+) MiB", done.stdout))) < 500
+    recovered = re.findall(r"recovered (\d+)", done.stdout)
+    assert sum(map(int, recovered)) >= 30
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.drivers.galil.program import controller_program, signature
 from sautereau.trajectory.segments import Segments
+from tests.emulated import ScriptedPort
 
 REVISION = "DMC4020 Rev 1.3c-SIM"
 STATE = "MG 4711,_MOA,_MOB,_BGA,_BGB,_OFA,_OFB"
@@ -210,29 +211,14 @@ class Echo:
         return f"{sent}\r\n{answer}".encode() if echoed and answer else answer.encode()
 
 
-class Transcript:
+class Transcript(ScriptedPort):
     """A serial port that expects exactly these lines; an answer may be an error to raise."""
 
     def __init__(self, pairs):
+        super().__init__()
         self.expected = list(pairs)
         self.echo = Echo()
-        self.incoming = b""
         self.partial = b""
-        self.fault = None
-        self.closed = False
-
-    def open(self, name, baud_rate, timeout):
-        return self
-
-    @property
-    def in_waiting(self):
-        return len(self.incoming)
-
-    def read(self, size=1):
-        if self.fault is not None:
-            raise self.fault
-        data, self.incoming = self.incoming[:size], self.incoming[size:]
-        return data
 
     def write(self, data):
         self.partial += data
@@ -241,17 +227,9 @@ class Transcript:
             assert self.expected, f"sent {line!r}, nothing more was expected"
             sent, answer = self.expected.pop(0)
             assert line == sent.encode()
-            if isinstance(answer, BaseException):
-                self.fault = answer
-            else:
-                self.fault = None
+            self.fault = answer if isinstance(answer, BaseException) else None
+            if self.fault is None:
                 self.incoming += self.echo.answer(sent, answer)
-
-    def reset_input_buffer(self):
-        self.incoming = b""
-
-    def close(self):
-        self.closed = True
 
     def check(self):
         assert not self.expected, f"never asked: {self.expected}"

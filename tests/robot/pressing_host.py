@@ -7,25 +7,26 @@ import sys
 import time
 
 from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.controller import play
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.trajectory.press import plan_press
 
 
 def main(port: str) -> None:
     """Press through a port and say so while the key is held down."""
-    rig = with_values(load_rig(), {"controller.port": port, "press.bottom_hold": "60 s"})
+    values = {"controller.port": port, "press.bottom_hold": "60 s"}
+    values["controller.watchdog_period"] = "2 s"  # on a busy machine
+    rig = with_values(load_rig(), values)
     plan = plan_press(rig)
     controller = GalilController(rig)
     with controller, controller.powered():
         controller.home()
         controller.move_to(plan.hover, 150_000)
-        for motion in (plan.approach, plan.segments):
-            controller.load(motion)
-            controller.arm()
-            controller.start()
-            if motion is plan.approach:
-                controller.wait()
-        time.sleep(1)  # longer than the watchdog's period, which it survives
+        play(controller, plan.approach)
+        controller.load(plan.segments)
+        controller.arm()
+        controller.start()
+        time.sleep(2.2)  # longer than the watchdog's period, which it survives
         print(*controller.positions(), controller.state, flush=True)  # noqa: T201
         time.sleep(60)
 

@@ -1,10 +1,6 @@
 """docs/add-a-controller.md, followed literally: a controller that another package provides."""
 
 import re
-import sys
-import tomllib
-from importlib import resources
-from pathlib import Path
 
 import pytest
 
@@ -14,44 +10,28 @@ from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.errors import MotionFault
 from sautereau.robot.experiment.setup.joints import find_home
 
-PAGE = Path(__file__).parents[2] / "docs" / "add-a-controller.md"
-
 
 class Agreeing:
     def confirm(self, question):
         return True
 
 
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-
-
 @pytest.fixture
-def installed(tmp_path, monkeypatch, install):
-    """Write the page's package into a folder as pip installs it, and its rig file."""
-    module, _ = blocks("python")
-    project, controller = map(tomllib.loads, blocks("toml"))
-    (tmp_path / "toy.py").write_text(module, encoding="utf-8")
-    install(tmp_path, {"name": "toy", "version": "1.0"} | project["project"])
-    paper = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
-    named = f'[controller]\nkind = "{controller["controller"]["kind"]}"\n'
-    (tmp_path / "my-rig.toml").write_text(paper.replace("[controller]\n", named, 1))
-    monkeypatch.chdir(tmp_path)
-    yield tmp_path / "my-rig.toml"
-    sys.modules.pop("toy", None)
+def page(follow):
+    return follow("add-a-controller.md")
 
 
-def test_the_page_plays_a_press(installed, capsys):
-    exec(compile(blocks("python")[1], str(PAGE), "exec"), {})
+def test_the_page_plays_a_press(page, capsys):
+    exec(compile(page.bodies("python")[1], str(page.path), "exec"), {})
     assert re.fullmatch(r"off: \d+ rows, until 0\.\d+ s\n", capsys.readouterr().out)
 
 
-def test_the_set_up_homes_the_toy(installed):
-    assert "found twice" in find_home(load_rig(installed), Agreeing()).lines[0]
+def test_the_set_up_homes_the_toy(page):
+    assert "found twice" in find_home(load_rig("my-rig.toml"), Agreeing()).lines[0]
 
 
-def test_the_toy_is_as_safe_as_the_others(installed):
-    controller = motion_controller(load_rig(installed))
+def test_the_toy_is_as_safe_as_the_others(page):
+    controller = motion_controller(load_rig("my-rig.toml"))
     with pytest.raises(ZeroDivisionError) as caught, controller, controller.powered():
         raise ZeroDivisionError
     assert "motors are off: the controller confirms it" in caught.value.__notes__[0]

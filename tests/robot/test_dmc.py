@@ -1,7 +1,5 @@
 """A press in DMC code, and counts."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,7 +9,7 @@ from sautereau.robot.drivers.galil.capture import plan_capture
 from sautereau.robot.drivers.galil.dmc import segment_commands
 from sautereau.robot.drivers.galil.program import SETTLE, controller_program
 from sautereau.robot.errors import UnsafeRequest
-from sautereau.trajectory.segments import Segments, to_angles, to_counts
+from sautereau.trajectory.segments import Segments
 
 row = st.tuples(
     *[st.integers(-(2**31), 2**31)] * 4,
@@ -54,17 +52,3 @@ def test_a_capture_covers_the_motion_and_is_full_before_it_ends(total, room):
 def test_a_capture_that_does_not_fit():
     with pytest.raises(UnsafeRequest, match="20000 samples does not fit into 100 array elements"):
         plan_capture(20_000, 100)
-
-
-@given(st.lists(st.floats(-10, 10), min_size=2, max_size=2), st.integers(16, 2**31))
-def test_counts_are_the_nearest(angles, turn):
-    counts = to_counts(angles, turn)
-    assert counts.dtype == np.int64
-    np.testing.assert_allclose(to_angles(counts, turn), angles, atol=math.pi / turn * 1.000001)
-    np.testing.assert_array_equal(to_counts(to_angles(counts, turn), turn), counts)
-
-
-def test_counts_keep_the_shape():
-    angles = np.linspace(-1, 1, 12).reshape(2, 3, 2)
-    assert to_counts(angles, 4096).shape == angles.shape
-    assert to_counts(2 * math.pi, 4096) == 4096

@@ -55,7 +55,7 @@ class Emulated(EmulatedPort):
         self.firmware = Servos(self, rig.controller.sample_period, stepped=True)
 
     def exchange(self, data):
-        self.answers += self.spoil(self.firmware.receive(data))
+        self.incoming += self.spoil(self.firmware.receive(data))
         self.run()
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import with_values
+from sautereau.robot.controller import play
 from sautereau.robot.drivers.ethernet import EthernetPort
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.errors import LineLost, PortUnavailable
@@ -62,10 +63,7 @@ def test_a_press_over_ethernet(rig, lines, handle, segments):
     with on(rig, port) as controller, controller.powered():
         np.testing.assert_array_equal(controller.home(), [0, -500_000])
         controller.move_to(segments.start, 100_000)
-        controller.load(segments)
-        controller.arm()
-        controller.start()
-        controller.wait()
+        play(controller, segments)
         assert len(controller.capture()) == 27
 
 

@@ -8,52 +8,37 @@ import pytest
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.errors import RobotError
+from sautereau.sim_backend.devices.galil.commands.table import HANDLERS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
+from tests.emulated import ScriptedPort
 from tests.still import Still
 
 MEGABYTE = 1 << 20
 WORDS = [
     *("PVA=", "PVB=", ",", ":", "?", ";", "\r", "\n", "\\", "#PRESS", "#A", '"', "'", "{F8.2}"),
-    *("XQ", "HX", "JP", "JS", "IF", "ELSE", "ENDIF", "EN", "RE", "AT", "WT", "AI", "AM"),
-    *("MG", "DL", "LS", "QU", "DM", "DA", "RA", "RD", "RC", "SB", "CB", "OF", "TL"),
-    *("ER", "OE", "FL", "BL", "SP", "AC", "DC", "PA", "PR", "JG", "BG", "BT", "ST"),
-    *("AB", "MO", "DP", "HM", "TM", "TC1", "EO", "RS"),
-    *("BP", "(", ")", "[", "]", "=", "<", ">", "<>", "&", "|", "+", "-", "*", "/", "%", "@ABS["),
+    *sorted(HANDLERS), *("TC1", "IF", "ELSE", "ENDIF"),
+    *("(", ")", "[", "]", "=", "<", ">", "<>", "&", "|", "+", "-", "*", "/", "%", "@ABS["),
     *("@OUT[", "_TPA", "_XQ0", "_PVA", "0", "1", "-1", "255", "4711", "1e9", "x", " "),
-]
+]  # fmt: skip
 
 
-class Noise:
+class Noise(ScriptedPort):
     """A port that answers random bytes to everything, and is silent in the end."""
 
+    in_waiting = 0
+
     def __init__(self, data, chunk):
-        self._data, self._chunk, self._at = data, chunk, 0
-        self.sent = bytearray()
-
-    def open(self, name, baud_rate, timeout):
-        return self
-
-    @property
-    def exhausted(self):
-        return self._at >= len(self._data)
-
-    @property
-    def in_waiting(self):
-        return 0
+        super().__init__(data)
+        self._chunk, self.sent = chunk, bytearray()
 
     def read(self, size=1):
-        data = self._data[self._at : self._at + self._chunk]
-        self._at += self._chunk
-        return data
+        return super().read(self._chunk)
 
     def write(self, data):
         self.sent += data
 
     def reset_input_buffer(self):
-        pass
-
-    def close(self):
-        pass
+        return None
 
 
 def babble(kind, seed, size):
@@ -85,7 +70,7 @@ def test_noise_into_the_line(kind, echo):
         lambda: line.download(["#A", "EN"]),
     ]
     turns = 0
-    while not port.exhausted:
+    while port.incoming:
         for ask in asks:
             with contextlib.suppress(RobotError):
                 ask()
@@ -117,6 +102,7 @@ def test_noise_into_the_controller(kind, size):
         for _ in range(4):
             firmware.tick()
         assert firmware.motors_on == (False, False)
+        assert not firmware.reference(np.array([0.0, 1.0]))[0].any()
     firmware.receive(b"\\\r\r")
     firmware.receive(b"HX\rAB\rEO 0\r")
     firmware.receive(b"")

@@ -55,7 +55,7 @@ class Emulated(EmulatedPort):
             text, star, sent = line.rpartition("*")
             if not star:
                 assert not line
-                self.answers += self.firmware.receive(b"\n")
+                self.incoming += self.firmware.receive(b"\n")
                 continue
             assert sent == str(checksum(text)), line
             if text.startswith("u "):
@@ -69,7 +69,7 @@ class Emulated(EmulatedPort):
                     self.fault = changed
                     raise changed
                 answer = changed if isinstance(changed, bytes) else framed(changed).encode()
-            self.answers += answer
+            self.incoming += answer
             self.run()
 
 
@@ -392,14 +392,6 @@ def test_a_motion_that_would_run_out_of_the_limits_if_the_host_died(controller, 
 
 
 # How it ends.
-
-
-@pytest.mark.parametrize("kind", [ValueError, KeyboardInterrupt, SystemExit, GeneratorExit])
-def test_any_exception_leaves_the_motors_off(controller, port, kind):
-    with pytest.raises(kind) as caught, controller, controller.powered():
-        raise kind
-    assert OFF in caught.value.__notes__[0]
-    assert port.firmware.motors_on == (False, False)
 
 
 @pytest.mark.parametrize(

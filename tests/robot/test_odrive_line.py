@@ -1,7 +1,5 @@
 """The line to an ODrive: what is no answer never becomes a number."""
 
-import io
-
 import numpy as np
 import pytest
 
@@ -12,30 +10,15 @@ from sautereau.robot.errors import (
     RobotError,
     SilentController,
 )
+from tests.emulated import ScriptedPort
 
 
-class Fed:
-    """A port that only says what it was given."""
+class Fed(ScriptedPort):
+    """A port that only says what it was given, and not how much that is."""
 
     in_waiting = 0
 
-    def __init__(self, data):
-        self._data = io.BytesIO(data)
-
-    @property
-    def empty(self):
-        return self._data.tell() == len(self._data.getbuffer())
-
-    def read(self, size=1):
-        return self._data.read(size)
-
-    def write(self, data):
-        return len(data)
-
     def reset_input_buffer(self):
-        return None
-
-    def close(self):
         return None
 
 
@@ -64,7 +47,7 @@ def test_noise_ends_in_errors_and_never_in_a_number(size):
     noise = np.random.default_rng(4).integers(0, 256, size, dtype=np.uint8).tobytes()
     port = Fed(noise)
     line, errors = OdriveLine(port, "port", 0.1), 0
-    while not port.empty:
+    while port.incoming:
         try:
             line.read("axis0.error")
         except RobotError:

@@ -13,12 +13,9 @@ from sautereau.robot.experiment.setup.verify.alignment import delay_of, onset, p
 from sautereau.robot.experiment.setup.verify.run import trial_torque, verify
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.controller_part import ControllerUnit
-from sautereau.sim_backend.fault_tables import Faults
-from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.segments import motion_at, segment_cubics
-
-MUTE = {"plectrum": "none", "string": "none"}
+from tests.presses import mute_scene
 
 
 class Operator:
@@ -73,14 +70,8 @@ class Operator:
 
 def run(unit=None, faults=None, finger="ideal", values=None, step=1e-3, paced=False, **operator):
     """Verify a stand-in; return what was found."""
-    scene = load_scene("paper" if finger == "servo" else "ideal").model_copy(
-        update=MUTE
-        | {
-            "controller": ControllerUnit.model_validate(unit or {}),
-            "step": step,
-            "faults": None if faults is None else Faults.model_validate(faults),
-        }
-    )
+    described = ControllerUnit.model_validate(unit or {})
+    scene = mute_scene(finger, faults=faults, controller=described, step=step)
     rig = with_values(load_rig(), {"controller.timeout": "60 s"})
     with StandIn(rig, scene, paced=paced) as served:
         bench = with_values(served.rig, values or {})

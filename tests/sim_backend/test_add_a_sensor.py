@@ -4,7 +4,6 @@ import re
 import runpy
 import shlex
 import sys
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -18,30 +17,13 @@ from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import load_scene
 
-PAGE = Path(__file__).parents[2] / "docs" / "add-a-sensor.md"
-BLOCK = re.compile(r'^```\w+(?: title="([^"]+)")?\n(.*?)^```', re.DOTALL | re.MULTILINE)
 MEASURED = "sautereau.measured_quantities"
+PAGE = "add-a-sensor.md"
 
 
-@pytest.fixture(name="install")
-def install_sensor(tmp_path, monkeypatch, install):
-    """Write the files of the page, and install the package with some groups of entry points."""
-    files = {title: body for title, body in BLOCK.findall(PAGE.read_text()) if title}
-    site = tmp_path / "site"
-    site.mkdir()
-    for name in ("channel.toml", "check.py"):
-        (tmp_path / name).write_text(files[name])
-    (site / "key_gyroscope.py").write_text(files["key_gyroscope.py"])
-    project = tomllib.loads(files["pyproject.toml"])["project"]
-    monkeypatch.chdir(tmp_path)
-    yield lambda *groups: install(site, project, *groups)
-    sys.modules.pop("key_gyroscope", None)
-
-
-def run_page():
+def run_commands(page):
     """Run the page's commands, those of sautereau and Python in this process."""
-    shell = (body for title, body in BLOCK.findall(PAGE.read_text()) if not title)
-    for line in "".join(shell).splitlines():
+    for line in "".join(page.bodies("bash")).splitlines():
         words = shlex.split(line)
         if words[0] == "sautereau":
             assert app(words[1:]) == 0, line
@@ -59,10 +41,9 @@ def run_page():
             rig.write_text(text)
 
 
-def test_a_third_channel_is_recorded(install, monkeypatch, capsys):
+def test_a_third_channel_is_recorded(follow, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", sys.argv)
-    install()
-    run_page()
+    run_commands(follow(PAGE))
     (percent,) = re.findall(r"within (.*)% of the largest velocity", capsys.readouterr().out)
     assert float(percent) < 0.1
     channel = read_recording(Path("rotated/press-0001.mcap")).rig.daq.channel("angular_velocity")
@@ -71,14 +52,15 @@ def test_a_third_channel_is_recorded(install, monkeypatch, capsys):
     assert channel.scale == pytest.approx(np.radians(20))
 
 
-def test_its_scale_has_the_dimension_of_its_quantity(install):
-    install()
+def test_its_scale_has_the_dimension_of_its_quantity(follow):
+    follow(PAGE)
     Path("rig.toml").write_text(_with_channel().replace("20 deg/s/V", "20 mm/s/V"))
     with pytest.raises(RigError, match=r'give a quantity in rad/s/V such as "10 deg/s/V'):
         load_rig("rig.toml")
 
 
-def test_an_unknown_quantity_is_refused_by_its_name(install):
+def test_an_unknown_quantity_is_refused_by_its_name(follow):
+    follow(PAGE, installed=False)
     Path("rig.toml").write_text(_with_channel())
     with pytest.raises(
         RigError, match=r"'angular_velocity' is unknown; .* known: velocity, force, "
@@ -86,8 +68,8 @@ def test_an_unknown_quantity_is_refused_by_its_name(install):
         load_rig("rig.toml")
 
 
-def test_a_quantity_that_nothing_simulates_is_refused_by_the_stand_in(install):
-    install(MEASURED)
+def test_a_quantity_that_nothing_simulates_is_refused_by_the_stand_in(follow):
+    follow(PAGE, MEASURED)
     Path("rig.toml").write_text(_with_channel())
     with pytest.raises(SceneError, match=r"channels\.2\.quantity: .*'angular_velocity' is unknown"):
         Bench(load_rig("rig.toml"), load_scene("ideal"))

@@ -5,7 +5,7 @@ import threading
 import grpc
 import numpy as np
 import pytest
-from nidaqmx import DaqError, GrpcSessionOptions, Task
+from nidaqmx import DaqError, GrpcSessionOptions, Scale, Task
 from nidaqmx.constants import (
     AcquisitionType,
     Coupling,
@@ -13,9 +13,11 @@ from nidaqmx.constants import (
     ForceIEPESensorSensitivityUnits,
     ForceUnits,
     ReadRelativeTo,
+    ScaleType,
     SoundPressureUnits,
     TaskMode,
     TerminalConfiguration,
+    VoltageUnits,
 )
 from nidaqmx.system import Device
 
@@ -120,6 +122,37 @@ def test_a_sensor_is_read_in_its_unit(task, add, settings, volts_per_unit):
     assert channel.ai_coupling == Coupling.AC
     assert channel.ai_term_cfg == TerminalConfiguration.PSEUDO_DIFF
     assert (channel.ai_rng_low, channel.ai_rng_high) == (-5.0, 5.0)
+
+
+@pytest.mark.parametrize(("slope", "intercept"), [(50.0, -3.0), (-2.0, 0.5)])
+def test_a_channel_is_read_in_a_custom_scale(serve, slope, intercept):
+    options = serve(RampCard())
+    scale = Scale.create_lin_scale(
+        "of load", slope, intercept, scaled_units="N", grpc_options=options
+    )
+    assert (scale.lin_slope, scale.lin_y_intercept) == (slope, intercept)
+    assert (scale.scaled_units, scale.scale_type) == ("N", ScaleType.LINEAR)
+    low, high = sorted((slope * -5 + intercept, slope * 5 + intercept))
+    settings = {"units": VoltageUnits.FROM_CUSTOM_SCALE, "min_val": low, "max_val": high}
+    with Task(grpc_options=options) as task:
+        add = task.ai_channels.add_ai_voltage_chan
+        assert code_of(add, "cDAQ1Mod1/ai0", custom_scale_name="none", **settings) == -200378
+        channel = add("cDAQ1Mod1/ai0", custom_scale_name="of load", **settings)
+        assert channel.ai_custom_scale.name == "of load"
+        assert (channel.ai_min, channel.ai_max) == pytest.approx((low, high))
+        assert (channel.ai_rng_low, channel.ai_rng_high) == (-5.0, 5.0)
+        task.timing.cfg_samp_clk_timing(51_200, samps_per_chan=100)
+        read = slope * np.arange(10) / 1000 + intercept
+        np.testing.assert_allclose(task.read(10), read, rtol=1e-12)
+        task.stop()
+        del channel.ai_custom_scale
+        channel.ai_voltage_units = VoltageUnits.VOLTS
+        channel.ai_min, channel.ai_max = -5.0, 5.0
+        np.testing.assert_allclose(task.read(10), np.arange(10) / 1000, rtol=1e-12)
+    scale.lin_slope = 0.0
+    with Task(grpc_options=options) as task:
+        add = task.ai_channels.add_ai_voltage_chan
+        assert code_of(add, "cDAQ1Mod1/ai0", custom_scale_name="of load", **settings) == -200409
 
 
 def test_what_the_device_cannot_supply_is_refused(task):

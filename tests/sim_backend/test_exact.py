@@ -16,12 +16,18 @@ from sautereau.rig.load import with_values
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, PushDrive, drive_of
-from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.engine import ExactWorld
 from sautereau.sim_backend.physics.exact.fingertip import locate_tip
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.parameters import arm_of
-from sautereau.sim_backend.physics.exact.structures import JACK, KEY, PUSH, SERVO, new_press
+from sautereau.sim_backend.physics.exact.structures import (
+    JACK,
+    KEY,
+    PUSH,
+    SERVO,
+    new_presses,
+    one_press,
+)
 from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.trajectory.arm import fingertip_motion
@@ -449,7 +455,7 @@ def bench(*jacks, dry=0.0, friction=0.0, arm=None):
     ):
         found[name] = values
     arm, kind = (arm_of(RIG, pushed(), (0.0, 0.0)), PUSH) if arm is None else (arm, SERVO)
-    return new_press(records(key)[0], records(found), np.zeros((1, 5)), arm, kind)
+    return one_press(new_presses(key, found[None], np.zeros((1, 5)), arm, kind), 0)
 
 
 def surfaces(press, angle):

@@ -1,12 +1,8 @@
 """What the serial line of the emulated controller says, byte by byte."""
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
 
-from sautereau.sim_backend.devices.galil.commands.table import HANDLERS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
-from tests.budget import examples
 
 REVISION = "DMC4020 Rev 1.3a-SIM sautereau stand-in"
 
@@ -137,42 +133,3 @@ def test_echo_is_on_at_power_up_and_line_feeds_are_ignored(bench):
 def test_outputs_report_only_changes(bench):
     bench.accept("SB 3", "SB 3", "CB 1", "CB 3", "OP 129")
     assert bench.outputs == [(0, 3, True), (0, 3, False), (0, 1, True), (0, 8, True)]
-
-
-def _still(bench):
-    bench.firmware.receive(b"\\\r\r")
-    bench.tick(3)
-    assert bench.firmware.motors_on == (False, False)
-    assert bench.counts == [0, 0]
-    assert all((positions == 0).all() for positions in bench.positions)
-
-
-@given(st.binary(max_size=300).filter(lambda data: b"SH" not in data))
-@example(b'\x12\x16\r\xff\x00\\\r;;;\r"\r[\r' + b"(" * 200 + b"\r" + b"(" * 79 + b"\r")
-@examples(60, 2000)
-def test_random_bytes_neither_crash_nor_move(make_bench, data):
-    bench = make_bench()
-    bench.firmware.receive(data)
-    _still(bench)
-
-
-command_lines = st.lists(
-    st.tuples(
-        st.sampled_from(sorted({*HANDLERS} - {"SH"})),
-        st.sampled_from(["", "A", "AB", "A=", " ", "#P", "X[]", "X[", " _TPA", "1,", "*="]),
-        st.text(alphabet='AB01259-+*/%&|()[]"?,.$_@XTPM ', max_size=12),
-        st.sampled_from(["\r", ";", "\r#P\r", "\\"]),
-    ),
-    max_size=12,
-)
-
-
-@given(command_lines)
-@examples(60, 2000)
-def test_random_commands_neither_crash_nor_move_without_power(make_bench, parts):
-    bench = make_bench()
-    bench.firmware.receive(b"DM X[10]\r")
-    for part in parts:
-        bench.firmware.receive("".join(part).encode())
-        bench.tick()
-    _still(bench)

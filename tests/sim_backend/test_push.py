@@ -82,12 +82,9 @@ def test_viscous_friction_is_that_of_the_equation():
     assert abs(error[1]) < abs(error[0]) / 2.5
 
 
-@pytest.mark.parametrize(
-    ("engine", "step", "error"), [("rigid", 2e-5, 1e-5), ("exact", 1e-4, 1e-9)]
-)
-def test_energy_is_that_of_the_push(engine, step, error):
+def test_energy_is_that_of_the_push():
     """Without friction: the work of the push minus the work on the string is the energy."""
-    scene = scene_of("pluck", engine=engine, step=step)
+    scene = scene_of("pluck", step=2e-5)
     found = observe(RIG, scene)
     moved, (contact,), (release,) = found.motions, found.events.contacts, found.events.releases
     stored = energy(RIG, moved.angle, moved.angular_velocity)
@@ -96,16 +93,15 @@ def test_energy_is_that_of_the_push(engine, step, error):
     work[moved.time > release.time] -= rig_pluck(RIG).work
     free = (moved.time < contact.time) | (moved.time > release.time)
     assert np.sum(moved.time > release.time) > 5
-    np.testing.assert_allclose(stored[free], work[free], rtol=error, atol=1e-9)
+    np.testing.assert_allclose(stored[free], work[free], rtol=1e-5, atol=1e-9)
 
 
-@pytest.mark.parametrize("engine", ["rigid", "exact"])
-def test_dry_friction_holds_the_key_up_to_its_limit(engine):
+def test_dry_friction_holds_the_key_up_to_its_limit():
     """Static balance: gravity 8.65 mN m, friction of pivot and register 0.5 and 4.3 mN m."""
     needed = key_oracle.static_moment(RIG, friction=1) / KEY.press_arm
     for factor, moves in ((0.999, False), (1.001, True)):
         push = push_of(needed * factor, 0.020)
-        moved = observe(RIG, scene_of("free-key", friction=True, push=push, engine=engine)).motions
+        moved = observe(RIG, scene_of("free-key", friction=True, push=push)).motions
         assert (moved.angle[-1] > 1e-7) == moves
 
 

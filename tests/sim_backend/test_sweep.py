@@ -230,6 +230,8 @@ def test_presses_without_a_pluck_are_reported_without_nan():
     assert found.plucked[0].tolist() == [True] + [False] * 6
     assert np.isinf(found.release[0, 1:]).all()
     assert np.isinf(found.release_speed[0, 1:]).all()
+    none = sweep(RIG, scene(), {"plectrum.overlap": [-1e-3, np.nan]})
+    assert (none.status == Ending.OUT_OF_RANGE).all()
     wild = sweep(RIG, scene(felt=False), {"push.force": 90.0, "push.duration": 1.0})
     assert wild.status == Ending.TURNED_OVER
     assert wild.plucked.all()  # before

@@ -34,7 +34,7 @@ OVERLAP_MAX = 0.9999
 
 @dataclass(frozen=True)
 class Pluck(Curve):
-    """Pluck from contact to release, at increasing height; arrays of shape (n,)."""
+    """Pluck from contact to release, at increasing height; read-only arrays of shape (n,)."""
 
     stretches: tuple[int, ...] = (0,)
     """Indices of the points at which the string starts to stick or slide."""
@@ -166,6 +166,8 @@ def _joined(curves: list[Curve], released_at_fold: bool = False) -> Pluck:
     fields += [[values[1:] for values in vars(curve).values()] for curve in curves[1:]]
     joined = Curve(*(np.concatenate(values) for values in zip(*fields, strict=True)))
     joined.height[0] = 0.0  # rounding apart
+    for values in vars(joined).values():
+        values.setflags(write=False)
     return Pluck(
         **vars(joined),
         stretches=tuple(starts.tolist()),

@@ -20,6 +20,7 @@ and one block."""
 SYNC_PERIOD = 1.0
 """Time in s after which samples are synced to the disk: a power failure loses at most this and
 one block."""
+_BUFFER = 64 * 1024  # bytes: the counts of a few channels, with all around them, are one write
 _FULL = {
     errno.ENOSPC: "the disk is full; free some space",
     errno.EFBIG: "the file has reached the size that the system allows; raise the limit",
@@ -56,7 +57,7 @@ class DurableFile:
                 f"recording {self.path}: there is no folder {self.path.parent}; create it first"
             )
         with self.writing():
-            self.stream: BinaryIO = self.part_path.open("xb")
+            self.stream: BinaryIO = self.part_path.open("xb", buffering=_BUFFER)
             self._named = False
             hold(self.stream)
 
@@ -205,6 +206,7 @@ class RecordingFile:
         self._flushed = self._seconds()
         with self.writing() as writer:
             writer.close_chunk(least=0)
+            self._file.stream.flush()
 
     def finish(self, end: dict[str, str]) -> None:
         """Complete the file, flush it to the disk and close it, still under its ``.part`` name.

@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.checksum import crc32
-from sautereau.daq.file.container.chunks import CHUNK, INDEX_ENTRY, ZSTD, OpenChunk, indexed
+from sautereau.daq.file.container.chunks import CHUNK, ZSTD
+from sautereau.daq.file.container.open_chunk import INDEX_ENTRY, OpenChunk, indexed
 from sautereau.daq.file.container.records import (
     CHUNK_SIZE,
     LARGEST_CHUNK,
@@ -212,7 +213,6 @@ class McapWriter:
             self._counts[channel] += len(entries) // INDEX_ENTRY.size
             index = PREFIX.pack(Opcode.MESSAGE_INDEX, _INDEX_HEAD.size + len(entries))
             self._put(index + _INDEX_HEAD.pack(channel, len(entries)) + entries)
-        self._stream.flush()
         first, last, unpacked, _, length = CHUNK.unpack_from(head)
         body = _CHUNK_INDEX.pack(first, last, start, index_start - start, len(offsets)) + offsets
         body += _INDEX_SIZE.pack(self._at - index_start, length) + bytes(head[CHUNK.size :])

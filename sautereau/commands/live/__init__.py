@@ -2,6 +2,8 @@
 
 from sautereau.rig.errors import SautereauError
 
+LOOPBACK = "127.0.0.1"
+
 
 class LiveError(SautereauError):
     """A live view cannot be shown; the message says why, and how to fix it."""

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from sautereau.commands.live import LiveError
+from sautereau.commands.live import LOOPBACK, LiveError
 from sautereau.daq.file.descriptors import LOG, PACKAGE, schema_data
 from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.recorded import Event
@@ -14,7 +14,6 @@ from sautereau.daq.file.survey import LAYOUT
 from sautereau.rig.extras import require
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 
-LOOPBACK = "127.0.0.1"
 PORT = 8765
 """Default port of Foxglove; if it is in use, another free one is taken."""
 
@@ -31,14 +30,10 @@ class FoxgloveView:
     """
 
     def __init__(self, title: str, port: int = PORT):
-        require("live", "--live", "foxglove")
-        import foxglove
-
-        self._foxglove: Any = foxglove
+        require("live", "--live", "websockets")
         self._title, self._port = title, port
-        self._context = foxglove.Context()
         self._server: Any = None
-        self._channels: dict[str, Any] = {}
+        self._channels: dict[str, int] = {}
         self._press, self._dropped = 0, 0
         self._t0, self._first = 0, 0
         self._decimator: Any = None
@@ -57,13 +52,13 @@ class FoxgloveView:
         )
 
     def __enter__(self) -> "FoxgloveView":
+        from sautereau.commands.live.server import Server
+
         for port in (self._port, 0):
             try:
-                self._server = self._foxglove.start_server(
-                    name=self._title, host=LOOPBACK, port=port, context=self._context
-                )
+                self._server = Server(self._title, port).__enter__()
                 return self
-            except RuntimeError as error:
+            except OSError as error:
                 if port == 0:
                     raise LiveError(
                         f"--live: no port of {LOOPBACK} is free: {error}; press without --live"
@@ -71,7 +66,7 @@ class FoxgloveView:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._server.stop()
+        self._server.__exit__()
 
     def show(self, seen: Sequence[Seen], dropped: int) -> None:
         """Send everything new since the last call to all connected viewers."""
@@ -104,13 +99,13 @@ class FoxgloveView:
         columns = [row * channel.scale for channel, row in zip(channels, values, strict=True)]
         for place, row in zip(places.tolist(), encode_rows(columns), strict=True):
             at = self._t0 + round((self._first + place) / samples.rate * 1e9)
-            topic.log(row.tobytes(), log_time=at)
+            self._server.send(topic, at, row.tobytes())
 
     def _event(self, kind: str, text: str) -> None:
         now = time.time_ns()
         since_start = (now - self._t0) / 1e9 if self._t0 else 0.0
         event = encode_log(now, Event(since_start, kind, text))
-        self._topic("/events", LOG).log(event, log_time=now)
+        self._server.send(self._topic("/events", LOG), now, event)
 
     def _topic(
         self,
@@ -118,16 +113,8 @@ class FoxgloveView:
         message: str,
         rows: Sequence[str] = (),
         metadata: Mapping[str, str] = MappingProxyType({}),
-    ) -> Any:
+    ) -> int:
         if name not in self._channels:
-            schema = self._foxglove.Schema(
-                name=message, encoding="protobuf", data=schema_data({"Preview": rows})
-            )
-            self._channels[name] = self._foxglove.Channel(
-                name,
-                schema=schema,
-                message_encoding="protobuf",
-                context=self._context,
-                metadata=dict(metadata),
-            )
+            data = schema_data({"Preview": rows})
+            self._channels[name] = self._server.add(name, message, data, metadata)
         return self._channels[name]

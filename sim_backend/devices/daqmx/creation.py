@@ -7,8 +7,8 @@ from typing import Any
 
 from sautereau.sim_backend.device_types import DeviceType
 from sautereau.sim_backend.devices.daqmx.attributes import call, given, number
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, invalid
+from sautereau.sim_backend.devices.daqmx.scales import find_scale
 
 G = 9.80665
 """m/s^2, standard gravity."""
@@ -121,11 +121,13 @@ def _excitation(request: Any, device: DeviceType) -> dict[str, Any]:
 
 def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
     def create(self: Any, request: Any, context: Any) -> None:
-        units = given(request, "units")
-        if units == CUSTOM_SCALE or units not in _UNITS:
-            raise DaqmxError(-200077, "The stand-in has no custom scales, and no other units.")
-        volts_per_unit = _sensitivity(request, _UNITS[units])
-        if volts_per_unit <= 0:
+        units, zero, scale = given(request, "units"), 0.0, ""
+        if units == CUSTOM_SCALE and not sensor.sensitivity:
+            scale = request.custom_scale_name
+            volts_per_unit, zero = find_scale(self, scale).line
+        elif units not in _UNITS:
+            raise invalid("the units", units, "those of the sensor")
+        elif (volts_per_unit := _sensitivity(request, _UNITS[units])) <= 0:
             raise invalid("the sensitivity", volts_per_unit, "above 0")
         task = self._task(request)
         kept = {sensor.units: units, **_excitation(request, task.device)}
@@ -146,6 +148,8 @@ def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
             configuration=given(request, "terminal_config"),
             measurement=sensor.measurement,
             volts_per_unit=volts_per_unit,
+            zero=zero,
+            custom_scale=scale,
         )
         for channel in added:
             channel.stored.update((number("CHANNEL", name), kept[name]) for name in kept)

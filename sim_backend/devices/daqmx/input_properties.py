@@ -94,8 +94,15 @@ def _of_input(name: str, default: object, read: Callable[[Seat], object]) -> Att
 
 def _limit(name: str, sign: int) -> Attribute:
     return _of_input(
-        name, sign * 5.0, lambda seat: sign * seat.input.range / seat.input.volts_per_unit
+        name,
+        sign * 5.0,
+        lambda seat: sign * seat.input.range / abs(seat.input.volts_per_unit) + seat.input.zero,
     )
+
+
+def _unscale(seat: Seat) -> None:
+    seat.must_be_idle()
+    seat.input.custom_scale, seat.input.volts_per_unit, seat.input.zero = "", 1.0, 0.0
 
 
 def _scaling(seat: Seat) -> list[float]:
@@ -118,7 +125,6 @@ CHANNEL = {
         {
             "CHAN_DESCR": "",
             "CHAN_IS_GLOBAL": False,
-            "AI_CUSTOM_SCALE_NAME": "",
             "AI_VOLTAGE_UNITS": 10348,
             "AI_FORCE_UNITS": 15875,
             "AI_FORCE_IEPE_SENSOR_SENSITIVITY": 2.25,
@@ -154,6 +160,7 @@ CHANNEL = {
             "PHYSICAL_CHAN_NAME": lambda seat: f"{seat.task.card.name}/{seat.input.terminal}",
             "AI_MEAS_TYPE": lambda seat: seat.input.measurement,
             "AI_IS_TEDS": False,
+            "AI_CUSTOM_SCALE_NAME": Attribute(lambda seat: seat.input.custom_scale, clear=_unscale),
             "AI_MAX": _limit("high", 1),
             "AI_MIN": _limit("low", -1),
             "AI_RNG_HIGH": _of_input("requested_range", None, lambda seat: seat.input.range),

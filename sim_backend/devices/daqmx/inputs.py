@@ -29,7 +29,11 @@ class Input:
     measurement: int = 10322
     """What it measures: voltage, force, ..."""
     volts_per_unit: float = 1.0
-    """V per unit of the channel: its sensor's sensitivity."""
+    """V per unit of the channel: its sensor's sensitivity, or of its custom scale."""
+    zero: float = 0.0
+    """Units of 0 V, of a custom scale."""
+    custom_scale: str = ""
+    """Its name; empty without one."""
     requested_range: float | None = None
     """V, that the device's range must take, of either sign; None for the limits themselves."""
     stored: dict[int, Any] = field(default_factory=dict)
@@ -56,7 +60,8 @@ class Input:
     @property
     def limits(self) -> tuple[float, float]:
         """Requested lowest and highest value, V."""
-        return self.low * self.volts_per_unit, self.high * self.volts_per_unit
+        low, high = ((limit - self.zero) * self.volts_per_unit for limit in (self.low, self.high))
+        return min(low, high), max(low, high)
 
     def removed_delay(self, rate: float) -> float:
         """Return how much of its filter's delay the driver removes, s, at a rate [Hz]."""
@@ -75,7 +80,8 @@ class Input:
 
     def scaled(self, volts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return volts in the channel's unit."""
-        return volts if self.volts_per_unit == 1 else volts / self.volts_per_unit
+        plain = self.volts_per_unit == 1 and not self.zero
+        return volts if plain else volts / self.volts_per_unit + self.zero
 
     def counts(self, volts: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the integers that the converter gives for volts."""

@@ -31,6 +31,7 @@ from sautereau.sim_backend.devices.daqmx.properties import (
 )
 from sautereau.sim_backend.devices.daqmx.reading import Reading
 from sautereau.sim_backend.devices.daqmx.reading_properties import BUFFER, READ
+from sautereau.sim_backend.devices.daqmx.scales import SCALE, CreateLinScale, Scale, find_scale
 from sautereau.sim_backend.devices.daqmx.task_events import Events
 from sautereau.sim_backend.devices.daqmx.timing_properties import TIMING, TRIGGER
 
@@ -49,6 +50,8 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
 
     def __init__(self, card: Card):
         self._card = card
+        self.scales: dict[str, Scale] = {}
+        """Custom scales by name."""
         self._tasks: dict[str, CardTask] = {}
         self._lock = threading.Lock()
         self._gone = False
@@ -215,13 +218,14 @@ PROPERTIES: dict[str, tuple[Callable[[Any, Any], Any], Table]] = {
     "Trig": (Servicer._task, TRIGGER),
     "Read": (Servicer._task, READ),
     "Buffer": (Servicer._task, BUFFER),
+    "Scale": (lambda self, request: find_scale(self, request.scale_name), SCALE),
 }
 """By the subject in the names of the calls: what a request is about, and its properties."""
 
 for _subject, (_find, _table) in PROPERTIES.items():
     for _name, _method in calls(_subject, _find, _table).items():
         setattr(Servicer, _name, _method)
-for _name, _method in {**CREATORS, **CONFIGURING}.items():
+for _name, _method in {**CREATORS, **CONFIGURING, "CreateLinScale": CreateLinScale}.items():
     setattr(Servicer, _name, _method)
 for _name in dir(nidaqmx_pb2_grpc.NiDAQmxServicer):
     if "TimingAttributeEx" in _name:

@@ -26,7 +26,12 @@ def inlined(function: F) -> F:
     return _compiled(function, forceinline=True)
 
 
-def _compiled(function: F, *, forceinline: bool = False) -> F:
+def expanded(function: F) -> F:
+    """Expand a function that returns records, which no compiled function can, in its callers."""
+    return _compiled(function, inline="always")
+
+
+def _compiled(function: F, **options: Any) -> F:
     if njit is None:
         return function
     # numba's cache detects changes of a function's own file and name only, so the name contains a
@@ -37,7 +42,8 @@ def _compiled(function: F, *, forceinline: bool = False) -> F:
         nogil=True,
         error_model="numpy",
         no_cfunc_wrapper=True,
-        forceinline=forceinline,
+        _nrt=False,  # no reference counts: the arrays belong to the caller
+        **options,
     )(function)
 
 

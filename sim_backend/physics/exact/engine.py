@@ -8,13 +8,12 @@ from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_samp
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.fingertip import engage
 from sautereau.sim_backend.physics.exact.laws import set_laws
 from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches
 from sautereau.sim_backend.physics.exact.play import play
 from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
-from sautereau.sim_backend.scene import NO_BENDING, Scene
+from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
 FINGERS = ("push", "ideal", "servo")
@@ -65,21 +64,22 @@ class ExactWorld(World):
         super().__init__(rig, scene, start)
         rig = self.rig
         check_scene(scene)
-        self._period = rig.controller.sample_period
         self._timing = timing_of(rig, scene, order, tolerance)
         numbers = Numbers(rig, scene, {})
         keys, jacks = benches(numbers, 1)
         cells, _ = set_laws(numbers, jacks, np.ones(1, bool))
-        self.press = ix.new_press(
-            records(keys)[0], records(jacks)[0], cells, arm_of(rig, scene, self.start),
-            FINGERS.index(scene.finger),
-        )  # fmt: skip
-        """Parameters and state."""
         self._kind, self._powered = FINGERS.index(scene.finger), False
+        arm = arm_of(rig, scene, self.start)
+        self._presses = ix.new_presses(keys, jacks, cells, arm, self._kind)
         if not ExactWorld._compiled:  # now, and not while a host waits for an answer
-            play(self.press, 0, np.zeros((0, 2, 4)), False, self._period, *self._timing)
+            play(self._presses, 0, 0, np.zeros((0, 2, 4)), False, self._timing)
             ExactWorld._compiled = True
         self.finger = ServoFinger(self.press) if scene.servo else StandingFinger(self.start)
+
+    @property
+    def press(self) -> ix.Press:
+        """Parameters and state."""
+        return ix.one_press(self._presses, 0)
 
     def advance(self, reference: Reference, powered: bool) -> Motions:
         """Advance by one controller sample; see `World.advance`."""
@@ -91,7 +91,7 @@ class ExactWorld(World):
 
     def _play(self, counts: Floats, speeds: Floats, powered: bool) -> Motions:
         """Advance through controller samples with a reference at their ends."""
-        press, kind = self.press, self._kind
+        presses, kind = self._presses, self._kind
         if isinstance(self.finger, ServoFinger) and powered != self._powered:
             self.finger.switch(powered)
         self._powered = powered
@@ -99,32 +99,26 @@ class ExactWorld(World):
             cubics = np.zeros((len(counts) - 1, 2, 4))
         else:
             cubics = joint_cubics(self.start, counts, speeds, self.radians_per_count)
-        steps, order, tolerance = self._timing
-        room = len(cubics) * (steps + 2) + SPARE_ROWS
-        if len(press.rows) < room:
-            self.press = press = press._replace(rows=np.empty((room, 6)))
-        status = play(press, self.samples, cubics, powered, self._period, steps, order, tolerance)
+        room = len(cubics) * (self._timing[1] + 2) + SPARE_ROWS
+        if len(presses.rows) < room:
+            self._presses = presses = presses._replace(rows=np.empty((room, 6)))
+        status, events, count = play(presses, 0, self.samples, cubics, powered, self._timing)
         self.samples += len(cubics)
-        rows = press.rows[: press.mode.rows]
+        rows = presses.rows[:count]
         if status == ix.FINE and not np.isfinite(rows).all():
             status = ix.LOST
         if status != ix.FINE:
             reached = rows[-1, 0] if len(rows) else 0.0
             raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[status]}")
-        self._append_events()
+        self._append_events(presses.events[:events])
         if kind == ix.IDEAL:
             first, second = (np.asarray(self.start) + counts[-1] * self.radians_per_count).tolist()
             self.finger = StandingFinger((first, second))
         return Motions(*rows.T.copy())
 
-    def _append_events(self) -> None:
-        events = self.events
-        lists = {
-            ix.CONTACT: events.contacts,
-            ix.RELEASE: events.releases,
-            ix.RETURN: events.returns,
-        }
-        for time, kind, choir, force, _ in self.press.events[: self.press.mode.events].tolist():
+    def _append_events(self, found: Floats) -> None:
+        lists = self.events.contacts, self.events.releases, self.events.returns
+        for time, kind, choir, force, _ in found.tolist():
             lists[int(kind)].append(StringEvent(time, int(choir), force))
 
 
@@ -178,16 +172,9 @@ def check_scene(scene: Scene) -> None:
     """Refuse a scene that the exact engine does not support.
 
     Raises:
-        SceneError: The scene has a modal string, a bending key, or an open choice.
+        SceneError: The scene has a part that the engine does not support, or an open choice.
     """
-    faults = []
-    if scene.string == "modal":
-        faults.append(
-            'engine: "exact" does not support string = "modal"; set engine = "rigid", or'
-            ' string = "spring"'
-        )
-    if scene.bending is not None:
-        faults.append(f"engine: {NO_BENDING}")
+    faults = scene.unsolved
     if scene.step is None or "auto" in (scene.plectrum, scene.string):
         faults.append(
             "step, plectrum, string: the scene leaves them open; choose them with"
@@ -200,9 +187,9 @@ def check_scene(scene: Scene) -> None:
 
 def timing_of(
     rig: Rig, scene: Scene, order: int = ORDER, tolerance: float | None = None
-) -> tuple[int, int, float]:
-    """Return the number of steps in a controller sample, their order and their tolerance."""
+) -> tuple[float, int, int, float]:
+    """Return the timing of a scene, as `play` takes it."""
     period = rig.controller.sample_period
     steps = steps_in_sample(rig, scene.step or period)
     rated = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
-    return steps, order, rated if tolerance is None else tolerance
+    return period, steps, order, rated if tolerance is None else tolerance

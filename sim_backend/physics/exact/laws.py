@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.interpolate import PchipInterpolator
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.choirs import choir_pluck, choirs
+from sautereau.analysis.model.choirs import choirs, pluck_of
 from sautereau.analysis.model.pluck.equilibria import Equilibria
 from sautereau.analysis.model.pluck.loaded import UniformPlectra
 from sautereau.analysis.model.pluck.paths import Status, solve_paths
@@ -21,7 +21,7 @@ from sautereau.sim_backend.physics.exact.parameters import Numbers
 from sautereau.sim_backend.physics.exact.structures import JACK, PIECES
 from sautereau.trajectory.motion import Floats
 
-POINTS = 97
+POINTS = 65
 """Points per piece where many plucks are solved together."""
 CHUNK = 192
 """Plucks that are solved together; limited by the processor's cache."""
@@ -32,6 +32,8 @@ PLECTRUM = tuple(
 STRING = tuple(f"string.{n}" for n in ("tension", "length", "plucking_point", "diameter"))
 DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
 """Values of a pluck by dotted key; with the elastica the derived ones may be given too."""
+_EDGE = np.array([[-25, 48, -36, 16, -3], [-3, -10, 18, -6, 1]]).T / 12
+"""Differences of order 4 at the first two points."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +69,13 @@ def set_laws(
         SceneError: A plectrum and string that do not vary have no pluck.
     """
     plucks, level = np.ones(len(jacks), bool), numbers.scene.plectrum
-    cells = [np.zeros((1, 5))]  # of no law
+    cells, found = 0, [np.zeros((0, 5))]
     for k, (at, choir) in enumerate(zip(numbers.prefixes, choirs(numbers.rig), strict=True)):
-        if level == "none":
+        if level == "none" or not played.any():
             continue
         if not any(f"{at}{name}" in numbers.given for name in (*PLECTRUM, *STRING, *DERIVED)):
             try:
-                laws, which = [choir_law(choir, level)], 0
+                laws, which = choir_law(choir, level), 0
             except ModelError as error:
                 raise SceneError(f"rig {numbers.rig.name}: {at}{error}") from error
         else:
@@ -86,14 +88,12 @@ def set_laws(
                 different, which = _different(values, played)
                 laws, good = _one_by_one(choir, level, different)
             plucks &= good[which]
-        first = []
-        for law in laws:
-            first.append(law.jacks["first"] + sum(map(len, cells)))
-            cells.append(law.cells)
-        jacks["first"][:, k] = np.concatenate(first)[which]
-        for name in ("pieces", "border"):
-            jacks[name][:, k] = np.concatenate([law.jacks[name] for law in laws])[which]
-    return np.concatenate(cells), plucks
+        for name in ("pieces", "first", "border"):
+            jacks[name][:, k] = laws.jacks[name][which]
+        jacks["first"][:, k] += cells
+        cells += len(laws.cells)
+        found.append(laws.cells)
+    return np.concatenate(found), plucks
 
 
 def _of_elastica(
@@ -117,7 +117,7 @@ def _of_elastica(
     return friction, overlap, length, bending, stiffness, (thick + diameter) / 2 * surface
 
 
-def _elastica(columns: Floats) -> tuple[list[Laws], NDArray[np.bool_]]:
+def _elastica(columns: Floats) -> tuple[Laws, NDArray[np.bool_]]:
     """Return laws of the elastica, and which of them are valid."""
     friction, overlap, length, bending, stiffness, offset = columns
     low, high = STIFFNESS_RANGE
@@ -131,10 +131,10 @@ def _elastica(columns: Floats) -> tuple[list[Laws], NDArray[np.bool_]]:
             solved, sure = elastica_laws(*parts, friction=float(friction[start]))
             good[part] &= sure
             laws.append(solved)
-    return laws, good
+    return _joined(laws), good
 
 
-def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[list[Laws], NDArray[np.bool_]]:
+def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[Laws, NDArray[np.bool_]]:
     """Return laws of any level, and which of them are valid."""
     good, laws = np.ones(columns.shape[1], bool), []
     for row, values in enumerate(columns.T.tolist()):
@@ -148,7 +148,15 @@ def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[list[Laws], 
         except ModelError:
             good[row] = False
             laws.append(Laws(np.zeros((1, 5)), np.zeros(1, JACK)))
-    return laws, good
+    return _joined(laws), good
+
+
+def _joined(parts: list[Laws]) -> Laws:
+    """Return the laws of all parts."""
+    ends = np.cumsum([len(part.cells) for part in parts])
+    jacks = np.concatenate([part.jacks for part in parts])
+    jacks["first"] += np.repeat([0, *ends[:-1]], [len(part.jacks) for part in parts])[:, None]
+    return Laws(np.concatenate([part.cells for part in parts]), jacks)
 
 
 def _different(
@@ -167,7 +175,7 @@ def _different(
 
 @lru_cache(maxsize=256)
 def _law(plectrum: Plectrum, string: String, level: str) -> Laws:
-    pluck = choir_pluck(Choir.model_construct(plectrum=plectrum, string=string), level)
+    pluck = pluck_of(plectrum, string, level)  # pyright: ignore[reportArgumentType]
     knots, jack = pluck.height, np.zeros(1, JACK)
     places = np.array([1, 3, 5, 7]) / 8
     steps = np.diff(knots)[:, None]
@@ -220,12 +228,10 @@ def elastica_laws(
 
 def _cells(height: Floats, force: Floats, folded: NDArray[np.bool_]) -> Floats:
     """Return starts [m] of cells and cubics of the force over K; shape (laws, cells, 5)."""
-    share = np.arange(POINTS)
     step = np.diff(height, axis=1)
     # Both are smooth functions of the load, in which the points are equidistant.
     with np.errstate(all="ignore"):
-        by_share = [CubicSpline(share, np.nan_to_num(a), axis=1)(share, 1) for a in (force, height)]
-        slope = by_share[0] / by_share[1]
+        slope = _slopes(force) / _slopes(height)
     for row in np.flatnonzero(folded & (step > 0).all(axis=1)):
         # At a fold the slope of the force is unbounded, and a smooth spline would oscillate.
         slope[row] = PchipInterpolator(height[row], force[row])(height[row], 1)
@@ -233,6 +239,13 @@ def _cells(height: Floats, force: Floats, folded: NDArray[np.bool_]) -> Floats:
     left, right = slope[:, :-1], slope[:, 1:]
     second, third = (3 * rise - 2 * left - right) / step, (left + right - 2 * rise) / step**2
     return np.stack([height[:, :-1], force[:, :-1], left, second, third], axis=-1)
+
+
+def _slopes(values: Floats) -> Floats:
+    """Return the derivatives by the number of the point, of order 4; shape (laws, POINTS)."""
+    near, far = values[:, 3:-1] - values[:, 1:-3], values[:, 4:] - values[:, :-4]
+    start, end = values[:, :5] @ _EDGE, values[:, :-6:-1] @ -_EDGE
+    return np.concatenate([start, (8 * near - far) / 12, end[:, ::-1]], axis=1)
 
 
 def _lasts(start: Floats, end: Floats) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ import math
 
 from sautereau.sim_backend.physics.base import LARGEST_ANGLE
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import compiled
+from sautereau.sim_backend.physics.exact.compile import compiled, expanded, inlined
 from sautereau.sim_backend.physics.exact.fingertip import close_loops, locate_tip
 from sautereau.sim_backend.physics.exact.forces import surface
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
@@ -24,6 +24,8 @@ NONSMOOTH = 1e-3
 """Dimensionless, fraction of a step: length of a nonsmooth step."""
 MOST_STEPS, MORE_STEPS = 200_000, 1000
 """Divided steps of one call, and more of them per sample, above which a scene is too stiff."""
+
+one_press = expanded(ix.one_press)
 
 
 @compiled
@@ -87,7 +89,8 @@ def advance(press, time, end, size, order, tolerance):
         step = min(step, end - time)
         if not repeated:
             before = guard(press)
-            start[0, :], start[1, :], start[2, :] = press.x, press.v, press.a
+            for i in range(len(press.x)):
+                start[0, i], start[1, i], start[2, i] = press.x[i], press.v[i], press.a[i]
         error = try_step(press, start, time, step, order) / allowed
         repeated = not error <= 1.0 and step > SHORTEST
         if repeated:
@@ -119,93 +122,98 @@ def advance(press, time, end, size, order, tolerance):
     return ix.FINE
 
 
-@compiled
-def play(press, sample, cubics, powered, period, steps, order, tolerance):
-    """Advance by controller samples; return a status.
-
-    Args:
-        press: Its events and rows are replaced.
-        sample: Number of the first one; 0 starts from rest.
-        cubics: rad, joints over each sample; shape (samples, 2, 4).
-        powered: Whether the motors are on, and a push acts.
-        period: s, of the controller.
-        steps: In a sample, of equal length.
-        order: Of the steps.
-        tolerance: Dimensionless, relative error of a step.
-    """
-    key, finger, mode, size = press.key, press.finger, press.mode, period / steps
-    mode.events = mode.rows = 0
-    mode.steps = MOST_STEPS + (MORE_STEPS + 2 * steps) * len(cubics)
-    mode.spare = max(len(press.rows) - len(cubics) * steps, 0)
-    for i in range(len(cubics)):
-        start = (sample + i) * period
-        finger.start, finger.period = start, period
-        finger.cubics[:] = cubics[i]
-        finger.still = not cubics[i, :, 1:].any()
-        if sample + i == 0:
-            status = rest(press, start)
-            if status != ix.FINE:
-                return status
-        if finger.kind == ix.SERVO and powered:
-            close_loops(press)
-        pushes = finger.kind == ix.PUSH and powered and start < key.push_end
-        force = key.force * key.press_arm if pushes else 0.0
-        changed = sample + i == 0 or finger.kind != ix.PUSH or force != finger.moment
-        finger.moment = force
-        for j in range(steps):
-            time, end = start + j * size, start + (j + 1) * size
-            if j == steps - 1:
-                end = (sample + i + 1) * period
-            while time < end:
-                until = end
-                if finger.moment != 0.0 and key.push_end < end:
-                    until = max(key.push_end, time)
-                if changed:
-                    status = change(press, time)
-                    if status != ix.FINE:
-                        return status
-                    write_row(press, time, True)
-                status = advance(press, time, until, size, order, tolerance)
+@inlined
+def play_sample(press, sample, cubics, powered, timing):
+    """Advance by one controller sample; return a status. For the arguments see `play`."""
+    period, steps, order, tolerance = timing
+    key, finger, size, start = press.key, press.finger, period / steps, sample * period
+    finger.start, finger.period, finger.still = start, period, 1
+    for j in range(2):
+        for k in range(4):
+            finger.cubics[j, k] = cubics[j, k]
+            if k > 0 and cubics[j, k] != 0.0:
+                finger.still = 0
+    if sample == 0:
+        status = rest(press, start)
+        if status != ix.FINE:
+            return status
+    if finger.kind == ix.SERVO and powered:
+        close_loops(press)
+    pushes = finger.kind == ix.PUSH and powered and start < key.push_end
+    force = key.force * key.press_arm if pushes else 0.0
+    changed = sample == 0 or finger.kind != ix.PUSH or force != finger.moment
+    finger.moment = force
+    for j in range(steps):
+        time, end = start + j * size, start + (j + 1) * size
+        if j == steps - 1:
+            end = (sample + 1) * period
+        while time < end:
+            until = end
+            if finger.moment != 0.0 and key.push_end < end:
+                until = max(key.push_end, time)
+            if changed:
+                status = change(press, time)
                 if status != ix.FINE:
                     return status
-                if until < end:
-                    write_row(press, until, True)
-                    finger.moment = 0.0
-                changed = until < end
-                time = until
-            write_row(press, end, False)
+                write_row(press, time, True)
+            status = advance(press, time, until, size, order, tolerance)
+            if status != ix.FINE:
+                return status
+            if until < end:
+                write_row(press, until, True)
+                finger.moment = 0.0
+            changed = until < end
+            time = until
+        write_row(press, end, False)
     return ix.FINE
 
 
 @compiled
-def play_presses(keys, jacks, template, first, last, cubics, samples, timing, found, status):
+def play(presses, number, sample, cubics, powered, timing):
+    """Advance one of many presses by controller samples.
+
+    Args:
+        presses: Their state, events and rows are replaced.
+        number: Of the press.
+        sample: Number of the first one; 0 starts from rest.
+        cubics: rad, joints over each sample; shape (samples, 2, 4).
+        powered: Whether the motors are on, and a push acts.
+        timing: s, of the controller's period; number of steps in a sample, of equal length; their
+            order, and the relative error of a step.
+
+    Returns:
+        Its status, and the numbers of events and of rows.
+    """
+    press = one_press(presses, number)
+    mode, status, steps = press.mode, ix.FINE, timing[1]
+    mode.events = mode.rows = 0
+    mode.steps = MOST_STEPS + (MORE_STEPS + 2 * steps) * len(cubics)
+    mode.spare = max(len(press.rows) - len(cubics) * steps, 0)
+    for i in range(len(cubics)):
+        if status == ix.FINE:
+            status = play_sample(press, sample + i, cubics[i], powered, timing)
+    return status, mode.events, mode.rows
+
+
+@compiled
+def play_presses(presses, cubics, samples, timing, found, status):
     """Play complete presses; record each string's first contact and release.
 
     Args:
-        keys: Records of `KEY`; shape (presses,).
-        jacks: Records of `JACK`; shape (presses, choirs).
-        template: A press, whose state is used.
-        first: Index of the first press.
-        last: Index after the last press.
+        presses: As of `play`.
         cubics: rad, joints of an ideal finger over each sample; shape (samples, 2, 4).
         samples: Controller samples of each press; shape (presses,).
-        timing: Controller period [s], steps in a sample, order and tolerance.
+        timing: As of `play`.
         found: Contact and release [s], force at release [N], speed of the jack there [m/s];
             shape (presses, choirs, 4); initially infinite, as it stays without the event.
         status: Of each press; shape (presses,).
     """
-    period, steps, order, tolerance = timing
-    for i in range(first, last):
+    for i in range(len(status)):
         if status[i] != ix.FINE:
             continue
-        press = ix.Press(
-            keys[i], jacks[i], template.cells, template.arm, template.finger, template.mode,
-            template.choirs, template.x, template.v, template.a, template.work, template.events,
-            template.rows,
-        )  # fmt: skip
-        status[i] = play(press, 0, cubics[: samples[i]], True, period, steps, order, tolerance)
-        for e in range(press.mode.events - 1, -1, -1):
-            event = press.events[e]
+        status[i], events, _ = play(presses, i, 0, cubics[: samples[i]], True, timing)
+        for e in range(events - 1, -1, -1):
+            event = presses.events[e]
             row = found[i, int(event[2])]
             if event[1] == ix.CONTACT:
                 row[0] = event[0]

@@ -14,7 +14,7 @@ OFF, PRESSED, SLACK = 0, 1, 2
 """States of the front felt and of the fingertip's pad; a slack one expands more slowly than the
 key leaves it."""
 CONTACT, RELEASE, RETURN = 0, 1, 2
-"""Kinds of a string's events."""
+"""Kinds of a string's events, in the order of the lists in `PluckEvents`."""
 PUSH, IDEAL, SERVO = 0, 1, 2
 """Kinds of finger."""
 FINE, TURNED_OVER, LOST, JUMPED, AT_PIN = 0, 1, 2, 3, 4
@@ -117,21 +117,30 @@ class Press(NamedTuple):
     """Times and the other quantities of `Motions`; shape (rows, 6)."""
 
 
-def new_press(key: Any, jacks: Any, cells: Floats, arm: NDArray, kind: int) -> Press:
-    """Return a press at time 0 before its first sample, which records no rows.
+def new_presses(keys: NDArray, jacks: NDArray, cells: Floats, arm: NDArray, kind: int) -> Press:
+    """Return presses at time 0 before their first sample, of which one at a time is played.
 
     Args:
-        key: Record of `KEY`.
-        jacks: Records of `JACK`.
+        keys: Of `KEY`; shape (presses,).
+        jacks: Of `JACK`; shape (presses, choirs).
         cells: Of the force laws.
         arm: Array of one `ARM`.
         kind: Of the finger.
     """
-    finger, mode = np.zeros(1, FINGER), np.zeros(1, MODE)
+    finger, mode, choirs = np.zeros(1, FINGER), np.zeros(1, MODE), jacks.shape[1]
     finger["kind"] = kind
-    n = 1 + len(jacks) + (2 if kind == SERVO else 0)
+    n = 1 + choirs + (2 if kind == SERVO else 0)
     return Press(
-        key, jacks, cells, records(arm)[0], records(finger)[0], records(mode)[0],
-        records(np.zeros(len(jacks), CHOIR)), np.zeros(n), np.zeros(n), np.zeros(n),
+        records(keys), records(jacks), cells, records(arm), records(finger), records(mode),
+        records(np.zeros(choirs, CHOIR)), np.zeros(n), np.zeros(n), np.zeros(n),
         np.zeros((13, n)), np.zeros((EVENTS, 5)), np.zeros((0, 6)),
+    )  # fmt: skip
+
+
+def one_press(presses: Press, i: int) -> Press:
+    """Return one of `new_presses`, which all share the state."""
+    return Press(
+        presses.key[i], presses.jacks[i], presses.cells, presses.arm[0], presses.finger[0],
+        presses.mode[0], presses.choirs, presses.x, presses.v, presses.a, presses.work,
+        presses.events, presses.rows,
     )  # fmt: skip

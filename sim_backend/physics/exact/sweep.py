@@ -13,7 +13,6 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.engine import FINGERS, check_scene, timing_of
 from sautereau.sim_backend.physics.exact.laws import DERIVED, PLECTRUM, STRING, set_laws
 from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches
@@ -108,7 +107,7 @@ def sweep(
     presses, choirs = int(np.prod(shape)), 1 + len(rig.more_choirs)
     numbers = Numbers(rig, scene, flat)
     with np.errstate(all="ignore"):  # of presses that are not simulated
-        key_array, jack_array = benches(numbers, presses)
+        keys, jacks = benches(numbers, presses)
     plucked = (*PLECTRUM, *STRING, *(DERIVED if scene.plectrum == "elastica" else ()))
     for at in numbers.prefixes if scene.plectrum != "none" else ():
         for name in plucked:
@@ -119,18 +118,17 @@ def sweep(
             f" {', '.join(numbers.used)}"
         )
     good = numbers.within_limits(presses)
-    cells, plucks = set_laws(numbers, jack_array, good)
+    cells, plucks = set_laws(numbers, jacks, good)
     status = np.where(good, np.where(plucks, Ending.PLAYED, Ending.NO_PLUCK), Ending.OUT_OF_RANGE)
-    keys, jacks = records(key_array), records(jack_array)
     found = np.full((presses, choirs, 4), np.inf)
     samples, cubics, start = _drive(numbers, presses)
-    timing = rig.controller.sample_period, *timing_of(rig, scene)
+    timing = timing_of(rig, scene)
 
     def play(first: int) -> None:
         arm, kind = arm_of(rig, scene, start), FINGERS.index(scene.finger)
-        template = ix.new_press(keys[0], jacks[0], cells, arm, kind)
-        last = min(first + CHUNK, presses)
-        play_presses(keys, jacks, template, first, last, cubics, samples, timing, found, status)
+        part = slice(first, first + CHUNK)
+        chunk = ix.new_presses(keys[part], jacks[part], cells, arm, kind)
+        play_presses(chunk, cubics, samples[part], timing, found[part], status[part])
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         list(pool.map(play, range(0, presses, CHUNK)))

@@ -20,9 +20,11 @@ from sautereau.sim_backend.physics.rigid.bodies import (
     set_force,
     set_torque,
 )
+from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import touching_angle
 from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
+from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
@@ -43,6 +45,7 @@ class ServoFinger(SteppedFinger):
         start: rad, joints when power comes on.
         servo: Gains of the loops.
         scene: With its gravity and its fingertip.
+        pin: Height of the key's pin.
 
     Raises:
         SceneError: The motor of joint 2 has a rotor.
@@ -56,6 +59,7 @@ class ServoFinger(SteppedFinger):
         start: tuple[float, float],
         servo: Servo,
         scene: Scene,
+        pin: Coordinate,
     ):
         first, second = armature(rig.arm)
         if second > 0:
@@ -65,7 +69,7 @@ class ServoFinger(SteppedFinger):
                 ' scene\'s table [truth] or in the rig, or take finger = "ideal"'
             )
         self._rig, arm = rig, rig.arm
-        self._space = space
+        self._space, self._pin = space, pin
         self._radians = arm.radians_per_count
         self._period = rig.controller.sample_period
         self._loops = PositionLoops(servo, arm, self._period, scene.gravity)
@@ -75,7 +79,7 @@ class ServoFinger(SteppedFinger):
         self.upper, self.lower = add_arm(space, arm, start)
         self.upper.moment += first * INERTIA
         if scene.fingertip is not None:
-            self.pad = Pad(scene.fingertip, lever, self._height)
+            self.pad = Pad(scene.fingertip, lever, self._height, pin)
         else:
             self._tip = add_fingertip(space, lever, self.lower, rig.key, arm)
         self._brakes = brakes(space, self.upper, self.lower)
@@ -131,22 +135,14 @@ class ServoFinger(SteppedFinger):
             self._correction = (first - a) / 2, (second - b) / 2
         return jumped
 
-    def apply_forces(
-        self,
-        elapsed: float,
-        angle: float,
-        omega: float,
-        ahead: float,
-        step: float,
-        fraction: float,
-    ) -> None:
+    def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Apply the motors' torques and the pad's force; see `SteppedFinger`."""
         (first, second), (a, b) = self._torque, self._correction
-        first, second = first * fraction + a, second * fraction + b
+        first, second = first * kick.fraction + a, second * kick.fraction + b
         if self.pad is not None:
-            back = fraction * step - ahead / 2  # from here to the middle of the last step
-            place, velocity, along = self._tip_after(step, back)
-            force = self.pad.press(place, velocity, angle, omega, (ahead, step, fraction))
+            back = kick.fraction * kick.step - kick.ahead / 2  # to the middle of the last step
+            place, velocity, along = self._tip_after(kick.step, back)
+            force = self.pad.press(place, velocity, angle, omega, kick)
             set_force(self.lower, force)
             second_arm = along[0] / 2 * force[1] - along[1] / 2 * force[0]
             set_torque(self.lower, second + second_arm)
@@ -176,8 +172,8 @@ class ServoFinger(SteppedFinger):
         if not self._is_separated:
             return False
         a, b = self._omegas
-        gap = self._gap_at(self.upper.angle + a * step, self.lower.angle + b * step, angle)
-        return gap < 0
+        first, second = self.upper.angle + a * step, self.lower.angle + b * step
+        return self._gap_at(first, second, angle, self._pin.next) < 0
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
         """Return the gap [mm] to the key at a later time; see `SteppedFinger`."""
@@ -186,7 +182,8 @@ class ServoFinger(SteppedFinger):
         (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
         forward = (time - ahead) / 2
         a, b = a + acceleration1 * forward, b + acceleration2 * forward
-        return self._gap_at(self.upper.angle + a * time, self.lower.angle + b * time, angle)
+        first, second = self.upper.angle + a * time, self.lower.angle + b * time
+        return self._gap_at(first, second, angle, self._pin.at(time, ahead))
 
     def make_contact(self, time: float) -> None:
         """Be in contact with the key from now on; see `SteppedFinger`."""
@@ -228,7 +225,7 @@ class ServoFinger(SteppedFinger):
         (x, z), (lower_x, lower_z) = self.upper.position, self.lower.position
         shoulder = math.hypot(x - up_x - self._base[0], z - up_z - self._base[1])
         hinge = math.hypot(x + up_x - lower_x + out_x, z + up_z - lower_z + out_z)
-        tip_x, tip_z = lower_x + out_x, lower_z + out_z
+        tip_x, tip_z = lower_x + out_x, lower_z + out_z - self._pin.value
         if self.pad is not None:
             return angle, max(shoulder, hinge)
         gap = tip_z * math.cos(angle) - tip_x * math.sin(angle) - self._height
@@ -274,9 +271,16 @@ class ServoFinger(SteppedFinger):
         first, second = self._loops.torque(error, acceleration)
         return first * MM, second * MM
 
-    def _gap_at(self, first: float, second: float, angle: float) -> float:
-        """Return the gap [mm] of the fingertip to a key at an angle [rad]; links' angles."""
+    def _gap_at(self, first: float, second: float, angle: float, pin: float) -> float:
+        """Return the gap [mm] of the fingertip to the key.
+
+        Args:
+            first: rad, of link 1.
+            second: rad, of link 2.
+            angle: rad, of the key.
+            pin: mm, height of its pin.
+        """
         l1, l2 = self._lengths
         x = self._base[0] + l1 * math.cos(first) + l2 * math.cos(second)
-        z = self._base[1] + l1 * math.sin(first) + l2 * math.sin(second)
+        z = self._base[1] - pin + l1 * math.sin(first) + l2 * math.sin(second)
         return z * math.cos(angle) - x * math.sin(angle) - self._height

@@ -21,14 +21,17 @@ from sautereau.sim_backend.physics.rigid.bodies import (
     MM,
     add_key,
     add_pivot_friction,
+    set_angle,
 )
+from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
 from sautereau.sim_backend.physics.rigid.finger import PushFinger, SteppedFinger
-from sautereau.sim_backend.physics.rigid.front import Front
+from sautereau.sim_backend.physics.rigid.front import BentFront, Front
 from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, touching_angle
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
 from sautereau.sim_backend.physics.rigid.key_loads import KeyLoads
 from sautereau.sim_backend.physics.rigid.padded import PaddedIdealFinger
 from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
+from sautereau.sim_backend.physics.rigid.sinking_pin import SinkingPin
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
 
@@ -39,7 +42,7 @@ TICK = 1e-9
 SHORTEST = 1e-4
 """ms, of a step, below which a scene is refused."""
 ITERATIONS = {"push": 20, "ideal": 20, "servo": 70}
-"""Solver iterations at an event, times 1 + rho; see `Assembly.kick`."""
+"""Solver iterations at an event, times 1 + rho; see `Assembly.converge`."""
 LARGEST_RATIO = 2e4
 """Largest rho, with which an event takes about 0.1 s of computing."""
 
@@ -57,7 +60,7 @@ class Division:
         jacks: With their strings.
         step: ms, the longest.
         fingertip: With its pad; None for a rigid one.
-        bending: 1/ms, angular frequency of the key's bending mode.
+        front: Of a key that bends or sinks.
 
     Raises:
         SceneError: A stiffness or a damping is too large for any step.
@@ -70,12 +73,14 @@ class Division:
         jacks: Iterable[CarriedJack],
         step: float,
         fingertip: Fingertip | None = None,
-        bending: float = 0.0,
+        front: Front | None = None,
     ):
         self._step = step
         self._loads = loads
         self._jacks = tuple(jacks)
-        inertia = rig.key.inertia * INERTIA
+        arm, inertia = rig.key.press_arm * MM, rig.key.inertia * INERTIA
+        if front is not None and not front.fixed:  # its mass can move, too
+            inertia /= 1 + inertia / (front.lever.mass * arm**2)
         felt = max(
             math.sqrt(loads.felt_stiffness / inertia),
             (loads.felt_damping + loads.viscous) / inertia,
@@ -83,19 +88,19 @@ class Division:
         slowed, padded = self._parts(loads.viscous / inertia), 1
         if fingertip is not None:
             # Both masses on the pad, each alone.
-            masses = inertia / (rig.key.press_arm * MM) ** 2, rig.arm.lower_mass * MM / 3
-            yielding = sum(1 / mass for mass in masses)
+            masses = inertia / arm**2, rig.arm.lower_mass * MM / 3
+            mobility = sum(1 / mass for mass in masses)
             padded = self._parts(
-                max(math.sqrt(fingertip.stiffness / MM * yielding), fingertip.damping * yielding)
+                max(math.sqrt(fingertip.stiffness / MM * mobility), fingertip.damping * mobility)
             )
-        bent = self._parts(bending)
-        self._always = max(slowed, padded, bent)
+        yielding = self._parts(front.rate) if front else 1
+        self._always = max(slowed, padded, yielding)
         self._felt = self._parts(felt)
         strings = [self._parts(_rate(j.string.stiffest, j)) for j in self._jacks if j.string]
         faults = []
         for parts, what, parameter in (
             (slowed, "the pivot's viscous friction", "key.pivot_viscous_friction"),
-            (bent, "the key's bending", "bending.frequency or bending.damping"),
+            (yielding, front.what if front else "", front.keys if front else ""),
             (padded, "the fingertip's pad", "fingertip.stiffness or fingertip.damping"),
             (self._felt, "the front felt", "key.felt_stiffness or key.felt_damping"),
             (max(strings, default=1), "a held string", "string.tension, or raise jack.mass"),
@@ -153,8 +158,10 @@ class Assembly:
     space: pymunk.Space
     key: pymunk.Body
     """Or only its back, if it bends."""
+    lever: pymunk.Body
+    """The key under the finger."""
     front: Front | None
-    """Of a key that bends."""
+    """Of a key that bends or sinks."""
     loads: KeyLoads
     jacks: list[CarriedJack]
     finger: SteppedFinger
@@ -167,20 +174,15 @@ class Assembly:
     def kick(self, step: float, fraction: float) -> None:
         """Step the engine with a fraction of its own weight and friction, at an event.
 
-        No impulse is warm-started, so the solver iterates until it has converged. Each of its
-        Gauss-Seidel iterations leaves the fraction rho / (1 + rho) of the error between jacks, key
-        and rail or finger, where rho is the sum of m r'^2 over the jacks, divided by I; so
-        20 (1 + rho) of them leave exp(-20). Fewer would let a heavy jack rebound.
+        No impulse is warm-started, so the solver iterates until it has converged.
 
         Args:
             step: ms, always the present step of the engine.
             fraction: Dimensionless, of weight and dry friction.
         """
+        self.converge()
         across, down = self.space.gravity
         self.space.gravity = across, down * fraction
-        rho = mass_ratio(self.key, self.jacks, self.key.angle)
-        least, factor = self.iterations
-        self.space.iterations = max(least, math.ceil(factor * (1 + rho)))
         for joint, force in self.dry:
             joint.max_force = force * fraction
         self.space.step(step)
@@ -188,10 +190,24 @@ class Assembly:
             joint.max_force = force
         self.space.gravity = across, down
 
+    def converge(self) -> None:
+        """Let the next step of the engine iterate as an impact requires.
+
+        Each Gauss-Seidel iteration leaves the fraction rho / (1 + rho) of the error between jacks,
+        key and rail or finger, where rho is the sum of m r'^2 over the jacks, divided by I; so
+        20 (1 + rho) of them leave exp(-20). Fewer would let a heavy jack rebound.
+        """
+        rho = mass_ratio(self.key, self.jacks, self.key.angle)
+        least, factor = self.iterations
+        self.space.iterations = max(least, math.ceil(factor * (1 + rho)))
+
 
 def mass_ratio(key: pymunk.Body, jacks: Iterable[CarriedJack], angle: float) -> float:
-    """Return the inertia of the jacks about the pin over that of the key, at an angle [rad]."""
-    return sum(jack.mass * jack.slope(angle) ** 2 for jack in jacks) / key.moment
+    """Return the inertia of the jacks about the pin over that of the key, at an angle [rad].
+
+    For a key that may sink, their mass over that of the key is added.
+    """
+    return sum(j.mass * (j.slope(angle) ** 2 / key.moment + 1 / key.mass) for j in jacks)
 
 
 def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEvents) -> Assembly:
@@ -214,13 +230,17 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     angle = 0.0
     if scene.finger != "push" and scene.fingertip is None:
         angle = max(0.0, float(touching_angle(rig, fingertip_place(rig.arm, np.array(start)))))
-    key, loads, front = add_key(space, rig.key, angle), KeyLoads(rig.key, scene), None
-    pressed, before = key, loads
-    if scene.bending is not None:
+    key, loads = add_key(space, rig.key, angle, scene.play), KeyLoads(rig.key, scene)
+    front, pin, before = None, Coordinate(), loads
+    if scene.bending is not None or scene.play is not None:
         loads, before = (KeyLoads(rig.key, scene, front=f, back=not f) for f in (False, True))
-        front = Front(space, key, scene.bending, before)
+    if scene.bending is not None:
+        front = BentFront(space, key, scene.bending, before)
+        set_angle(front.lever, angle)
         front.end_sample(angle)
-        pressed = front.body
+    elif scene.play is not None:
+        front = pin = SinkingPin(space, key, scene.play, rig.key, before)
+    lever = front.lever if front else key
     if not angle < before.bottom:
         raise SceneError(
             f"start: the fingertip is in the key: contact needs a key angle of {angle:.4g} rad, and"
@@ -230,9 +250,11 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     if loads.friction:
         dry.append((add_pivot_friction(space, key, loads.friction), loads.friction))
     jacks = [
-        CarriedJack(space, key, rig, choir, scene, _string(scene, choir, number, events))
+        CarriedJack(space, key, rig, choir, scene, _string(scene, choir, number, events), pin)
         for number, choir in enumerate(choirs(rig))
     ]
+    if isinstance(pin, SinkingPin):
+        pin.carry(jack.forces(0.0, 0.0) + jack.mass * scene.gravity / MM for jack in jacks)
     if (rho := mass_ratio(key, jacks, 0.0)) > LARGEST_RATIO:
         raise SceneError(
             f"rig {rig.name}: jack.mass: the jacks' inertia about the pin is {rho:.3g} times that"
@@ -240,18 +262,17 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
             " of the jacks, or raise key.inertia"
         )
     dry += [(jack.dry, jack.dry_force) for jack in jacks if jack.dry]
-    rate = front.rate if front else 0.0
-    division = Division(rig, before, jacks, period * MM / steps, scene.fingertip, rate)
+    division = Division(rig, before, jacks, period * MM / steps, scene.fingertip, front)
     if scene.push is not None:
         finger = PushFinger(scene.push, rig.key.press_arm, start, period)
     elif scene.servo is not None:
-        finger = ServoFinger(space, pressed, rig, start, scene.servo, scene)
+        finger = ServoFinger(space, lever, rig, start, scene.servo, scene, pin)
     elif scene.fingertip is not None:
-        finger = PaddedIdealFinger(pressed, rig, scene.fingertip, start)
+        finger = PaddedIdealFinger(lever, rig, scene.fingertip, start, pin)
     else:
-        finger = IdealFinger(space, pressed, rig, start, steps, steps * division.most)
+        finger = IdealFinger(space, lever, rig, start, steps, steps * division.most)
     iterations = scene.iterations, ITERATIONS[scene.finger]
-    return Assembly(space, key, front, loads, jacks, finger, division, dry, iterations)
+    return Assembly(space, key, lever, front, loads, jacks, finger, division, dry, iterations)
 
 
 def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> StringForce | None:

@@ -18,6 +18,7 @@ from pymunk.constraints import Constraint
 
 from sautereau.rig.instrument import Jack, Key
 from sautereau.rig.schema import Arm
+from sautereau.sim_backend.parts import Play
 
 MM = 1e3
 """Millimetres per metre; also N mm per N m, grams per kilogram, milliseconds per second."""
@@ -29,6 +30,8 @@ REACH = 1e-3
 """mm, numerical drift between surfaces in contact up to which their joint acts."""
 RAIL_REACH = 1e-9
 """rad, angle of the key below which it counts as on its back rail."""
+RAIL_SLACK = 1e-6
+"""mm, height above the balance rail below which a key that sinks counts as on it."""
 
 # Setters of a body, called directly: through the property each takes twice as long.
 set_torque = cast(Callable[[pymunk.Body, float], None], pymunk.Body.torque.fset)
@@ -42,14 +45,20 @@ _STILL = 1e-300
 """Speed at which a unilateral joint corrects an overlap: none, which would be a rebound."""
 
 
-def add_key(space: pymunk.Space, key: Key, angle: float) -> pymunk.Body:
-    """Add the key on its pin and its back rail, at an angle [rad].
+def add_key(space: pymunk.Space, key: Key, angle: float, play: Play | None) -> pymunk.Body:
+    """Add the key on its pin and its back rail, at an angle [rad]; with play it may sink.
 
     The centre of mass is at the pin: weight acts as a moment that the engine applies.
     """
-    body = pymunk.Body(_HEAVY, key.inertia * INERTIA)
+    body = pymunk.Body(_HEAVY if play is None else play.mass * MM, key.inertia * INERTIA)
     body.angle = angle
-    pin = constraints.PivotJoint(space.static_body, body, (0, 0), (0, 0))
+    ground = space.static_body
+    pin = constraints.PivotJoint(ground, body, (0, 0), (0, 0))
+    if play is not None:
+        pin = constraints.GrooveJoint(ground, body, (0, -FAR), (0, FAR), (0, 0))
+        lowest = FAR + play.clearance * MM - RAIL_SLACK
+        stop = constraints.SlideJoint(ground, body, (0, FAR), (0, 0), 0, lowest)
+        space.add(_unilateral(stop))
     rail = constraints.RotaryLimitJoint(space.static_body, body, RAIL_REACH, 2 * math.pi)
     space.add(body, _hard(pin), _unilateral(rail))
     return body

@@ -23,7 +23,7 @@ from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_steps
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_angle, set_torque
-from sautereau.sim_backend.physics.rigid.step_event import Event, earliest
+from sautereau.sim_backend.physics.rigid.step_event import Event, Kick, earliest
 from sautereau.sim_backend.scene import Scene
 
 MOST_EVENTS = 1000
@@ -79,9 +79,9 @@ class RigidWorld(World):
             self._run(finger.push_end)
             finger.moment, loads.steady = 0.0, loads.weight
             self._split(0.0, None, self._period)
-        if self._still and finger.stays_clear(self._pressed_angle):
+        if self._still and finger.stays_clear(self._seen_angle):
             self._rows.append(
-                (self._period, self._pressed_angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0)
+                (self._period, self._seen_angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0)
             )
         else:
             self._run(self._period)
@@ -95,9 +95,10 @@ class RigidWorld(World):
         return Motions(*table)
 
     @property
-    def _pressed_angle(self) -> float:
-        """Angle [rad] of the key under the finger and in the laser."""
-        return self._angle if self._front is None else self._front.angle
+    def _seen_angle(self) -> float:
+        """Angle [rad] of the key that the laser sees."""
+        front = self._front
+        return self._angle if front is None else front.seen(self._angle, front.value)
 
     def play(self, drive: Drive) -> Motions:
         """Advance through a complete drive; see `World.play`."""
@@ -131,14 +132,15 @@ class RigidWorld(World):
         angle, omega, acceleration = self._angle, self._omega, self._acceleration
         low, high = self._loads.bounds(angle)
         clock, start, elapsed, done = self.time, self._elapsed, self._elapsed, 0
+        kick = Kick(step, step, 1.0)
         sqrt, tan, fresh, front = math.sqrt, math.tan, self._fresh, self._front
-        pressed = rate = 0.0  # angle and velocity of a bending key's front
+        pressed = rate = 0.0
         while done < count:
-            ahead = angle + omega * step
+            ahead, node = angle + omega * step, omega + acceleration * step / 2
             if front is None:
                 pressed = ahead
-            elif front.stays(step):
-                pressed = front.next
+            elif front.stays(ahead, node, step):
+                pressed = front.angle
             else:
                 break
             if not low < ahead < high or reaches_key(pressed, step):
@@ -155,16 +157,17 @@ class RigidWorld(World):
             for jack in loaded:
                 jack.load(clock + elapsed / MM, seconds)
                 pull += jack.pull
-            node = omega + acceleration * step / 2
             torque = moment(ahead, node)
             if front is not None:
-                twist = front.twist(ahead, node)
-                torque, node = torque + twist, front.node
-                front.apply(front.moment() - twist)
+                torque += front.apply(front.moment(), front.reaction(ahead, node))
+                node = front.omega
             set_torque(key, torque)
             done += 1
             elapsed = start + done * step
-            apply_forces(elapsed, pressed, node, step, step, 1.0)
+            apply_forces(elapsed, pressed, node, kick)
+            if finger.strikes:
+                self._parts.converge()
+                self._fresh = fresh = True
             space_step(step)
             if fresh:
                 self._space.iterations, self._fresh, fresh = self._iterations, False, False
@@ -175,7 +178,8 @@ class RigidWorld(World):
             angle = ahead
             rate = (before + omega) / 2
             if front is not None:
-                rate = front.update(lambda grown: grown / step)
+                rate = front.seen(rate, front.update(lambda grown: grown / step))
+                pressed = front.seen(angle, front.value)
             speed = rate * MM
             rows.append((elapsed, pressed, speed, first.rise / MM, contact_force(step), pull))
         self._angle, self._omega = angle, omega
@@ -191,12 +195,14 @@ class RigidWorld(World):
             end: ms into the controller sample, end of the next steps.
         """
         key, jacks, loads, finger = self._key, self._jacks, self._loads, self._finger
-        front, pressed, twist = self._front, 0.0, 0.0
+        front, reaction, push = self._front, 0.0, 0.0
         back = (self._ahead - drift) / 2
         self._omega -= self._acceleration * back
         angle = self._angle + self._omega * drift
         tangent = math.tan(angle)
         secant = math.sqrt(1 + tangent * tangent)
+        if front is not None:
+            front.correct_and_drift(back, drift)
         for jack in jacks:
             jack.correct_and_drift(self._angle, self._omega, back)
             jack.stays(tangent, secant, drift)
@@ -204,11 +210,11 @@ class RigidWorld(World):
         self._elapsed += drift
         node = self._omega + self._acceleration * drift / 2
         moment = loads.moment(angle, node)
-        pressed, rate, push = angle, node, 0.0
+        pressed, rate, seen = angle, node, node
         if front is not None:
-            front.correct_and_drift(back, drift)
-            pressed, rate, push = front.next, front.node, front.moment()
-            twist = front.twist(angle, node)
+            front.stays(angle, node, drift)
+            pressed, rate, seen = front.angle, front.omega, front.seen(node, front.node)
+            push, reaction = front.moment(), front.reaction(angle, node)
         now = self.time + self._elapsed / MM
         # A string may return a mean force over the drift; its present force counts for half of it.
         forces = [
@@ -228,23 +234,21 @@ class RigidWorld(World):
         ]
         mean = (moment * drift + loads.moment(angle, node) * ahead) / (2 * weight)
         if front is not None:
-            mean += twist
-            push = (push * drift + front.moment() * ahead) / (2 * weight) - twist
+            push = (push * drift + front.moment() * ahead) / (2 * weight)
         finger.correct_and_drift(back, drift)
-        before = self._omega
+        before, part = self._omega, weight / self._step
         for _ in range(2 if self._step != self._engine_step else 1):
             finger.set_bodies(self._step)
             key.angle, key.angular_velocity = angle - before * self._step, before
-            set_torque(key, mean * weight / self._step)
+            torque = mean * part
             if front is not None:
                 front.set_bodies(self._step)
-                front.apply(push * weight / self._step)
+                torque += front.apply(push * part, reaction * part)
+            set_torque(key, torque)
             for jack, force in zip(jacks, means, strict=True):
-                jack.set_bodies(self._step, force * weight / self._step)
-            finger.apply_forces(
-                self._elapsed, pressed, rate, ahead, self._step, weight / self._step
-            )
-            self._parts.kick(self._step, weight / self._step)
+                jack.set_bodies(self._step, force * part)
+            finger.apply_forces(self._elapsed, pressed, rate, Kick(ahead, self._step, part))
+            self._parts.kick(self._step, part)
         self._engine_step, self._fresh = self._step, True
         self._angle, self._ahead = angle, ahead
         self._omega = key.angular_velocity
@@ -257,7 +261,7 @@ class RigidWorld(World):
             front.update(lambda grown: 0.0 if impact else (2 * grown - old * drift) / ahead)
         for jack in jacks:
             jack.update(weight)
-        self._append_rows(rate, pulled, finger.contact_force(weight), drift, ahead, impact)
+        self._append_rows(seen, pulled, finger.contact_force(weight), drift, ahead, impact)
 
     def _append_rows(
         self, omega: float, pulled: float, mean: float, drift: float, ahead: float, impact: bool
@@ -265,7 +269,7 @@ class RigidWorld(World):
         """Append the left and the right limit at the end of a drift, or one row if they agree.
 
         Args:
-            omega: rad/ms, of the key, before an impact.
+            omega: rad/ms, that the laser sees, before an impact.
             pulled: N, of the strings, before the event.
             mean: N, of the finger: half of both forces, weighted by the times before and after.
             drift: ms, before the event; with 0 there is no left limit.
@@ -280,12 +284,13 @@ class RigidWorld(World):
             before = self._force_before()
             after = (mean * (drift + ahead) - before * drift) / ahead
         if drift:
-            row = self._elapsed, self._pressed_angle, omega * MM, rise, before, pulled
+            row = self._elapsed, self._seen_angle, omega * MM, rise, before, pulled
             self._rows.append(row)
         if not drift or impact or pull != pulled or before != after:
             if impact:
-                omega = self._omega if self._front is None else self._front.omega
-            self._rows.append((self._elapsed, self._pressed_angle, omega * MM, rise, after, pull))
+                front, omega = self._front, self._omega
+                omega = omega if front is None else front.seen(omega, front.speed)
+            self._rows.append((self._elapsed, self._seen_angle, omega * MM, rise, after, pull))
 
     def _force_before(self) -> float:
         """Return the finger's force [N] now, extrapolated from the last two rows."""
@@ -307,8 +312,8 @@ class RigidWorld(World):
             raise SceneError(f"rig {self.rig.name}: after {self.time:.6g} s {TURNED_OVER}")
         pressed, felt = turned, []
         if self._front is not None:
-            pressed = self._front.turned(self._ahead)
-            felt = self._front.loads.possible_events(self._front.angle, pressed)
+            pressed = self._front.turned(turned, self._ahead)
+            felt = self._front.possible_events(turned, self._ahead)
         possible = [
             *felt,
             Event(
@@ -324,20 +329,19 @@ class RigidWorld(World):
 
     def _end_sample(self) -> None:
         """End a controller sample: correct the drift of the constraints and record its size."""
-        angle, front = self._key.angle, self._front
-        if front is None:
-            angle, worst = self._finger.end_sample(angle)
-        else:
-            bent, worst = self._finger.end_sample(front.body.angle)
-            front.end_sample(bent)
-        self._angle = angle
-        set_angle(self._key, angle)
+        front, lever = self._front, self._parts.lever
+        pressed, worst = self._finger.end_sample(lever.angle)
+        set_angle(lever, pressed)
+        self._angle = angle = self._key.angle
         x, z = self._key.position
-        worst = max(worst, abs(x), abs(z), *[jack.end_sample(angle) for jack in self._jacks])
+        height = 0.0 if front is None else front.end_sample(pressed)
+        worst = max(
+            worst, abs(x), abs(z - height), *[jack.end_sample(angle) for jack in self._jacks]
+        )
         self.worst_gap = max(self.worst_gap, worst / MM)
         before, self._state = self._state, (angle, self._omega, self._acceleration)
         if front is not None:
-            self._state += front.angle, front.omega, front.acceleration
+            self._state += front.value, front.speed, front.acceleration
         unloaded = (jack.standing and jack.unloaded for jack in self._jacks)
         # A key at rest that a sample has not changed is not changed by the next one either.
         self._still = self._state == before and all(unloaded)

@@ -6,6 +6,7 @@ from typing import Protocol
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.finger import Finger, Reference, StandingFinger
 from sautereau.sim_backend.physics.rigid.pad import Pad
+from sautereau.sim_backend.physics.rigid.step_event import Kick
 
 
 class SteppedFinger(Finger, Protocol):
@@ -17,6 +18,8 @@ class SteppedFinger(Finger, Protocol):
 
     moment: float = 0.0
     """N mm, on the key without a contact."""
+    strikes: bool = False
+    """Whether it strikes the key in the present step, which the engine does not know before."""
     pad: Pad | None = None
     """Between a compliant fingertip and the key."""
     push_end: float = math.inf
@@ -26,24 +29,14 @@ class SteppedFinger(Finger, Protocol):
         """Start a controller sample at a time [s]; return whether the forces jump there."""
         ...
 
-    def apply_forces(
-        self,
-        elapsed: float,
-        angle: float,
-        omega: float,
-        ahead: float,
-        step: float,
-        fraction: float,
-    ) -> None:
+    def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Apply the finger's forces to the bodies at the end of a step.
 
         Args:
             elapsed: ms into the controller sample.
             angle: rad, of the key.
             omega: rad/ms, of the key.
-            ahead: ms, to the end of the next step.
-            step: ms, of the engine.
-            fraction: Dimensionless, of the forces to apply in this step.
+            kick: How they act.
         """
 
     def contact_force(self, weight: float) -> float:

@@ -10,9 +10,13 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.finger import Reference, StandingFinger
 from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
+from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.key import contact_angle
 from sautereau.trajectory.motion import Floats, dot
+
+SETTLING = 4
+"""Steps in which an impact ends: it takes two, and the next start with its impulses."""
 
 
 def touching_angle(rig: Rig, centre: Floats) -> Floats:
@@ -65,7 +69,7 @@ class IdealFinger(StandingFinger, SteppedFinger):
         self._end = cells
         self._angles: list[float] = []
         self._reaches: list[float] = []
-        self._reach = 1.0
+        self._reach, self._struck = 1.0, 0
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         """Compute the key's least angle over a controller sample; see `SteppedFinger`."""
@@ -80,22 +84,18 @@ class IdealFinger(StandingFinger, SteppedFinger):
         self._joints = (first, second)
         return False
 
-    def apply_forces(
-        self,
-        elapsed: float,
-        angle: float,
-        omega: float,
-        ahead: float,
-        step: float,
-        fraction: float,
-    ) -> None:
+    def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Set the least angular velocity of the key; see `SteppedFinger`."""
+        ahead, step, _ = kick
         if ahead < step / 4:  # the error is corrected over a quarter step at least
             now = self._least(elapsed)
             least = (self._least(elapsed + ahead) - now) / ahead + (now - angle) / (step / 4)
         else:
             least = (self._least(elapsed + ahead) - angle) / ahead
         self._body.angular_velocity = least
+        if least > omega and not self._contact.impulse:
+            self._struck = SETTLING
+        self.strikes, self._struck = self._struck > 0, self._struck - 1
         cell = min(int(elapsed * self._per_ms + 0.5), len(self._reaches) - 1)
         self._reach = self._reaches[cell]
 

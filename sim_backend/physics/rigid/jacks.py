@@ -18,6 +18,7 @@ from sautereau.sim_backend.physics.rigid.bodies import (
     set_force,
     set_position,
 )
+from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
 from sautereau.sim_backend.physics.rigid.pluck import StringForce
 from sautereau.sim_backend.physics.rigid.step_event import Event
 from sautereau.sim_backend.scene import Scene
@@ -36,6 +37,7 @@ class CarriedJack:
         choir: Of the jack.
         scene: Which of its parts are enabled.
         string: String of its plectrum; None for a mute jack.
+        pin: Height of the key's pin.
     """
 
     def __init__(
@@ -46,11 +48,12 @@ class CarriedJack:
         choir: Choir,
         scene: Scene,
         string: StringForce | None,
+        pin: Coordinate,
     ):
         key = key_of(rig, choir)
         self.arm, self.top = key.jack_arm * MM, key.jack_surface_height * MM
         self.mass = choir.jack.mass * MM
-        self.string = string
+        self.string, self._pin = string, pin
         self.rise = self.next = self.surface(lever.angle)
         self.speed = self.acceleration = 0.0
         self.standing, self._landed = True, False
@@ -82,7 +85,7 @@ class CarriedJack:
 
     def stays(self, tangent: float, secant: float, step: float) -> bool:
         """Advance to the end of a step [ms]; return whether no mode changes on the way."""
-        rise = self.arm * tangent + self.top * (secant - 1)
+        rise = self.arm * tangent + self.top * (secant - 1) + self._pin.next
         if not self.standing:
             surface = rise
             rise = self.rise + self.speed * step
@@ -102,7 +105,7 @@ class CarriedJack:
             back: ms, by which the last forces acted too long.
         """
         if self.standing:
-            self.speed = self.slope(angle) * omega
+            self.speed = self.slope(angle) * omega + self._pin.speed
         else:
             self.speed -= self.acceleration * back
 
@@ -144,7 +147,7 @@ class CarriedJack:
         speed, acceleration = self.speed - self.acceleration * ahead / 2, self.acceleration
 
         def surface(time: float) -> float:
-            return self.surface(turned(time))
+            return self.surface(turned(time)) + self._pin.at(time, ahead)
 
         def flown(time: float) -> float:
             return self.rise + (speed + acceleration * time / 2) * time
@@ -185,7 +188,7 @@ class CarriedJack:
         """Move the body to the jack's position; return its error before [mm]."""
         x, z = self.body.position
         if self.standing:
-            self.rise = self.surface(angle)
+            self.rise = self.surface(angle) + self._pin.value
         set_position(self.body, (self.arm, self.top + self.rise))
         return max(abs(x - self.arm), abs(z - self.top - self.rise))
 

@@ -59,7 +59,7 @@ class KeyLoads:
             return [Event(lambda t: turned(t) - self.bottom, self._cross)]
         possible = []
         if self._on_rail and angle > RAIL_REACH:
-            possible = [Event(turned, _stop_on_rail, impact=True)]
+            possible = [Event(turned, stop_at_rail, impact=True)]
         if self.felt_stiffness:
             possible.append(Event(lambda t: self.bottom - turned(t), self._cross))
         return possible
@@ -82,5 +82,5 @@ class KeyLoads:
         return self.steady - self.viscous * omega - max(0.0, felt)
 
 
-def _stop_on_rail(time: float) -> None:
+def stop_at_rail(time: float) -> None:
     """Do nothing: the joint of the rail acts by itself."""

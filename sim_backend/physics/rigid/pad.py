@@ -5,7 +5,9 @@ import math
 import pymunk
 
 from sautereau.sim_backend.parts import Fingertip
-from sautereau.sim_backend.physics.rigid.bodies import MM, set_torque
+from sautereau.sim_backend.physics.rigid.bodies import MM, set_force, set_torque
+from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
+from sautereau.sim_backend.physics.rigid.step_event import Kick
 
 APART = -1e-9
 """mm, overlap below which the pad has left the key."""
@@ -18,18 +20,25 @@ class Pad:
         fingertip: Its stiffness and damping.
         lever: Body of the key under it.
         height: mm, of the fingertip's centre above the pin where an uncompressed pad touches.
+        pin: Height of the pin.
     """
 
-    def __init__(self, fingertip: Fingertip, lever: pymunk.Body, height: float):
+    def __init__(self, fingertip: Fingertip, lever: pymunk.Body, height: float, pin: Coordinate):
         self._stiffness, self._damping = fingertip.stiffness / MM, fingertip.damping
-        self._lever, self._height = lever, height
+        self._lever, self._height, self.pin = lever, height, pin
         self.separated = True
         self.force = self.before = 0.0
         """N, on the key, and just before an event there."""
         self._fresh = False
 
     def gap(self, x: float, z: float, angle: float) -> float:
-        """Return the gap [mm] of a fingertip centred at (x, z) [mm] to a key at an angle [rad]."""
+        """Return the gap [mm] of a fingertip to a key at an angle [rad].
+
+        Args:
+            x: mm, of the fingertip's centre.
+            z: mm, of it above the pin.
+            angle: rad, of the key.
+        """
         return z * math.cos(angle) - x * math.sin(angle) - self._height
 
     def press(
@@ -38,7 +47,7 @@ class Pad:
         velocity: tuple[float, float],
         angle: float,
         omega: float,
-        weights: tuple[float, float, float],
+        kick: Kick,
     ) -> tuple[float, float]:
         """Push the key, and return the force [N] on the fingertip, (x, z), as it is applied.
 
@@ -47,11 +56,10 @@ class Pad:
             velocity: mm/ms, there.
             angle: rad, of the key there.
             omega: rad/ms, of the key there.
-            weights: ms before the present next step's end, ms of the engine's step, and the
-                fraction of forces that it applies; see `SteppedFinger.apply_forces`.
+            kick: How the force acts.
         """
         (x, z), (speed_x, speed_z) = place, velocity
-        ahead, step, fraction = weights
+        z, speed_z = z - self.pin.next, speed_z - self.pin.node
         sine, cosine = math.sin(angle), math.cos(angle)
         overlap = -self.gap(x, z, angle)
         reach = -(x * cosine + z * sine)
@@ -61,8 +69,10 @@ class Pad:
         self.force = 0.0 if self.separated else max(0.0, push)
         self.before = 0.0 if self._fresh else self.force
         # A contact in the middle of an impulse: the force acts in the second part only.
-        applied = self.force * (ahead / (2 * step) if self._fresh else fraction)
+        applied = self.force * (kick.ahead / (2 * kick.step) if self._fresh else kick.fraction)
         set_torque(self._lever, self._lever.torque + applied * reach)
+        if not self.pin.fixed:
+            set_force(self._lever, (0.0, self._lever.force[1] - applied * cosine))
         return -applied * sine, applied * cosine
 
     def make_contact(self) -> None:

@@ -9,8 +9,10 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.finger import Reference, StandingFinger, joint_cubics
 from sautereau.sim_backend.physics.rigid.bodies import MM
+from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
+from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.trajectory.motion import Floats
 
 _ENDS = np.array([0.0, 1.0])
@@ -24,10 +26,16 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         rig: The bench.
         fingertip: The pad.
         start: rad, joints when power comes on.
+        pin: Height of the key's pin.
     """
 
     def __init__(
-        self, lever: pymunk.Body, rig: Rig, fingertip: Fingertip, start: tuple[float, float]
+        self,
+        lever: pymunk.Body,
+        rig: Rig,
+        fingertip: Fingertip,
+        start: tuple[float, float],
+        pin: Coordinate,
     ):
         super().__init__(start)
         arm = rig.arm
@@ -35,9 +43,8 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         self._period = rig.controller.sample_period * MM
         self._base = arm.base_x * MM, arm.base_z * MM
         self._lengths = arm.upper_length * MM, arm.lower_length * MM
-        self._pad = self.pad = Pad(
-            fingertip, lever, (rig.key.surface_height + arm.fingertip_radius) * MM
-        )
+        height = (rig.key.surface_height + arm.fingertip_radius) * MM
+        self._pad = self.pad = Pad(fingertip, lever, height, pin)
         self._cubics = [[start[0], 0.0, 0.0, 0.0], [start[1], 0.0, 0.0, 0.0]]
         self._elapsed = 0.0
 
@@ -49,19 +56,10 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         self._joints = first, second
         return False
 
-    def apply_forces(
-        self,
-        elapsed: float,
-        angle: float,
-        omega: float,
-        ahead: float,
-        step: float,
-        fraction: float,
-    ) -> None:
+    def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Apply the pad's force; see `SteppedFinger`."""
         self._elapsed = elapsed
-        place, velocity = self._tip(elapsed)
-        self._pad.press(place, velocity, angle, omega, (ahead, step, fraction))
+        self._pad.press(*self._tip(elapsed), angle, omega, kick)
 
     def contact_force(self, weight: float) -> float:
         """Return the force [N] on the key at the end of the last step."""
@@ -76,7 +74,8 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         """Return the gap [mm] of a separated pad; see `SteppedFinger`."""
         if not self._pad.separated:
             return math.inf
-        return self._pad.gap(*self._tip(self._elapsed + time)[0], angle)
+        x, z = self._tip(self._elapsed + time)[0]
+        return self._pad.gap(x, z - self._pad.pin.at(time, ahead), angle)
 
     def make_contact(self, time: float) -> None:
         """Be in contact with the key from now on."""

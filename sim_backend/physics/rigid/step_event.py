@@ -1,12 +1,24 @@
-"""Events inside a step, located on the parabola of its motion."""
+"""How forces act in a step, and events inside one, located on the parabola of its motion."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from scipy.optimize import brentq
 
 TOLERANCE = 1e-12
 """ms, of an event's time."""
+
+
+class Kick(NamedTuple):
+    """How the forces at the end of a step act, for half of it and half of the next one."""
+
+    ahead: float
+    """ms, the next step."""
+    step: float
+    """ms, of the engine, which applies them."""
+    fraction: float
+    """Dimensionless, of the forces to apply in it."""
 
 
 @dataclass(frozen=True)
