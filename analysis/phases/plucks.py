@@ -141,9 +141,10 @@ def _explained(
     rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
     far = np.abs(rises[:, None] - strings.contacts).min(initial=np.inf) > DISPLACED
     most = CERTAIN if far else RIGID_NOISE
-    # A string held together with the next one spoils the fit of its contact on any key; but what
-    # exceeds the number of strings may be ringing.
-    typical = min if len(found) <= len(strings.contacts) else max
+    # A string held together with the next one spoils the fit of its contact on any key; but where
+    # a release rings, what exceeds the number of strings may be ringing.
+    surplus = len(found) > len(strings.contacts) and max(r.noise for _, r in found) > GOOD
+    typical = max if surplus else min
     if found and typical(c.noise for c, _ in found) < most:
         ends = float(signals.time[begin]), float(signals.time[end])
         sharp = [
