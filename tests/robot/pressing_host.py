@@ -14,7 +14,9 @@ from sautereau.trajectory.press import plan_press
 
 def main(port: str) -> None:
     """Press through a port and say so while the key is held down."""
-    rig = with_values(load_rig(), {"controller.port": port, "press.bottom_hold": "60 s"})
+    values = {"controller.port": port, "press.bottom_hold": "60 s"}
+    values["controller.watchdog_period"] = "2 s"  # on a busy machine
+    rig = with_values(load_rig(), values)
     plan = plan_press(rig)
     controller = GalilController(rig)
     with controller, controller.powered():
@@ -24,7 +26,7 @@ def main(port: str) -> None:
         controller.load(plan.segments)
         controller.arm()
         controller.start()
-        time.sleep(1)  # longer than the watchdog's period, which it survives
+        time.sleep(2.2)  # longer than the watchdog's period, which it survives
         print(*controller.positions(), controller.state, flush=True)  # noqa: T201
         time.sleep(60)
 

@@ -14,12 +14,15 @@ from numpy.polynomial import Chebyshev
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-G = 9.80665
+STANDARD = 9.80665  # m/s^2
 RELATIVE = 1e-12  # of the elastica and of the motion
 LONGEST = 0.5e-3  # s, so that no inequality is violated and met again within a step
 SHORTEST = 1e-8  # s, of a flight
 APART = 1e-15  # m, more than rounding: a jack closer to the key stands on it
+CLOSE = 1e-12  # m: who is so close at a landing takes part in it
 LARGEST = 2.0  # of q, at an angle of 0.8 rad or more
+FINGER = -1  # in place of a choir's number
+REST = 1e-12  # rad/s, more than rounding: a slower key is at rest after an event
 SLOW = 1e-6  # m/s, of a jack after an impact relative to the key: landings accumulate, it stands
 
 
@@ -175,14 +178,10 @@ class Solution:
     contacts: list = field(default_factory=list)
     releases: list = field(default_factory=list)
     returns: list = field(default_factory=list)
-    landings: list = field(default_factory=list)  # times, s
-    pieces: list = field(default_factory=list)
-
-    def angle(self, times):
-        """Return the key's angle [rad] at times [s], shape (n,)."""
-        starts = np.array([t for t, _ in self.pieces])
-        which = np.clip(np.searchsorted(starts, times, "right") - 1, 0, None)
-        return np.array([self.pieces[i][1](t)[0] for i, t in zip(which, times, strict=True)])
+    landings: list = field(default_factory=list)  # (time [s], choir or FINGER)
+    leavings: list = field(default_factory=list)
+    bends: list = field(default_factory=list)  # times [s] between which the motion is smooth
+    motion: list = field(default_factory=list)  # of times: angle, velocity, first rise, force
 
 
 class Oracle:
@@ -199,7 +198,7 @@ class Oracle:
             Slider(b, jack, plectrum, StringCurve(plectrum, string))
             for b, jack, plectrum, string in (first, *more)
         ]
-        self.sign, self.stick, self.felt = 0, True, False
+        self.sign, self.stick, self.felt, self.touch = 0, True, False, False
         self.time, self.found = 0.0, Solution()
 
     # Kinematics and forces
@@ -234,7 +233,7 @@ class Oracle:
 
     def load(self, j, y):
         """Return what presses the jack down, without its friction."""
-        h, down = self.height(j, y), j.jack.mass * G
+        h, down = self.height(j, y), j.jack.mass * self.scene.gravity
         if j.state == "held":
             down += j.curve(h)
         if j.state == "passing":
@@ -254,26 +253,26 @@ class Oracle:
     def moment(self, a, w):
         """Return the moment on the key without dry friction and jacks."""
         arm = self.key.press_arm
-        finger = self.push.force * arm if self.time < self.push.duration else 0.0
         felt = self.cushion(a, w) * arm if self.felt else 0.0
-        return finger + self.key.gravity_moment - self.viscous * w - felt
+        weight = self.key.gravity_moment * self.scene.gravity / STANDARD
+        return weight - self.viscous * w - felt
 
     # A mode: `stick`, `sign`, and of each jack `on` and `sign`
 
     def accelerations(self, u):
-        """Return those of the key and of the jacks, and the normal forces."""
+        """Return those of key and jacks, the jacks' normal forces, and the finger's moment."""
         a, w = u[0], u[1]
         geometry = [self.rise(j, a) for j in self.jacks]
-        loads = [self.load(j, y) for j, y in zip(self.jacks, u[2::2], strict=True)]
-        alpha = 0.0
-        if not self.stick:
-            inertia, moment = self.key.inertia, self.moment(a, w) - self.sign * self.tau
-            for j, (_, r1, r2), load in zip(self.jacks, geometry, loads, strict=True):
-                if j.on:
-                    rub = self.friction(j) * self.sign
-                    inertia += j.jack.mass * r1**2
-                    moment -= r1 * (load + rub + j.jack.mass * r2 * w**2)
-            alpha = moment / inertia
+        loads = [self.load(j, y) for j, y in self.standing(u)]
+        inertia, moment = self.key.inertia, self.moment(a, w) - self.sign * self.tau
+        for j, (_, r1, r2), load in zip(self.jacks, geometry, loads, strict=True):
+            if j.on:
+                rub = self.friction(j) * self.sign
+                inertia += j.jack.mass * r1**2
+                moment -= r1 * (load + rub + j.jack.mass * r2 * w**2)
+        inertia = np.inf if self.stick else inertia
+        grip = self.finger(u, moment, inertia)
+        alpha = (moment + grip) / inertia
         rates, normals = [], []
         for j, (_, r1, r2), load in zip(self.jacks, geometry, loads, strict=True):
             m, f = j.jack.mass, self.friction(j)
@@ -284,12 +283,21 @@ class Oracle:
             else:
                 rates.append(0.0 if j.sign == 0 else -(load + f * j.sign) / m)
                 normals.append(0.0)
-        return alpha, rates, normals
+        return alpha, rates, normals, grip
+
+    def finger(self, u, moment, inertia):
+        """Return the finger's moment on a key with this other moment and this inertia."""
+        return self.push.force * self.key.press_arm if self.time < self.push.duration else 0.0
+
+    def standing(self, u):
+        """Return each jack with its rise."""
+        return zip(self.jacks, u[2 : 2 + 2 * len(self.jacks) : 2], strict=True)
 
     def margins(self, u):
         """Return by how much the key's moment is within its friction: [below, above]."""
         moment, low, high = self.moment(u[0], u[1]), -self.tau, self.tau
-        for j, y in zip(self.jacks, u[2::2], strict=True):
+        moment += self.finger(u, moment, np.inf)
+        for j, y in self.standing(u):
             if j.on:
                 r1, load, f = self.rise(j, u[0])[1], self.load(j, y), self.friction(j)
                 low += r1 * max(0.0, load - f)
@@ -297,8 +305,12 @@ class Oracle:
         return (np.inf if u[0] <= 0 else moment - low), high - moment
 
     def right(self, _, u):
-        alpha, rates, _ = self.accelerations(u)
-        return [u[1], alpha, *(x for v, r in zip(u[3::2], rates, strict=True) for x in (v, r))]
+        alpha, rates, *_ = self.accelerations(u)
+        return [u[1], alpha, *(x for n, r in enumerate(rates) for x in (u[3 + 2 * n], r))]
+
+    def observed(self, t, u):
+        """Return angle and velocity of the key, the first jack's rise, and the finger's force."""
+        return u[0], u[1], u[2], self.accelerations(u)[3] / self.key.press_arm
 
     def choose(self, u, touching):
         """Set the mode in which the motion continues from a state."""
@@ -309,7 +321,8 @@ class Oracle:
             v = u[3 + 2 * k]
             off = [(False, s) for s in ([int(np.sign(v))] if v else [0, 1, -1])]
             options.append([(True, 0), *off] if k in touching else off)
-        for (self.stick, self.sign), *states in product(keys, *options):
+        tips = (True, False) if FINGER in touching else (False,)
+        for (self.stick, self.sign), self.touch, *states in product(keys, tips, *options):
             for j, state in zip(self.jacks, states, strict=True):
                 j.on, j.sign = state
             if self.holds(u, touching):
@@ -318,7 +331,7 @@ class Oracle:
 
     def holds(self, u, touching, small=1e-12):
         """Return whether a trial mode violates no inequality."""
-        alpha, rates, normals = self.accelerations(u)
+        alpha, rates, normals, _ = self.accelerations(u)
         if self.stick:
             if min(self.margins(u)) < -small:
                 return False
@@ -342,33 +355,61 @@ class Oracle:
 
     def impact(self, u, near):
         """Return the state after an impact without rebound, and who stands on the key."""
-        r1 = {k: self.rise(self.jacks[k], u[0])[1] for k in near}
-        at_rail = u[0] <= 0
+        r1 = {k: self.rise(self.jacks[k], u[0])[1] for k in near if k != FINGER}
         for hits in product((True, False), repeat=len(near)):
             joined = [k for k, hit in zip(near, hits, strict=True) if hit]
-            inertia, momentum = self.key.inertia, self.key.inertia * u[1]
-            for k in joined:
-                m = self.jacks[k].jack.mass
-                inertia += m * r1[k] ** 2
-                momentum += m * r1[k] * u[3 + 2 * k]
-            x = momentum / inertia
-            x = max(x, 0.0) if at_rail else x
-            relative = {k: u[3 + 2 * k] - r1[k] * x for k in near}
+            x, _, relative = self.joint(u, r1, joined)
             if all(relative[k] <= SLOW if k in joined else relative[k] >= 0 for k in near):
                 break
         else:
             raise AssertionError("no impact")
         # Slow ones join, with their momentum: so a series of ever shorter flights ends.
         touching = [k for k in near if k in joined or relative[k] < SLOW]
-        masses = {k: self.jacks[k].jack.mass for k in touching}
-        momentum = self.key.inertia * u[1]
-        momentum += sum(m * r1[k] * u[3 + 2 * k] for k, m in masses.items())
-        x = momentum / (self.key.inertia + sum(m * r1[k] ** 2 for k, m in masses.items()))
+        x, impulse, _ = self.joint(u, r1, touching)
         u = u.copy()
-        u[1] = max(x, 0.0) if at_rail else x
+        u[1] = x if abs(x) > REST else 0.0
         for k in touching:
-            u[3 + 2 * k] = r1[k] * u[1]
-        return u, touching
+            if k != FINGER:
+                u[3 + 2 * k] = r1[k] * x
+        return self.struck(u, impulse), touching
+
+    def joint(self, u, r1, joined):
+        """Return the key's velocity after a joint impact, the finger's impulse [N m s], gap speeds.
+
+        Those are a jack's own speed relative to the key after it, and the finger's relative to the
+        key that it has not touched.
+        """
+        inertia, momentum = self.key.inertia, self.key.inertia * u[1]
+        for k, slope in r1.items():
+            if k in joined:
+                inertia += self.jacks[k].jack.mass * slope**2
+                momentum += self.jacks[k].jack.mass * slope * u[3 + 2 * k]
+        rail = 0.0 if u[0] <= 0 else -np.inf
+        alone = max(momentum / inertia, rail)
+        x, impulse = alone, 0.0
+        if FINGER in joined:
+            impulse = self.blow(u, momentum, inertia)
+            x = (momentum + impulse) / inertia
+            if x < rail:
+                x, impulse = 0.0, self.blow(u, 0.0, np.inf)
+        relative = {k: u[3 + 2 * k] - slope * x for k, slope in r1.items()}
+        return x, impulse, relative | {FINGER: self.opening(u, alone)}
+
+    def gaps(self, u):
+        """Return the heights [m] of the jacks, and of a finger, over the key."""
+        return {n: y - self.rise(j, u[0])[0] for n, (j, y) in enumerate(self.standing(u))}
+
+    def opening(self, u, speed):
+        """Return the speed [m/s] of the gap between the finger and a key of a speed [rad/s]."""
+        return np.inf
+
+    def placed(self, u):
+        """Return a state with the finger on the key, which it touches but for rounding."""
+        return u
+
+    def struck(self, u, impulse):
+        """Return a state after an impulse [N m s] of the finger on the key."""
+        return u
 
     # Events
 
@@ -417,9 +458,13 @@ class Oracle:
                 )
         return out
 
+    def near(self):
+        """Return what stands on the key: choirs, and the finger."""
+        return [FINGER] * self.touch + [n for n, j in enumerate(self.jacks) if j.on]
+
     def event(self, name, k, u):
         """Change the discrete state at an event, set the state on it, and return who is near."""
-        near = [n for n, j in enumerate(self.jacks) if j.on]
+        near = standing = self.near()
         j = self.jacks[k] if k is not None else None
         if name in ("stop", "rail"):
             u[1] = 0.0 if name == "stop" else u[1]
@@ -427,8 +472,10 @@ class Oracle:
         elif name == "felt":
             self.felt = not self.felt
         elif name == "land":
-            near = sorted([*near, k])
-            self.found.landings.append(self.time)
+            near = sorted({*near, k} | {n for n, gap in self.gaps(u).items() if gap < CLOSE})
+            self.found.landings.append((self.time, k))
+        elif name == "leave":
+            self.found.leavings.append((self.time, k))
         elif name == "halt":
             u[3 + 2 * k] = 0.0
         elif name == "damper":
@@ -450,16 +497,34 @@ class Oracle:
             j.state = "below"
             self.found.returns.append((self.time, k, -self.tongue(j, self.travel(j))))
         for n in near:
+            if n == FINGER:
+                u = self.placed(u)
+                continue
             u[2 + 2 * n] = self.rise(self.jacks[n], u[0])[0]
-            if n != k or name != "land":
+            if n in standing:
                 u[3 + 2 * n] = self.rise(self.jacks[n], u[0])[1] * u[1]
         return u, near
 
-    def solve(self, end):
-        """Return the solution from rest to a time [s]."""
-        u = np.zeros(2 + 2 * len(self.jacks))
+    def begin(self):
+        """Return the first state."""
+        return np.zeros(2 + 2 * len(self.jacks))
+
+    def ends(self, end):
+        """Return the times [s] at which the equations change by themselves."""
+        return [t for t in (self.push.duration,) if t < end] + [end]
+
+    def renew(self, u):
+        """Return the state at one of these times."""
+        return u
+
+    def overlap(self, piece):
+        """Return a time [s] of an overlap in a piece that its steps did not find."""
+
+    def solve(self, end, times=()):
+        """Return the solution from rest to a time [s], with its motion at other times [s]."""
+        u, ends = self.renew(self.begin()), self.ends(end)
         self.choose(u, range(len(self.jacks)))
-        ends = [t for t in (self.push.duration,) if t < end] + [end]
+        first = SHORTEST
         for _ in range(5000):
             guards = self.guards()
             watches = []
@@ -470,31 +535,38 @@ class Oracle:
 
                 watch.terminal, watch.direction = True, -1
                 watches.append(watch)
-            piece = solve_ivp(
-                self.right,
-                (self.time, ends[0]),
-                u,
-                "DOP853",
-                rtol=RELATIVE,
-                atol=1e-15,
-                max_step=LONGEST,
-                first_step=min(SHORTEST, ends[0] - self.time),
-                events=watches,
-                dense_output=True,
-            )
-            self.found.pieces.append((self.time, piece.sol))
+            start, until = self.time, ends[0]
+            while until:
+                piece = solve_ivp(
+                    self.right,
+                    (start, until),
+                    u,
+                    "DOP853",
+                    rtol=RELATIVE,
+                    atol=1e-15,
+                    max_step=LONGEST,
+                    first_step=min(first, until - start),
+                    events=watches,
+                    dense_output=True,
+                )
+                until = self.overlap(piece)
+            for t in times[slice(*np.searchsorted(times, (start, piece.t[-1])))]:
+                self.found.motion.append(self.observed(t, piece.sol(t)))
             self.time, u = piece.t[-1], piece.y[:, -1].copy()
-            hit = [n for n, times in enumerate(piece.t_events) if len(times)]
-            near = {n for n, j in enumerate(self.jacks) if j.on}
+            self.found.bends.append(self.time)
+            hit = [n for n, found in enumerate(piece.t_events) if len(found)]
+            near = set(self.near())
             for n in hit:
                 name, k, _ = guards[n]
                 u, now = self.event(name, k, u)
                 near |= set(now)
             near -= {guards[n][1] for n in hit if guards[n][0] == "leave"}
+            first = SHORTEST if hit else LONGEST
             if not hit:
                 if self.time == end:
                     return self.found
-                ends.pop(0)
+                self.time = ends.pop(0)
+                u = self.renew(u)
             before = u[1]
             u, touching = self.impact(u, sorted(near))
             if self.scene.felt and abs(u[1] - before) > 1e-9:  # the felt's damper sees a jump
@@ -503,6 +575,6 @@ class Oracle:
         raise AssertionError(f"5000 events by {self.time} s")
 
 
-def solve(rig, scene, end):
+def solve(rig, scene, end, times=()):
     """Return the `Solution` of a scene with `push` and the elastica, from 0 to a time [s]."""
-    return Oracle(scene.true_rig(rig), scene).solve(end)
+    return Oracle(scene.true_rig(rig), scene).solve(end, times)

@@ -42,7 +42,7 @@ TICK = 1e-9
 SHORTEST = 1e-4
 """ms, of a step, below which a scene is refused."""
 ITERATIONS = {"push": 20, "ideal": 20, "servo": 70}
-"""Solver iterations at an event, times 1 + rho; see `Assembly.kick`."""
+"""Solver iterations at an event, times 1 + rho; see `Assembly.converge`."""
 LARGEST_RATIO = 2e4
 """Largest rho, with which an event takes about 0.1 s of computing."""
 
@@ -174,26 +174,32 @@ class Assembly:
     def kick(self, step: float, fraction: float) -> None:
         """Step the engine with a fraction of its own weight and friction, at an event.
 
-        No impulse is warm-started, so the solver iterates until it has converged. Each of its
-        Gauss-Seidel iterations leaves the fraction rho / (1 + rho) of the error between jacks, key
-        and rail or finger, where rho is the sum of m r'^2 over the jacks, divided by I; so
-        20 (1 + rho) of them leave exp(-20). Fewer would let a heavy jack rebound.
+        No impulse is warm-started, so the solver iterates until it has converged.
 
         Args:
             step: ms, always the present step of the engine.
             fraction: Dimensionless, of weight and dry friction.
         """
+        self.converge()
         across, down = self.space.gravity
         self.space.gravity = across, down * fraction
-        rho = mass_ratio(self.key, self.jacks, self.key.angle)
-        least, factor = self.iterations
-        self.space.iterations = max(least, math.ceil(factor * (1 + rho)))
         for joint, force in self.dry:
             joint.max_force = force * fraction
         self.space.step(step)
         for joint, force in self.dry:
             joint.max_force = force
         self.space.gravity = across, down
+
+    def converge(self) -> None:
+        """Let the next step of the engine iterate as an impact requires.
+
+        Each Gauss-Seidel iteration leaves the fraction rho / (1 + rho) of the error between jacks,
+        key and rail or finger, where rho is the sum of m r'^2 over the jacks, divided by I; so
+        20 (1 + rho) of them leave exp(-20). Fewer would let a heavy jack rebound.
+        """
+        rho = mass_ratio(self.key, self.jacks, self.key.angle)
+        least, factor = self.iterations
+        self.space.iterations = max(least, math.ceil(factor * (1 + rho)))
 
 
 def mass_ratio(key: pymunk.Body, jacks: Iterable[CarriedJack], angle: float) -> float:

@@ -165,6 +165,9 @@ class RigidWorld(World):
             done += 1
             elapsed = start + done * step
             apply_forces(elapsed, pressed, node, kick)
+            if finger.strikes:
+                self._parts.converge()
+                self._fresh = fresh = True
             space_step(step)
             if fresh:
                 self._space.iterations, self._fresh, fresh = self._iterations, False, False

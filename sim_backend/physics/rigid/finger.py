@@ -18,6 +18,8 @@ class SteppedFinger(Finger, Protocol):
 
     moment: float = 0.0
     """N mm, on the key without a contact."""
+    strikes: bool = False
+    """Whether it strikes the key in the present step, which the engine does not know before."""
     pad: Pad | None = None
     """Between a compliant fingertip and the key."""
     push_end: float = math.inf

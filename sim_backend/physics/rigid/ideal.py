@@ -15,6 +15,9 @@ from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.key import contact_angle
 from sautereau.trajectory.motion import Floats, dot
 
+SETTLING = 4
+"""Steps in which an impact ends: it takes two, and the next start with its impulses."""
+
 
 def touching_angle(rig: Rig, centre: Floats) -> Floats:
     """Return the angles [rad] at which the key touches fingertips centred at (..., 2) [m].
@@ -66,7 +69,7 @@ class IdealFinger(StandingFinger, SteppedFinger):
         self._end = cells
         self._angles: list[float] = []
         self._reaches: list[float] = []
-        self._reach = 1.0
+        self._reach, self._struck = 1.0, 0
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         """Compute the key's least angle over a controller sample; see `SteppedFinger`."""
@@ -90,6 +93,9 @@ class IdealFinger(StandingFinger, SteppedFinger):
         else:
             least = (self._least(elapsed + ahead) - angle) / ahead
         self._body.angular_velocity = least
+        if least > omega and not self._contact.impulse:
+            self._struck = SETTLING
+        self.strikes, self._struck = self._struck > 0, self._struck - 1
         cell = min(int(elapsed * self._per_ms + 0.5), len(self._reaches) - 1)
         self._reach = self._reaches[cell]
 
