@@ -68,11 +68,14 @@ lock: $(VENV)/installed  ## the versions of this environment, into constraints.t
 
 $(VENV)/audit: $(VENV)/installed
 	$(PYTHON) -m venv $(VENV)/tools
-	$(VENV)/tools/bin/python -m pip install --quiet --group audit && touch $@
+	$(VENV)/tools/bin/python -m pip install --quiet --upgrade "pip>=25.1"
+	$(VENV)/tools/bin/python -m pip install --quiet --group audit
+	touch $@
 
 audit: $(VENV)/audit  ## consistency, without a network; then known vulnerabilities, with one
 	$(BIN)/python -m pip check
-	$(VENV)/tools/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt
+	$(VENV)/tools/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt || { echo "audit:\
+	 where no vulnerability is listed, it was NOT checked: that needs pypi.org" >&2; exit 1; }
 
 sbom: $(VENV)/audit  ## what is installed, as CycloneDX, into build/sbom.json
 	mkdir -p build
@@ -80,6 +83,7 @@ sbom: $(VENV)/audit  ## what is installed, as CycloneDX, into build/sbom.json
 	  -o build/sbom.json $(BIN)/python
 
 dist: $(VENV)/installed  ## the wheel, the same bytes from the same commit, and its checksum
+	rm -rf build/lib dist  # of earlier commits, whose files would be in the wheel
 	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(BIN)/python -m pip wheel --quiet --no-deps \
 	  --no-build-isolation --wheel-dir dist .
 	cd dist && sha256sum *.whl > SHA256SUMS

@@ -47,18 +47,13 @@ def fit_presses(
     starts: int,
     robust: bool,
 ) -> Fit:
-    """Fit parameters to presses of one rig; see `identified.identify`."""
-    dynamics = inverse_dynamics(presses, phases, names, priors, level)
-    return fit_compliant(fit(dynamics, starts, robust, levelled=FORCE in names), robust)
+    """Fit parameters to presses of one rig; see `identified.identify`.
 
-
-def fit_compliant(rigid: Fit, robust: bool = False) -> Fit:
-    """Return the fit with as many elastic modes as the way down without a string requires.
-
-    Args:
-        rigid: The fit of a rigid key, or of one whose modes the rig states.
-        robust: As for `fit`.
+    The key has as many elastic modes as the way down without a string requires; those that the rig
+    states come first.
     """
+    dynamics = inverse_dynamics(presses, phases, names, priors, level)
+    rigid = fit(dynamics, starts, robust, levelled=FORCE in names)
     best, good = rigid, quality(rigid)
     while not good.quiet and len(modes_of(_named(best))) < MOST:
         dynamics = _with_mode(best)

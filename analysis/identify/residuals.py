@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from sautereau.analysis.identify.parameters import (
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.pluck.pluck import Pluck
-from sautereau.rig.instrument import Choir, Key, Plectrum, String
+from sautereau.rig.instrument import Choir, Key
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
@@ -154,18 +153,11 @@ class _Held:
     """m, what the first jack rises more at each release than it would on a rigid key."""
 
 
-@lru_cache(maxsize=64)
-def _pluck(parts: tuple[Plectrum, String], level: str) -> Pluck:
-    """Return the pluck of a plectrum and a string; jack and key do not change it."""
-    plectrum, string = parts
-    return choir_pluck(Choir.model_construct(plectrum=plectrum, string=string), level)
-
-
 def _strings(rig: Rig, level: str, late: float) -> list[_String]:
     """Return the strings in the order of their release, `late` higher than the static ones."""
     found = []
     for number, choir in enumerate(choirs(rig)):
-        key, pluck = key_of(rig, choir), _pluck((choir.plectrum, choir.string), level)
+        key, pluck = key_of(rig, choir), choir_pluck(choir, level)
         height = choir.jack.string_clearance + (1 + late) * pluck.release_height
         found.append(_String(number, choir, key, pluck, float(angle_of_rise(key, height))))
     return sorted(found, key=lambda string: string.release)

@@ -76,9 +76,10 @@ def _with_releases(
     The smoothed load shows a release with an error which its contact shares.
     """
     growths = searched.growths
-    if any(r.time - g.contact < SHORTEST for g, r in zip(growths, releases, strict=True)):
+    short = any(r.time - g.contact < SHORTEST for g, r in zip(growths, releases, strict=True))
+    if short or not growths:
         return growths
-    known = np.array([(release.time, release.std) for release in releases]).reshape(-1, 2)
+    known = np.array([(release.time, release.std) for release in releases])
     fit = SawTeeth(slow, searched.compliance, row_noise(searched.residual), strings, known)
     start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
     plucks, solved, _ = fit.refined(start)

@@ -14,7 +14,7 @@ from sautereau.analysis.phases.compliant import (
 from sautereau.analysis.phases.contact import Contact, find_contact
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.expected import Expected, expected
-from sautereau.analysis.phases.found import Fit
+from sautereau.analysis.phases.found import GOOD, Fit
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
 from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Rows, Signals, rows_of
@@ -141,15 +141,17 @@ def _explained(
     rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
     far = np.abs(rises[:, None] - strings.contacts).min(initial=np.inf) > DISPLACED
     most = CERTAIN if far else RIGID_NOISE
-    # A string held together with the next one spoils the fit of its contact on any key; but what
-    # exceeds the number of strings may be ringing.
-    typical = min if len(found) <= len(strings.contacts) else max
+    # A string held together with the next one spoils the fit of its contact on any key; but where
+    # a release rings, what exceeds the number of strings may be ringing.
+    surplus = len(found) > len(strings.contacts) and max(r.noise for _, r in found) > GOOD
+    typical = max if surplus else min
     if found and typical(c.noise for c, _ in found) < most:
         ends = float(signals.time[begin]), float(signals.time[end])
         sharp = [
             (c, r if r.noise < RINGING else refine_event(signals, r.time, NEAR, r.fall, *ends))
             for c, r in found
         ]
+        sharp = [_with_residual(c, r) if c.noise > GOOD else (c, r) for c, r in sharp]
         return Found(sharp, Fit("rigid", _noise(sharp)))
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
     exact = [_with_residual(contact, release) for contact, release in found]

@@ -108,25 +108,34 @@ class SawTeeth:
         self.at = rise
         """m, rise of the jack at the rows."""
 
-    def _held(self, plucks: Floats) -> tuple[Floats, Floats]:
-        """Return the rise since contact over that until release, while strings are held.
+    def _held(self, plucks: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the rise since contact over that until release, and where strings are held.
 
         Args:
             plucks: s, contacts and releases, shape (n, 2).
 
         Returns:
-            Shape (blocks, n), and the derivatives by contacts and releases, shape (blocks, n, 2).
+            The rise, and the part of each block for which a string is held; shape (blocks, n); and
+            the rise from contact to release [m], shape (n,).
         """
         slow, time = self.slow, self.slow.hops[:, None]
         at, top = np.interp(plucks.T, slow.hops, self.rise)
-        at_speed, top_speed = np.interp(plucks.T, slow.hops, self._climbing)
         contact, release = plucks.T
         part = np.clip((release - time) / slow.hop + 0.5, 0.0, 1.0) * (time > contact)
         height = np.maximum(top - at, 1e-6)
-        whole = np.maximum(self.rise[:, None] - at, 0.0) / height
-        by_contact = (whole - 1) * part * at_speed / height
+        return np.maximum(self.rise[:, None] - at, 0.0) / height, part, height
+
+    def _by_ends(self, plucks: Floats) -> tuple[Floats, Floats]:
+        """Return the product of both of `_held`, and its derivatives by contacts and releases.
+
+        Returns:
+            Shape (blocks, n), and (blocks, n, 2).
+        """
+        whole, part, height = self._held(plucks)
+        at_speed, top_speed = np.interp(plucks.T, self.slow.hops, self._climbing) / height
         ends = (part > 0) & (part < 1)
-        by_release = whole * (ends / slow.hop - part * top_speed / height)
+        by_contact = (whole - 1) * (part * at_speed)
+        by_release = whole * (ends / self.slow.hop - part * top_speed)
         return whole * part, np.stack([by_contact, by_release], -1)
 
     def _strings_at(self, plucks: Floats) -> Floats:
@@ -138,7 +147,8 @@ class SawTeeth:
         Returns:
             Their force, its second derivative, deviations of its shape; shape (rows, n, COLUMNS).
         """
-        u, _ = self._held(plucks)
+        whole, part, _ = self._held(plucks)
+        u = whole * part
         line = u + _bent(u, *self.strings.bends)
         shapes = [_bent(u, *terms) for terms in self.strings.shapes]
         smooth = self.slow.smooth(np.concatenate([FORCE_STD * line, *shapes], 1))
@@ -202,7 +212,7 @@ class SawTeeth:
 
     def _slopes(self, plucks: Floats, solved: Solved) -> tuple[Floats, Floats]:
         """Return the derivatives of residuals, and of `_far`, by contacts and releases."""
-        u, by_ends = self._held(plucks)
+        u, by_ends = self._by_ends(plucks)
         force, sharp, *shapes = solved.factors.T
         steep = 1 + _steepness(u, *self.strings.bends)
         terms = zip(shapes, self.strings.shapes, strict=True)

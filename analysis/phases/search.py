@@ -94,7 +94,7 @@ def search(slow: Slow, strings: Expected) -> Searched:
     plucks = np.zeros((0, 2))
     for number in range(ROUNDS):
         fit = SawTeeth(slow, compliance, noise, strings)
-        found, plucks = _Search(fit, QUICK if number == 0 else None, plucks).all()
+        found, plucks = _Search(fit, QUICK if number == 0 else None, plucks, number > 1).all()
         change = abs(found.compliance - compliance)
         compliance, before = found.compliance, noise
         noise = row_noise(found.residual)
@@ -115,10 +115,11 @@ class _Search:
         fit: With this compliance.
         most: Largest number of starts of each search; None for no limit.
         earlier: s, contacts and releases that were found with another compliance, shape (n, 2).
+        trusted: Whether these need no other starts.
     """
 
-    def __init__(self, fit: SawTeeth, most: int | None, earlier: Floats):
-        self._fit, self._most, self._earlier = fit, most, earlier
+    def __init__(self, fit: SawTeeth, most: int | None, earlier: Floats, trusted: bool):
+        self._fit, self._most, self._earlier, self._trusted = fit, most, earlier, trusted
         self._moving = SLOWEST * float(fit.slow.speed().max())
 
     def all(self) -> tuple[Searched, Floats]:
@@ -128,8 +129,9 @@ class _Search:
         gains: list[float] = []
         further = None
         while len(found) <= strings:
-            starts = self._starts(found, left)[: self._most]
-            if len(found) < len(self._earlier):
+            known = len(found) < len(self._earlier)
+            starts = [] if known and self._trusted else self._starts(found, left)[: self._most]
+            if known:
                 starts.append(self._earlier[: len(found) + 1])
             if not starts:
                 break

@@ -170,8 +170,10 @@ def _drop_outs(
         away = np.sign(deviation[start + int(np.argmax(np.abs(deviation[start:stop])))])
         inside = away * jumps[max(0, start - step) : stop]
         starts, ends = int(np.argmax(inside)), int(np.argmin(inside))
-        sudden = min(inside[starts], -inside[ends]) > max(least, DROP_OUT_FRACTION * depth)
-        sudden &= starts < ends
+        # Beside another drop-out the median is not that of the motion.
+        close = bool(found) and start - found[-1][1] < window
+        edge = (max if close else min)(inside[starts], -inside[ends])
+        sudden = edge > max(least, DROP_OUT_FRACTION * depth) and (close or starts < ends)
         wide = stop - start + 1
         beside = np.concatenate([deviation[max(0, start - wide) : start], deviation[stop:][:wide]])
         slower = stop - start > LONG * rate > 4 * step

@@ -55,7 +55,7 @@ class PressFile(Shown):
     def press(self) -> Press:
         """The press with all its samples."""
         found = analyse_file(self.path)
-        self.__dict__.setdefault("analysed", found.light())
+        vars(self).setdefault("analysed", found.light())
         return found.press
 
     @property

@@ -81,7 +81,8 @@ class Sweep(Shown):
         (key, along), *others = self.values.items()
         labels = [", ".join(texts) for texts in product(*(_texts(*other) for other in others))]
         factor, name_of_unit = DISPLAYED.get(unit := _unit(key), (1.0, unit))
-        for axes, name in zip(figure.subplots(1, len(SHOWN)), SHOWN, strict=True):
+        panels = figure.subplots(1, len(SHOWN))
+        for axes, name in zip(panels, SHOWN, strict=True):
             scale, unit = QUANTITIES[name].displayed
             over = getattr(self.batch, name).reshape(len(along), -1) * scale
             for line, (values, label) in enumerate(zip(over.T, labels, strict=True)):
@@ -90,7 +91,7 @@ class Sweep(Shown):
             axes.set(xlabel=f"{key} ({name_of_unit})", ylabel=QUANTITIES[name].title(unit))
             axes.grid(alpha=0.3)
         if 1 < len(labels) <= LISTED:
-            handles, _ = axes.get_legend_handles_labels()
+            handles, _ = panels[0].get_legend_handles_labels()
             figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=9)
         figure.suptitle(repr(self).strip("<>"))
         return shown(figure)

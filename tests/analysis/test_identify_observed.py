@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.elastic import Mode, foot_parameter, mode_parameters
+from sautereau.analysis.identify.fit import inverse_dynamics
 from sautereau.analysis.identify.observed import LEAST, observed
-from sautereau.analysis.identify.parameters import parameters
+from sautereau.analysis.identify.parameters import FORCE, MODULUS, NAMES, parameters
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.phases import find_phases
@@ -107,3 +109,34 @@ def test_a_press_of_nothing_is_refused(press):
     data.loc[:, :] = 0.0
     with pytest.raises(AnalysisError, match="check whether the key was pressed"):
         observed(replace(press, data=data), replace(find_phases(press), plucks=()))
+
+
+@pytest.mark.parametrize("modes", [[], mode_parameters(0, Mode(150.0, 0.05, 0.3, -0.6, -0.5, 0.1))])
+def test_a_residual_does_not_depend_on_what_was_computed_before(press, modes):
+    """Strings and modes are kept from point to point, for all parameters that leave them as is."""
+    names = [name for name in NAMES if name not in (FORCE, MODULUS)]
+    dynamics = inverse_dynamics([press], [find_phases(press)], names)
+    free = [*dynamics.free, *([foot_parameter(), *modes] if modes else [])]
+    dynamics = dynamics.with_free(free)
+    point = np.array([p.start for p in free])
+    before, _ = dynamics.residuals(point)
+    for number, parameter in enumerate(free):
+        moved = point.copy()
+        moved[number] += 1e-2 * parameter.scale(parameter.start)
+        forces, rises = dynamics.residuals(moved)
+        fresh = dynamics.with_free(free).residuals(moved)
+        np.testing.assert_array_equal(forces, fresh[0], err_msg=parameter.name)
+        np.testing.assert_array_equal(rises, fresh[1], err_msg=parameter.name)
+    np.testing.assert_array_equal(dynamics.residuals(point)[0], before)
+
+
+def test_a_press_until_an_instant_has_the_same_residuals_up_to_it(press):
+    phases = find_phases(press)
+    dynamics = inverse_dynamics([press], [phases], ["key.inertia"])
+    taken = dynamics.presses[0]
+    end = int(np.searchsorted(taken.time, phases.plucks[0].release))
+    until = InverseDynamics(dynamics.rig, dynamics.free, [taken.until(end + 3, end)], "elastica")
+    point = np.array([p.start for p in dynamics.free])
+    forces = dynamics.residuals(point)[0][0]
+    count = np.count_nonzero(taken.used[:end])
+    np.testing.assert_allclose(until.residuals(point)[0][0], forces[:count], rtol=0, atol=1e-12)

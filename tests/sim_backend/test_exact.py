@@ -16,6 +16,7 @@ from sautereau.rig.load import with_values
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, PushDrive, drive_of
+from sautereau.sim_backend.physics.exact.compile import Announcement
 from sautereau.sim_backend.physics.exact.engine import ExactWorld
 from sautereau.sim_backend.physics.exact.fingertip import locate_tip
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
@@ -694,3 +695,15 @@ def test_the_same_bits_in_another_process_without_numba():
     expected = bits()
     assert expected.count("\n") > 40
     assert done.stdout.strip() == expected
+
+
+def test_a_compilation_is_announced_once(caplog):
+    numba, event = pytest.importorskip("numba"), pytest.importorskip("numba.core.event")
+    caplog.set_level("INFO")
+    announcement = Announcement()
+    for dispatcher in (numba.njit(lambda: 0), locate_tip, locate_tip):
+        data = {"dispatcher": dispatcher}
+        announcement.notify(event.Event("numba:compile", event.EventStatus.START, data))
+    assert [record.getMessage() for record in caplog.records] == [
+        "compiling the exact engine, once for this version: about half a minute"
+    ]

@@ -1,6 +1,8 @@
 """Compilation of the exact engine by numba; without numba its functions stay Python."""
 
 import hashlib
+import logging
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,8 +14,11 @@ F = TypeVar("F", bound=Callable)
 
 try:
     from numba import njit
+    from numba.core import event
 except ImportError:  # without the extra `fast`: the same functions as plain Python
-    njit = None
+    njit = event = None
+
+_LOG = logging.getLogger(__name__)
 
 
 def compiled(function: F) -> F:
@@ -71,4 +76,26 @@ def _digest() -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 
+class Announcement(
+    event.Listener if event else object  # pyright: ignore[reportGeneralTypeIssues]
+):
+    """Logs once that this engine is compiled, as it is where numba's cache lacks it."""
+
+    def __init__(self):
+        self._done = False
+
+    def on_start(self, event: Any) -> None:
+        """Take the start of the compilation of a function."""
+        if self._done or not event.data["dispatcher"].py_func.__qualname__.endswith(_SOURCES):
+            return
+        self._done = True
+        level = logging.WARNING if sys.stderr.isatty() else logging.INFO
+        _LOG.log(level, "compiling the exact engine, once for this version: about half a minute")
+
+    def on_end(self, event: Any) -> None:
+        """Take the end of a compilation."""
+
+
 _SOURCES = _digest()
+if event:
+    event.register("numba:compile", Announcement())

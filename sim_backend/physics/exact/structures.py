@@ -19,8 +19,8 @@ PUSH, IDEAL, SERVO = 0, 1, 2
 """Kinds of finger."""
 FINE, TURNED_OVER, LOST, JUMPED, AT_PIN = 0, 1, 2, 3, 4
 """Status after an interval of time."""
-PIECES = 3
-"""Most pieces of a string's force law: the string sticks, slides and rolls."""
+PIECES = 2
+"""Most pieces of a string's force law: the string sticks, and slides."""
 CLOSE, SLOW = 1e-13, 1e-11
 """Gap [rad, m] below which surfaces are in contact, and speed that counts as zero."""
 EVENTS = 512

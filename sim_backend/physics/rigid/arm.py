@@ -167,14 +167,6 @@ class ServoFinger(SteppedFinger):
             self._tip.max = 2 * FAR
         return force
 
-    def reaches_key(self, angle: float, step: float) -> bool:
-        """Return whether a separated finger reaches the key within a step; see `SteppedFinger`."""
-        if not self._is_separated:
-            return False
-        a, b = self._omegas
-        first, second = self.upper.angle + a * step, self.lower.angle + b * step
-        return self._gap_at(first, second, angle, self._pin.next) < 0
-
     def gap(self, angle: float, time: float, ahead: float) -> float:
         """Return the gap [mm] to the key at a later time; see `SteppedFinger`."""
         if not self._is_separated:
@@ -183,7 +175,11 @@ class ServoFinger(SteppedFinger):
         forward = (time - ahead) / 2
         a, b = a + acceleration1 * forward, b + acceleration2 * forward
         first, second = self.upper.angle + a * time, self.lower.angle + b * time
-        return self._gap_at(first, second, angle, self._pin.at(time, ahead))
+        l1, l2 = self._lengths
+        x = self._base[0] + l1 * math.cos(first) + l2 * math.cos(second)
+        z = self._base[1] + l1 * math.sin(first) + l2 * math.sin(second)
+        z -= self._pin.at(time, ahead)
+        return z * math.cos(angle) - x * math.sin(angle) - self._height
 
     def make_contact(self, time: float) -> None:
         """Be in contact with the key from now on; see `SteppedFinger`."""
@@ -270,17 +266,3 @@ class ServoFinger(SteppedFinger):
         acceleration = (then[0] - now[0]) * per_sample, (then[1] - now[1]) * per_sample
         first, second = self._loops.torque(error, acceleration)
         return first * MM, second * MM
-
-    def _gap_at(self, first: float, second: float, angle: float, pin: float) -> float:
-        """Return the gap [mm] of the fingertip to the key.
-
-        Args:
-            first: rad, of link 1.
-            second: rad, of link 2.
-            angle: rad, of the key.
-            pin: mm, height of its pin.
-        """
-        l1, l2 = self._lengths
-        x = self._base[0] + l1 * math.cos(first) + l2 * math.cos(second)
-        z = self._base[1] - pin + l1 * math.sin(first) + l2 * math.sin(second)
-        return z * math.cos(angle) - x * math.sin(angle) - self._height

@@ -66,10 +66,6 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         self._pad.end_step()
         return self._pad.force
 
-    def reaches_key(self, angle: float, step: float) -> bool:
-        """Return whether a separated pad reaches the key; see `SteppedFinger`."""
-        return self.gap(angle, step, step) < 0
-
     def gap(self, angle: float, time: float, ahead: float) -> float:
         """Return the gap [mm] of a separated pad; see `SteppedFinger`."""
         if not self._pad.separated:
