@@ -22,7 +22,7 @@ def run() -> list[Figure]:
     """Return the time of the complete command `sautereau report`, and the size of its page."""
 
     def report() -> bytes:
-        command = [sys.executable, "-m", "sautereau", "report", folder, "--json"]
+        command = [sys.executable, "-m", "sautereau", "report", folder, "--force", "--json"]
         return subprocess.run(command, capture_output=True, check=True).stdout
 
     with tempfile.TemporaryDirectory() as folder:
