@@ -81,7 +81,7 @@ def test_measured_tables_are_those_of_the_figures(hooks):
     shown = hooks.on_page_markdown(text, None, None, None)
     assert "<!-- figures" in text
     assert "<!-- figures" not in shown
-    assert "| | error of release force | error of pluck duration |" in shown
+    assert "| | error of plectrum force | error of pluck duration |" in shown
     assert re.search(r"\| beam \| 22\.\d+ % \|", shown)
     assert "| what | measured |" in shown
     with pytest.raises(hooks.PluginError, match="no such thing"):
