@@ -36,7 +36,7 @@ from sautereau.sim_backend.scene import Scene, load_scene
 
 RESULTS = ("plectrum.bending_stiffness", "plectrum.overlap", "key.inertia")
 FREE = (*RESULTS, "key.pivot_coulomb_friction")
-BENCHES, PRESSES = range(300, 340), 5
+BENCHES, PRESSES = range(400, 500), 5
 """Random benches, none of which was seen in the development, and the number of presses of each."""
 ROUNDS = 3
 """Fits of a bench, each with the first suggestion of the last one freed."""

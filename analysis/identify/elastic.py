@@ -101,6 +101,11 @@ def mode_parameters(
     return found
 
 
+def shortest_record(presses: Sequence[Observed]) -> float:
+    """Return the shortest time [s] between the first and the last fitted instant of a press."""
+    return min(float(np.ptp(press.time[press.used])) for press in presses)
+
+
 def doubtful_modes(
     free: Sequence[Parameter], values: Floats, presses: Sequence[Observed]
 ) -> list[str]:
@@ -109,8 +114,7 @@ def doubtful_modes(
     frequencies = sorted(mode.frequency for mode in modes_of(named))
     if not frequencies:
         return []
-    shortest = min(float(np.ptp(press.time[press.used])) for press in presses)
-    reasons = []
+    shortest, reasons = shortest_record(presses), []
     if shortest * frequencies[0] < LEAST_PERIODS:
         reasons.append(
             f"the key's mode at {frequencies[0]:.3g} Hz has {shortest * frequencies[0]:.2g} periods"

@@ -1,7 +1,7 @@
 """Fit unknown parameters of the bench to recorded presses by generalised least squares."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,10 @@ from sautereau.analysis.identify.observed import (
     observed,
 )
 from sautereau.analysis.identify.parameters import (
+    CHOIR,
     CLEARANCE,
+    DAMPER,
+    DAMPER_LIFT,
     ENDS,
     FORCE_GAIN,
     FRICTION,
@@ -62,10 +65,15 @@ FRICTION_STD = 0.1
 """Dimensionless, of the plectrum's friction in the rig. It is fitted with stiffness and overlap,
 which imitate it: 0.03 hides in the noise, and makes the overlap 8 % too large. A string on the
 mid-line, which no instrument has, looks like friction as well: there its place comes first."""
+DAMPER_STD, DAMPER_LIFT_STD = 0.2, 0.1e-3
+"""Dimensionless and m, of the stiffness and the lift of the dampers, unless the rig assumes them in
+a range."""
+CHOIR_STD = 0.3
+"""Dimensionless, of stiffness and overlap of the plectra of further choirs in the rig."""
 FAR = 10
 """Bounds of these errors, in their standard uncertainties."""
 ROUNDS = 3
-"""Number of fits, each whitened by the residuals of the one before."""
+"""Number of fits, from the second on whitened by the residuals of the one before."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +118,7 @@ def inverse_dynamics(
 def fit(
     dynamics: InverseDynamics, starts: int = 3, robust: bool = False, *, levelled: bool = False
 ) -> Fit:
-    """Fit the free parameters of inverse dynamics.
+    """Fit the free parameters of inverse dynamics, as if the residuals were independent.
 
     Args:
         dynamics: Of the presses.
@@ -126,24 +134,32 @@ def fit(
     free = dynamics.free
     levelled = levelled or coupled_force(dynamics.rig) is not None
     values = np.array([p.start for p in free])
-    before, _ = dynamics.residuals(values)
+    before, rises = dynamics.residuals(values)
     noise = white(dynamics, spread(dynamics, before, levelled), levelled)
     residual_before = rms([f - w.trend(f) for f, w in zip(before, noise, strict=True)])
     tried = _starts(free, starts)
+    factor = scatter(rises)
     found = [
-        descend(problem_at(dynamics, start, noise), start, robust, tolerance=COARSE)
+        descend(problem_at(dynamics, start, noise, factor), start, robust, tolerance=COARSE)
         for start in tracked(tried)
     ]
     _, values = min(found, key=lambda pair: pair[0])
-    factor = 1.0
+    return Fit(problem_at(dynamics, values, noise, factor), values, residual_before, levelled)
+
+
+def whitened(made: Fit, robust: bool = False) -> Fit:
+    """Return a fit with the correlation of its residuals.
+
+    That would hide what the model lacks: a mode of the key that rings through all residuals.
+    """
+    dynamics, values, problem = made.problem.dynamics, made.values, made.problem
     for tolerance in [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
         forces, rises = dynamics.residuals(values)
-        noise = _coloured(dynamics, forces, noise, levelled)
-        # The scatter of the rises at release over their stated uncertainties.
-        factor = max(1.0, float(np.std(rises, ddof=1))) if len(rises) > 2 else 1.0
-        problem = problem_at(dynamics, values, noise, factor)
+        noise = _coloured(dynamics, forces, problem.whitenings, made.levelled)
+        problem = problem_at(dynamics, values, noise, scatter(rises))
         _, values = descend(problem, values, robust, tolerance=tolerance)
-    return Fit(problem_at(dynamics, values, noise, factor), values, residual_before, levelled)
+    problem = problem_at(dynamics, values, problem.whitenings, problem.rise_factor)
+    return replace(made, problem=problem, values=values)
 
 
 def _errors(rig: Rig, names: Sequence[str]) -> list[Parameter]:
@@ -156,8 +172,18 @@ def _errors(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         LATE_SLIDING: 0.0,
         RELEASE: 0.0,
     }
+    stds = _stds(rig)
+    for choir in range(1, len(rig.more_choirs) + 1):
+        stiffness, overlap, clearance = (name.format(choir) for name in CHOIR)
+        stds |= {stiffness: CHOIR_STD, overlap: CHOIR_STD, clearance: CLEARANCE_STD}
+        values[clearance], units[clearance] = 0.0, "m"
+    if rig.jack.damper is not None and rig.jack.damper.stiffness > 0:
+        stiffness, lift = rig.jack.damper.stiffness, rig.jack.damper.lift
+        stds[DAMPER] = _assumed(rig, "jack.damper.stiffness", DAMPER_STD * stiffness) / stiffness
+        stds[DAMPER_LIFT] = _assumed(rig, "jack.damper.lift", DAMPER_LIFT_STD)
+        values[DAMPER_LIFT], units[DAMPER_LIFT] = lift, "m"
     found = []
-    for name, std in _stds(rig).items():
+    for name, std in stds.items():
         value = values.get(name, 1.0)
         low = value - min(FAR * std, 0.9 * value) if value else -FAR * std
         unit = units.get(name, "")
@@ -167,6 +193,12 @@ def _errors(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         friction = Parameter(FRICTION, "", value, *ENDS[FRICTION], value, FRICTION_STD, hidden=True)
         found.append(friction)
     return found
+
+
+def _assumed(rig: Rig, name: str, otherwise: float) -> float:
+    """Return the standard uncertainty of a value whose range the rig assumes."""
+    low, high = rig.assumed.get(name, (0.0, 0.0))
+    return float(high - low) / np.sqrt(12) or otherwise
 
 
 def _stds(rig: Rig) -> dict[str, float]:
@@ -241,6 +273,11 @@ def _starts(free: Sequence[Parameter], count: int) -> list[Floats]:
     low, high = np.array([p.low for p in free]), np.array([p.high for p in free])
     spread = qmc.LatinHypercube(len(free), rng=np.random.default_rng(0)).random(count - 1)
     return [start, *(low + spread * (high - low))]
+
+
+def scatter(rises: Floats) -> float:
+    """Return the scatter of the rises at release over their stated uncertainties; at least 1."""
+    return max(1.0, float(np.std(rises, ddof=1))) if len(rises) > 2 else 1.0
 
 
 def rms(parts: Sequence[Floats]) -> float:

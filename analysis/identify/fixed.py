@@ -7,6 +7,7 @@ the sum of squares of the residuals r by (d r)^2 / d d (the score test; 1 on ave
 number).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,17 +91,22 @@ class ScoreTest:
         self._basis, _ = np.linalg.qr(rows)
         self._residuals = np.concatenate([self._data, self.problem.prior(point)])
 
-    def freed(self, dynamics: InverseDynamics, values: Floats, step: float) -> tuple[float, float]:
-        """Return the step of the number, and the reduction; arguments as `Problem.by_another`."""
+    def column(self, dynamics: InverseDynamics, values: Floats, step: float) -> Floats:
+        """Return the derivative by a number, 0 without one; arguments as `Problem.by_another`."""
         column = self.problem.by_another(self._data, dynamics, values, step)
-        if column is None:
-            return 0.0, 0.0
-        column = np.append(column, np.zeros(len(self._residuals) - len(column)))
-        left = column - self._basis @ (self._basis.T @ column)
-        size, along = float(left @ left), float(left @ self._residuals)
-        if size <= 1e-9 * float(column @ column):
-            return 0.0, 0.0
-        return -along / size, along**2 / size
+        column = np.zeros(len(self._data)) if column is None else column
+        return np.append(column, np.zeros(len(self._residuals) - len(self._data)))
+
+    def freed(self, columns: Sequence[Floats]) -> tuple[Floats, float]:
+        """Return the steps of numbers that are freed together, and the reduction."""
+        rows = np.stack(columns, axis=1)
+        left = rows - self._basis @ (self._basis.T @ rows)
+        sizes = np.linalg.norm(left, axis=0)
+        left[:, sizes <= 3e-5 * np.linalg.norm(rows, axis=0)] = 0.0
+        scales = np.maximum(sizes, 1e-300)
+        steps = -np.linalg.lstsq(left / scales, self._residuals, rcond=1e-6)[0]
+        moved = left / scales @ steps
+        return steps / scales, float(moved @ moved)
 
 
 def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivity, ...]:
@@ -156,7 +162,8 @@ def suggestions(made: Fit, noise: float) -> tuple[Suggestion, ...]:
     test = ScoreTest(made.problem, made.values, noise * np.sqrt(DEPENDENT), made.levelled)
 
     def freed(rig: Rig, step: float) -> tuple[float, float]:
-        return test.freed(*_moved_to(dynamics, made.values, rig), step)
+        moved, reduction = test.freed([test.column(*_moved_to(dynamics, made.values, rig), step)])
+        return float(moved[0]), reduction
 
     found = []
     for name, unit, value in _fixed(dynamics):

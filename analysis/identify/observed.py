@@ -42,8 +42,8 @@ ARM_LAG = 6e-3
 """s, lag of the deflection of a servo-driven arm behind the force."""
 AT_REST = 5e-3
 """s, of the beginning of a recording, in which the finger rests."""
-LIFTED = 1e-5
-"""rad, angle of a key that has left its back rail."""
+LIFTED = 2.5e-5
+"""rad, angle of a key that has left its back rail; at rest, noise moves it by less."""
 RISE_STD = 1e-6
 """m, uncertainty of the rise of a jack, without that of the instant of release."""
 LEAST_REST, AFTER_RETURN = 10e-3, 10e-3
@@ -217,8 +217,9 @@ def _late(force: Floats, rate: float) -> Floats:
 
 def _lifted(time: Floats, angle: Floats) -> float:
     """Return the time at which a key leaves rest, whose acceleration then grows with time."""
-    first, second = (time[int(np.argmax(angle > level))] for level in (LIFTED, 8 * LIFTED))
-    return float(max(time[0], 2 * first - second))
+    second = int(np.argmax(angle > 8 * LIFTED))
+    first = second - int(np.argmax(angle[second::-1] < LIFTED))
+    return float(max(time[0], 2 * time[first] - time[second]))
 
 
 def _light(force: Floats, width: int, rate: float) -> Floats:
@@ -277,15 +278,16 @@ def _used(
     used &= ~_beside(caught, edge / step)
     for pluck in phases.plucks:
         used &= np.abs(time - pluck.release) > BESIDE_RELEASE + edge
-    coupled = coupled_force(rig)
+    coupled, stretch = coupled_force(rig), np.zeros(len(time), int)
     for mark in press.quality_flags:
         used &= (time < mark.start - edge) | (time > mark.stop + edge)
         if coupled and mark.channel == coupled.name and mark.kind != "drop-out":
-            # An AC-coupled force has another level after an overload.
-            used &= time < mark.start - edge
+            stretch += time > mark.stop
     used &= rig.key.press_arm * motion.position < rig.key.dip - BESIDE_DIP
     down = motion.velocity < 0
-    return used & ~(down & (rise_of_angle(rig.key, motion.position) < _highest_string(rig)))
+    used &= ~(down & (rise_of_angle(rig.key, motion.position) < _highest_string(rig)))
+    # An AC-coupled force has another level after an overload.
+    return used & (stretch == np.argmax(np.bincount(stretch, used)))
 
 
 def coupled_force(rig: Rig) -> Channel | None:

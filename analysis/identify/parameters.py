@@ -21,6 +21,11 @@ FOOT, MODE = "offset.foot", "offset.mode"
 """m/N, compliance of the cloth under the jack; and beginning of the names of elastic modes."""
 RELEASE = "offset.release"
 """Relative error of the static string's height of release; hidden."""
+DAMPER, DAMPER_LIFT = "offset.damper", "offset.damper_lift"
+"""True over stated stiffness of the dampers, and m, lift of the first one; hidden."""
+CHOIR = ("offset.choir{}.stiffness", "offset.choir{}.overlap", "offset.choir{}.clearance")
+"""Of a further choir, from 1: true over stated stiffness and overlap of its plectrum; and m, error
+of its clearance; hidden."""
 OVERLAP = "plectrum.overlap"
 FRICTION, FINGERTIP = "plectrum.friction", "arm.fingertip_friction"
 CLEARANCE = "jack.string_clearance"

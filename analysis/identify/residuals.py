@@ -8,6 +8,9 @@ import numpy as np
 from sautereau.analysis.identify.elastic import Bending, modes_of
 from sautereau.analysis.identify.observed import Observed
 from sautereau.analysis.identify.parameters import (
+    CHOIR,
+    DAMPER,
+    DAMPER_LIFT,
     FINGERTIP,
     FOOT,
     FORCE_GAIN,
@@ -92,7 +95,9 @@ class InverseDynamics:
         rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
         force_gain, gain = values.get(FORCE_GAIN, 1.0), values.get(VELOCITY_GAIN, 1.0)
         sliding = values.get(SLIDING, 0.0), values.get(LATE_SLIDING, 0.0)
-        strings = _strings(rig, self.level, values.get(RELEASE, 0.0))
+        strings = _strings(
+            rig, self.level, values, rig.plectrum.friction - self.rig.plectrum.friction
+        )
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
         forces, rises = [], []
         for press, held in zip(self.presses, self._all_held(rig, strings, values), strict=True):
@@ -153,14 +158,44 @@ class _Held:
     """m, what the first jack rises more at each release than it would on a rigid key."""
 
 
-def _strings(rig: Rig, level: str, late: float) -> list[_String]:
-    """Return the strings in the order of their release, `late` higher than the static ones."""
+def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float) -> list[_String]:
+    """Return the strings in the order of their release.
+
+    Args:
+        rig: With the values of the parameters.
+        level: Of the plectrum model.
+        values: Of the parameters, by name.
+        friction: By which the fitted friction of the first plectrum exceeds that of the rig.
+    """
     found = []
-    for number, choir in enumerate(choirs(rig)):
+    for number, stated in enumerate(choirs(rig)):
+        choir = _further(stated, number, values, friction) if number else stated
         key, pluck = key_of(rig, choir), choir_pluck(choir, level)
-        height = choir.jack.string_clearance + (1 + late) * pluck.release_height
+        late = 1 + values.get(RELEASE, 0.0)
+        height = choir.jack.string_clearance + late * pluck.release_height
         found.append(_String(number, choir, key, pluck, float(angle_of_rise(key, height))))
     return sorted(found, key=lambda string: string.release)
+
+
+def _further(choir: Choir, number: int, values: Mapping[str, float], friction: float) -> Choir:
+    """Return a further choir with the values of its parameters; it rubs like the first."""
+    names = [name.format(number) for name in CHOIR]
+    if names[0] not in values:
+        return choir
+    stiffness, overlap, clearance = (values[name] for name in names)
+    plectrum, jack = choir.plectrum, choir.jack
+    changed = {
+        "youngs_modulus": stiffness * plectrum.youngs_modulus,
+        "overlap": min(overlap * plectrum.overlap, 0.9 * plectrum.length),
+        "friction": max(0.0, plectrum.friction + friction),
+    }
+    higher = {"string_clearance": jack.string_clearance + clearance}
+    return choir.model_copy(
+        update={
+            "plectrum": plectrum.model_copy(update=changed),
+            "jack": jack.model_copy(update=higher),
+        }
+    )
 
 
 def _held(
@@ -169,21 +204,28 @@ def _held(
     """Return what strings and modes do in one press; a string is held until it is released."""
     lag, foot, modes = values.get(TIME, 0.0), values.get(FOOT, 0.0), modes_of(values)
     angle = values.get(VELOCITY_GAIN, 1.0) * press.part_angle
-    releases, key = press.releases - lag, rig.key
+    releases, key, damped = press.releases - lag, rig.key, values.get(DAMPER, 0.0)
+    higher = values[DAMPER_LIFT] - rig.jack.damper.lift if rig.jack.damper and damped else 0.0
 
     def forces(rigid: Floats, rise: Floats | float, pushed: Floats) -> Floats:
-        """Return the forces [N] of the strings on the jacks; shape (choirs, n).
+        """Return the forces [N] of strings and dampers on the jacks; shape (choirs, n).
 
         A string that is held beyond the modelled release keeps its force: so the residual is
         smooth in the parameters, and the release enters by its rise.
         """
         found = np.zeros_like(pushed)
-        for string, release in zip(strings, releases, strict=False):
-            choir, last = string.choir, int(np.searchsorted(press.part_time, release))
+        for at, string in enumerate(strings):
+            choir, own = string.choir, found[string.number]
             height = rise_of_angle(string.key, rigid) + choir.jack_arm * rise
-            height = height - choir.jack.string_clearance - foot * pushed[string.number]
-            height = np.minimum(height[:last], string.pluck.release_height)
-            found[string.number, :last] = string.pluck.force_on_jack(height)
+            height = height - foot * pushed[string.number]
+            if at < len(releases):
+                last = int(np.searchsorted(press.part_time, releases[at]))
+                bent = height[:last] - choir.jack.string_clearance
+                bent = np.minimum(bent, string.pluck.release_height)
+                own[:last] = string.pluck.force_on_jack(bent)
+            if damped and (damper := choir.jack.damper) is not None:
+                lift = damper.lift + higher
+                own -= damped * damper.stiffness * np.maximum(lift - height, 0.0)
         return found
 
     pushing = forces(angle, 0.0, np.zeros((len(strings), len(angle))))
@@ -197,9 +239,9 @@ def _held(
     gain = values.get(FORCE_GAIN, 1.0)
     bending = Bending(modes, press, lag, gain, key.press_arm, inertia)
     # The strings' forces hardly depend on the bending.
-    bent, rise = bending.by(arms @ pushing)
+    bent, rise = bending.by(arms @ (pushing - pushing[:, :1]))
     before = forces(angle - bent[0], rise, pushing)
-    bent, rise = bending.by(arms @ before)
+    bent, rise = bending.by(arms @ (before - before[:, :1]))
     pushing = forces(angle - bent[0], rise, before)
     return _Held(
         press.force(lag),

@@ -26,6 +26,8 @@ MOVES = 3e-3
 """Dimensionless, fraction of the largest speed from which on the key moves."""
 LARGEST_OFFSET = 0.02
 """Dimensionless, fraction of the largest speed above which a steady speed is motion, not offset."""
+NORMAL = 1.4826
+"""Standard deviation of normal values over the median of their absolute values."""
 LEAST_STD = 1e-5
 """m/s, smallest standard deviation of the mean velocity at rest."""
 RETURN_STD = 5e-6
@@ -84,8 +86,11 @@ def find_rests(velocity: Floats, rate: float) -> Rests:
     forwards = velocity[: n_blocks * size].reshape(-1, size) @ weights
     backwards = (velocity[len(velocity) - n_blocks * size :].reshape(-1, size) @ weights)[::-1]
     fastest = float(np.abs(forwards).max())
-    threshold = max(MOVES * fastest, 6 * white_noise(velocity) / math.sqrt(size))
-    lengths = [_steady(means, threshold, fastest) * size for means in (forwards, backwards)]
+    white = white_noise(velocity) / math.sqrt(size)
+    lengths = [
+        _steady(means, max(MOVES * fastest, 6 * max(white, _scatter(means))), fastest) * size
+        for means in (forwards, backwards)
+    ]
     if sum(lengths) >= len(velocity):  # it did not move
         return nothing
     first, last = (n if n >= LEAST_REST * rate else 0 for n in lengths)
@@ -211,6 +216,12 @@ def force_at_rest(measured: Floats, noise: float, rate: float, corner: float) ->
     decay = -2 * math.pi * corner * level
     remembered = abs(decay) > CONSISTENT * std and abs(slope - decay) < abs(slope)
     return level, not remembered
+
+
+def _scatter(means: Floats) -> float:
+    """Return the standard deviation of block means at rest; 1/f noise is not in `white_noise`."""
+    steps = np.abs(np.diff(means[: 2 * round(LEAST_REST / BLOCK)]))
+    return float(np.median(steps)) * NORMAL / math.sqrt(2)
 
 
 def _steady(means: Floats, threshold: float, fastest: float) -> int:

@@ -161,3 +161,14 @@ def test_an_offset_stays_and_an_earlier_force_decays(seed):
 
 def test_in_a_short_rest_the_level_counts_as_an_offset():
     assert force_at_rest(rest_of(0.01, -0.006, 0.02), 0.005, RATE, 0.1)[1]
+
+
+def test_a_rest_with_1_over_f_noise_is_found():
+    """Its block means scatter by 50 um/s, of which the white noise explains 5."""
+    random, time = np.random.default_rng(3), np.arange(int(0.7 * RATE)) / RATE
+    spectrum = np.fft.rfft(random.standard_normal(len(time)))
+    pink = np.fft.irfft(spectrum / np.sqrt(np.maximum(np.arange(len(spectrum)), 1.0)), len(time))
+    slow = motion(time, start=0.06) / 4
+    white = 20e-6 * random.standard_normal(len(time))
+    rests = find_rests(slow + 60e-6 * pink / pink.std() + white, RATE)
+    assert rests.before.stop == pytest.approx(0.06 * RATE, abs=0.02 * RATE)
