@@ -24,6 +24,8 @@ MARGIN = 2
 """Blocks before and after the motion that count as motion."""
 MOVES = 3e-3
 """Dimensionless, fraction of the largest speed from which on the key moves."""
+NOISY = 0.05
+"""Dimensionless, fraction of the largest speed below which a scatter at rest is noise."""
 LARGEST_OFFSET = 0.02
 """Dimensionless, fraction of the largest speed above which a steady speed is motion, not offset."""
 NORMAL = 1.4826
@@ -86,9 +88,9 @@ def find_rests(velocity: Floats, rate: float) -> Rests:
     forwards = velocity[: n_blocks * size].reshape(-1, size) @ weights
     backwards = (velocity[len(velocity) - n_blocks * size :].reshape(-1, size) @ weights)[::-1]
     fastest = float(np.abs(forwards).max())
-    white = white_noise(velocity) / math.sqrt(size)
+    least = max(MOVES * fastest, 6 * white_noise(velocity) / math.sqrt(size))
     lengths = [
-        _steady(means, max(MOVES * fastest, 6 * max(white, _scatter(means))), fastest) * size
+        _steady(means, max(least, min(6 * _scatter(means), NOISY * fastest)), fastest) * size
         for means in (forwards, backwards)
     ]
     if sum(lengths) >= len(velocity):  # it did not move
@@ -219,7 +221,7 @@ def force_at_rest(measured: Floats, noise: float, rate: float, corner: float) ->
 
 
 def _scatter(means: Floats) -> float:
-    """Return the standard deviation of block means at rest; 1/f noise is not in `white_noise`."""
+    """Return the standard deviation of the first block means; `white_noise` omits 1/f noise."""
     steps = np.abs(np.diff(means[: 2 * round(LEAST_REST / BLOCK)]))
     return float(np.median(steps)) * NORMAL / math.sqrt(2)
 
