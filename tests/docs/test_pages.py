@@ -37,7 +37,6 @@ trap 'kill $(jobs -p) 2>/dev/null || true' EXIT
 """
 LONGEST = 280
 """s, timeout of a page's commands on a busy machine; alone they take a tenth of it."""
-pytestmark = pytest.mark.timeout(300)
 
 
 @pytest.fixture

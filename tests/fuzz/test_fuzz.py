@@ -58,7 +58,6 @@ def test_damaged_recordings_give_no_crash_no_hang_and_no_wrong_sample():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(120)
 @pytest.mark.parametrize("name", TARGETS)
 def test_a_short_run(name):
     tally = run(name, TARGETS[name](), seconds=20)
