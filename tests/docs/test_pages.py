@@ -65,6 +65,7 @@ def test_what_a_page_runs_works_and_prints_what_it_shows(run_page, server, tmp_p
             pytest.fail(f"$ {command}\nis shown with\n{output}\nand printed\n{got}")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="the steps are written for bash")
 def test_the_steps_of_the_workflow_work(server, tmp_path):
     page = read_page("ci.md")

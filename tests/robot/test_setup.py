@@ -20,7 +20,7 @@ from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import fingertip_place
 from tests.presses import QUICK, mute_scene
 
-SHORT = Creep(above=0.3e-3, below=0.6e-3)
+SHORT = Creep(above=0.1e-3, below=0.6e-3)
 
 
 class Person:
