@@ -37,7 +37,7 @@ WARM = 0.1
 """Dimensionless fraction of a run after which its start is measured."""
 GROWTH, SLOWER = 30.0, 1.3
 """Limits: MiB by which the memory grows; dimensionless, by which a press takes longer."""
-ROW = 3 / 1024
+ROW = 2 / 1024
 """Limit: MiB by which the memory grows with each recording of a campaign, a row of its table."""
 MORE = 3
 """Limit of the growth of open files and threads: gRPC starts and ends some of its own."""
