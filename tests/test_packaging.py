@@ -246,7 +246,6 @@ def use_beside_other_modules(python: Path, folder: Path) -> None:
     assert {"c.parquet", "report.html"} <= {path.name for path in folder.iterdir()}
 
 
-@pytest.mark.timeout(300)
 def test_the_wheel_works_beside_robotframework_and_modules_of_the_same_names(built, tmp_path):
     """In an environment that takes from the running one its dependencies, but not this code."""
     home, elsewhere = tmp_path / "venv", tmp_path / "elsewhere"

@@ -559,8 +559,8 @@ def child_pressing(desk, end, wait=False):
     with desk.stand_in() as stand_in:
         rig_file = desk.out.with_suffix(".json")
         rig_file.write_text(rig_json(stand_in.rig))
-        command = [sys.executable, "-c", CHILD, str(rig_file), str(desk.out)]
-        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
+        words = ("-c", CHILD, rig_file, desk.out)
+        with desk.server.start(*words, stderr=subprocess.PIPE) as child:
             desk.at(1, 0.03, lambda: end(child))
             deadline = time.monotonic() + 60
             while not desk.off and child.poll() is None and time.monotonic() < deadline:
@@ -573,7 +573,7 @@ def child_pressing(desk, end, wait=False):
     desk.error = RuntimeError(shown or "none: the host is dead")
 
 
-@fault("kill -9 of the host 30 ms after the trigger", ALONE, "dead")
+@fault("kill -9 of the host 30 ms after the trigger", ALONE, "dead", quick=True)
 def host_killed(desk):
     child_pressing(desk, lambda child: child.kill())
 

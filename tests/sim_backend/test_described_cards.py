@@ -24,6 +24,7 @@ from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import load_scene, parse_scene
 from sautereau.trajectory.press import plan_press
+from tests.presses import QUICK
 
 FREQUENCY, DURATION = 200.0, 0.12
 """Hz and s, of a motion whose force and velocity are in phase."""
@@ -131,7 +132,7 @@ def release(path):
 
 @pytest.mark.parametrize("product", ["NI 9239", "PCI-6251"])
 def test_a_press_on_a_described_card_has_its_release_at_the_true_time(tmp_path, product):
-    rig = with_values(load_rig(), {"daq.sample_rate": "50 kHz", "controller.timeout": "20 s"})
+    rig = with_values(load_rig(), QUICK | {"daq.sample_rate": "50 kHz"})
     scene = load_scene("ideal").model_copy(update={"card": product})
     with StandIn(rig, scene) as stand_in:
         wired = stand_in.rig
