@@ -19,6 +19,7 @@ from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import joints_holding_point
 from sautereau.trajectory.motion import Motion
+from tests.pages import read_page
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
 
@@ -133,6 +134,8 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path
     assert watched["conditions"] == compared["conditions"]
     again = sautereau("replay", result["recordings"][0], rig_file(), "--sim", "--out", "again")
     assert "Model error" in again.stdout
+    shown = read_page("first-press.md").bodies("console")[0].splitlines()
+    assert "\n".join(shown[2:5]) in again.stdout
 
     assert sautereau("info", result["recordings"][0]).stdout.startswith("SIMULATED")
     assert json.loads(sautereau("info", result["recordings"][0], "--json").stdout)["simulated"]
