@@ -48,6 +48,8 @@ def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     with pytest.raises(SautereauError, match="not of one folder"):
         session[:1].report()
     assert session.plot()._repr_png_().startswith(b"\x89PNG")
+    assert "condition 1 of 2, day" in session.compare().plot().get_suptitle()
+    assert len(repr(session[0].phases)) < 100
     shown = [names["rig"], plan, session, session[0], session.compare(), fit]
     shown += [names["rig"].predict(), names["rig"].sweep(overlap=...)]
     for one in shown:
