@@ -26,6 +26,8 @@ def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rig_file().rename("my-rig.toml")
     snippet = read_page("../README.md").bodies("python")[0]
+    assert snippet.count("import") == 1
+    assert len(snippet.splitlines()) <= 30  # rig, plan, presses, features, comparison, fit, model
     names = {}
     quicker = snippet.replace("press(5", "press(2").replace('overlap"])', 'overlap"], starts=1)')
     exec(quicker, names)

@@ -37,7 +37,7 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.motion import StopCode
 from sautereau.trajectory.press import plan_press
 from tests.forked import Command, CommandServer
-from tests.presses import mute_scene
+from tests.presses import QUICK, mute_scene
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, pseudo-terminals")
 
@@ -99,7 +99,7 @@ class Desk:
         """Return a stand-in whose motors and faults are observed."""
         unit = ControllerUnit(interface="ethernet") if self.port == "tcp" else None
         scene = mute_scene(finger, faults=faults, controller=unit)
-        values = {"controller.timeout": "2 s"} | HOLD | (rig or {})
+        values = QUICK | {"controller.timeout": "2 s"} | HOLD | (rig or {})
         stand_in = StandIn(with_values(load_rig(), values), scene, seed, paced=True)
         self.watch(stand_in.bench, faults or {})
         return stand_in

@@ -211,13 +211,6 @@ def test_the_base_is_found_from_touches(rig):
     assert set(found.values) == {"arm.base_x", "arm.base_z"}
 
 
-@pytest.mark.slow
-def test_without_measured_distances_base_x_is_unchanged(rig):
-    found = locate_by_touch(rig, Person(), SHORT)
-    assert set(found.values) == {"arm.base_z"}
-    assert "were not measured" in found.warnings[-1]
-
-
 # In the air.
 
 
