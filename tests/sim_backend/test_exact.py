@@ -18,7 +18,6 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, PushDrive, drive_of
 from sautereau.sim_backend.physics.exact.compile import Announcement
 from sautereau.sim_backend.physics.exact.engine import ExactWorld
-from sautereau.sim_backend.physics.exact.fingertip import locate_tip
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.parameters import arm_of
 from sautereau.sim_backend.physics.exact.structures import (
@@ -326,7 +325,7 @@ def test_the_arms_equation_is_the_trajectorys():
         q = np.array([random.uniform(-0.3, 0.6), random.uniform(-1.6, -0.9)])
         d, torque = random.normal(size=2), random.normal(size=2)
         press.x[-2:], press.v[-2:], press.arm.torque[:] = q, d, torque
-        locate_tip(press, 0.0)
+        select(press, 0.0)
         free, by = np.array(press.finger.free), np.array(press.finger.by)
         np.testing.assert_allclose(joint_torques(rig.arm, Motion(q, d, free)), torque, rtol=1e-10)
         joints = Motion(*(np.array([v]) for v in (q, d, free)))
@@ -701,9 +700,9 @@ def test_a_compilation_is_announced_once(caplog):
     numba, event = pytest.importorskip("numba"), pytest.importorskip("numba.core.event")
     caplog.set_level("INFO")
     announcement = Announcement()
-    for dispatcher in (numba.njit(lambda: 0), locate_tip, locate_tip):
+    for dispatcher in (numba.njit(lambda: 0), select, select):
         data = {"dispatcher": dispatcher}
         announcement.notify(event.Event("numba:compile", event.EventStatus.START, data))
     assert [record.getMessage() for record in caplog.records] == [
-        "compiling the exact engine, once for this version: about half a minute"
+        "compiling the exact engine, once for this version: about 20 s"
     ]
