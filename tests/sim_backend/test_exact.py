@@ -17,7 +17,6 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, PushDrive, drive_of
 from sautereau.sim_backend.physics.exact.compile import Announcement
 from sautereau.sim_backend.physics.exact.engine import ExactWorld
-from sautereau.sim_backend.physics.exact.fingertip import locate_tip
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.parameters import arm_of
 from sautereau.sim_backend.physics.exact.structures import (
@@ -574,9 +573,9 @@ def test_a_compilation_is_announced_once(caplog):
     numba, event = pytest.importorskip("numba"), pytest.importorskip("numba.core.event")
     caplog.set_level("INFO")
     announcement = Announcement()
-    for dispatcher in (numba.njit(lambda: 0), locate_tip, locate_tip):
+    for dispatcher in (numba.njit(lambda: 0), select, select):
         data = {"dispatcher": dispatcher}
         announcement.notify(event.Event("numba:compile", event.EventStatus.START, data))
     assert [record.getMessage() for record in caplog.records] == [
-        "compiling the exact engine, once for this version: about half a minute"
+        "compiling the exact engine, once for this version: about 20 s"
     ]
