@@ -245,6 +245,8 @@ class SawTeeth:
     def refined(self, plucks: Floats) -> tuple[Floats, Solved, float]:
         """Return better instants near those of plucks, shape (plucks, 2), their fit, its chi2."""
         solved = self.solved(plucks)
+        if not len(plucks):
+            return plucks, solved, solved.chi2
         rows = np.searchsorted(self.slow.time, plucks[-1])
         weight = math.sqrt(noise_around(solved.load, *rows.tolist()))
 
