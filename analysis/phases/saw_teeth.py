@@ -237,8 +237,8 @@ class SawTeeth:
         slopes, rig = self._slopes(plucks, solved)
         rows = np.searchsorted(self.slow.time, plucks)
         noises = [noise_around(solved.load, *pair) for pair in rows.tolist()]
-        inverse = np.linalg.pinv(slopes.T @ slopes / max(noises) + rig.T @ rig)
-        return np.sqrt(np.diag(inverse)).reshape(-1, 2).tolist(), [
+        inverse = np.linalg.pinv(slopes.T @ slopes / max(noises) + rig.T @ rig, hermitian=True)
+        return np.sqrt(np.maximum(np.diag(inverse), 0.0)).reshape(-1, 2).tolist(), [
             n / self._noise**2 for n in noises
         ]
 
