@@ -2,10 +2,13 @@
 
 A session on the stand-in in this process, an acquisition from a card in another, which does not
 wait for real time, and a campaign of copies. Linux only: it reads /proc.
+
+`python -m benchmarks.load 100000` measures the campaign alone, of as many recordings.
 """
 
 import itertools
 import os
+import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -13,7 +16,7 @@ from pathlib import Path
 
 from benchmarks.acquisition import served
 from benchmarks.campaign import write_presses
-from benchmarks.figures import Figure, check
+from benchmarks.figures import Figure, check, table
 from benchmarks.recording import memory
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.daq.source.continuous import record
@@ -34,6 +37,8 @@ WARM = 0.1
 """Dimensionless fraction of a run after which its start is measured."""
 GROWTH, SLOWER = 30.0, 1.3
 """Limits: MiB by which the memory grows; dimensionless, by which a press takes longer."""
+ROW = 2 / 1024
+"""Limit: MiB by which the memory grows with each recording of a campaign, a row of its table."""
 MORE = 3
 """Limit of the growth of open files and threads: gRPC starts and ends some of its own."""
 BARE = {"plectrum": "none", "string": "none", "friction": False, "felt": False, "step": 1e-3}
@@ -49,44 +54,62 @@ class Use:
     files: int
     threads: int
     time: float
-    """s, of the processor: other work on the machine does not count."""
+    """s, of the processor."""
+    fixed: float
+    """s, of the processor, of a fixed computation at each note: the same work takes up to a third
+    longer while other programs use the machine."""
 
 
 class Watch:
     """Notes what a run uses, at most `NOTES` times: many notes would be what grows."""
 
     def __init__(self, total: int) -> None:
-        self._total, self._uses = total, list[Use]()
+        self._total, self._uses, self._fixed = total, list[Use](), 0.0
 
     def __call__(self, done: int) -> None:
         if self._uses and done * NOTES // self._total == self._uses[-1].done * NOTES // self._total:
             return
         folder = Path("/proc/self")
         files, threads = (len(os.listdir(folder / name)) for name in ("fd", "task"))  # noqa: PTH208
-        self._uses.append(Use(done, memory("VmRSS"), files, threads, time.process_time()))
+        self._fixed += _fixed_work()
+        spent = time.process_time() - self._fixed
+        self._uses.append(Use(done, memory("VmRSS"), files, threads, spent, self._fixed))
 
-    def figures(self, what: str, unit: str) -> list[Figure]:
+    def figures(self, what: str, unit: str, growth: float = GROWTH) -> list[Figure]:
         """Compare the tenth after the start with the last tenth."""
         uses, n = self._uses, len(self._uses)
         last = uses[-1]
         check(last.done == self._total, f"{what}: {last.done} of {self._total} are done")
-        warm, near = uses[int(WARM * n)], uses[-1 - int(WARM * n)]
-        second = uses[int(2 * WARM * n)]
+        tenth = int(WARM * n)
+        warm, second, near = uses[tenth], uses[2 * tenth], uses[-1 - tenth]
         spans = ((warm, second), (near, last))
         start, end = [1e3 * (b.time - a.time) / (b.done - a.done) for a, b in spans]
-        pace = f"{what}: processor time of {unit} at the end"
+        slower = (last.fixed - near.fixed) / (second.fixed - warm.fixed)
+        pace = f"{what}: processor time of {unit} at the end, at the speed of the start"
         return [
-            Figure(f"{what}: memory grows by", last.memory - warm.memory, "MiB", "limit", GROWTH),
+            Figure(f"{what}: memory grows by", last.memory - warm.memory, "MiB", "limit", growth),
             Figure(f"{what}: open files at the end", last.files, "", "limit", warm.files + MORE),
             Figure(f"{what}: threads at the end", last.threads, "", "limit", warm.threads + MORE),
-            Figure(pace, end, "ms", "limit", SLOWER * start),
+            Figure(pace, end / slower, "ms", "limit", SLOWER * start),
         ]
+
+
+def _fixed_work() -> float:
+    """Return the processor time of a computation that is always the same, s."""
+    start = time.thread_time()
+    found = {number % 997: str(number) for number in range(15_000)}
+    check(len(found) == 997, "the fixed computation is wrong")
+    return time.thread_time() - start
 
 
 def run() -> list[Figure]:
     """Return what long runs use at their end, limited by their start."""
     with tempfile.TemporaryDirectory() as name:
-        return [*_session(Path(name)), *_acquisition(Path(name)), *_campaign(Path(name))]
+        return [
+            *_session(Path(name)),
+            *_acquisition(Path(name)),
+            *_campaign(Path(name), RECORDINGS),
+        ]
 
 
 def _session(folder: Path) -> list[Figure]:
@@ -110,12 +133,17 @@ def _acquisition(folder: Path) -> list[Figure]:
     return watch.figures(f"acquisition of {HOURS:g} h at {RATE} Hz", "a sample")
 
 
-def _campaign(folder: Path) -> list[Figure]:
-    watch = Watch(RECORDINGS)
+def _campaign(folder: Path, total: int) -> list[Figure]:
+    watch = Watch(total)
     made = write_presses(folder / "recordings", 2, 2, 5)
-    for number in range(len(made), RECORDINGS):
+    for number in range(len(made), total):
         path = made[number % len(made)]
         path.with_name(f"{path.stem}-{number}.mcap").hardlink_to(path)
-    with progress_to(lambda fraction: watch(round(fraction * RECORDINGS))):
+    with progress_to(lambda fraction: watch(round(fraction * total))):
         run_campaign(folder / "recordings", folder / "table.parquet")
-    return watch.figures(f"campaign of {RECORDINGS} recordings", "a recording")
+    return watch.figures(f"campaign of {total} recordings", "a recording", max(GROWTH, total * ROW))
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as name:
+        print(table("Load", _campaign(Path(name), int(sys.argv[1]))))

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from sautereau.analysis.figures.palette import GRID, MEASURED, OTHER
 from sautereau.analysis.model.modal_pluck import modal_pluck
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.load import load_rig
@@ -36,13 +37,13 @@ def plot(path: str | Path, studied: dict[float, float]) -> None:
     """Write the plot of the error over the jack speed to a file."""
     figure = Figure(figsize=(8, 4.2), layout="constrained")
     axes = figure.subplots()
-    axes.axhline(0, color="#888888", lw=0.8)
-    axes.axvspan(0.02, 0.1, color="#e5f0e2")
-    axes.semilogx(list(studied), 100 * np.array(list(studied.values())), "o-", color="#1f4e79")
+    axes.axhline(0, color=OTHER, lw=0.8)
+    axes.axvspan(0.02, 0.1, color=GRID)
+    axes.semilogx(list(studied), 100 * np.array(list(studied.values())), "o-", color=MEASURED)
     axes.set_xticks([0.02, 0.05, 0.1, 0.2, 0.5, 1.0], ["0.02", "0.05", "0.1", "0.2", "0.5", "1"])
     axes.minorticks_off()
     axes.set_xlabel("jack speed (m/s)")
-    axes.set_ylabel("error of the pluck duration, (spring - modes) / modes (%)")
+    axes.set_ylabel("error of the pluck duration,\n(spring - modes) / modes (%)")
     figure.savefig(path, dpi=110)
 
 

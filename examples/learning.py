@@ -13,6 +13,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from sautereau.analysis.figures.palette import DASHES, OTHER, SERIES
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.rig.load import load_rig
 from sautereau.robot.drivers.registry import motion_controller
@@ -52,14 +53,14 @@ def plot(path: str | Path, studied: Learning) -> None:
     axes = figure.subplots()
     law = press_law(studied.first.rig.press)
     start, end = law.cruise_start - 0.01, law.cruise_end + 0.01
-    for press, label, colour in (
-        (studied.first, f"first press: {studied.errors[0]:.2%} RMS", "#c8502d"),
-        (studied.best, f"best press: {min(studied.errors):.2%} RMS", "#1f4e79"),
+    for press, label, colour, dashes in (
+        (studied.first, f"first press: {studied.errors[0]:.2%} RMS", SERIES[1], DASHES[1]),
+        (studied.best, f"best press: {min(studied.errors):.2%} RMS", SERIES[0], DASHES[0]),
     ):
         speed = press.data["jack_speed"].loc[start:end].rolling(51, center=True).mean()
-        axes.plot(speed.index * 1e3, speed * 1e3, color=colour, label=label, lw=1.2)
+        axes.plot(speed.index * 1e3, speed * 1e3, color=colour, ls=dashes, label=label, lw=1.2)
     planned = studied.first.rig.press.jack_speed * 1e3
-    axes.axhline(planned, color="#333333", ls="--", lw=0.8, label="planned")
+    axes.axhline(planned, color=OTHER, ls=":", lw=1, label="planned")
     axes.set(ylim=(0.7 * planned, 1.15 * planned), xlabel="time after the trigger (ms)")
     axes.set_ylabel("jack speed (mm/s), 1 ms moving average")
     axes.set_title("simulated on the stand-in", fontsize=10)

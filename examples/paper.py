@@ -75,10 +75,9 @@ class Reading:
 
 def readings(rig: Rig) -> list[Reading]:
     """Return the plectra that explain the printed duration and Vosc, one for each reading."""
-    share = first_mode_release_speed(rig.string, 1.0) / release_speed(rig.string, 1.0)
     nominal, _ = predicted_features(predict(rig))
     found = []
-    for name, v_osc in (("all modes", V_OSC), ("first mode alone", V_OSC / share)):
+    for name, v_osc in (("all modes", V_OSC), ("first mode alone", V_OSC / _first_mode(rig))):
         release = fit_release(rig, RELEASE - CONTACT, v_osc)
         slope, _ = predicted_features(predict(release.rig))
         found.append(Reading(name, release, nominal / slope - 1))
@@ -111,9 +110,7 @@ def page(rig: Rig, pressed: st.Session, day: str) -> str:
         measured_contact=(held.contact - phases.start) * 1e3,
         measured_release=(held.release - phases.start) * 1e3,
         v_osc=model.v_osc,
-        first_v_osc=model.v_osc
-        * first_mode_release_speed(rig.string, 1.0)
-        / release_speed(rig.string, 1.0),
+        first_v_osc=model.v_osc * _first_mode(rig),
         slope_error=pressed.compare().document["slope_error"]["value"],
         rows="\n".join(rows),
         finding=_finding(found),
@@ -142,7 +139,10 @@ def planned(rig: Rig, model: Prediction) -> Figure:
     jack.plot(after, trajectory.rise.position * 1e3, color=PREDICTED)
     jack.set_ylabel("jack rise (mm)")
     jack.axhline(RISE * 1e3, color=OTHER, ls=":")
-    jack.text(60, RISE * 1e3, f"the paper's rise: {RISE * 1e3:g} mm", va="top")
+    jack.annotate(
+        f"the paper's rise: {RISE * 1e3:g} mm", (60, RISE * 1e3), (0, -4),
+        textcoords="offset points", va="top",
+    )  # fmt: skip
     force.plot(model.time * 1e3, model.finger_force, color=PREDICTED)
     force.set(ylabel="finger force (N)", xlabel="time after the jack leaves rest (ms)")
     _mark(jack, 0.0)
@@ -158,9 +158,24 @@ def _mark(axes, start: float) -> None:
         place = start + instant * 1e3
         axes.axvline(place, color=OTHER, ls=":", lw=1)
         axes.annotate(
-            f"{name} ms", (place, 0), (2, 3), xycoords=("data", "axes fraction"),
-            textcoords="offset points", rotation=90, fontsize=8,
+            f"{name} ms", (place, 1), (2, -14), xycoords=("data", "axes fraction"),
+            textcoords="offset points", rotation=90, va="top", fontsize=8,
         )  # fmt: skip
+
+
+def _mark_slope(axes, model: Prediction) -> None:
+    """Mark the slope of the force that the model would exceed by the printed error."""
+    slope, _ = predicted_features(model)
+    end = axes.get_xlim()[1] * 1e-3
+    force = float(model.finger_force[0]) + np.array([0, slope / (1 + SLOPE_ERROR) * end])
+    label = f"slope with the printed error of {SLOPE_ERROR:.0%}"
+    axes.plot([0, end * 1e3], force, color=OTHER, ls=":", label=label)
+    axes.legend(loc="upper left")
+
+
+def _first_mode(rig: Rig) -> float:
+    """Return Vosc of the first mode alone over that of all modes, dimensionless."""
+    return first_mode_release_speed(rig.string, 1.0) / release_speed(rig.string, 1.0)
 
 
 def figures(rig: Rig, pressed: st.Session) -> dict[str, Figure]:
@@ -171,8 +186,14 @@ def figures(rig: Rig, pressed: st.Session) -> dict[str, Figure]:
     )
     for axes in over_time.axes[:2]:
         _mark(axes, pressed[0].phases.start * 1e3)
+    _mark_slope(over_time.axes[2], model)
+    plucks = pluck_figure(rig, LEVELS.names())
+    plucks.suptitle(
+        f"{plucks.get_suptitle()}\nVosc: printed {V_OSC} m/s; elastica {model.v_osc:.3g} m/s,"
+        f" first mode alone {model.v_osc * _first_mode(rig):.3g} m/s"
+    )
     return {
-        "figure-4.png": pluck_figure(rig, LEVELS.names()),
+        "figure-4.png": plucks,
         "figure-6.png": planned(rig, model),
         "figures-7-and-8.png": over_time,
     }

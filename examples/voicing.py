@@ -16,6 +16,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from sautereau.analysis.figures.palette import DASHES, GRID, MARKERS, SERIES
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.string import release_speed
@@ -24,7 +25,9 @@ from sautereau.rig.schema import Rig
 
 MEDIUM = 0.2
 """Largest relative difference of the force from the reference for `medium`."""
-COLOURS = {"soft": "#3f8f6b", "medium": "#1f4e79", "hard": "#c8502d"}
+_WORDS = enumerate(("medium", "hard", "soft"))
+STYLES = {word: (SERIES[i], DASHES[i], MARKERS[i]) for i, word in _WORDS}
+"""Colour, dashes and marker of each word."""
 THICKNESS = (0.40e-3, 0.44e-3, 0.48e-3, 0.52e-3, 0.56e-3)
 """m, of a uniform section."""
 TIP_THICKNESS = (0.28e-3, 0.34e-3, 0.40e-3, 0.44e-3, 0.48e-3)
@@ -101,21 +104,22 @@ def plot(path: str | Path, studied: list[list[Voice]]) -> None:
     ):
         for v in voices:
             height, force = v.pluck.height * 1e3, v.pluck.vertical_force
-            axes.plot(height, force, color=COLOURS[v.word])
-            axes.plot(height[-1], force[-1], "o", color=COLOURS[v.word])
+            colour, dashes, marker = STYLES[v.word]
+            axes.plot(height, force, color=colour, ls=dashes)
+            axes.plot(height[-1], force[-1], marker, color=colour)
             axes.annotate(
                 f"{v.value * 1e3:.2f}", (height[-1], force[-1]), (7, -3),
                 textcoords="offset points", fontsize=9,
             )  # fmt: skip
         axes.set_title(f"{voices[0].field.replace('_', ' ')} (mm), as {voices[0].level}")
         axes.set_xlabel("jack's height above first contact (mm)")
-        axes.grid(color="#e6e6e6")
+        axes.grid(color=GRID)
     highest = max(v.release_height for voices in studied for v in voices)
     figure.axes[0].set_xlim(0, highest * 1.15e3)
     figure.axes[0].set_ylim(bottom=0)
     figure.axes[0].set_ylabel("string's force on the jack (N)")
-    for word, colour in COLOURS.items():
-        figure.axes[0].plot([], [], color=colour, label=word)
+    for word, (colour, dashes, marker) in STYLES.items():
+        figure.axes[0].plot([], [], color=colour, ls=dashes, marker=marker, label=word)
     figure.axes[0].legend(loc="upper left", frameon=False)
     figure.savefig(path, dpi=120)
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from sautereau.rig.disk import read_limited
+from sautereau.rig.disk import read_text
 from sautereau.rig.errors import RigError
 from sautereau.rig.schema import Arm
 from sautereau.rig.units import parse_quantity
@@ -79,6 +79,23 @@ def read_touched_points(path: Path, arm: Arm) -> TouchedPoints:
     return TouchedPoints(tuple(cells["point"]), tuple(joints))
 
 
+def read_rows(path: Path) -> tuple[list[list[str]], str]:
+    """Return the rows of a CSV file, and the sign in place of a decimal point.
+
+    Where the first row has semicolons or tabs, they separate the columns, and numbers may have
+    decimal commas.
+
+    Raises:
+        OSError: As of `read_limited`.
+        ValueError: It is not UTF-8.
+        csv.Error: Its quotes are wrong.
+    """
+    lines = read_text(path).splitlines()
+    delimiter = next((sign for sign in ";\t" if lines and sign in lines[0]), ",")
+    reader = csv.reader(lines, delimiter=delimiter, strict=True, skipinitialspace=True)
+    return list(reader), "." if delimiter == "," else ","
+
+
 def read_columns(
     path: Path,
     what: str,
@@ -89,7 +106,7 @@ def read_columns(
     """Read columns of a CSV file; other columns are ignored.
 
     Args:
-        path: The file, UTF-8. The first row names its columns: ``time [s], rise [mm]``.
+        path: The file; see `read_rows`. The first row names its columns: ``time [s], rise [mm]``.
         what: Kind of file, for messages.
         units: Requested columns, each with its default unit.
         example: A first row, for messages.
@@ -101,7 +118,7 @@ def read_columns(
             refused; lists the first of them with their lines.
     """
     try:
-        rows = list(csv.reader(read_limited(path).decode("utf-8-sig").splitlines()))
+        rows, decimal = read_rows(path)
     except (OSError, ValueError, csv.Error) as error:
         raise RigError(
             f"{what} {path}: cannot be read: {error}; give the path of a UTF-8 text file"
@@ -119,7 +136,7 @@ def read_columns(
         if not any(cell.strip() for cell in row):
             continue
         for name, (index, unit) in columns.items():
-            text = row[index].strip() if index < len(row) else ""
+            text = row[index].strip().replace(decimal, ".") if index < len(row) else ""
             try:
                 cells[name].append(read(name, f"{text} {unit}"))
             except ValueError as error:

@@ -131,6 +131,16 @@ def make_folder(folder: Path) -> None:
         sync_folder(path.parent)
 
 
+def read_text(path: Path) -> str:
+    """Return a text with its line ends unchanged; UTF-8, with or without a byte order mark.
+
+    Raises:
+        OSError: As of `read_limited`.
+        UnicodeDecodeError: It is not UTF-8.
+    """
+    return read_limited(path).decode("utf-8-sig")
+
+
 def read_limited(path: Path, most: int = TEXT_LIMIT) -> bytes:
     """Return the content of a regular file; a device, a pipe or a large file is not read.
 

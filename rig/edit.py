@@ -9,7 +9,7 @@ from typing import Any
 import tomlkit
 from tomlkit.items import Array
 
-from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.disk import read_text, write_durably
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss
 from sautereau.rig.load import parse_rig
@@ -135,7 +135,7 @@ def _put(node: Any, keys: list[str], value: TomlValue, source: str) -> None:
 def _read(path: Path) -> str:
     """Return the text of the file with its line ends unchanged."""
     try:
-        return read_limited(path).decode("utf-8")
+        return read_text(path)
     except (OSError, ValueError) as error:
         raise RigError(
             f"rig file {path}: cannot be read: {error}; give the path of your own rig file:"

@@ -4,7 +4,7 @@ import difflib
 from importlib import resources
 from pathlib import Path
 
-from sautereau.rig.disk import read_limited
+from sautereau.rig.disk import read_text
 
 
 def named_text(
@@ -24,7 +24,7 @@ def named_text(
     path = Path(name)
     try:
         if path.suffix == ".toml" or path.is_file():
-            return read_limited(path).decode("utf-8"), str(path), path.parent
+            return read_text(path), str(path), path.parent
     except (OSError, ValueError) as error:  # not UTF-8, or an impossible file name
         raise error_type(
             f"{what} file {path}: cannot be read: {error}; give the path of a UTF-8 text file"

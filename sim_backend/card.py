@@ -10,6 +10,7 @@ from sautereau.sim_backend.device_types import DEVICE_TYPES
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
+from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
 from sautereau.sim_backend.devices.daqmx.runs import SampledRun
 from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
@@ -92,7 +93,7 @@ class BenchCard:
                 run = self._new_run(PreTriggerRun, setup)
                 run.begin(None if setup.start_trigger else self._now(), setup.before)
                 return run
-            run = self._new_run(SampledRun, setup)
+            run = self._new_run(RetriggeredRun if setup.per_trigger else SampledRun, setup)
             if setup.trigger is None:
                 self.starts.append(self._now())
                 self._injection.begin_press()

@@ -46,6 +46,8 @@ class DeviceType:
     triggers: int = 16
     """Number of digital trigger terminals, from PFI0 on, of the device or of its chassis."""
     reference_trigger: bool = True
+    retriggers: bool = False
+    """Whether each edge of the start trigger can start a finite acquisition again."""
     analog_triggers: tuple[str, ...] = ()
     """Terminals of an analog trigger."""
 
@@ -107,7 +109,7 @@ class DeviceType:
         return delay - position / self.conversion_rate(rate, n_inputs)
 
 
-IDEAL = DeviceType("sautereau stand-in")
+IDEAL = DeviceType("sautereau stand-in", retriggers=True)
 """Without delay, with every rate."""
 
 _DELTA_SIGMA = DeviceType("", C_SERIES, inputs=4, most_divisions=31, triggers=2)
@@ -178,7 +180,8 @@ DEVICE_TYPES = {
             fastest=1.25e6,
             timebase=20e6,
         ),
-        # NI 6363 Specifications: 2 MS/s single, 1 MS/s multichannel, 100 MHz.
+        # NI 6363 Specifications: 2 MS/s single, 1 MS/s multichannel, 100 MHz. Of these products
+        # only the X Series' AI Start Trigger is retriggerable (X Series User Manual, NI 370784).
         replace(
             _M_AND_X_SERIES,
             product="PCIe-6363",
@@ -186,6 +189,7 @@ DEVICE_TYPES = {
             inputs=32,
             fastest=2e6,
             timebase=100e6,
+            retriggers=True,
         ),
     )
 }

@@ -67,6 +67,13 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.load_profile("few" if config.option.markexpr == "not slow" else "many")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put last what compiled simulators run: one worker compiles them, while another one tests."""
+    compiled = ("sim_backend", "analysis", "test_independent.py")
+    root = Path(__file__).parent
+    items.sort(key=lambda item: item.path.relative_to(root).parts[0] in compiled)
+
+
 SERVER = pytest.StashKey[CommandServer]()
 
 

@@ -1,6 +1,6 @@
 """Judgements of touch: those of a CSV file, and what counts as one of them."""
 
-import io
+import csv
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sautereau.analysis.campaign.labels import LEVELS, TOUCH
 from sautereau.analysis.campaign.table import Campaign
 from sautereau.analysis.errors import AnalysisError
-from sautereau.rig.disk import read_limited
+from sautereau.rig.csv_files import read_rows
 from sautereau.rig.faults import fault_list
 from sautereau.rig.units import shown
 from sautereau.trajectory.motion import Floats
@@ -62,21 +62,26 @@ def with_labels(campaign: Campaign, path: Path) -> Campaign:
     """
     origin = f"judgements {path}"
     try:
-        text = io.BytesIO(read_limited(path))
-        rows = pd.read_csv(text, dtype=str, keep_default_na=False, skipinitialspace=True)
-    except (OSError, ValueError) as error:  # pandas' own errors are ValueErrors
+        (head, *lines), _ = read_rows(path)
+    except (OSError, ValueError, csv.Error) as error:
         raise AnalysisError(f"{origin}: {error}; give a CSV file") from error
-    keys = [key for key in KEYS if key in rows and key in campaign.table.column_names]
-    if len(keys) != 1 or TOUCH not in rows:
+    keys = [key for key in KEYS if key in head and key in campaign.table.column_names]
+    if len(keys) != 1 or TOUCH not in head:
         raise AnalysisError(
-            f"{origin}: it has the columns {', '.join(rows)}; give {TOUCH} and one of"
+            f"{origin}: it has the columns {', '.join(head)}; give {TOUCH} and one of"
             f" {', '.join(KEYS)}"
         )
     (key,) = keys
     known = set(campaign.table[key].to_pylist())
     given: dict[str, str] = {}
     faults = []
-    for line, (name, text) in enumerate(zip(rows[key], rows[TOUCH], strict=True), 2):
+    for line, cells in enumerate(lines, 2):
+        if not any(cells):
+            continue
+        if len(cells) != len(head):
+            faults.append(f"row {line}: {len(cells)} cells under {len(head)} columns")
+            continue
+        name, text = cells[head.index(key)], cells[head.index(TOUCH)]
         label = text.strip().lower()
         if label not in LEVELS:
             faults.append(f"row {line}: {shown(text)} is none of {', '.join(LEVELS)}")

@@ -70,7 +70,11 @@ def session_figure(found: SessionAnalysis, number: int = 1) -> Figure:
         raise AnalysisError(f"condition {number}: nothing to draw: {why}")
     first = condition.counted[:PICTURED]
     presses = [load_press(press.press.path) for press in first]
-    return comparison_figure(presses, [press.phases for press in first], condition.prediction)
+    figure = comparison_figure(presses, [press.phases for press in first], condition.prediction)
+    if (n := len(found.conditions)) > 1:
+        condition_of = f"condition {number} of {n}, {found.label(condition)}"
+        figure.suptitle(f"{figure.get_suptitle()}\n{condition_of}")
+    return figure
 
 
 def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction) -> None:

@@ -7,7 +7,7 @@ from matplotlib.ticker import NullFormatter
 from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.figures.palette import BEFORE, DASHES, MEASURED, PREDICTED, SERIES
 from sautereau.analysis.identify.fit import Fit
-from sautereau.analysis.identify.identified import Identified
+from sautereau.analysis.identify.identified import Estimate, Identified
 from sautereau.analysis.summary.text import counted
 
 
@@ -20,12 +20,16 @@ def fit_figure(made: Fit, found: Identified, simulated: bool) -> Figure:
         simulated: Whether a stand-in made any of the presses.
     """
     figure = Figure(figsize=(12, 6.5), layout="constrained")
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.6, 1))
+    several = len(found.estimates) > 1
+    grid = figure.add_gridspec(2, 1 + several, width_ratios=(1.6, 1)[: 1 + several])
     top = figure.add_subplot(grid[0, 0])
     below = figure.add_subplot(grid[1, 0], sharex=top)
     _forces(top, below, made)
-    _correlation(figure, figure.add_subplot(grid[0, 1]), found)
-    _combinations(figure.add_subplot(grid[1, 1]), found)
+    if several:
+        _correlation(figure, figure.add_subplot(grid[0, 1]), found)
+        _combinations(figure.add_subplot(grid[1, 1]), found)
+    else:
+        top.set_title(_value(found.estimates[0]), fontsize=10)
     kind = how_made(simulated)
     figure.suptitle(
         f"Rig {found.rig.name}: fit to {counted(len(found.presses), 'press')}, {kind};"
@@ -62,6 +66,11 @@ def _forces(top, below, made: Fit) -> None:
         style = {"color": SERIES[i % len(SERIES)], "ls": DASHES[i % len(DASHES)]}
         below.plot(each.time * 1e3, left * 1e3, lw=0.6, alpha=0.7, **style)
     below.set(ylabel="force residual of every press (mN)", xlabel="time after the trigger (ms)")
+
+
+def _value(one: Estimate) -> str:
+    error = "undetermined" if one.std is None else f"± {one.std:.2g}"
+    return f"{one.name}: {one.value:.5g} {error} {one.unit}"
 
 
 def _correlation(figure, axes, found: Identified) -> None:

@@ -145,13 +145,13 @@ def _draw_bench(axes, rig: Rig, mount: Mount) -> None:
     )
     touched = np.array([-key.press_arm, key.surface_height]) * 1e3
     axes.annotate(
-        "pressing point", touched, (40, -30), textcoords="offset points", va="center",
+        "pressing point", touched, (40, -40), textcoords="offset points", va="center",
         arrowprops={"arrowstyle": "->", "color": "#555555"},
     )  # fmt: skip
     jack = np.array([key.jack_arm, key.jack_surface_height]) * 1e3
     axes.annotate(
         "jack", jack, (14, 34), textcoords="offset points", ha="left",
-        arrowprops={"arrowstyle": "<-", "color": "#555555"},
+        arrowprops={"arrowstyle": "->", "color": "#555555"},
     )  # fmt: skip
 
 

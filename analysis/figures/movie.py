@@ -70,7 +70,7 @@ def pictures(scene: Replay, frames: Iterable[int]) -> Iterator[Image.Image]:
     slow = float(1 / (FRAME_RATE * (scene.time[1] - scene.time[0])))
     figure, parts = animation_figure(scene, slow)
     canvas = FigureCanvasAgg(figure)
-    for artist in (artist for part in parts for artist in part.artists):
+    for artist in (*(artist for part in parts for artist in part.artists), *figure.texts):
         artist.set_animated(True)
     canvas.draw()
     still = canvas.copy_from_bbox(figure.bbox)
@@ -80,6 +80,8 @@ def pictures(scene: Replay, frames: Iterable[int]) -> Iterator[Image.Image]:
             part.show(frame)
             for artist in sorted(part.artists, key=lambda each: each.get_zorder()):
                 part.axes.draw_artist(artist)
+        for text in figure.texts:  # above what moves
+            figure.draw_artist(text)
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 

@@ -60,7 +60,7 @@ def _poses(axes, rig: Rig, trajectory: Trajectory) -> None:
     axes.annotate("balance pin", (0, 0), (0, -20), textcoords="offset points", ha="center")
     axes.annotate("jack", (key.jack_arm * 1e3, 100), (8, 0), textcoords="offset points")
     base = (arm.base_x * 1e3, arm.base_z * 1e3)
-    axes.annotate("base", base, (-6, 8), textcoords="offset points", ha="right")
+    axes.annotate("base", base, (0, 10), textcoords="offset points", ha="center")
     axes.axhline(key.neighbour_height * 1e3, color=KEY, ls=":", lw=1)
     axes.text(
         0.99, key.neighbour_height * 1e3, "neighbouring keys", color=KEY, va="bottom", ha="right",

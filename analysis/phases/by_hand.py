@@ -11,7 +11,7 @@ from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.found import line_through
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Signals, rows_of
-from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.disk import read_text, write_durably
 from sautereau.rig.units import parse_quantity
 
 NAMES = ("contact", "contact_std", "release", "release_std")
@@ -68,7 +68,7 @@ def read_by_hand(recording: Path) -> list[Pluck] | None:
     if not path.is_file():
         return None
     try:
-        tables = tomllib.loads(read_limited(path).decode())["plucks"]
+        tables = tomllib.loads(read_text(path))["plucks"]
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, KeyError) as error:
         raise AnalysisError(
             f"{path}: it holds no plucks ({error}); correct it, or delete it to find them again"

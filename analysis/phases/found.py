@@ -82,7 +82,7 @@ class Fit:
         return "fair" if self.residual < FAIR else "poor"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Phases:
     """The phases of a press; times in s after the trigger."""
 
@@ -108,6 +108,10 @@ class Phases:
     """How well the load was explained; None where it was not evaluated."""
     missed: tuple[tuple[float, float], ...] = ()
     """s, start and end of stretches in which the load climbs and collapses without a pluck."""
+
+    def __repr__(self) -> str:
+        plucks = (f"{p.contact * 1e3:.3f} to {p.release * 1e3:.3f} ms" for p in self.plucks)
+        return f"<Phases: string held {', '.join(plucks) or 'never'} after the trigger>"
 
 
 def line_through(x: Floats, y: Floats) -> tuple[float, float]:

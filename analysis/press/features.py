@@ -20,11 +20,7 @@ Row = dict[str, Value]
 OF_PHASES = ("start", "bottom", "bottomed", "returned", "free_speed", "held_speed",
              "released_speed")  # fmt: skip
 """Columns that are attributes of the phases."""
-OF_PLUCK = (
-    "contact",
-    "contact_std",
-    "release",
-    "release_std",
+COMPARED = (
     "pluck_duration",
     "contact_rise",
     "release_rise",
@@ -35,6 +31,8 @@ OF_PLUCK = (
     "force_slope",
     "held_work",
 )
+"""Features of a pluck that the model predicts; forces are counted from those at rest."""
+OF_PLUCK = ("contact", "contact_std", "release", "release_std", *COMPARED)
 """Columns of each pluck."""
 UNITS = {
     name: QUANTITIES[name].unit

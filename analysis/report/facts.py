@@ -7,6 +7,7 @@ from markupsafe import Markup
 
 from sautereau.analysis.report.contents import Contents, PressRecord
 from sautereau.daq.file.provenance import software as software_here
+from sautereau.rig.acquisition import Channel
 from sautereau.rig.capabilities import capabilities_of
 from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
@@ -88,9 +89,9 @@ def how_pressed(contents: Contents) -> Facts:
         ("acquisition", _different(record.session.daq for record in presses)),
         ("rate", f"{presses[0].press.rate:g} Hz"),
     ]
-    facts += [
-        (f"channel {channel.name}", channel.sensor) for channel in rig.daq.channels[:MOST_LISTED]
-    ]
+    for channel in rig.daq.channels[:MOST_LISTED]:
+        facts.append((f"channel {channel.name}", channel.sensor))
+        facts.append((f"corrected in {channel.name}", corrections(channel)))
     facts += [
         ("session", _different(record.session.session for record in presses)),
         ("notes", _different(record.session.notes for record in presses)),
@@ -98,6 +99,19 @@ def how_pressed(contents: Contents) -> Facts:
     if first.seed is not None:
         facts.append(("seed", _different(str(record.session.seed) for record in presses)))
     return [(name, value) for name, value in facts if value]
+
+
+def corrections(channel: Channel) -> str:
+    """Return what a loaded press no longer has of a channel: its delays and its AC coupling."""
+    delays = {
+        "sensor": channel.delay,
+        "input": channel.input_delay,
+        "low-pass": channel.lag - channel.delay - channel.input_delay,
+    }
+    found = [f"delay of the {of} {value * 1e6:.4g} us" for of, value in delays.items() if value]
+    if channel.high_pass:
+        found.append(f"AC coupling of {channel.high_pass:.3g} Hz")
+    return ", ".join(found)
 
 
 def _moved(rig: Rig) -> str:

@@ -109,6 +109,7 @@ def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -
             col=1,
         )
         figure.update_yaxes(title_text=label, row=row, col=1)
+    figure.update_xaxes(tick0=numbers[0], dtick=-(-len(numbers) // 10))  # integers
     figure.update_xaxes(title_text="press", row=len(columns), col=1)
     return _finished(figure, 190 * len(columns))
 

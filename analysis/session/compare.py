@@ -15,25 +15,13 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.features import Row, column
+from sautereau.analysis.press.features import COMPARED, Row, column
 from sautereau.rig.schema import Rig
 
 MANY = 20
 """Presses from which on the interval is a bootstrap's: of fewer, Student's covers better."""
 RESAMPLES = 9999
 """Of a bootstrap."""
-COMPARED = (
-    "pluck_duration",
-    "contact_rise",
-    "release_rise",
-    "held_deflection",
-    "contact_force",
-    "release_force",
-    "force_drop",
-    "force_slope",
-    "held_work",
-)
-"""Features of a pluck that the model predicts; forces are counted from those at rest."""
 
 
 @dataclass(frozen=True)

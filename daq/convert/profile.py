@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field, ValidationError, create_model
 
 from sautereau.daq.convert.options import MODIFIED, ImportOptions
 from sautereau.daq.errors import RecordingError
-from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.disk import read_text, write_durably
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import read_toml
 
@@ -47,7 +47,7 @@ def load_profile(path: Path) -> Profile:
     """
     origin = f"import profile {path}"
     try:
-        text = read_limited(path).decode("utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{origin}: {error}; give a file of --save-profile") from error
     try:

@@ -100,19 +100,21 @@ class Contents:
                 self._limit_unpacked(len(body))
                 for inner, view, n in records_within(body, self._counted):
                     self._count_record()
-                    if inner == Opcode.MESSAGE:
-                        topic = self._topics[MESSAGE.unpack_from(view)[0]]
-                        self.counts[topic] += n
-                        data = view[MESSAGE.size :]
-                        if topic in self._layouts:
-                            layout = self._layouts[topic]
-                            yield layout, read_block(data)
-                        elif topic.startswith("/daq/"):
-                            yield _of_format_1(topic, data)
-                        else:
-                            self._read_message(topic, data)
-                    else:
+                    if inner != Opcode.MESSAGE:
                         self._read_definition(inner, bytes(view))
+                        continue
+                    number = MESSAGE.unpack_from(view)[0]
+                    topic = self._topics[number]
+                    self.counts[topic] += n
+                    if number in self._counted:
+                        continue
+                    data = view[MESSAGE.size :]
+                    if layout := self._layouts.get(topic):
+                        yield layout, read_block(data)
+                    elif topic.startswith("/daq/"):
+                        yield _of_format_1(topic, data)
+                    else:
+                        self._read_message(topic, data)
         except RecordingError:
             raise
         except (McapError, ValueError, KeyError, struct.error, DecodeError) as error:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
-from google.protobuf.message import Message
+from google.protobuf.message import DecodeError, Message
 
 PACKAGE = "sautereau"
 FORMAT_1 = ("Samples", "Scalar", "Plan", "Joints", "Event")
@@ -181,8 +181,14 @@ def schema_of(name: str, data: bytes) -> bytes:
     Args:
         name: With its package: `foxglove.Log`.
         data: The set, with the files that others depend on first.
+
+    Raises:
+        ValueError: It is no such set.
     """
-    declared = descriptor_pb2.FileDescriptorSet.FromString(data)
+    try:
+        declared = descriptor_pb2.FileDescriptorSet.FromString(data)
+    except DecodeError as error:
+        raise ValueError(f"the message definitions cannot be read: {error}") from error
     needed, kept = set[str](), []
     for file in reversed(declared.file):
         if file.package == name.rpartition(".")[0] or file.name in needed:

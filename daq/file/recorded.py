@@ -70,6 +70,8 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
     missing = [field.name for field in fields(SessionInfo) if field.name not in known]
     if missing:
         raise RecordingError(f"its session metadata lack {', '.join(missing)}")
+    if odd := [name for name, value in known.items() if not isinstance(value, str)]:
+        raise RecordingError(f"{', '.join(odd)} of its session metadata must be texts")
     for flag in ("simulated", "warm_up"):
         if known[flag] not in ("true", "false"):
             raise RecordingError(f"its session says {flag} = {known[flag]!r}, not true or false")

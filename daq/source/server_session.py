@@ -7,6 +7,7 @@ releases with the process, says whether its client still lives.
 """
 
 import hashlib
+import os
 import platform
 from contextlib import ExitStack
 from typing import Any
@@ -57,7 +58,8 @@ def _lock(daq: Daq, stack: ExitStack) -> None:
 
     folder = user_cache_path("sautereau", ensure_exists=True)
     key = hashlib.sha256(f"{daq.address} {daq.device}".encode()).hexdigest()[:16]
-    lock = FileLock(folder / f"daq-{key}.lock", timeout=0, is_singleton=False)
+    path = folder / f"daq-{key}.lock"
+    lock = FileLock(path, timeout=0, is_singleton=False)
     try:
         stack.enter_context(lock)
     except Timeout as error:
@@ -65,3 +67,5 @@ def _lock(daq: Daq, stack: ExitStack) -> None:
             f"DAQ device {daq.device} of {daq.address}: another sautereau process on this machine"
             " uses it; end that one and try again"
         ) from error
+    if os.name == "posix":  # elsewhere it cannot be removed while it is held
+        stack.callback(path.unlink, missing_ok=True)

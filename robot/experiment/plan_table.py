@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sautereau.rig.disk import read_limited
+from sautereau.rig.csv_files import read_rows
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss, unit_of
 from sautereau.rig.load import with_values
@@ -56,7 +56,8 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
     An empty cell leaves a value as the rig has it.
 
     Args:
-        path: The file, UTF-8; the first row names the columns, and cells contain their units.
+        path: The file, as `read_rows` reads it; the first row names the columns, and cells contain
+            their units.
         rig: The bench that the rows change.
         repeats: Presses of a row with an empty `repeats`.
         notes: The operator's, for all rows; those of a row are appended.
@@ -66,8 +67,7 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
     """
     origin = f"plan table {path}"
     try:
-        text = read_limited(path).decode("utf-8-sig")
-        lines = list(csv.reader(text.splitlines(), strict=True, skipinitialspace=True))
+        lines, decimal = read_rows(path)
     except (OSError, ValueError, csv.Error) as error:
         raise RobotError(
             f"{origin}: cannot be read: {error}; give the path of a CSV file in UTF-8"
@@ -88,7 +88,7 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
         if len(texts) > len(columns):
             faults.append(
                 f"line {line}: {len(texts)} cells under {len(columns)} columns; quote a cell that"
-                " contains a comma"
+                " contains the separator"
             )
             continue
         given = {name: text for name, text in zip(columns, texts, strict=False) if text}
@@ -99,7 +99,7 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
                 f" {MOST_PRESSES}"
             )
         joined = "; ".join(filter(None, (notes, given.pop("notes", ""))))
-        values = {key: _value(key, text) for key, text in given.items()}
+        values = {key: _value(key, text.replace(decimal, ".")) for key, text in given.items()}
         known = {key: value for key, value in values.items() if key in set(model_keys(Rig))}
         key = tuple(known.items())
         if key not in benches:

@@ -37,11 +37,13 @@ from sautereau.commands import (
     transient,
     watch,
 )
-from sautereau.commands.output import end_output, fail
+from sautereau.commands.output import end_output, fail, printable
 from sautereau.commands.signals import ignore_signals
 
 UNREAD = 141
 """Exit status where the reader of the output has ended: 128 + SIGPIPE, as a shell reports it."""
+TERMINAL = "/dev/tty"
+"""The one that controls the process, if there is one."""
 
 app = App(
     name="sautereau",
@@ -101,6 +103,10 @@ def main() -> None:
         status = fail(as_json, f"{_usage_fault(error)}\nSee: {command} --help", 2)
     except BrokenPipeError as error:
         status = _unread(error, as_json)
+    except SystemExit as error:
+        if not isinstance(error.__context__, BrokenPipeError):
+            raise
+        status = UNREAD  # of the help: rich ends with 1
     except KeyboardInterrupt as error:
         ignore_signals()
         given = str(error)
@@ -124,8 +130,12 @@ def _unread(error: BaseException, as_json: bool) -> int:
     end_output()
     if hasattr(error, "__notes__"):
         message = "stopped, since nothing reads the output; run the same again to continue"
-        with suppress(OSError):  # the same pipe
-            fail(as_json, _with_notes(message, error))
+        message = _with_notes(message, error)
+        try:
+            fail(as_json, message)
+        except OSError:  # the same pipe; --log has it, and who is at the terminal reads it
+            with suppress(OSError), open(TERMINAL, "w", encoding="utf-8") as terminal:  # noqa: PTH123
+                terminal.write(f"sautereau: {printable(message)}\n")
     return UNREAD
 
 

@@ -10,9 +10,9 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.model.speed import JackSpeed
 from sautereau.analysis.phases import HeldString, Phases, find_phases
+from sautereau.analysis.press.features import COMPARED
 from sautereau.analysis.session.analysed import jack_speed
 from sautereau.analysis.session.compare import (
-    COMPARED,
     Mean,
     compare,
     mean_of,

@@ -106,7 +106,7 @@ def test_judgements_from_notes_and_files(tmp_path):
     assert touch_in("touch: harder") is None
     table = campaign_of([row | {"touch": None} for row in rows_of(3, presses=1)])
     path = tmp_path / "labels.csv"
-    path.write_text("session, touch\ns0,soft\ns2, Hard\n")
+    path.write_text("session; touch\ns0;soft\n\ns2; Hard\n")
     labelled = with_labels(table, path)
     assert labelled.data["touch"].tolist() == ["soft", np.nan, "hard"]
     assert labelled.data["touch"].dtype.ordered

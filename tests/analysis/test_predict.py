@@ -104,14 +104,6 @@ def test_a_press_that_ends_before_release_is_refused(paper):
         predict(short)
 
 
-def test_the_pluck_is_the_rigs(paper, prediction):
-    pluck = rig_pluck(paper)
-    assert pluck.force[-1] == prediction.plectrum_force
-    assert pluck.release_height / paper.press.jack_speed == pytest.approx(
-        prediction.pluck_duration, rel=1e-12
-    )
-
-
 def test_work_is_that_of_the_jack_against_the_string(prediction):
     by_hand = trapezoid(prediction.string_force, prediction.rise)
     assert prediction.work == pytest.approx(by_hand, rel=1e-4)

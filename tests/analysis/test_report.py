@@ -154,9 +154,11 @@ def test_the_rig_on_the_page_is_the_rig(write_session, tmp_path):
     one = write_session.one.rig
     assumed = {key: ends for key, ends in one.assumed.items() if not key.startswith("daq.")}
     rig = one.model_copy(update={"assumed": assumed})
+    rig = with_values(rig, {"daq.channels.1.input_delay": "-4.8 us"})
     text = build_report(gather(write_session(tmp_path, 1, rig=rig), "elastica"), ABOUT)
     (shown_rig,) = re.findall(r'<pre id="rig-toml">(.*?)</pre>', text, re.DOTALL)
     assert parse_rig(Page(shown_rig).text) == rig
+    assert re.search(r"corrected in force\s*delay of the input -4.8 us", Page(text).text)
 
 
 def test_warnings_come_first_and_once(write_session, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 import signal
 import subprocess
@@ -18,6 +19,7 @@ from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import joints_holding_point
 from sautereau.trajectory.motion import Motion
+from tests.pages import read_page
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
 
@@ -132,6 +134,8 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path
     assert watched["conditions"] == compared["conditions"]
     again = sautereau("replay", result["recordings"][0], rig_file(), "--sim", "--out", "again")
     assert "Model error" in again.stdout
+    shown = read_page("first-press.md").bodies("console")[0].splitlines()
+    assert "\n".join(shown[2:5]) in again.stdout
 
     assert sautereau("info", result["recordings"][0]).stdout.startswith("SIMULATED")
     assert json.loads(sautereau("info", result["recordings"][0], "--json").stdout)["simulated"]
@@ -308,8 +312,36 @@ def test_a_session_whose_reader_ends_stops_and_says_that_the_motors_are_off(
     assert "Traceback" not in message
 
 
-def test_other_commands_end_silently_when_their_reader_does(command_server, tmp_path):
-    with command_server.start("plan", cwd=tmp_path, **PIPES) as process:
+def test_where_nobody_reads_the_errors_either_the_terminal_shows_the_motors_state(
+    command_server, rig_file, tmp_path, bare
+):
+    """As of `2>&1 | head`."""
+    master, slave = os.openpty()
+    program = f"""
+import os, sys
+from sautereau.commands.app import main
+os.setsid()
+os.open({os.ttyname(slave)!r}, os.O_RDWR)
+sys.argv = ["sautereau", "press", {str(rig_file())!r}, "--scene", {str(bare)!r}, "-n", "9"]
+sys.argv += ["--out", "out"]
+main()
+"""
+    streams = PIPES | {"stderr": subprocess.STDOUT}
+    with command_server.start("-c", program, cwd=tmp_path, **streams) as process:
+        while "press-0001" not in process.stdout.readline():
+            pass
+        process.stdout.close()
+        shown = os.read(master, 1 << 16).decode()
+    os.close(master)
+    os.close(slave)
+    assert process.returncode == UNREAD
+    assert "nothing reads the output" in shown
+    assert "motors are off" in shown
+
+
+@pytest.mark.parametrize("command", ["plan", "--help"])
+def test_other_commands_end_silently_when_their_reader_does(command, command_server, tmp_path):
+    with command_server.start(command, cwd=tmp_path, **PIPES) as process:
         process.stdout.close()
         assert process.stderr.read() == ""
     assert process.returncode == UNREAD

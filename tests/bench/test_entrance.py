@@ -26,6 +26,8 @@ def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rig_file().rename("my-rig.toml")
     snippet = read_page("../README.md").bodies("python")[0]
+    assert snippet.count("import") == 1
+    assert len(snippet.splitlines()) <= 30  # rig, plan, presses, features, comparison, fit, model
     names = {}
     quicker = snippet.replace("press(5", "press(2").replace('overlap"])', 'overlap"], starts=1)')
     exec(quicker, names)
@@ -46,6 +48,8 @@ def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     with pytest.raises(SautereauError, match="not of one folder"):
         session[:1].report()
     assert session.plot()._repr_png_().startswith(b"\x89PNG")
+    assert "condition 1 of 2, day" in session.compare().plot().get_suptitle()
+    assert len(repr(session[0].phases)) < 100
     shown = [names["rig"], plan, session, session[0], session.compare(), fit]
     shown += [names["rig"].predict(), names["rig"].sweep(overlap=...)]
     for one in shown:

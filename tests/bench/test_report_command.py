@@ -110,14 +110,15 @@ def test_missing_packages_are_named(write_session, tmp_path, monkeypatch):
         report(tmp_path)
 
 
-def test_the_command_on_the_page_repeats_the_session(tmp_path, monkeypatch, capsys):
+def test_the_command_on_the_page_repeats_the_session(rig_file, tmp_path, monkeypatch, capsys):
     """Its rig file and its command give the same volts to the bit."""
 
     def run(words):
         assert app(words, print_error=False, exit_on_error=False) in (0, None)
 
     monkeypatch.chdir(tmp_path)
-    run(["press", "--sim", "-n", "1", "--seed", "11", "--out", "first", "--json"])
+    options = "--sim -n 1 --seed 11 --out first --json"
+    run(["press", str(rig_file()), *options.split()])
     _, page = page_of(tmp_path / "first", capsys)
     rig = page.split('<pre id="rig-toml">')[1].split("</pre>")[0]
     (tmp_path / "rig.toml").write_text(rig, encoding="utf-8")

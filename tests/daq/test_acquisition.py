@@ -32,7 +32,8 @@ def fault_of(daq, after_block=lambda: None):
     return caught.value
 
 
-def test_samples_are_bit_exact(bench):
+def test_samples_are_bit_exact(bench, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     card, _, rig = bench()
     with Acquisition(rig.daq, 0.5) as acquisition:
         assert acquisition.n_samples == 25_600
@@ -48,6 +49,7 @@ def test_samples_are_bit_exact(bench):
     assert card.setups[-1].terminals == ("ai0", "ai1")
     assert card.setups[-1].trigger == "/Dev1/PFI0"
     assert card.runs[0].stopped.is_set()
+    assert list((tmp_path / "sautereau").iterdir()) == []  # its lock is removed
 
 
 def test_the_last_block_is_shorter_and_duration_is_rounded_up(bench):

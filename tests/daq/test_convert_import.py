@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from nptdms import ChannelObject, RootObject, TdmsWriter
+from scipy.io import wavfile
 
 from sautereau.daq.convert.export import export
 from sautereau.daq.convert.importing import ENDING, import_file
@@ -240,6 +241,13 @@ def test_wav_integers_are_scaled_exactly(tmp_path, back, paper, width):
     assert done.rate == 48_000.0
     found = read_recording(back).volts["velocity"]
     assert found.tolist() == [value * (4 / most) for value in values]
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_wav_floats_may_exceed_full_scale(tmp_path, back, paper, kind):
+    wavfile.write(tmp_path / "laser.wav", 48_000, np.array([0.5, -1.0, 1.25], kind))
+    import_file(tmp_path / "laser.wav", back, rig=paper, options=answers(**WAV))
+    assert read_recording(back).volts["velocity"].tolist() == [2.0, -4.0, 5.0]
 
 
 def test_wav_at_full_scale_of_the_vibrometers_range(tmp_path, back, paper):

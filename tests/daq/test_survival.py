@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+LONG = [pytest.mark.slow, pytest.mark.timeout(1200)]
 LIMIT = round(0.25 * 51_200)
 """Samples, that a kill may lose."""
 
@@ -17,8 +18,8 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="SIGKILL is POSIX's")
     ("kills", "pace", "block"),
     [
         (2, "paced", 1024),
-        pytest.param(100, "paced", 512, marks=pytest.mark.slow),
-        pytest.param(100, "unpaced", 1024, marks=pytest.mark.slow),
+        pytest.param(100, "paced", 512, marks=LONG),
+        pytest.param(100, "unpaced", 1024, marks=LONG),
     ],
 )
 def test_a_kill_loses_a_quarter_of_a_second_at_the_most(tmp_path, kills, pace, block):

@@ -6,7 +6,7 @@ import pytest
 
 from tests.pages import ROOT, read_page
 
-LONG = ("campaigns", "ci", "pictures", "transient")
+LONG = ("campaigns", "ci", "first-press", "pictures", "transient")
 """Pages whose commands take many seconds, and are tested as commands elsewhere."""
 
 

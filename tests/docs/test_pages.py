@@ -37,7 +37,6 @@ trap 'kill $(jobs -p) 2>/dev/null || true' EXIT
 """
 LONGEST = 280
 """s, timeout of a page's commands on a busy machine; alone they take a tenth of it."""
-pytestmark = pytest.mark.timeout(300)
 
 
 @pytest.fixture
@@ -66,6 +65,7 @@ def test_what_a_page_runs_works_and_prints_what_it_shows(run_page, server, tmp_p
             pytest.fail(f"$ {command}\nis shown with\n{output}\nand printed\n{got}")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="the steps are written for bash")
 def test_the_steps_of_the_workflow_work(server, tmp_path):
     page = read_page("ci.md")

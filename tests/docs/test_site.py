@@ -99,7 +99,6 @@ def test_equations_need_no_script(hooks):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_the_site_builds_without_a_warning(tmp_path):
     subprocess.run(["make", "-s", "links"], cwd=ROOT, check=True)
     done = subprocess.run(

@@ -173,7 +173,10 @@ def fields(data: bytes) -> list[tuple[int, int, bytes]]:
 
 def of_message(data: bytes, dice: random.Random) -> bytes:
     """Change a field of a protobuf message."""
-    found = fields(data)
+    try:
+        found = fields(data)
+    except IndexError:  # an earlier change has cut it
+        return mutate.of_bytes(data, dice)
     if found:
         at = dice.randrange(len(found))
         number, kind, content = found[at]

@@ -32,8 +32,8 @@ def test_what_failed_once(tmp_path, name, number):
     one(TARGETS[name]()(tmp_path), name, number)
 
 
-@pytest.mark.parametrize("name", ["csv", "parquet", "wav", "tdms", "npz", "mat", "h5"])
-def test_damaged_files_of_other_programs_are_refused_or_finite(tmp_path, name):
+@pytest.mark.parametrize("name", ["rig", "csv", "parquet", "wav", "tdms", "npz", "mat", "h5"])
+def test_damaged_rigs_and_files_of_other_programs_are_refused_or_read_right(tmp_path, name):
     target = TARGETS[name]()(tmp_path)
     for number in range(2 if name in ("mat", "h5") else 25):  # read in a process of their own
         one(target, name, number)
@@ -58,7 +58,6 @@ def test_damaged_recordings_give_no_crash_no_hang_and_no_wrong_sample():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(120)
 @pytest.mark.parametrize("name", TARGETS)
 def test_a_short_run(name):
     tally = run(name, TARGETS[name](), seconds=20)

@@ -4,13 +4,9 @@ import re
 from importlib import resources
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, parse_rig
-from sautereau.rig.schema import Rig
-from tests.budget import examples
 
 PAPER = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
 
@@ -229,47 +225,3 @@ def test_a_file_is_loaded_whatever_its_ending(tmp_path, paper):
     for name in ("bench.toml", "bench"):
         (tmp_path / name).write_text(PAPER, encoding="utf-8")
         assert load_rig(str(tmp_path / name)) == paper
-
-
-VALUES = [
-    "", "1", "-1", "0", "1e999", "nan", "true", "[]", "{}", "[[]]", '""', '"1"', '"1 m"', '"0 mm"',
-    '"-3 kg"', '"1e308 km"', '"nan m"', '"{unit}"', "2024-01-01", "[1, 2]", '{ value = "1 m" }',
-    '{ value = 1, assumed = 2 }', '{ value = "1 m", assumed = ["0 m", 3], source = [] }',
-]  # fmt: skip
-
-
-@st.composite
-def mutilated(draw):
-    lines = PAPER.split("\n")
-    for _ in range(draw(st.integers(1, 4))):
-        at = draw(st.integers(0, len(lines) - 1))
-        what = draw(st.sampled_from(["delete", "value", "key", "swap", "garbage", "repeat"]))
-        other = draw(st.integers(0, len(lines) - 1))
-        key, equals, value = lines[at].partition("=")
-        if what == "delete":
-            lines[at] = ""
-        elif what == "value" and equals:
-            lines[at] = f"{key}= {draw(st.sampled_from(VALUES))}"
-        elif what == "key" and equals:
-            lines[at] = f"{draw(st.sampled_from(['x', 'a.b', '9', 'value', 'sources']))} ={value}"
-        elif what == "swap" and equals and "=" in lines[other]:
-            lines[at] = f"{key}={lines[other].partition('=')[2]}"
-        elif what == "garbage":
-            lines[at] += draw(st.text(max_size=10))
-        else:
-            lines[at] = lines[other]
-    return "\n".join(lines)
-
-
-@given(mutilated())
-@examples(15, 1000)
-def test_any_mutilated_file_is_a_rig_or_a_rig_error(text):
-    try:
-        rig = parse_rig(text, "bench.toml")
-    except RigError as error:
-        rig = error
-    if isinstance(rig, RigError):
-        assert str(rig).startswith("bench.toml: ")
-        assert "pydantic" not in str(rig)
-    else:
-        assert isinstance(rig, Rig)

@@ -30,7 +30,8 @@ def rig_with(paper_text, tmp_path, file):
         gesture = 'hold = "point"\ngesture = { file = "gesture.csv" }'
         assert paper_text.count('hold = "point"\n') == 1
         path = tmp_path / "bench.toml"
-        path.write_text(paper_text.replace('hold = "point"\n', gesture + "\n"), encoding="utf-8")
+        rig = paper_text.replace('hold = "point"\n', gesture + "\n").replace("\n", "\r\n")
+        path.write_bytes(f"\ufeff{rig}".encode())  # as some editors write it
         return load_rig(path)
 
     return load
@@ -45,6 +46,7 @@ def rig_with(paper_text, tmp_path, file):
         "time [s], note, rise [mm]\n0,start,0\n\n0.01,,0.5\n , ,\n0.02,end,2\n",
         "time [ms],rise [mm]\r\n0,0\r\n10,0.5\r\n20,2e0\r\n",
         b"\xef\xbb\xbf" + GOOD.encode(),
+        "\ufefftime [ms];rise [mm]\r\n0;0\r\n10;0,5\r\n20;2,0e0\r\n",
     ],
 )
 def test_the_header_gives_the_units(rig_with, text):

@@ -9,46 +9,6 @@ from sautereau.rig.packaged import packaged_names
 from sautereau.rig.section import GRAVITY
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("key.press_arm", 0.171),
-        ("key.laser_arm", 0.082),
-        ("key.jack_arm", 0.215),
-        ("key.front_arm", 0.185),
-        ("key.surface_height", 0.010),
-        ("key.jack_surface_height", 0.010),
-        ("key.inertia", 7e-4),
-        ("jack.mass", 0.006),
-        ("plectrum.length", 4.5e-3),
-        ("plectrum.width", 0.75e-3),
-        ("plectrum.thickness", 0.48e-3),
-        ("plectrum.youngs_modulus", 2.9e9),
-        ("plectrum.poisson_ratio", 0.35),
-        ("plectrum.density", 1247.0),
-        ("plectrum.overlap", 0.263e-3),
-        ("string.tension", 66.95),
-        ("string.length", 0.46),
-        ("string.frequency", 365.0),
-        ("press.jack_speed", 0.072),
-        ("press.jack_rise", 0.010),
-        ("arm.upper_length", 0.12),
-        ("arm.lower_length", 0.10),
-        ("arm.upper_mass", 0.15),
-        ("arm.lower_mass", 0.10),
-        ("arm.fingertip_radius", 0.004),
-        ("arm.counts_per_revolution", 2_000_000),
-        ("arm.speed_limit", 6.0),
-        ("arm.acceleration_limit", 200.0),
-        ("arm.torque_limit", 2.0),
-        ("controller.sample_period", 1 / 1024),
-    ],
-)
-def test_each_number_of_the_paper(paper, key, value):
-    section, name = key.split(".")
-    assert getattr(getattr(paper, section), name) == pytest.approx(value, rel=1e-12)
-
-
 def test_stiffness_and_mass_of_string_and_plectrum(paper):
     assert paper.string.plucking_point / paper.string.length == pytest.approx(0.2348, abs=5e-5)
     assert paper.string.static_stiffness == pytest.approx(810.0, rel=1e-3)

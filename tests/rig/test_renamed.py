@@ -11,9 +11,7 @@ from sautereau.rig.edit import edit_rig
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, parse_rig, with_values
 from sautereau.rig.renamed import RENAMED_KEYS, current_key, rename_keys
-from sautereau.robot.experiment.plan import Plan
-from sautereau.robot.experiment.plan_table import Row, read_plan_table
-from sautereau.robot.experiment.session_folder import read_manifest
+from sautereau.robot.experiment.plan_table import read_plan_table
 
 OLD = Path(__file__).parents[1] / "data" / "written_by_0.1"
 MOMENT = 4e-3
@@ -58,16 +56,6 @@ def test_a_recording_is_read():
     rig = read_recording(OLD / "session" / "press-0001.mcap").rig
     assert rig.key.gravity_moment == MOMENT
     assert "key.gravity_moment" in rig.assumed
-
-
-def test_a_session_can_be_resumed():
-    """Its manifest has the rig of a plan for the same bench, key by key."""
-    manifest = read_manifest(OLD / "session")
-    assert manifest is not None
-    rig = load_rig(OLD / "rig.toml")
-    plan = Plan(rig, (Row(rig, 2, {}, ""),))
-    assert manifest.plan["rig"] == plan.document()["rig"]
-    assert "gravity_moment" in manifest.plan["rig"]["key"]
 
 
 def test_a_plan_table_with_the_old_key(tmp_path):

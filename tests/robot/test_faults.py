@@ -37,7 +37,7 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.motion import StopCode
 from sautereau.trajectory.press import plan_press
 from tests.forked import Command, CommandServer
-from tests.presses import mute_scene
+from tests.presses import QUICK, mute_scene
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, pseudo-terminals")
 
@@ -99,7 +99,7 @@ class Desk:
         """Return a stand-in whose motors and faults are observed."""
         unit = ControllerUnit(interface="ethernet") if self.port == "tcp" else None
         scene = mute_scene(finger, faults=faults, controller=unit)
-        values = {"controller.timeout": "2 s"} | HOLD | (rig or {})
+        values = QUICK | {"controller.timeout": "2 s"} | HOLD | (rig or {})
         stand_in = StandIn(with_values(load_rig(), values), scene, seed, paced=True)
         self.watch(stand_in.bench, faults or {})
         return stand_in
@@ -559,8 +559,8 @@ def child_pressing(desk, end, wait=False):
     with desk.stand_in() as stand_in:
         rig_file = desk.out.with_suffix(".json")
         rig_file.write_text(rig_json(stand_in.rig))
-        command = [sys.executable, "-c", CHILD, str(rig_file), str(desk.out)]
-        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
+        words = ("-c", CHILD, rig_file, desk.out)
+        with desk.server.start(*words, stderr=subprocess.PIPE) as child:
             desk.at(1, 0.03, lambda: end(child))
             deadline = time.monotonic() + 60
             while not desk.off and child.poll() is None and time.monotonic() < deadline:
@@ -573,7 +573,7 @@ def child_pressing(desk, end, wait=False):
     desk.error = RuntimeError(shown or "none: the host is dead")
 
 
-@fault("kill -9 of the host 30 ms after the trigger", ALONE, "dead")
+@fault("kill -9 of the host 30 ms after the trigger", ALONE, "dead", quick=True)
 def host_killed(desk):
     child_pressing(desk, lambda child: child.kill())
 

@@ -25,9 +25,9 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.learning import Correction
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
+from tests.presses import QUICK
 
-# The stand-in answers when its motion is over, however busy the machine is meanwhile.
-RIG = with_values(load_rig("paper"), {"controller.timeout": "20 s"})
+RIG = with_values(load_rig("paper"), QUICK)
 LAW = press_law(RIG.press)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sautereau.daq.file.reading import read_recording
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment import monitor as live
@@ -15,7 +15,7 @@ from sautereau.robot.experiment.monitor import Fault, Feed, Made, Samples, Stage
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
 from sautereau.trajectory.press import plan_press
-from tests.presses import mute_scene
+from tests.presses import QUICK, mute_scene
 
 
 class Keeping:
@@ -91,7 +91,7 @@ def test_a_view_that_never_ends_does_not_hold_the_session(monkeypatch):
 
 
 def press(out, watch, n=2):
-    with StandIn(load_rig(), mute_scene(), 3) as stand_in:
+    with StandIn(with_values(load_rig(), QUICK), mute_scene(), 3) as stand_in:
         item = Item(stand_in.rig, plan_press(stand_in.rig))
         return make_presses(GalilController(stand_in.rig), out, [item] * n, watch=watch)
 

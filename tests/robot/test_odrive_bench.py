@@ -20,7 +20,7 @@ from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
-from tests.presses import mute_scene, press_on
+from tests.presses import QUICK, mute_scene, press_on
 
 KIND = {"controller.kind": "odrive", "controller.baud_rate": 921600}
 LEAD = 0.1015625  # s, of samples before the motion
@@ -28,7 +28,7 @@ LEAD = 0.1015625  # s, of samples before the motion
 
 @pytest.fixture(scope="module")
 def rig():
-    return with_values(load_rig(), KIND | {"controller.timeout": "20 s"})  # on a busy machine
+    return with_values(load_rig(), KIND | QUICK)
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +67,7 @@ def test_the_command_line_presses_with_the_same_bytes_for_the_same_seed(
     text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
     text = text.replace("baud_rate = 115200", 'kind = "odrive"\nbaud_rate = 921600')
     text = text.replace('timeout = "1 s"', 'timeout = "20 s"', 1)
+    text = text.replace('approach_speed = "0.5 rad/s"', 'approach_speed = "5 rad/s"')
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     options = "--scene ideal --seed 5 --out out --json"

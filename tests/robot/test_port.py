@@ -6,7 +6,7 @@ import serial
 from sautereau.rig.load import with_values
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.drivers.serial_port import open_port
-from sautereau.robot.errors import GarbledAnswer, LineLost, PortUnavailable, SilentController
+from sautereau.robot.errors import PortUnavailable
 
 
 @pytest.mark.parametrize("name", ["/dev/no_such_port", "odd://thing", "socket://127.0.0.1:1"])
@@ -39,24 +39,6 @@ def test_a_port_is_opened_for_one_program(terminal, lines):
     controller, end = terminal(lines.connect)
     with controller, pytest.raises(PortUnavailable, match="another program"):
         open_port(end.port, 115200, 0.1)
-
-
-def test_nobody_answers(terminal):
-    controller, _ = terminal([("EO 0", "")])
-    with pytest.raises(SilentController, match=r"'EO 0' within 0\.2 s; check its power"):
-        controller.connect()
-
-
-def test_another_baud_rate(terminal):
-    controller, _ = terminal([("EO 0", b"\xf8\x80\x1e\xe0")])
-    with pytest.raises(GarbledAnswer, match="baud_rate"):
-        controller.connect()
-
-
-def test_hung_up_while_connecting(terminal, lines):
-    controller, _ = terminal(lines.connect[:3], [("EO 1", None)])
-    with pytest.raises(LineLost, match="EO 1"):
-        controller.connect()
 
 
 @pytest.mark.parametrize("url", ["spy:///dev/null?file=seen.txt", "hwgrep://.*", "alt:///dev/null"])

@@ -15,7 +15,7 @@ from sautereau.robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
 from sautereau.sim_backend.bench import StandIn
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
-from tests.presses import mute_scene
+from tests.presses import QUICK, mute_scene
 
 PUSHED = 0.4  # N m
 
@@ -41,7 +41,7 @@ def bench():
     with contextlib.ExitStack() as stack:
 
         def make(**faults):
-            rig = with_values(load_rig(), {"controller.timeout": "20 s"})
+            rig = with_values(load_rig(), QUICK)
             stand_in = stack.enter_context(StandIn(rig, mute_scene("servo", faults=faults)))
             return stand_in, stack.enter_context(GalilController(stand_in.rig))
 

@@ -65,6 +65,14 @@ def test_a_table_changes_the_values_of_its_cells(table):
     assert first.on(RIG) == first.rig
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_a_table_of_a_spreadsheet_with_decimal_commas(table, separator):
+    text = "\ufeffpress.jack_speed;press.speed_tolerance;notes\r\n0,1 m/s;0,004;1,5 mm\r\n"
+    (row,) = table(text.replace(";", separator))
+    assert (row.rig.press.jack_speed, row.rig.press.speed_tolerance) == (0.1, 0.004)
+    assert row.notes == "mine; 1,5 mm"
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

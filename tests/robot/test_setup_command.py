@@ -22,6 +22,7 @@ from tests.taps import RATE, tapped
 
 SESSION = SessionInfo(1, "2026-01-01T00:00:00Z", simulated=True, controller="", daq="")
 TEXT = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
+TEXT = TEXT.replace('approach_speed = "0.5 rad/s"', 'approach_speed = "5 rad/s"')
 BARE = f'{MUTE_TEXT}truth = {{ "arm.base_z" = "170.72 mm" }}\n'
 """The base is 3.4 mm lower than in the rig."""
 

@@ -84,6 +84,8 @@ class FingerOracle(Oracle):
         second = arm.lower_mass * arm.lower_length**2 / 3
         both = arm.lower_mass * arm.upper_length * arm.lower_length / 2
         mixed, twist = (both * part(links[1] - links[0]) for part in (np.cos, np.sin))
+        rotor = arm.rotor_inertias[1] * arm.gear_ratios[1] ** 2  # turns by the links' difference
+        first, second, mixed = first + rotor, second + rotor, mixed - rotor
         inverse = np.array([[second, -mixed], [-mixed, first]]) / (first * second - mixed**2)
         moments = self.motors - self.gravity(links)
         moments += twist * speeds[1] ** 2, -twist * speeds[0] ** 2

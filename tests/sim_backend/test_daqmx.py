@@ -190,7 +190,7 @@ def test_an_error_of_the_card_reaches_the_client(card, task, monkeypatch):
 
 def test_what_is_not_built_says_so(task):
     with pytest.raises(RpcError, match="UNIMPLEMENTED"):
-        task.ai_channels.add_ai_thrmcpl_chan("Dev1/ai0")
+        task.ao_channels.add_ao_voltage_chan("Dev1/ao0")
     assert code_of(getattr, task.timing, "hshk_delay_after_xfer") == -200197
 
 

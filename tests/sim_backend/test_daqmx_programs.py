@@ -7,19 +7,24 @@ import numpy as np
 import pytest
 from nidaqmx import DaqError, GrpcSessionOptions, Scale, Task
 from nidaqmx.constants import (
+    READ_ALL_AVAILABLE,
     AcquisitionType,
     Coupling,
     ExcitationSource,
     ForceIEPESensorSensitivityUnits,
     ForceUnits,
+    LoggingMode,
+    LoggingOperation,
     ReadRelativeTo,
     ScaleType,
+    Signal,
     SoundPressureUnits,
     TaskMode,
     TerminalConfiguration,
     VoltageUnits,
 )
 from nidaqmx.system import Device
+from nptdms import TdmsFile
 
 from sautereau.sim_backend.device_types import DEVICE_TYPES
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
@@ -263,9 +268,95 @@ def test_reading_relative_to_the_first_and_the_latest_sample(task):
 def test_what_would_not_be_followed_is_refused(task):
     task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
     task.timing.cfg_samp_clk_timing(51_200)
-    task.triggers.start_trigger.retriggerable = True
-    with pytest.raises(DaqError, match="START_TRIG_RETRIGGERABLE"):
+    task.triggers.start_trigger.delay = 1e-3
+    with pytest.raises(DaqError, match="START_TRIG_DELAY"):
         task.start()
+    assert code_of(task.ai_channels.add_ai_thrmcpl_chan, "cDAQ1Mod1/ai1") == -200431
+    assert code_of(task.register_signal_event, Signal.SAMPLE_COMPLETE, print) == -200982
+
+
+def test_every_edge_starts_a_finite_acquisition(serve):
+    card = RampCard("PCIe-6363")
+    with Task(grpc_options=serve(card)) as task:
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+        finite(task)
+        task.triggers.start_trigger.retriggerable = True
+        assert code_of(task.start) == -201320
+        task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI0")
+        task.start()
+        assert (card.setup.per_trigger, card.setup.trigger) == (100, "/Dev1/PFI0")
+        assert task.read(70) == list(np.arange(70) / 1000)
+        assert task.read(READ_ALL_AVAILABLE) == list(np.arange(70, 100) / 1000)
+        assert len(task.read(250)) == 250
+        assert not task.is_task_done()
+
+
+def test_only_an_x_series_card_can_be_retriggered(task):
+    task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+    finite(task)
+    task.triggers.start_trigger.cfg_dig_edge_start_trig("/cDAQ1/PFI0")
+    task.triggers.start_trigger.retriggerable = True
+    assert code_of(task.start) == -200452
+
+
+def test_a_current_flows_through_a_shunt(task):
+    channel = task.ai_channels.add_ai_current_chan(
+        "cDAQ1Mod1/ai0", max_val=0.05, ext_shunt_resistor_val=100
+    )
+    assert (channel.ai_current_shunt_resistance, channel.ai_rng_high) == (100, 5)
+    finite(task)
+    np.testing.assert_allclose(task.read(100), np.arange(100) / 1e5)
+
+
+def logged(path):
+    return {
+        group.name: [channel[:] for channel in group.channels()]
+        for group in TdmsFile.read(path).groups()
+    }
+
+
+def test_a_task_is_logged_while_it_is_read(task, tmp_path):
+    path = tmp_path / "log.tdms"
+    task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0:1")
+    finite(task)
+    task.in_stream.configure_logging(path, LoggingMode.LOG_AND_READ, "press")
+    for _ in range(2):
+        task.start()
+        task.read(30)
+        task.read(READ_ALL_AVAILABLE)
+        task.stop()
+    ramp = np.arange(100) / 1000
+    found = logged(path)
+    assert list(found) == ["press", "press #1"]
+    for channels in found.values():
+        np.testing.assert_array_equal(channels, [ramp, ramp])
+    properties = TdmsFile.read(path)["press"].channels()[0].properties
+    assert properties["wf_increment"] == 1 / 51_200
+    again = tmp_path / "next.tdms"
+    task.start()
+    task.read(30)
+    task.in_stream.start_new_file(again)
+    task.in_stream.logging_pause = True
+    task.read(20)
+    task.in_stream.logging_pause = False
+    task.read(50)
+    np.testing.assert_array_equal(logged(again)["press"], [ramp[50:], ramp[50:]])
+
+
+def test_a_task_that_only_logs_cannot_be_read(task, tmp_path):
+    path = tmp_path / "log.tdms"
+    task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+    finite(task)
+    task.in_stream.configure_logging(path, LoggingMode.LOG, operation=LoggingOperation.CREATE)
+    assert code_of(task.read, 10) == -201301
+    task.start()
+    task.wait_until_done(5)
+    task.stop()
+    (found,) = logged(path).values()
+    np.testing.assert_array_equal(found, [np.arange(100) / 1000])
+    assert code_of(task.start) == -201309  # it exists
+    task.in_stream.logging_file_path = tmp_path / "none" / "log.tdms"
+    assert code_of(task.start) == -201304
 
 
 def test_one_task_reserves_the_card_until_it_releases_it(serve):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.loading.press import load_press
+from sautereau.analysis.report.facts import corrections
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.recording import Recording
@@ -23,9 +24,12 @@ from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import load_scene, parse_scene
 from sautereau.trajectory.press import plan_press
+from tests.presses import QUICK
 
 FREQUENCY, DURATION = 200.0, 0.12
 """Hz and s, of a motion whose force and velocity are in phase."""
+STEP, WIDTH = 0.1012345, 1e-3
+"""s, middle and width of a step of both, after which they stay at 1."""
 CASES = [
     ("NI 9234", "51.2 kHz", "cDAQ1Mod1", "/cDAQ1/PFI0", 38.4 / 51_200 + 3.2e-6, 0.0),
     ("NI 9239", "50 kHz", "cDAQ1Mod1", "/cDAQ1/PFI0", (40 + 5 / 512) / 50e3 + 3.3e-6, 0.0),
@@ -60,11 +64,12 @@ def described(product, rate="20 kHz", device="Dev1"):
 
 
 def vibrating():
-    """A motion from 0 s on, in steps of 5 us; linear interpolation errs by 1e-5 of it."""
+    """A sine and then a step, every 5 us; linear interpolation errs by 1e-5 of them."""
     time = np.arange(0, DURATION + 0.01, 5e-6)
-    sine = np.sin(2 * np.pi * FREQUENCY * time)
+    sine = np.sin(2 * np.pi * FREQUENCY * time) * (time < 0.09)
+    both = sine + (1 + np.sin(np.pi * np.clip((time - STEP) / WIDTH, -0.5, 0.5))) / 2
     still = np.zeros_like(time)
-    return Motions(time, still, sine, still, sine, still)
+    return Motions(time, still, both, still, both, still)
 
 
 def phase(time, values):
@@ -106,10 +111,17 @@ def test_both_sensors_are_aligned(tmp_path, product, rate, device, terminal, del
     assert kind == ("int32" if bits == 24 else "int16")
     data = load_press(path).data
     time = data.index.to_numpy()
-    inner = (time > 0.005) & (time < DURATION - 0.005)
+    inner, rise = (time > 0.005) & (time < 0.085), abs(time - STEP) < WIDTH / 3
+    before, after = abs(time - STEP + 5e-3) < 2e-3, abs(time - STEP - 5e-3) < 2e-3
     for name in ("force", "velocity"):
         late = -phase(time[inner], data[name].to_numpy()[inner]) / (2 * np.pi * FREQUENCY)
         assert late == pytest.approx(0.0, abs=1e-6)
+        values = data[name].to_numpy()
+        half = (values[before].mean() + values[after].mean()) / 2
+        assert np.interp(half, values[rise], time[rise]) == pytest.approx(STEP, abs=10e-6)
+    for channel in read_recording(path).rig.daq.channels:
+        said = corrections(channel)
+        assert (f"{channel.input_delay * 1e6:.4g} us" in said) == bool(channel.input_delay)
 
 
 def release(path):
@@ -120,7 +132,7 @@ def release(path):
 
 @pytest.mark.parametrize("product", ["NI 9239", "PCI-6251"])
 def test_a_press_on_a_described_card_has_its_release_at_the_true_time(tmp_path, product):
-    rig = with_values(load_rig(), {"daq.sample_rate": "50 kHz", "controller.timeout": "20 s"})
+    rig = with_values(load_rig(), QUICK | {"daq.sample_rate": "50 kHz"})
     scene = load_scene("ideal").model_copy(update={"card": product})
     with StandIn(rig, scene) as stand_in:
         wired = stand_in.rig

@@ -6,7 +6,6 @@ import sys
 
 import numpy as np
 import pytest
-from scipy.integrate import LSODA
 from scipy.optimize import brentq, lsq_linear
 
 from sautereau.analysis.model.choirs import choir_pluck, choirs
@@ -18,28 +17,23 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, PushDrive, drive_of
 from sautereau.sim_backend.physics.exact.compile import Announcement
 from sautereau.sim_backend.physics.exact.engine import ExactWorld
-from sautereau.sim_backend.physics.exact.fingertip import locate_tip
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.parameters import arm_of
 from sautereau.sim_backend.physics.exact.structures import (
     JACK,
     KEY,
     PUSH,
-    SERVO,
     new_presses,
     one_press,
 )
 from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.trajectory.arm import fingertip_motion
-from sautereau.trajectory.dynamics import joint_torques, mass_matrix
 from sautereau.trajectory.key import (
     angle_of_rise,
     key_under_fingertip,
-    rise_of_angle,
     surface_axes,
 )
-from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
 from tests import key_oracle
 from tests.sim_backend.scenes import (
@@ -289,64 +283,7 @@ def test_an_ideal_finger_plucks_where_it_was_planned():
         assert event[0].time == pytest.approx(reaches(rise, after, before), abs=1e-9)
 
 
-def test_a_key_without_its_finger_moves_freely():
-    """The finger stops faster than the key; in between the key obeys its own equation."""
-    rig = with_values(
-        RIG, {"press.run_down_acceleration": "10 m/s^2", "press.run_down_jerk": "4000 m/s^3"}
-    )
-    drive = drive_of(rig, scene_of("ideal", **MUTE))
-    moved = reference(rig, scene_of("ideal", **MUTE), drive).motions
-    centre = fingertip_motion(rig.arm, drive.joints(moved.time))
-    tip = key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre).position
-    assert (moved.angle - tip).min() > -1e-12
-    apart = (moved.angle - tip > 1e-9) & (moved.angular_velocity > 1e-2)
-    apart &= moved.angle < RIG.key.dip / RIG.key.press_arm
-    apart &= np.abs(moved.rise - key_oracle.rise(rig.key, moved.angle)) < 1e-12
-    assert apart.sum() > 10
-    assert not moved.finger_force[apart].any()
-    one = np.flatnonzero(apart[:-1] & apart[1:] & (np.diff(moved.time) > 1e-6))
-    slow_down = (np.diff(moved.angular_velocity) / np.diff(moved.time).clip(1e-9))[one]
-    middle = (moved.angle[one] + moved.angle[one + 1]) / 2
-    omega = (moved.angular_velocity[one] + moved.angular_velocity[one + 1]) / 2
-    expected = key_oracle.acceleration(rig, middle, omega, 0.0, friction=True)
-    np.testing.assert_allclose(slow_down, expected, rtol=1e-6)
-
-
 # The servo.
-
-
-def test_the_arms_equation_is_the_trajectorys():
-    random = np.random.default_rng(5)
-    rig = with_values(
-        RIG, {"arm.gear_ratios": [30, 20], "arm.rotor_inertias": ["1e-6 kg m^2", "2e-6 kg m^2"]}
-    )
-    press = bench((6e-3, 0.215, -math.inf, 0.0), arm=arm_of(rig, scene_of("paper"), (0.0, 0.0)))
-    press.arm.locked[:] = 0
-    for _ in range(20):
-        q = np.array([random.uniform(-0.3, 0.6), random.uniform(-1.6, -0.9)])
-        d, torque = random.normal(size=2), random.normal(size=2)
-        press.x[-2:], press.v[-2:], press.arm.torque[:] = q, d, torque
-        locate_tip(press, 0.0)
-        free, by = np.array(press.finger.free), np.array(press.finger.by)
-        np.testing.assert_allclose(joint_torques(rig.arm, Motion(q, d, free)), torque, rtol=1e-10)
-        joints = Motion(*(np.array([v]) for v in (q, d, free)))
-        key = key_under_fingertip(
-            rig.key, rig.arm.fingertip_radius, fingertip_motion(rig.arm, joints)
-        )
-        finger = press.finger
-        assert finger.angle == pytest.approx(key.position[0], rel=1e-12)
-        assert finger.speed == pytest.approx(key.velocity[0], rel=1e-11)
-        assert finger.acceleration == pytest.approx(key.acceleration[0], rel=1e-9)
-        # A moment on the key takes M^-1 A' from the joints, with A the gradient of the angle.
-        step, inertia = 1e-6, mass_matrix(rig.arm, q)
-        places = q + step * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-        still = Motion(places, 0 * places, 0 * places)
-        angle = key_under_fingertip(
-            rig.key, rig.arm.fingertip_radius, fingertip_motion(rig.arm, still)
-        ).position
-        slopes = np.array([angle[0] - angle[1], angle[2] - angle[3]]) / (2 * step)
-        np.testing.assert_allclose(inertia @ by, slopes, rtol=1e-7, atol=1e-9)
-        assert finger.compliance == pytest.approx(slopes @ by, rel=1e-7)
 
 
 def played(world, drive, samples):
@@ -376,75 +313,10 @@ def played_loops(loops, drive, sample, joints):
     return loops.torque((float(error[0]), float(error[1])), (float(spin[0]), float(spin[1])))
 
 
-def test_a_multiplier_formulation_agrees():
-    """Joints and key as separate coordinates with a contact force, at another tolerance."""
-    scene = scene_of("paper", step=50e-6)
-    drive = drive_of(RIG, scene)
-    release = reference(RIG, scene, drive).events.releases[0].time
-    world = ExactWorld(RIG, scene, drive.start, order=6, tolerance=1e-12)
-    first = int(release / PERIOD) - 12  # the finger is in contact with the key
-    for _ in played(world, drive, first):
-        pass
-    q, d = np.array(world.finger.joints()), np.array(world.press.v[-2:])
-    z = np.array([*q, world.press.x[0], *d, world.press.v[0]])
-    pluck = choir_pluck(choirs(RIG)[0])
-    top = RIG.jack.string_clearance + pluck.release_height
-    found = None
-    for i in range(first, int(release / PERIOD) + 1):
-        world.advance(drive.reference(i), True)
-        solver = LSODA(
-            lambda t, y: multiplied(y, np.array(world.finger.torques()), pluck),
-            i * PERIOD, z, (i + 1) * PERIOD, rtol=1e-9, atol=1e-12,
-        )  # fmt: skip
-        while solver.status == "running" and found is None:
-            solver.step()
-            dense = solver.dense_output()
-
-            def over(t, dense=dense):
-                return float(rise_of_angle(RIG.key, dense(t)[2])) - top
-
-            if over(solver.t) > 0:
-                found = brentq(over, solver.t_old, solver.t, xtol=1e-14)
-        z = solver.y
-        if found is None:
-            place = [*world.finger.joints(), world.press.x[0], world.press.v[0]]
-            np.testing.assert_allclose(place, z[[0, 1, 2, 5]], rtol=0, atol=1e-7)
-    assert found == pytest.approx(release, abs=1e-7)
-
-
-def multiplied(z, torques, pluck):
-    """Solve M u = forces + G' force, G u = -G' v, with the contact's height g = 0 above the key."""
-    key, jack, arm = RIG.key, RIG.jack, RIG.arm
-    q, a, d, w = z[:2], z[2], z[3:5], z[5]
-    joints = Motion(q, d, np.zeros(2))
-    motion = fingertip_motion(arm, joints)
-    slope = key_oracle.slope(key, a)
-    height = key_oracle.rise(key, a) - jack.string_clearance
-    string = float(pluck.force_on_jack(np.array([height]))[0]) if height > 0 else 0.0
-    load = jack.mass * (GRAVITY + key_oracle.curvature(key, a) * w * w)
-    load += string + jack.register_friction
-    moment = key.gravity_moment - key.pivot_viscous_friction * w - key.pivot_coulomb_friction
-    moment -= slope * load
-    normal, tangent = np.array([-np.sin(a), np.cos(a)]), np.array([np.cos(a), np.sin(a)])
-    total = q[0] + q[1]
-    lower = arm.lower_length * np.array([-np.sin(total), np.cos(total)])
-    upper = arm.upper_length * np.array([-np.sin(q[0]), np.cos(q[0])])
-    row = np.array([normal @ (upper + lower), normal @ lower, -motion.position @ tangent])
-    # d2/dt2 of C . n(a), without the accelerations.
-    known = normal @ motion.acceleration - 2 * w * (tangent @ motion.velocity)
-    known -= w * w * (normal @ motion.position)
-    matrix = np.zeros((4, 4))
-    matrix[:2, :2] = mass_matrix(arm, q)
-    matrix[2, 2] = key.inertia + jack.mass * slope**2
-    matrix[:3, 3], matrix[3, :3] = -row, row
-    right = np.array([*(torques - joint_torques(arm, joints)), moment, -known])
-    return np.concatenate([d, [w], np.linalg.solve(matrix, right)[:3]])
-
-
 # Impacts and modes.
 
 
-def bench(*jacks, dry=0.0, friction=0.0, arm=None):
+def bench(*jacks, dry=0.0, friction=0.0):
     """Return a press with jacks of mass, arm, lift and stiffness of the damper each."""
     key, found = np.zeros(1, KEY), np.zeros(len(jacks), JACK)
     key["inertia"], key["gravity_moment"], key["viscous"], key["dry"] = 7e-4, 4e-3, 1e-4, dry
@@ -455,8 +327,8 @@ def bench(*jacks, dry=0.0, friction=0.0, arm=None):
         ("mass", "arm", "lift", "damper"), zip(*jacks, strict=True), strict=True
     ):
         found[name] = values
-    arm, kind = (arm_of(RIG, pushed(), (0.0, 0.0)), PUSH) if arm is None else (arm, SERVO)
-    return one_press(new_presses(key, found[None], np.zeros((1, 5)), arm, kind), 0)
+    arm = arm_of(RIG, pushed(), (0.0, 0.0))
+    return one_press(new_presses(key, found[None], np.zeros((1, 5)), arm, PUSH), 0)
 
 
 def surfaces(press, angle):
@@ -701,9 +573,9 @@ def test_a_compilation_is_announced_once(caplog):
     numba, event = pytest.importorskip("numba"), pytest.importorskip("numba.core.event")
     caplog.set_level("INFO")
     announcement = Announcement()
-    for dispatcher in (numba.njit(lambda: 0), locate_tip, locate_tip):
+    for dispatcher in (numba.njit(lambda: 0), select, select):
         data = {"dispatcher": dispatcher}
         announcement.notify(event.Event("numba:compile", event.EventStatus.START, data))
     assert [record.getMessage() for record in caplog.records] == [
-        "compiling the exact engine, once for this version: about half a minute"
+        "compiling the exact engine, once for this version: about 20 s"
     ]

@@ -3,7 +3,6 @@
 import pytest
 
 from sautereau.sim_backend.controller_part import ControllerUnit
-from sautereau.sim_backend.devices.galil.thread import ERROR_ROUTINES
 
 UNIT = ControllerUnit()
 
@@ -229,7 +228,3 @@ def test_motors_start_as_burned(make_bench, burned, on):
     assert bench.firmware.motors_on == (True, True)
     assert bench.number("_KPA") == 12
     assert bench.number("_EO") == 0  # burned as well
-
-
-def test_the_order_of_error_routines():
-    assert ERROR_ROUTINES == ("#POSERR", "#LIMSWI", "#AMPERR", "#TCPERR")

@@ -232,19 +232,6 @@ def test_every_level_plucks(level):
     assert event.time * 0.1 == pytest.approx(rig_pluck(RIG, level).release_height, rel=0.02)
 
 
-def test_the_released_string_has_its_frequencies():
-    string, _ = pluck(rising(0.072), 1e-4)
-    rate, count = 44_100, 2**15
-    place, _ = string.swings[-1].string.motion(np.arange(count) / rate)
-    spectrum = np.log(np.abs(np.fft.rfft(place[:, 1] * np.hanning(count))))
-    for n in (1, 2, 3, 7, 29, 30):
-        near = round(n * FREQUENCY * count / rate)
-        peak = near - 15 + int(np.argmax(spectrum[near - 15 : near + 16]))
-        a, b, c = spectrum[peak - 1 : peak + 2]
-        found = (peak + (a - c) / (a - 2 * b + c) / 2) * rate / count
-        assert found == pytest.approx(n * FREQUENCY, rel=1e-3)
-
-
 def up_and_down(top=2.0, speed=0.072, stay=0.02):
     """Return a path [mm] from under the string to a top over it, and back down to rest."""
     peak = (top + 1.0) / (speed * 1e3)

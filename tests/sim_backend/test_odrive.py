@@ -70,6 +70,8 @@ u 0 ->
 r -> invalid command format
 r axis0 -> invalid property
 r axis2.error -> invalid property
+r gpio1.state -> invalid property
+w gpio1.state 0 -> invalid property
 r axis0.motor.config.torque_lim -> inf
 r axis0.encoder.config.cpr -> 10000
 r axis1.encoder.config.cpr -> 5000
@@ -138,23 +140,6 @@ def test_line_ends(bench, end):
 
 def test_a_second_line_end_is_a_command_that_is_unknown(bench):
     assert bench.firmware.receive(b"r axis0.error\r\n") == b"0\r\nunknown command\r\n"
-
-
-OLD_DRIVER = """
-w axis0.requested_state 1
-w axis1.requested_state 1
-w gpio1.state 0
-r axis0.current_state
-r axis1.current_state
-r gpio1.state
-"""
-
-
-def test_the_first_commands_of_the_driver_of_sautereau_0_2_are_refused(bench):
-    """It set a pin by a property that no firmware has, and took a refusal for an answer."""
-    answers = [bench.say(line) for line in OLD_DRIVER.split("\n")[1:-1]]
-    refused = "invalid property\r\n"
-    assert answers == ["", "", refused, "1\r\n", "1\r\n", refused]
 
 
 def test_a_line_that_is_too_long_is_lost(bench):

@@ -13,8 +13,9 @@ from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
+from tests.presses import QUICK
 
-RIG = with_values(load_rig(), {"controller.timeout": "10 s"})
+RIG = with_values(load_rig(), QUICK)
 
 
 def changed(rig, **values):

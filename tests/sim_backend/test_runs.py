@@ -10,6 +10,7 @@ from sautereau.rig.load import load_rig
 from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
+from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
 from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
 from sautereau.sim_backend.fault_tables import Drift, Faults, Speckle
 from sautereau.sim_backend.physics.events import Motions
@@ -291,6 +292,45 @@ def test_a_later_sample_of_a_multiplexer_waits_for_its_conversion(rig):
     run.trigger(0.0)
     play(run, 1)
     assert run.wait_for(0, 0) == int((PERIOD - 15e-6) * 51_200) + 1
+
+
+def test_every_edge_starts_a_part_and_none_during_it(rig):
+    scene = load_scene("ideal")
+    setup = TaskSetup(("ai0", "ai1"), 51_200.0, ENDLESS, "/Dev1/PFI0", per_trigger=60)
+    run = RetriggeredRun(scene.as_wired(rig), setup, scene, 0, 0, None, FairLock())
+    play(run, 1)
+    assert run.waits_for(falling=False)
+    assert run.acquired == 0
+    for sample in range(1, 6):  # 50 samples of the card each; the second and fourth edge are early
+        run.trigger(sample * PERIOD)
+        play(run, 1, first=sample)
+    assert run.acquired == 60 + 60 + 51
+    assert run.waiting_for_time
+    single = []
+    for first in (1, 3):
+        single.append(armed(rig, n=60))
+        single[-1].trigger(first * PERIOD)
+        play(single[-1], 2, first=first)
+    np.testing.assert_array_equal(run.read(30, 60)[0, :30], single[0].read(30, 30)[0])
+    np.testing.assert_array_equal(run.read(60, 60)[0], single[1].read(0, 60)[0])
+    assert run.wait_for(120, 0) == 171
+    assert run.read(120, 60).shape == (2, 51)
+    run.stop()
+    assert not run.waits_for(falling=False)
+
+
+def test_an_overrun_ends_all_parts(rig):
+    scene = load_scene("ideal")
+    setup = TaskSetup(("ai0",), 51_200.0, ENDLESS, "/Dev1/PFI0", per_trigger=40)
+    run = RetriggeredRun(scene.as_wired(rig), setup, scene, 0, 0, None, FairLock())
+    run.trigger(0.0)
+    play(run, 1)
+    run.trigger(PERIOD, RunFault(15, lambda: ValueError("gone")))
+    play(run, 1, first=1)
+    assert run.wait_for(55, 0) == 55
+    with pytest.raises(ValueError, match="gone"):
+        run.wait_for(56, 0)
+    assert not run.waits_for(falling=False)
 
 
 def test_one_edge_starts_the_samples_and_a_later_one_is_the_reference(rig):

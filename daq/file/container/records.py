@@ -30,7 +30,7 @@ _NUMBER = struct.Struct("<H")
 _LENGTH = struct.Struct("<I")
 CHANNEL = struct.Struct("<HH")
 """Number of a channel and of its schema."""
-_LONGEST_RUN = 512
+_LONGEST_RUN = 256
 """Records compared at once, so that the work for each is bounded, however short the runs are."""
 _HEAD = PREFIX.size + _NUMBER.size
 _CRC = "crc32"
@@ -80,9 +80,8 @@ def records_within(
 def _run_length(chunk: Bytes, at: int, size: int) -> int:
     """Return how many consecutive records share opcode, length and channel, or fewer."""
     n = min(_LONGEST_RUN, (len(chunk) - at) // size)
-    # Two overlapping integers of 8 bytes hold the first 11, which are these three.
-    heads = np.ndarray((n, 2), "<i8", chunk, at, (size, _HEAD - 8))
-    return int((heads != heads[0]).argmax()) // 2 or n
+    heads = np.ndarray(n, f"V{_HEAD}", chunk, at, size)
+    return int((heads != heads[0]).argmax()) or n
 
 
 def record_bytes(record: McapRecord) -> bytes:

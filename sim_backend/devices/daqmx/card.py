@@ -52,6 +52,8 @@ class TaskSetup:
     """Of each channel; None for an ideal card."""
     limits: tuple[tuple[float, float], ...] | None = None
     """V, lowest and highest requested of each channel, for a card that makes a signal of them."""
+    per_trigger: int | None = None
+    """Samples of each channel after every edge of `trigger`; None if only the first one counts."""
     buffer: int = ENDLESS
     """Samples of each channel that may be unread before a paced acquisition ends."""
 

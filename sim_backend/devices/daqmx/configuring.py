@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from sautereau.sim_backend.devices.daqmx import tdms_log
 from sautereau.sim_backend.devices.daqmx.attributes import call, given, number
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.task import TaskSettings
 from sautereau.sim_backend.devices.daqmx.triggers import (
     ANALOG_EDGE,
@@ -72,8 +72,19 @@ def _configure_clock(self: Any, request: Any, context: Any) -> None:
     )
 
 
-def _refuse_logging(self: Any, request: Any, context: Any) -> None:
-    raise DaqmxError(-201312, "The stand-in logs no TDMS files: record with the client.")
+def _configure_logging(self: Any, request: Any, context: Any) -> None:
+    task = self._task(request)
+    task.must_be_idle()
+    task.stored |= {
+        tdms_log.PATH: request.file_path,
+        tdms_log.MODE: given(request, "logging_mode"),
+        tdms_log.GROUP: request.group_name,
+        tdms_log.OPERATION: given(request, "operation"),
+    }
+
+
+def _start_new_file(self: Any, request: Any, context: Any) -> None:
+    self._task(request).stored[tdms_log.PATH] = request.file_path
 
 
 CONFIGURING = {
@@ -83,7 +94,8 @@ CONFIGURING = {
         "CfgInputBuffer": lambda self, request, _: self._task(request).set_buffer(
             request.num_samps_per_chan
         ),
-        "ConfigureLogging": _refuse_logging,
+        "ConfigureLogging": _configure_logging,
+        "StartNewFile": _start_new_file,
         "DisableStartTrig": _disable_trigger(_START),
         "DisableRefTrig": _disable_trigger(_REFERENCE),
         **{

@@ -29,6 +29,7 @@ _UNITS = {
     15960: INCH,
     10081: 1.0,  # Pa
     10348: 1.0,  # V
+    10342: 1.0,  # A
 }
 """SI units, or V, per unit of a channel."""
 _SENSITIVITIES = {
@@ -40,8 +41,8 @@ _SENSITIVITIES = {
     15964: 1e-3 / INCH,
 }
 """V per SI unit, per unit of a sensitivity."""
-_MICROPHONE = 1e-3
-"""V/Pa, per mV/Pa."""
+_UNIT_OF = {"sensitivity": 0.0, "mic_sensitivity": 1e-3, "ext_shunt_resistor_val": 1.0}
+"""V per SI unit, per unit of the sensitivity by its field; 0 for one that has units of its own."""
 _REFERENCE_PRESSURE = 20e-6
 """Pa, of a sound pressure level."""
 _VOLTAGE_WITH_EXCITATION = 10323
@@ -76,21 +77,22 @@ SENSORS = {
         "AI_VELOCITY_IEPE_SENSOR_SENSITIVITY",
         "AI_VELOCITY_IEPE_SENSOR_SENSITIVITY_UNITS",
     ),
+    "CreateAICurrentChan": Sensor(10134, "AI_CURRENT_UNITS", "AI_CURRENT_SHUNT_RESISTANCE"),
     "CreateAIMicrophoneChan": Sensor(10354, "AI_SOUND_PRESSURE_UNITS", "AI_MICROPHONE_SENSITIVITY"),
 }
 """By the call of nidaqmx.proto."""
 
 
-def _sensitivity(request: Any, unit: float) -> float:
-    """Return volts per unit of the channel."""
-    if hasattr(request, "mic_sensitivity"):
-        return request.mic_sensitivity * _MICROPHONE * unit
-    if not hasattr(request, "sensitivity"):
-        return 1.0
-    kind = given(request, "sensitivity_units")
-    if kind not in _SENSITIVITIES:
+def _sensitivity(request: Any) -> tuple[float | None, float]:
+    """Return the sensitivity as it is requested, None without one, and in V per SI unit."""
+    field = next((name for name in _UNIT_OF if hasattr(request, name)), None)
+    if field is None:
+        return None, 1.0
+    kind, value = given(request, "sensitivity_units"), getattr(request, field)
+    unit = _UNIT_OF[field] or _SENSITIVITIES.get(kind)
+    if unit is None:
         raise invalid("the sensitivity's units", kind, f"one of {list(_SENSITIVITIES)}")
-    return request.sensitivity * _SENSITIVITIES[kind] * unit
+    return value, value * unit
 
 
 def _limits(request: Any) -> tuple[float, float]:
@@ -122,18 +124,20 @@ def _excitation(request: Any, device: DeviceType) -> dict[str, Any]:
 def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
     def create(self: Any, request: Any, context: Any) -> None:
         units, zero, scale = given(request, "units"), 0.0, ""
+        sensitivity, volts_per_unit = _sensitivity(request)
         if units == CUSTOM_SCALE and not sensor.sensitivity:
             scale = request.custom_scale_name
             volts_per_unit, zero = find_scale(self, scale).line
         elif units not in _UNITS:
             raise invalid("the units", units, "those of the sensor")
-        elif (volts_per_unit := _sensitivity(request, _UNITS[units])) <= 0:
+        elif (volts_per_unit := volts_per_unit * _UNITS[units]) <= 0:
             raise invalid("the sensitivity", volts_per_unit, "above 0")
+        elif given(request, "shunt_resistor_loc") == INTERNAL:
+            raise invalid("AI.CurrentShunt.Loc", INTERNAL, "external")
         task = self._task(request)
         kept = {sensor.units: units, **_excitation(request, task.device)}
         if sensor.sensitivity:
-            microphone = getattr(request, "mic_sensitivity", None)
-            kept[sensor.sensitivity] = microphone or request.sensitivity
+            kept[sensor.sensitivity] = sensitivity
         if sensor.sensitivity_units:
             kept[sensor.sensitivity_units] = given(request, "sensitivity_units")
         if sensor.measurement == _VOLTAGE_WITH_EXCITATION:

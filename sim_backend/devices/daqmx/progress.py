@@ -1,6 +1,7 @@
 """A DAQmx task of the stand-in: its run, and how far it was read."""
 
 import math
+import threading
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -8,7 +9,7 @@ from contextlib import AbstractContextManager
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.sim_backend.devices.daqmx.card import ENDLESS
+from sautereau.sim_backend.devices.daqmx.card import ENDLESS, Run, ServerGone
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.task import (
     CONTINUOUS,
@@ -17,6 +18,7 @@ from sautereau.sim_backend.devices.daqmx.task import (
     REFERENCE,
     TaskSettings,
 )
+from sautereau.sim_backend.devices.daqmx.tdms_log import LOG, MODE, OFF, TdmsLog
 
 ON_DEMAND_RATE = 1000.0
 """Hz, at which reads of a task without a sample clock are timed."""
@@ -35,6 +37,11 @@ class CardTask(TaskSettings):
         """Samples of each channel read so far."""
         self._oldest = 0
         """Number of the first sample that a card keeps."""
+        self._log: TdmsLog | None = None
+        self._logger: threading.Thread | None = None
+        """Logs a run that nobody may read."""
+        self.log_fault: DaqmxError | None = None
+        """What ended it early."""
 
     def start(self) -> None:
         """Arm the card; without a sample clock nothing happens until a read."""
@@ -46,6 +53,9 @@ class CardTask(TaskSettings):
     def stop(self) -> None:
         """End the run, if any."""
         run, self.run = self.run, None
+        logger, self._logger = self._logger, None
+        if logger is not None:
+            logger.join()
         if run is not None:
             run.stop()
 
@@ -79,6 +89,8 @@ class CardTask(TaskSettings):
         Of a finite acquisition with fewer left than ``n``, those are all. A task that is not
         running is started, ``holding`` the card meanwhile.
         """
+        if self._logging == LOG:
+            raise DaqmxError(-201301, "A task that only logs cannot be read: use LOG_AND_READ.")
         if n < 0:
             n = self.remaining()
         if implicit := self.run is None:
@@ -104,6 +116,7 @@ class CardTask(TaskSettings):
                 raise DaqmxError(-200983, "The task was stopped while it was read.")
             self._must_fit(there)
             count = max(0, min(n, there - self.position))
+            self._log_to(run, self.position + count)
             volts = run.read(self.position, count)
             if length == ENDLESS:
                 self._oldest = self.position
@@ -143,7 +156,8 @@ class CardTask(TaskSettings):
             return 1
         if self.mode == CONTINUOUS:
             return self.available()
-        return self.n_samples - (0 if self.run is None else self.position)
+        done = 0 if self.run is None else self.position
+        return self.n_samples - (done % self.n_samples if self.retriggerable else done)
 
     def available(self) -> int:
         """Return the samples of each channel acquired and not yet read."""
@@ -158,4 +172,37 @@ class CardTask(TaskSettings):
         setup = self.setup(rate, n_samples)
         self.started = time.time()
         self.position = 0
+        self._log = self.log_fault = None
+        if self._logging != OFF:
+            self._log = TdmsLog(self.stored, self.name, self.channels, rate, self.started)
+            self._log.open()
         self.run = self.card.start(setup)
+        if self._logging == LOG:
+            self._logger = threading.Thread(target=self._log_all, args=(self.run,), daemon=True)
+            self._logger.start()
+
+    @property
+    def _logging(self) -> int:
+        """Mode of logging."""
+        mode = self.stored.get(MODE, OFF)
+        if mode != OFF and self.rate is None:
+            raise DaqmxError(-201299, "Logging needs a sample clock.")
+        return mode
+
+    def _log_to(self, run: Run, stop: int) -> None:
+        """Log the samples that are not yet logged."""
+        if self._log is not None and stop > self._log.logged:
+            self._log.write(run.read(self._log.logged, stop - self._log.logged))
+
+    def _log_all(self, run: Run) -> None:
+        """Log a run until it is complete, stopped, or has failed."""
+        logged, step = 0, max(1, int(_SLICE * (self.rate or 0)))
+        try:
+            while self.run is run and logged < self.length:
+                logged = run.wait_for(min(logged + step, self.length), _SLICE)
+                self._log_to(run, logged)
+            self._log_to(run, run.wait_for(0, 0.0))
+        except DaqmxError as fault:
+            self.log_fault = fault
+        except ServerGone:
+            pass  # every later call is refused

@@ -34,6 +34,7 @@ from sautereau.sim_backend.devices.daqmx.reading_properties import BUFFER, READ
 from sautereau.sim_backend.devices.daqmx.scales import SCALE, CreateLinScale, Scale, find_scale
 from sautereau.sim_backend.devices.daqmx.task_events import Events
 from sautereau.sim_backend.devices.daqmx.timing_properties import TIMING, TRIGGER
+from sautereau.sim_backend.devices.daqmx.unsupported import REFUSED
 
 _INITIALIZE, _ATTACH = 1, 2
 _START, _STOP, _VERIFY, _COMMIT, _RESERVE, _UNRESERVE, _ABORT = range(7)
@@ -131,7 +132,10 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
 
     @call
     def StopTask(self, request, context):  # noqa: N802
-        self._task(request).stop()
+        task = self._task(request)
+        task.stop()
+        if task.log_fault is not None:
+            raise task.log_fault
 
     @call
     def ClearTask(self, request, context):  # noqa: N802
@@ -225,7 +229,8 @@ PROPERTIES: dict[str, tuple[Callable[[Any, Any], Any], Table]] = {
 for _subject, (_find, _table) in PROPERTIES.items():
     for _name, _method in calls(_subject, _find, _table).items():
         setattr(Servicer, _name, _method)
-for _name, _method in {**CREATORS, **CONFIGURING, "CreateLinScale": CreateLinScale}.items():
+_CALLS = {**REFUSED, **CREATORS, **CONFIGURING, "CreateLinScale": CreateLinScale}
+for _name, _method in _CALLS.items():
     setattr(Servicer, _name, _method)
 for _name in dir(nidaqmx_pb2_grpc.NiDAQmxServicer):
     if "TimingAttributeEx" in _name:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sautereau.sim_backend.device_types import IDEAL
+from sautereau.sim_backend.devices.daqmx.attributes import number
 from sautereau.sim_backend.devices.daqmx.card import (
     ENDLESS,
     Card,
@@ -28,6 +29,7 @@ from sautereau.sim_backend.sensors.converter import Converter
 FINITE, CONTINUOUS = 10178, 10123
 FIRST, CURRENT, REFERENCE, FIRST_BEFORE, MOST_RECENT = REFERENCES = tuple(range(10424, 10429))
 """What a read is relative to."""
+_RETRIGGERABLE = number("TRIGGER", "START_TRIG_RETRIGGERABLE")
 LEAST = 2
 """Smallest number of samples, of an acquisition and before or after a reference trigger."""
 _BUFFERS = ((100.0, 1_000), (10e3, 10_000), (1e6, 100_000))
@@ -168,8 +170,13 @@ class TaskSettings:
 
     @property
     def length(self) -> int:
-        """Samples of each channel; `ENDLESS` for a continuous acquisition."""
-        return self.n_samples if self.mode == FINITE else ENDLESS
+        """Samples of each channel; `ENDLESS` for an acquisition that does not end by itself."""
+        return self.n_samples if self.mode == FINITE and not self.retriggerable else ENDLESS
+
+    @property
+    def retriggerable(self) -> bool:
+        """Whether every edge of the start trigger starts a finite acquisition."""
+        return bool(self.stored.get(_RETRIGGERABLE))
 
     @property
     def buffer_size(self) -> int:
@@ -196,6 +203,15 @@ class TaskSettings:
             trigger.verify(self.card)
         refuse_unsupported(self)
         self._verify_reference()
+        if self.retriggerable and not self.device.retriggers:
+            raise DaqmxError(-200452, "This device has no retriggerable start trigger.")
+        started = self.start_trigger.kind != NONE and not self.keeps_before
+        if self.retriggerable and not (started and self.mode == FINITE):
+            raise DaqmxError(
+                -201320,
+                "Retriggering needs a start trigger, no reference trigger, and a finite number of"
+                " samples.",
+            )
 
     def _verify_reference(self) -> None:
         if not self.keeps_before:
@@ -234,7 +250,8 @@ class TaskSettings:
                 Converter(channel.range, channel.bits) for channel in self.channels.values()
             ),
             limits=tuple(channel.limits for channel in self.channels.values()),
-            buffer=self.buffer_size if n_samples == ENDLESS else ENDLESS,
+            per_trigger=self.n_samples if self.retriggerable else None,
+            buffer=self.buffer_size if n_samples == ENDLESS and not self.retriggerable else ENDLESS,
         )
 
     def lag(self, position: int, rate: float) -> float:

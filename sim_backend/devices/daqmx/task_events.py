@@ -101,6 +101,12 @@ class Events:
                     break
                 self._closing.wait(0 if goal else _WAIT)
 
+    @_stream
+    def RegisterSignalEvent(self, request, context):  # noqa: N802
+        self._task(request)
+        raise DaqmxError(-200982, "The stand-in has no events of signals.")
+        yield  # an answer would be one of a stream
+
     @call
     def UnregisterEveryNSamplesEvent(self, request, context):  # noqa: N802
         self._task(request).events.pop(EVERY_N, None)

@@ -7,7 +7,6 @@ from sautereau.sim_backend.devices.daqmx.attributes import (
     Table,
     field,
     kept,
-    number,
     table,
 )
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
@@ -147,4 +146,3 @@ TRIGGER = {
     **table("TRIGGER", {"REF_TRIG_PRETRIG_SAMPLES": field("before", LEAST)}),
     **kept("TRIGGER", {"PAUSE_TRIG_TYPE": NONE, "ARM_START_TRIG_TYPE": NONE}),
 }
-RETRIGGERABLE = number("TRIGGER", "START_TRIG_RETRIGGERABLE")

@@ -1,13 +1,17 @@
-"""Properties that can be set and read back, and that the stand-in would not follow."""
+"""What the stand-in would not follow: properties that can be set and read back, and calls."""
 
-from sautereau.sim_backend.devices.daqmx.attributes import Storing, number
+from typing import Any
+
+from nidaqmx._stubs import nidaqmx_pb2_grpc
+
+from sautereau.sim_backend.devices.daqmx.attributes import Storing, call, number
+from sautereau.sim_backend.devices.daqmx.creation import CREATORS
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 
-_DO_NOT_OVERWRITE, _LOGGING_OFF, _NONE = 10159, 10231, 10230
+_DO_NOT_OVERWRITE, _NONE = 10159, 10230
 
 _DEFAULTS: dict[str, dict[str, object]] = {
     "TRIGGER": {
-        "START_TRIG_RETRIGGERABLE": False,
         "REF_TRIG_RETRIGGERABLE": False,
         "START_TRIG_DELAY": 0.0,
         "REF_TRIG_DELAY": 0.0,
@@ -15,7 +19,7 @@ _DEFAULTS: dict[str, dict[str, object]] = {
         "ARM_START_TRIG_TYPE": _NONE,
     },
     "TIMING": {"DELAY_FROM_SAMP_CLK_DELAY": 0.0},
-    "READ": {"OVERWRITE": _DO_NOT_OVERWRITE, "LOGGING_MODE": _LOGGING_OFF},
+    "READ": {"OVERWRITE": _DO_NOT_OVERWRITE, "LOGGING_SAMPS_PER_FILE": 0},
 }
 UNSUPPORTED = {
     number(prefix, name): (name, default)
@@ -34,3 +38,28 @@ def refuse_unsupported(subject: Storing) -> None:
                 f"The stand-in does not follow property {name}, which is set to"
                 f" {subject.stored[key]}; reset it.",
             )
+
+
+def _refused(name: str, code: int, what: str) -> Any:
+    def refuse(self: Any, request: Any, context: Any) -> None:
+        raise DaqmxError(code, f"The stand-in has no {what}.")
+
+    return call(refuse, name)
+
+
+_TEDS, _CALIBRATION = (-200741, "TEDS sensors"), (-201492, "calibration of its own")
+REFUSED = {
+    name: _refused(name, *why)
+    for name, why in {
+        **{
+            name: (-200431, "sensor for this measurement")
+            for name in vars(nidaqmx_pb2_grpc.NiDAQmxServicer)
+            if name.startswith(("CreateAI", "CreateTEDSAI")) and name not in CREATORS
+        },
+        **dict.fromkeys(
+            ("ConfigureTEDS", "ClearTEDS", "WriteToTEDSFromArray", "WriteToTEDSFromFile"), _TEDS
+        ),
+        **dict.fromkeys(("SelfCal", "RestoreLastExtCalConst"), _CALIBRATION),
+    }.items()
+}
+"""Calls that need what the card does not have, by the call of nidaqmx.proto."""

@@ -1,4 +1,8 @@
-"""Compilation of the exact engine by numba; without numba its functions stay Python."""
+"""Compilation of the exact engine by numba; without numba its functions stay Python.
+
+Numba compiles a function once more for every literal integer or truth value among the arguments of
+its calls; signs and similar arguments are therefore floats.
+"""
 
 import hashlib
 import logging
@@ -21,8 +25,13 @@ except ImportError:  # without the extra `fast`: the same functions as plain Pyt
 _LOG = logging.getLogger(__name__)
 
 
+def entry(function: F) -> F:
+    """Compile a function for calls from Python, too."""
+    return _compiled(function, no_cpython_wrapper=False)
+
+
 def compiled(function: F) -> F:
-    """Compile a function, also for calls from Python."""
+    """Compile a function for calls from compiled ones."""
     return _compiled(function)
 
 
@@ -42,14 +51,16 @@ def _compiled(function: F, **options: Any) -> F:
     # numba's cache detects changes of a function's own file and name only, so the name contains a
     # hash of all files.
     function.__qualname__ += f"_{_SOURCES}"
-    return njit(  # pyright: ignore[reportCallIssue]
-        cache=True,
-        nogil=True,
-        error_model="numpy",
-        no_cfunc_wrapper=True,
-        _nrt=False,  # no reference counts: the arrays belong to the caller
-        **options,
-    )(function)
+    common: dict[str, Any] = {
+        "cache": True,
+        "nogil": True,
+        "error_model": "numpy",
+        "forceinline": False,  # if not given, what is compiled for an inlined function inherits it
+        "no_cpython_wrapper": True,  # which takes as long to compile as a small function
+        "no_cfunc_wrapper": True,
+        "_nrt": False,  # no reference counts: the arrays belong to the caller
+    }
+    return njit(**common | options)(function)  # pyright: ignore[reportCallIssue]
 
 
 def records(array: NDArray[Any]) -> Any:
@@ -90,7 +101,7 @@ class Announcement(
             return
         self._done = True
         level = logging.WARNING if sys.stderr.isatty() else logging.INFO
-        _LOG.log(level, "compiling the exact engine, once for this version: about half a minute")
+        _LOG.log(level, "compiling the exact engine, once for this version: about 20 s")
 
     def on_end(self, event: Any) -> None:
         """Take the end of a compilation."""

@@ -3,13 +3,13 @@
 import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import compiled
+from sautereau.sim_backend.physics.exact.compile import compiled, entry, inlined
 
 AHEAD = 1e-6
 """Dimensionless, fraction of a controller sample after which an ideal finger's direction counts."""
 
 
-@compiled
+@inlined
 def locate_tip(press, time):
     """Set the motion of a key under the fingertip: z cos a - x sin a = hf + r.
 
@@ -98,14 +98,14 @@ def move_arm(press, q1, q2, d1, d2, slope1, slope2):
     finger.by[1] = (slope2 * m11 - slope1 * m12) / size
 
 
-@compiled
+@inlined
 def arm_weight(arm, q1, q2):
     """Return the torques [N m] that balance the links' weight."""
     second = arm.weight2 * math.cos(q1 + q2)
     return arm.weight1 * math.cos(q1) + second, second
 
 
-@compiled
+@inlined
 def joint(finger, j, time):
     """Return angle, velocity and acceleration of a joint's reference at a time [s]."""
     u = (time - finger.start) / finger.period
@@ -120,14 +120,14 @@ def heading(press, time):
     """Return the sign of an ideal finger's velocity just after a time [s]; 0 at rest."""
     finger = press.finger
     if finger.kind == ix.SERVO or finger.still:
-        return 0
+        return 0.0
     locate_tip(press, time + AHEAD * finger.period)
-    sign = 1 if finger.speed >= 0.0 else -1
+    sign = 1.0 if finger.speed >= 0.0 else -1.0
     locate_tip(press, time)
     return sign
 
 
-@compiled
+@entry
 def engage(press):
     """Take over an arm at rest: the integrators start at the torques of its weight."""
     arm, n = press.arm, len(press.jacks)

@@ -14,7 +14,7 @@ takes c F from it: x = x_f - c F, with c = 0 if it is ideal. The rail holds x >=
 import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import compiled
+from sautereau.sim_backend.physics.exact.compile import compiled, entry, inlined
 from sautereau.sim_backend.physics.exact.fingertip import heading, locate_tip
 from sautereau.sim_backend.physics.exact.forces import (
     accelerate,
@@ -29,13 +29,13 @@ DEEP = 1e-6
 """rad, largest overlap of fingertip and key."""
 
 
-@compiled
+@inlined
 def pose(press, kept, h):
     """Set the jacks' terms of the inclusion; return q, t and I of the key.
 
     Args:
         press: Its modes of felt, strings and dampers are set.
-        kept: 1 if x is a velocity, 0 if it is an acceleration.
+        kept: 1.0 if x is a velocity, 0.0 if it is an acceleration.
         h: s, for which forces act: 0 for an impact, 1 for an acceleration.
     """
     key, x, v = press.key, press.x, press.v
@@ -58,7 +58,7 @@ def pose(press, kept, h):
     return moment, dry
 
 
-@compiled
+@inlined
 def jack_push(press, k, x, side):
     """Return P_k(x); the side is the sign of x, or that of a limit at 0."""
     jack, choir = press.jacks[k], press.choirs[k]
@@ -67,7 +67,7 @@ def jack_push(press, k, x, side):
     return max(0.0, jack.mass * choir.slope * x + choir.push + side * choir.dry)
 
 
-@compiled
+@inlined
 def unbalanced(press, q, t, x, side):
     """Return Phi(x)."""
     total = press.key.inertia * x - q + side * t
@@ -76,20 +76,20 @@ def unbalanced(press, q, t, x, side):
     return total
 
 
-@compiled
+@inlined
 def sign(x):
     """Return the sign of a number, 0 for 0."""
-    return 1 if x > 0.0 else -1 if x < 0.0 else 0
+    return 1.0 if x > 0.0 else -1.0 if x < 0.0 else 0.0
 
 
-@compiled
+@inlined
 def root(press, q, t, by, pull, target):
     """Return x with 0 in by Phi(x) + pull (x - target): between the ends of its linear pieces."""
-    below = by * unbalanced(press, q, t, 0.0, -1) - pull * target
-    above = by * unbalanced(press, q, t, 0.0, 1) - pull * target
+    below = by * unbalanced(press, q, t, 0.0, -1.0) - pull * target
+    above = by * unbalanced(press, q, t, 0.0, 1.0) - pull * target
     if below <= 0.0 <= above:
         return 0.0
-    side = 1 if above < 0.0 else -1
+    side = 1.0 if above < 0.0 else -1.0
     low, high = (0.0, math.inf) if side > 0 else (-math.inf, 0.0)
     for k in range(len(press.jacks)):
         choir = press.choirs[k]
@@ -135,7 +135,7 @@ def solve(press, q, t, target, near, direction, rail):
     mode.touch = near and (x < target or (x == target and direction >= 0))
 
 
-@compiled
+@entry
 def resolve(press, time, h):
     """Apply plastic impacts, of the impulses that no surface forbids; return a status.
 
@@ -155,12 +155,12 @@ def resolve(press, time, h):
         rise, _, _ = surface(press.jacks[k].arm, key.height, x[0])
         x[k + 1] = max(x[k + 1], rise)
     set_forces(press)
-    q, t = pose(press, 1, h)
+    q, t = pose(press, 1.0, h)
     near, target = False, 0.0
     if finger.kind != ix.PUSH:
         target = finger.speed + h * finger.acceleration
         near = x[0] - finger.angle + h * (v[0] - finger.speed) <= ix.CLOSE
-    solve(press, q, t, target, near, 0, x[0] + h * v[0] <= ix.CLOSE)
+    solve(press, q, t, target, near, 0.0, x[0] + h * v[0] <= ix.CLOSE)
     omega, side = mode.x, sign(mode.x)
     for k in range(len(press.jacks)):
         jack, choir, at = press.jacks[k], press.choirs[k], k + 1
@@ -179,7 +179,7 @@ def resolve(press, time, h):
     return ix.FINE
 
 
-@compiled
+@inlined
 def set_forces(press):
     """Set the modes of felt and dampers, and the rises between which no string changes."""
     key, mode = press.key, press.mode
@@ -196,7 +196,7 @@ def set_forces(press):
             choir.low = max(choir.low, jack.lift)
 
 
-@compiled
+@entry
 def select(press, time):
     """Select the mode that follows after all impacts, by the accelerations."""
     finger, mode, x, v = press.finger, press.mode, press.x, press.v
@@ -204,18 +204,18 @@ def select(press, time):
     for i in range(1 + len(press.jacks)):
         if abs(v[i]) <= ix.SLOW:
             v[i] = 0.0
-    direction = heading(press, time) if finger.kind != ix.PUSH and v[0] == 0.0 else 0
+    direction = heading(press, time) if finger.kind != ix.PUSH and v[0] == 0.0 else 0.0
     locate_tip(press, time)
     mode.pad = ix.OFF
     if finger.overlap > 0.0:
         mode.pad = ix.PRESSED if finger.push >= 0.0 else ix.SLACK
-    q, t = pose(press, 0, 1.0)
+    q, t = pose(press, 0.0, 1.0)
     near = x[0] - finger.angle <= ix.CLOSE and abs(v[0] - finger.speed) <= ix.SLOW
     solve(press, q, t, finger.acceleration, near, direction, x[0] <= ix.CLOSE and v[0] == 0.0)
     mode.slip = sign(v[0]) if v[0] != 0.0 else sign(mode.x)
     if v[0] == 0.0 and mode.touch and direction != 0:
         mode.slip = direction
-    side = mode.slip if mode.slip != 0 else 1
+    side = mode.slip if mode.slip != 0.0 else 1.0
     for k in range(len(press.jacks)):
         jack, choir = press.jacks[k], press.choirs[k]
         push = jack.mass * choir.slope * mode.x + choir.push + side * choir.dry

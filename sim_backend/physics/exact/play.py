@@ -9,7 +9,7 @@ import math
 
 from sautereau.sim_backend.physics.base import LARGEST_ANGLE
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import compiled, expanded, inlined
+from sautereau.sim_backend.physics.exact.compile import compiled, entry, expanded, inlined
 from sautereau.sim_backend.physics.exact.fingertip import close_loops, locate_tip
 from sautereau.sim_backend.physics.exact.forces import surface
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
@@ -45,7 +45,7 @@ def rest(press, time):
         press.x[k + 1], _, _ = surface(press.jacks[k].arm, press.key.height, press.x[0])
         choir = press.choirs[k]
         choir.string = choir.piece = choir.cell = 0
-    mode.slip = mode.touch = 0
+    mode.slip, mode.touch = 0.0, 0
     return ix.FINE
 
 
@@ -61,7 +61,7 @@ def change(press, time):
     return status
 
 
-@compiled
+@inlined
 def advance(press, time, end, size, order, tolerance):
     """Advance within an interval of smooth action of the finger; return a status.
 
@@ -106,7 +106,7 @@ def advance(press, time, end, size, order, tolerance):
             continue
         time += locate(press, start, time, step, order, before)
         hold_tip(press, time)
-        write_row(press, time, True)
+        write_row(press, time)
         status = change(press, time)
         crowd += 1
         if status == ix.FINE and crowd > CROWDED:
@@ -117,7 +117,7 @@ def advance(press, time, end, size, order, tolerance):
                 status = change(press, time)
         if status != ix.FINE:
             return status
-        write_row(press, time, True)
+        write_row(press, time)
         step = end - time
     return ix.FINE
 
@@ -126,7 +126,8 @@ def advance(press, time, end, size, order, tolerance):
 def play_sample(press, sample, cubics, powered, timing):
     """Advance by one controller sample; return a status. For the arguments see `play`."""
     period, steps, order, tolerance = timing
-    key, finger, size, start = press.key, press.finger, period / steps, sample * period
+    key, finger, mode = press.key, press.finger, press.mode
+    size, start = period / steps, sample * period
     finger.start, finger.period, finger.still = start, period, 1
     for j in range(2):
         for k in range(4):
@@ -155,20 +156,21 @@ def play_sample(press, sample, cubics, powered, timing):
                 status = change(press, time)
                 if status != ix.FINE:
                     return status
-                write_row(press, time, True)
+                write_row(press, time)
             status = advance(press, time, until, size, order, tolerance)
             if status != ix.FINE:
                 return status
             if until < end:
-                write_row(press, until, True)
+                write_row(press, until)
                 finger.moment = 0.0
             changed = until < end
             time = until
-        write_row(press, end, False)
+        mode.ends -= 1
+        write_row(press, end)
     return ix.FINE
 
 
-@compiled
+@entry
 def play(presses, number, sample, cubics, powered, timing):
     """Advance one of many presses by controller samples.
 
@@ -188,21 +190,23 @@ def play(presses, number, sample, cubics, powered, timing):
     mode, status, steps = press.mode, ix.FINE, timing[1]
     mode.events = mode.rows = 0
     mode.steps = MOST_STEPS + (MORE_STEPS + 2 * steps) * len(cubics)
-    mode.spare = max(len(press.rows) - len(cubics) * steps, 0)
+    mode.ends = steps * len(cubics)
     for i in range(len(cubics)):
         if status == ix.FINE:
             status = play_sample(press, sample + i, cubics[i], powered, timing)
     return status, mode.events, mode.rows
 
 
-@compiled
-def play_presses(presses, cubics, samples, timing, found, status):
+@entry
+def play_presses(presses, sample, cubics, samples, powered, timing, found, status):
     """Play complete presses; record each string's first contact and release.
 
     Args:
         presses: As of `play`.
+        sample: As of `play`; an argument, because numba compiles functions again for literals.
         cubics: rad, joints of an ideal finger over each sample; shape (samples, 2, 4).
         samples: Controller samples of each press; shape (presses,).
+        powered: As of `play`.
         timing: As of `play`.
         found: Contact and release [s], force at release [N], speed of the jack there [m/s];
             shape (presses, choirs, 4); initially infinite, as it stays without the event.
@@ -211,7 +215,7 @@ def play_presses(presses, cubics, samples, timing, found, status):
     for i in range(len(status)):
         if status[i] != ix.FINE:
             continue
-        status[i], events, _ = play(presses, i, 0, cubics[: samples[i]], True, timing)
+        status[i], events, _ = play(presses, i, sample, cubics[: samples[i]], powered, timing)
         for e in range(events - 1, -1, -1):
             event = presses.events[e]
             row = found[i, int(event[2])]

@@ -63,7 +63,7 @@ def try_step(press, start, time, step, order):
     return error
 
 
-@compiled
+@inlined
 def hold_tip(press, time):
     """Move a servo's fingertip onto a key at rest, whose angle stays."""
     finger, mode, n = press.finger, press.mode, len(press.jacks) + 1

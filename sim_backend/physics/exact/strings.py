@@ -3,11 +3,11 @@
 import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import compiled
+from sautereau.sim_backend.physics.exact.compile import compiled, inlined
 from sautereau.sim_backend.physics.exact.forces import string_force
 
 
-@compiled
+@inlined
 def string_range(jack, choir):
     """Return the rises [m] between which a string keeps its state and its piece of the law."""
     if choir.string == ix.BELOW:
@@ -55,14 +55,12 @@ def update_strings(press, time):
             choir.string, choir.piece = state, piece
 
 
-@compiled
-def write_row(press, time, change):
-    """Write a row of `Motions`: at the end of a step, or at a change while there is room."""
+@inlined
+def write_row(press, time):
+    """Write a row of `Motions`, while there is room for it and for the ends of all steps."""
     mode, finger = press.mode, press.finger
-    if mode.rows == len(press.rows) or (change and mode.spare == 0):
+    if len(press.rows) - mode.rows <= mode.ends:
         return
-    if change:
-        mode.spare -= 1
     row = press.rows[mode.rows]
     mode.rows += 1
     row[0], row[1], row[2], row[3] = time, press.x[0], press.v[0], press.x[1]

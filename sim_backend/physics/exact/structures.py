@@ -74,16 +74,16 @@ infinite behind a pad; m, moment per force. Of a pad m, by which a rigid fingert
 the key, and the moment [N m] of its spring and damper, negative if they would pull. The kind, and
 whether an ideal one is at rest. The joints' accelerations without a force [rad/s^2], what a moment
 of 1 N m takes from those, and their reference over the sample [rad]."""
-MODE = _record("moment up down x", "slip touch felt pad events rows spare steps")
+MODE = _record("moment up down x slip", "touch felt pad events rows ends steps")
 """N m, of the finger on the key, and by which friction holds a key at rest against a rise and
-against a fall; the unknown of the last inclusion. Sign of the key's velocity; whether the finger
-touches it; the felt; the pad. Numbers of recorded events and rows, rows left for changes of mode,
-and steps left before a scene counts as too stiff."""
-CHOIR = _record("low high load slope push dry", "stands sign string piece cell damped closed")
+against a fall; the unknown of the last inclusion; sign of the key's velocity. Whether the finger
+touches it; the felt; the pad. Numbers of recorded events and rows, of rows to come for the ends of
+steps, and of steps left before a scene counts as too stiff."""
+CHOIR = _record("low high load slope push dry sign", "stands string piece cell damped closed")
 """m, rises between which string and damper do not change; N, of the jack on the key; m/rad, slope
-of the key under it; constant and friction of its force in an inclusion. Whether it stands on the
-key, sign of its speed off the key, 0 where friction holds it; the string, piece and cell of its
-law; whether the damper is on it, and whether the jack may act on the key in an inclusion."""
+of the key under it; constant and friction of its force in an inclusion; sign of its speed
+off the key, 0 where friction holds it. Whether it stands on the key; the string, piece and cell of
+its law; whether the damper is on it, and whether the jack may act on the key in an inclusion."""
 
 
 class Press(NamedTuple):

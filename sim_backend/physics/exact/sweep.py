@@ -128,7 +128,7 @@ def sweep(
         arm, kind = arm_of(rig, scene, start), FINGERS.index(scene.finger)
         part = slice(first, first + CHUNK)
         chunk = ix.new_presses(keys[part], jacks[part], cells, arm, kind)
-        play_presses(chunk, cubics, samples[part], timing, found[part], status[part])
+        play_presses(chunk, 0, cubics, samples[part], True, timing, found[part], status[part])
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         list(pool.map(play, range(0, presses, CHUNK)))
