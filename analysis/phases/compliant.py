@@ -14,6 +14,8 @@ from sautereau.analysis.phases.search import Growth, Searched, row_noise, search
 from sautereau.analysis.phases.signals import BRIDGED, Signals
 from sautereau.analysis.phases.slow import Slow
 
+HIGH = 0.7
+"""Rise of the jack over the full one, from which on the key may meet its front felt."""
 SHORTEST = 0.5e-3
 """s, shortest pluck."""
 NEAR, LEAST_NEAR, MOST_NEAR = 2.0, 0.25e-3, 1.0e-3
@@ -22,10 +24,12 @@ LARGER, LEAST_STD, CONTACT_PART = 2.2, 0.28e-3, 1.2
 """Standard uncertainty of a contact over that of its fit; s, what is added to it; and the part of
 the pluck's duration, over the fraction of the force that the key's model does not explain. From
 presses of the independent simulator, and tested on others."""
-LEAST_RELEASE_STD, RELEASE_PART = 0.1e-3, 0.6
-"""The same of a release."""
-LEAST_HIDDEN = 3 * BRIDGED
-"""N, least force of a pluck whose release lies in a drop-out, where the inertia is interpolated."""
+LEAST_RELEASE_STD, RELEASE_PART, BESIDE = 0.1e-3, 0.6, 1.5
+"""The same of a release; and a factor of the uncertainties of several releases in a press, as each
+rings on in the next one's fit."""
+LEAST_HIDDEN, CLEAR = 3 * BRIDGED, 1000.0
+"""N, least force of a pluck whose release lies in a drop-out, where the inertia is interpolated,
+unless it is more significant than this."""
 
 
 def compliant_plucks(
@@ -38,6 +42,7 @@ def compliant_plucks(
         signals: Of the press.
         way: First and last sample of the way down.
     """
+    way = way[0], _turn(signals, *way)
     start, last = (float(signals.time[sample]) for sample in way)
     slow = Slow(signals, *way)
     searched = search(slow, strings)
@@ -56,7 +61,7 @@ def compliant_plucks(
         around = signals.no_velocity[
             slice(*(signals.sample(growth.release + side) for side in (-near, near)))
         ]
-        hidden = around.any() and growth.force < LEAST_HIDDEN
+        hidden = around.any() and growth.force < LEAST_HIDDEN and growth.significance < CLEAR
         if hidden or release.time - growth.contact < SHORTEST:
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)
@@ -64,8 +69,16 @@ def compliant_plucks(
         std = math.hypot(std, LEAST_STD, CONTACT_PART * wrong, signals.instant_std)
         contact = Contact(growth.contact, std, growth.significance, growth.force, growth.noise)
         std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)
+        std *= BESIDE if len(growths) > 1 else 1.0
         found.append((contact, replace(release, std=std)))
     return found, searched
+
+
+def _turn(signals: Signals, begin: int, end: int) -> int:
+    """Return the sample at which the key first rebounds from its front felt."""
+    high = begin + int(np.argmax(signals.rise[begin:end] > HIGH * signals.rise[end]))
+    back = signals.speed[high:end] < 0.0
+    return high + int(np.argmax(back)) if back.any() else end
 
 
 def _with_releases(

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.fit import ContactFits, KeyAndString
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Rows
-from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 ZOOMS, CLOSER = 3, 1.2
@@ -47,7 +47,7 @@ class Contact:
 
 
 def find_contact(
-    rig: Rig,
+    strings: Expected,
     rest: Rows,
     held: Rows,
     release: Release,
@@ -57,7 +57,7 @@ def find_contact(
     """Find the contact before a release.
 
     Args:
-        rig: The bench.
+        strings: Of the rig.
         rest: Of the key at rest before the press, where the only signal is hum.
         held: Of the way down until shortly before the release, from the start of the motion or
             from the previous release.
@@ -70,7 +70,7 @@ def find_contact(
     """
     if not len(held.time):
         return None
-    fit = KeyAndString(rig, rest, held, release, before)
+    fit = KeyAndString(strings, rest, held, release, before)
     low, high = before[0], float(held.time[-2])
     found, middle, std, noise = _sharpest(fit, low, high)
     reach = WIDE * std

@@ -31,6 +31,8 @@ class Expected:
     """m, rise of the first jack at contact with each string, increasing; shape (strings,)."""
     climbs: Floats
     """m, rise of the first jack from contact to release, in the same order."""
+    forces: Floats
+    """N at the finger, at release, in the same order."""
     bends: tuple[float, float]
     """Dimensionless, mean over the strings: a string's force over that at release is
     u + q u(u - 1) + c u(u - 1)(u - 1/2) with u the rise since contact, 1 at release; q and c."""
@@ -38,30 +40,43 @@ class Expected:
     """N at the finger, two independent standard deviations of (q, c) times the force at release, by
     what a rig does not know: friction, overlap, and whether the string lies on the plectrum's
     surface; shape (2, 2), a row for each."""
+    damper: tuple[float, float]
+    """m, rise of the jack at which the damper leaves the string, and N at the finger, by which it
+    carries the jack at rest; both 0 without a damper."""
 
 
 def expected(rig: Rig) -> Expected:
     """Return what the rig's model expects; typical shapes where the model has no solution."""
     key, every = rig.key, choirs(rig)
     terms = np.array([_terms(choir) for choir in every])  # pyright: ignore[reportArgumentType]
-    contacts, climbs = [], []
-    for choir, height in zip(every, terms[:, 2], strict=True):
+    contacts, climbs, forces = [], [], []
+    for choir, (_, _, height, force) in zip(every, terms, strict=True):
         lever, clearance = key_of(rig, choir), choir.jack.string_clearance
         angles = angle_of_rise(lever, np.array([clearance, clearance + height]))
         contact, release = rise_of_angle(key, angles)
         contacts.append(contact)
         climbs.append(release - contact)
+        forces.append(float(force) * lever.jack_arm / lever.press_arm)
     order = np.argsort(contacts)
     bends = terms[:, :2].mean(0)
-    lever = key.jack_arm / key.press_arm
     variances, axes = np.linalg.eigh(_variation(every[0]) + LEAST_SHAPE**2 * np.eye(2))
-    shapes = lever * float(terms[:, 3].mean()) * np.sqrt(variances)[:, None] * axes.T
+    shapes = float(np.mean(forces)) * np.sqrt(variances)[:, None] * axes.T
     return Expected(
         np.array(contacts)[order],
         np.array(climbs)[order],
+        np.array(forces)[order],
         (float(bends[0]), float(bends[1])),
         np.asarray(shapes, dtype=float),
+        _damper(rig),
     )
+
+
+def _damper(rig: Rig) -> tuple[float, float]:
+    """Return `Expected.damper`."""
+    damper = rig.jack.damper
+    if damper is None:
+        return 0.0, 0.0
+    return damper.lift, damper.stiffness * damper.lift * rig.key.jack_arm / rig.key.press_arm
 
 
 def _variation(choir: Choir) -> Floats:

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.phases.expected import expected
+from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Rows
-from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 INERTIA_STD = 0.25
@@ -72,7 +71,7 @@ class KeyAndString:
     The normal equations of the key's columns are set up once; those of the string for each instant.
 
     Args:
-        rig: The bench.
+        strings: Of the rig.
         rest: Of the key at rest before the press; may be empty.
         held: Of the way to a release.
         release: The release.
@@ -81,16 +80,16 @@ class KeyAndString:
 
     def __init__(
         self,
-        rig: Rig,
+        strings: Expected,
         rest: Rows,
         held: Rows,
         release: Release,
         before: tuple[float, float],
     ):
-        self._expected = expected(rig).bends
+        self._expected = strings.bends
         self._path = np.append(before[0], held.time), np.append(before[1], held.rise)
         self._held, n = held, len(rest.time)
-        base, self._prior = _base(rig, rest, held)
+        base, self._prior = _base(strings, rest, held)
         self._white = held.whitener()
         self._bare_key = base[n:]
         self._key, load = self._white(self._bare_key), self._white(held.load)
@@ -229,10 +228,12 @@ def _inflation(left: Floats, parameters: int) -> float:
     if width < 2:
         return white
     sums = left[: width * BLOCKS].reshape(BLOCKS, width).sum(1)
-    return max(white, float(sums @ sums) / width / (BLOCKS - parameters))
+    correlated = float(sums @ sums) / width / (BLOCKS - parameters)
+    # The variance of so few sums is uncertain: the larger of both would exceed that of white noise.
+    return max(white, correlated / (1 + math.sqrt(2 / (BLOCKS - parameters))))
 
 
-def _base(rig: Rig, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
+def _base(strings: Expected, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
     """Return the columns of a key without a string, and the prior standard deviation of each."""
     n_rest, n_held = len(rest.time), len(held.time)
     moving = np.zeros((n_rest + n_held, 6))
@@ -242,10 +243,9 @@ def _base(rig: Rig, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
     moving[inside, 2] = held.rise / 10e-3
     moving[inside, 3] = held.speed / max(1e-6, float(held.speed.max(initial=0.0)))
     moving[inside, 4] = _smooth(held.inertia, held.step)
-    damper, damped = rig.jack.damper, 0.0
-    if damper is not None:
-        moving[inside, 5] = np.maximum(damper.lift - held.rise, 0.0) / damper.lift
-        damped = damper.stiffness * damper.lift * rig.key.jack_arm / rig.key.press_arm
+    lift, damped = strings.damper
+    if lift:
+        moving[inside, 5] = np.maximum(lift - held.rise, 0.0) / lift
     time = np.concatenate([rest.time, held.time])
     hum = hum_at(time)
     of_key = [LEVEL_STD, LEVEL_STD, DRIFT_STD, DRIFT_STD, INERTIA_STD]

@@ -44,14 +44,13 @@ RIGID_NOISE = 10.0
 RINGING, NEAR = 8.0, 0.7e-3
 """The same at a release, where a key rings most, and beyond which its modes are fitted; and s,
 standard uncertainty of a release before that."""
-SIGNIFICANT, DOUBTFUL = 40.0, 12.0
-"""Least significance of the plucks on a compliant key; and of a warning about another growth, or
-of a pluck that is `CLEAR`."""
-LEAST_GROWTH, CLEAR = 0.2, 20.0
-"""Force over the rms of the load that is not explained: the least, and that of a clear pluck."""
-SLIGHT = 0.01
-"""Least force of a pluck on a compliant key over the range of the finger force, or of the inertia
-if that is larger, on the way down."""
+BENT = 300.0
+"""The same, from which on what looks like a pluck of a rigid key is none."""
+SIGNIFICANT, DOUBTFUL = 12.0, 6.0
+"""Least significance of the plucks on a compliant key, and of a warning about another growth."""
+LEAST_GROWTH, SLIGHT = 0.2, 0.01
+"""Least force of a pluck on a compliant key: over the rms of the load that is not explained, and
+over the range of the smoothed force, or of the inertia if that is larger, on the way down."""
 DISPLACED, CERTAIN = 1.5e-3, 3.0
 """m, of all contacts from those of the rig, beyond which a rigid key must explain the load with
 this variance instead of `RIGID_NOISE`."""
@@ -87,37 +86,36 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     first, last = _rest(signals, begin)
     rest = rows_of(signals, first, last, max(1, (last - first) // REST_ROWS))
     before = _place(signals, min(begin, last + int(REST_MARGIN * signals.rate)))
-    found = _rigid_plucks(rig, signals, rows, rest, begin, before)
+    found = _rigid_plucks(strings, signals, rows, rest, begin, before)
     rigid = _explained(found, signals, strings, begin, end)
     if rigid is not None and len(found) >= len(strings.contacts):
         return rigid
-    left, rms, missed = unexplained(rig, rest, rows, before)
+    left, rms, missed = unexplained(strings, rest, rows, before)
     if not found and left < RIGID_NOISE:
         return Found([], Fit("rigid", left))
     plucks, searched = compliant_plucks(strings, signals, (begin, end))
-    moved = max(float(np.ptp(signals.force[begin:end])), float(np.ptp(rows.inertia)))
-    least = max(LEAST_GROWTH * searched.residual, SLIGHT * moved)
+    least = max(LEAST_GROWTH * searched.residual, SLIGHT * searched.moved)
     growths = (*searched.growths, *([searched.further] if searched.further else []))
     doubtful = tuple(g for g in growths if g.significance > DOUBTFUL and g.force > least)
-    clear = CLEAR * searched.residual
-    certain = [
-        g
-        for g in searched.growths
-        if g in doubtful and (g.significance > SIGNIFICANT or g.force > clear)
-    ]
+    certain = [g for g in searched.growths if g in doubtful and g.significance > SIGNIFICANT]
     if plucks and (len(certain) > len(found) if rigid is not None else certain):
         noise = max(contact.noise for contact, _ in plucks)
         fit = Fit("compliant", noise, searched.compliance, searched.residual)
         return Found(plucks, fit, tuple(g for g in doubtful if g not in searched.growths))
     if rigid is not None:
         return rigid
-    if found:
-        return Found(found, Fit("rigid", _noise(found)))
+    if found and _noise(found) < BENT:
+        return Found([_with_residual(c, r) for c, r in found], Fit("rigid", _noise(found)))
     return Found([], Fit("rigid", left, 0.0, rms), doubtful or (missed,))
 
 
 def _rigid_plucks(
-    rig: Rig, signals: Signals, rows: Rows, rest: Rows, begin: int, before: tuple[float, float]
+    strings: Expected,
+    signals: Signals,
+    rows: Rows,
+    rest: Rows,
+    begin: int,
+    before: tuple[float, float],
 ) -> list[tuple[Contact, Release]]:
     """Return the plucks in the load on a rigid key."""
     falls = [
@@ -126,11 +124,11 @@ def _rigid_plucks(
         if (release := refine(signals, float(rows.time[fall]), rows.step)).gain > LEAST_FALL_GAIN
         and release.fall > LEAST_FALL
     ]
-    found = _contacts(rig, signals, rows.step, begin, falls, rest, before)
+    found = _contacts(strings, signals, rows.step, begin, falls, rest, before)
     largest = max((release.fall for _, release in found), default=0.0)
     large = [release for _, release in found if release.fall > LEAST_FRACTION * largest]
     if len(large) < len(found):  # between two plucks the key is free
-        found = _contacts(rig, signals, rows.step, begin, large, rest, before)
+        found = _contacts(strings, signals, rows.step, begin, large, rest, before)
     return found
 
 
@@ -175,7 +173,7 @@ def _with_residual(contact: Contact, release: Release) -> tuple[Contact, Release
 
 
 def _contacts(
-    rig: Rig,
+    strings: Expected,
     signals: Signals,
     step: float,
     begin: int,
@@ -186,7 +184,7 @@ def _contacts(
     """Return the falls that have a contact before them, with that contact.
 
     Args:
-        rig: The bench.
+        strings: Of the rig.
         signals: Of the press.
         step: s, uncertainty of a fall before its refinement.
         begin: Sample at which the jack leaves rest.
@@ -200,7 +198,7 @@ def _contacts(
     for release in falls:
         until = signals.sample(release.time) - BEFORE
         held = rows_of(signals, free, until, most=CONTACT_ROWS)
-        contact = find_contact(rig, rest, held, release, signals.instant_std, before)
+        contact = find_contact(strings, rest, held, release, signals.instant_std, before)
         if (
             contact is None
             or contact.gain < LEAST_GAIN

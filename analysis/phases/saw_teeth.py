@@ -237,14 +237,16 @@ class SawTeeth:
         slopes, rig = self._slopes(plucks, solved)
         rows = np.searchsorted(self.slow.time, plucks)
         noises = [noise_around(solved.load, *pair) for pair in rows.tolist()]
-        inverse = np.linalg.pinv(slopes.T @ slopes / max(noises) + rig.T @ rig)
-        return np.sqrt(np.diag(inverse)).reshape(-1, 2).tolist(), [
+        inverse = np.linalg.pinv(slopes.T @ slopes / max(noises) + rig.T @ rig, hermitian=True)
+        return np.sqrt(np.maximum(np.diag(inverse), 0.0)).reshape(-1, 2).tolist(), [
             n / self._noise**2 for n in noises
         ]
 
     def refined(self, plucks: Floats) -> tuple[Floats, Solved, float]:
         """Return better instants near those of plucks, shape (plucks, 2), their fit, its chi2."""
         solved = self.solved(plucks)
+        if not len(plucks):
+            return plucks, solved, solved.chi2
         rows = np.searchsorted(self.slow.time, plucks[-1])
         weight = math.sqrt(noise_around(solved.load, *rows.tolist()))
 

@@ -14,6 +14,7 @@ from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.saw_teeth import (
     CLIMB_STD,
     CONTACT_STD,
+    DOUBT,
     SawTeeth,
     Solved,
     noise_around,
@@ -35,10 +36,12 @@ ANYWHERE = 0.1
 SIGNIFICANCE = 6.0
 """Least reduction of chi2 by a pluck over the noise around it, and over its deviation from the
 rig."""
+FORCE_STD, TINY = 0.5, 1e-9
+"""Standard deviation of the logarithm of a force about the rig's; and N, least force then."""
 SLOWEST = 0.1
 """Speed of the jack over the largest one, below which it holds its string."""
-LEAST_FRACTION, LEAST_FORCE = 0.12, 3e-3
-"""Fraction of the largest force of a press, and N, below which there is no pluck."""
+LEAST_FORCE = 3e-3
+"""N, below which there is no pluck."""
 STARTS, BETWEEN = 2, 4.0
 """Pairs that are refined, and widths between their releases."""
 ROUNDS, QUICK = 3, 1
@@ -56,8 +59,8 @@ class Growth:
     force: float
     """N at the finger, by which the load collapses."""
     significance: float
-    """Reduction of chi2 over the noise around it, and over 1 plus its squared deviation from the
-    rig."""
+    """Reduction of chi2 by it, besides the others, over the noise around it, and over 1 plus its
+    squared deviation from the rig, that of its force included."""
     contact_std: float = 0.0
     """s, standard uncertainty; not evaluated for a further growth."""
     release_std: float = 0.0
@@ -78,6 +81,8 @@ class Searched:
     """s^2, k of `sautereau.analysis.phases.slow`."""
     residual: float
     """N, rms of the load that is not explained."""
+    moved: float = 0.0
+    """N, range of the smoothed force, or of the inertia if that is larger."""
 
 
 def search(slow: Slow, strings: Expected) -> Searched:
@@ -123,78 +128,97 @@ class _Search:
         self._moving = SLOWEST * float(fit.slow.speed().max())
 
     def all(self) -> tuple[Searched, Floats]:
-        """Return the plucks, added one by one; and their instants, in the order of addition."""
-        strings = len(self._fit.strings.contacts)
-        found, values, left = np.zeros((0, 2)), np.zeros(0), self._fit.solved(np.zeros((0, 2)))
-        gains: list[float] = []
-        further = None
-        while len(found) <= strings:
-            known = len(found) < len(self._earlier)
-            starts = [] if known and self._trusted else self._starts(found, left)[: self._most]
-            if known:
-                starts.append(self._earlier[: len(found) + 1])
-            if not starts:
-                break
-            trials: list[tuple[Floats, Solved, float]] = []
-            trials.extend(self._fit.refined(start) for start in starts)
-            trials.sort(key=lambda refined: refined[2])
-            made = (self._judged(*self._fit.in_order(*trial[:2]), found, left) for trial in trials)
-            best = next(filter(None, made), None)
+        """Return the plucks, added one by one; and their instants, in the order of addition.
+
+        One that is not significant alone is kept if the next one makes both so.
+        """
+        fit, strings = self._fit, len(self._fit.strings.contacts)
+        sets, good = [fit.refined(np.zeros((0, 2)))[:2]], 0
+        if self._trusted and len(self._earlier):
+            sets.append(fit.refined(self._earlier)[:2])
+            good = 1
+        while len(sets[-1][0]) <= strings:
+            found, left = sets[-1]
+            first = best = None
+            for plucks, solved, _ in self._trials(found, left):
+                trial = fit.in_order(plucks, solved)
+                first = first or trial
+                if self._significance(*trial, -1, found, left) > 0:
+                    best = trial
+                    break
+            if best is None and first and len(found) + 1 < strings:
+                sets.append(first)  # what another string adds may hide this one
+                continue
             if best is None:
                 break
-            trial, solved, forces, gain = best
-            if len(found) == strings:
-                weakest = int(np.argmin([*gains, gain]))
-                further = _growth(trial[weakest], float(forces[weakest]), [*gains, gain][weakest])
-                if weakest == strings:
-                    break
-            found, left, values = trial, solved, forces
-            gains.append(gain)
-        k = self._fit.better_compliance(left)
-        stds, noises = self._fit.stds(found, left)
-        each = zip(found.tolist(), values.tolist(), gains, stds, noises, strict=True)
+            sets.append(best)
+            good = len(sets) - 1
+        found, left = sets[good]
+        gains = self._gains(found, left)
+        further = None
+        while min(gains, default=1.0) == 0.0 or len(found) > strings:
+            weakest = len(gains) - 1 - int(np.argmin(gains[::-1]))
+            if gains[weakest] > 0:
+                contact, release = found[weakest].tolist()
+                further = Growth(contact, release, float(left.forces[weakest]), gains[weakest])
+            found, left, _ = fit.refined(np.delete(found, weakest, 0))
+            gains = self._gains(found, left)
+        k = fit.better_compliance(left)
+        stds, noises = fit.stds(found, left)
+        each = zip(found.tolist(), left.forces.tolist(), gains, stds, noises, strict=True)
         growths = [
             Growth(contact, release, force, gain, std[0], std[1], noise)
             for (contact, release), force, gain, std, noise in each
         ]
-        if further and len(growths) > strings:
-            growths.remove(min(growths, key=lambda g: g.significance))
         searched = Searched(
             tuple(sorted(growths, key=lambda g: g.release)),
             further,
             min(max(k, 0.0), MOST_COMPLIANT),
             float(np.sqrt(np.mean(left.load**2))),
+            fit.slow.moved,
         )
         return searched, found
 
-    def _judged(
-        self,
-        trial: Floats,
-        solved: Solved,
-        found: Floats,
-        before: Solved,
-    ) -> tuple[Floats, Solved, Floats, float] | None:
-        """Return plucks, their fit, forces [N] and the last one's significance; None if it is not.
+    def _trials(self, found: Floats, left: Solved) -> list[tuple[Floats, Solved, float]]:
+        """Return refined plucks with a further one, their fits and chi2, the best one first."""
+        starts = self._starts(found, left)[: self._most]
+        if len(found) < len(self._earlier):
+            starts.append(self._earlier[: len(found) + 1])
+        return sorted((self._fit.refined(start) for start in starts), key=lambda t: t[2])
+
+    def _gains(self, plucks: Floats, solved: Solved) -> list[float]:
+        """Return the significance of each pluck besides the others."""
+        found = []
+        for i in range(len(plucks)):
+            others, without, _ = self._fit.refined(np.delete(plucks, i, 0))
+            found.append(self._significance(plucks, solved, i, others, without))
+        return found
+
+    def _significance(
+        self, plucks: Floats, solved: Solved, i: int, others: Floats, without: Solved
+    ) -> float:
+        """Return the significance of a pluck; 0 if it is none.
 
         Args:
-            trial: Plucks with a further one, the last.
+            plucks: All of them, shape (plucks, 2).
             solved: Their fit.
-            found: Plucks without it.
-            before: Fit of these.
+            i: Index of the pluck.
+            others: The others, as refined without it.
+            without: Fit of these.
         """
-        fit, slow = self._fit, self._fit.slow
+        fit, slow, pluck = self._fit, self._fit.slow, plucks[i]
         forces = solved.forces
-        first, last = np.searchsorted(slow.time, trial[-1])
+        first, last = np.searchsorted(slow.time, pluck)
         noise = noise_around(solved.load, int(first), int(last))
-        doubts = fit.doubts(trial)
-        doubts = float(doubts @ doubts) - float(np.sum(fit.doubts(found) ** 2))
-        gain = (before.chi2 - solved.chi2) / noise / (1 + max(0.0, doubts))
-        least = max(LEAST_FORCE, LEAST_FRACTION * float(forces.max()))
-        climbed = np.diff(np.interp(trial[-1], slow.hops, fit.rise))[0]
-        near = np.abs(trial[:-1, 1] - trial[-1, 1]).min(initial=np.inf)
-        moving = np.interp(trial[-1, 1], slow.time, slow.speed()) > self._moving
-        enough = climbed > LEAST_RISE and gain > SIGNIFICANCE and forces[-1] > least and moving
-        return (trial, solved, forces, gain) if enough and near > APART * slow.width else None
+        doubts = float(np.sum(fit.doubts(plucks) ** 2) - np.sum(fit.doubts(others) ** 2))
+        off = np.abs(np.log(max(float(forces[i]), TINY) / fit.strings.forces)).min() / FORCE_STD
+        doubts = max(0.0, doubts) + off**2 / (1 + off**2 / DOUBT**2)
+        gain = (without.chi2 - solved.chi2) / noise / (1 + doubts)
+        climbed = np.diff(np.interp(pluck, slow.hops, fit.rise))[0]
+        near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
+        moving = np.interp(pluck[1], slow.time, slow.speed()) > self._moving
+        enough = climbed > LEAST_RISE and gain > SIGNIFICANCE and forces[i] > LEAST_FORCE and moving
+        return float(gain) if enough and near > APART * slow.width else 0.0
 
     def _starts(self, found: Floats, solved: Solved) -> list[Floats]:
         """Return plucks found with a further one; shape (plucks, 2) each.
@@ -273,10 +297,6 @@ class _Search:
             split[[strongest, -1], 1] += np.array([-1, 1]) * slow.width
             starts.append(split)
         return starts
-
-
-def _growth(pair: Floats, force: float, gain: float) -> Growth:
-    return Growth(float(pair[0]), float(pair[1]), force, gain)
 
 
 def _before(column: Floats) -> Floats:

@@ -3,23 +3,23 @@
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.fit import KeyAndString
 from sautereau.analysis.phases.release import NO_RELEASE
 from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Rows
-from sautereau.rig.schema import Rig
 
 PARTS = 100
 """Parts of a way down over whose duration the residuals are smoothed."""
 
 
 def unexplained(
-    rig: Rig, rest: Rows, down: Rows, before: tuple[float, float]
+    strings: Expected, rest: Rows, down: Rows, before: tuple[float, float]
 ) -> tuple[float, float, Growth]:
     """Fit a rigid key without a string to the complete way down.
 
     Args:
-        rig: The bench.
+        strings: Of the rig.
         rest: Of the key at rest before the press; may be empty.
         down: Of the way down.
         before: Time [s] and rise [m] of the jack before it.
@@ -28,7 +28,7 @@ def unexplained(
         Variance of the residuals over that of the noise, their rms [N], and where they climb and
         fall most.
     """
-    noise, left = KeyAndString(rig, rest, down, NO_RELEASE, before).without_string()
+    noise, left = KeyAndString(strings, rest, down, NO_RELEASE, before).without_string()
     smooth = uniform_filter1d(left, max(1, len(left) // PARTS), mode="nearest")
     falls = np.maximum.accumulate(smooth) - smooth
     end = int(np.argmax(falls))

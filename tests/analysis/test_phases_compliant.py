@@ -1,9 +1,12 @@
 """Phases on a key that bends, heaves and rings; most presses are of the independent simulator."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.independent import ONE_FACTOR
+from benchmarks.independent.conditions import Choir
 from benchmarks.independent_phases import judge
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.response import Response, pole
@@ -105,3 +108,13 @@ def test_one_imperfection_at_a_time(name, contact, release):
     ((of_contact, of_release, *_),) = found.errors * 1e3
     assert abs(of_contact) < contact
     assert abs(of_release) < release
+
+
+def test_two_strings_that_hide_each_other():
+    """Held at once, on a key that heaves: neither explains the load alone."""
+    first = replace(Choir(), clearance=2e-3)
+    both = first, replace(first, arm=0.199, clearance=3.4e-3)
+    heaving = ONE_FACTOR["key heaves at 120 Hz"]
+    found = judge(replace(heaving, choirs=both, speed=0.086), 0)
+    assert found.right
+    assert np.abs(found.errors[:, :2]).max() < 0.5e-3

@@ -22,6 +22,7 @@ import pytest
 
 import sautereau.sim_backend.devices.galil.firmware as firmware_module
 from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.recovery import recover
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import load_rig, rig_from_json, rig_json, with_values
@@ -613,6 +614,24 @@ def disk_full_in_the_press(desk):
         done = desk.command(stand_in, largest_file=100_000)
         desk.await_off()
     desk.error = RuntimeError(done)
+
+
+@fault(
+    "the host's clock set back an hour 30 ms after the trigger; the press goes on to its end",
+    HOST,
+    "none: .*complete",
+)
+def host_clock_set_back(desk):
+    shift = [0]
+    defaults = Recording.__init__.__kwdefaults__
+    desk.patch.setitem(defaults, "clock", lambda: time.time_ns() - shift[0])
+    desk.at(1, 0.03, lambda: shift.append(shift.pop() + 3_600_000_000_000))
+    before = time.time_ns()
+    desk.press()
+    assert desk.error is None
+    assert shift[0] > 0
+    assert before < read_recording(desk.out / "press-0001.mcap").t0_ns < time.time_ns()
+    desk.error = RuntimeError("none: the recording is complete, dated by the clock at its start")
 
 
 def burst(desk, pattern=None, seed=0):

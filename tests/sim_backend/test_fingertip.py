@@ -7,7 +7,8 @@ from pydantic import ValidationError
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Fingertip
-from sautereau.sim_backend.physics.observation import errors, observe, reference
+from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sautereau.sim_backend.physics.observation import Observation, errors, observe, reference
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import joints_holding_point
@@ -150,3 +151,18 @@ def test_a_damper_too_strong_for_any_step_is_refused():
     scene = scene_of("ideal", engine="rigid", fingertip=soft(1e4, 1e5))
     with pytest.raises(SceneError, match=r"pad needs steps of .*fingertip\.damping"):
         new_world(RIG, scene)
+
+
+def test_a_jump_of_the_force_at_another_time_is_no_error_of_the_force():
+    def seen(jump, height=0.2):
+        time = np.sort([*np.linspace(0.0, 0.1, 2001), jump, jump])
+        force = np.where(time < jump, 0.0, height + time)
+        force[np.searchsorted(time, jump)] = 0.0
+        motions = Motions(time, *(0 * time for _ in range(3)), force, 0 * time)
+        contacts, releases = [StringEvent(0.01, 0, 0.0)], [StringEvent(0.09, 0, 0.5)]
+        return Observation(motions, PluckEvents(contacts, releases))
+
+    true = seen(0.05003)
+    assert errors(seen(0.05013), true).force == pytest.approx(0.0, abs=1e-12)
+    assert errors(seen(0.05013, 0.21), true).force > 1e-2
+    assert errors(seen(0.07), true).force > 0.1  # another event

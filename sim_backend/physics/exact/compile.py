@@ -51,7 +51,7 @@ def _compiled(function: F, **options: Any) -> F:
     # numba's cache detects changes of a function's own file and name only, so the name contains a
     # hash of all files.
     function.__qualname__ += f"_{_SOURCES}"
-    common: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "cache": True,
         "nogil": True,
         "error_model": "numpy",
@@ -60,7 +60,8 @@ def _compiled(function: F, **options: Any) -> F:
         "no_cfunc_wrapper": True,
         "_nrt": False,  # no reference counts: the arrays belong to the caller
     }
-    return njit(**common | options)(function)  # pyright: ignore[reportCallIssue]
+    compiler: Any = njit(**settings | options)
+    return compiler(function)
 
 
 def records(array: NDArray[Any]) -> Any:
