@@ -617,7 +617,7 @@ def disk_full_in_the_press(desk):
 
 
 @fault(
-    "the host's clock set back an hour 30 ms after the trigger; the press goes on to its end",
+    "the host's clock set back an hour 30 ms after the trigger; the press continues to its end",
     HOST,
     "none: .*complete",
 )
