@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeVar
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.device_types import DEVICE_TYPES
-from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
 from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
@@ -93,7 +94,11 @@ class BenchCard:
                 run = self._new_run(PreTriggerRun, setup)
                 run.begin(None if setup.start_trigger else self._now(), setup.before)
                 return run
-            run = self._new_run(RetriggeredRun if setup.per_trigger else SampledRun, setup)
+            if setup.per_trigger is not None:
+                run = self._new_run(RetriggeredRun, setup)
+                run.begin(setup.per_trigger, self._parts(setup, setup.per_trigger))
+                return run
+            run = self._new_run(SampledRun, setup)
             if setup.trigger is None:
                 self.starts.append(self._now())
                 self._injection.begin_press()
@@ -104,16 +109,7 @@ class BenchCard:
         self._injection.check_plugged()
         if self._failure is not None:
             raise self._failure()
-        run = kind(
-            self._rig,
-            setup,
-            self._scene,
-            self._seed,
-            self._armed,
-            self._last,
-            self._lock,
-            self.paced,
-        )
+        run = self._constructed(kind, setup, self._armed)
         self._armed += 1
         self.runs = [*(other for other in self.runs if not other.over), run]
         self._lock.notify_all()  # in effect once the lock is released
@@ -121,6 +117,24 @@ class BenchCard:
         used = [terminal for terminal in (setup.trigger, setup.start_trigger) if terminal]
         run.unwired = any(terminal.rpartition("/")[2] != wired for terminal in used)
         return run
+
+    def _constructed(self, kind: type[AnyRun], setup: TaskSetup, number: int) -> AnyRun:
+        """Return a run, the noise of which follows from its number."""
+        return kind(
+            self._rig,
+            setup,
+            self._scene,
+            self._seed,
+            number,
+            self._last,
+            self._lock,
+            self.paced,
+        )
+
+    def _parts(self, setup: TaskSetup, length: int) -> Callable[[int], SampledRun]:
+        """Return what constructs the parts of the run that was armed last."""
+        part, run = replace(setup, n_samples=length, buffer=ENDLESS), self._armed - 1
+        return lambda number: self._constructed(SampledRun, part, run + (number << 32))
 
     # Called by the bench, under the lock.
 

@@ -179,8 +179,8 @@ def _errors(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         values[clearance], units[clearance] = 0.0, "m"
     if rig.jack.damper is not None and rig.jack.damper.stiffness > 0:
         stiffness, lift = rig.jack.damper.stiffness, rig.jack.damper.lift
-        stds[DAMPER] = _assumed(rig, "jack.damper.stiffness", DAMPER_STD * stiffness) / stiffness
-        stds[DAMPER_LIFT] = _assumed(rig, "jack.damper.lift", DAMPER_LIFT_STD)
+        stds[DAMPER] = assumed_std(rig, "jack.damper.stiffness") / stiffness or DAMPER_STD
+        stds[DAMPER_LIFT] = assumed_std(rig, "jack.damper.lift") or DAMPER_LIFT_STD
         values[DAMPER_LIFT], units[DAMPER_LIFT] = lift, "m"
     found = []
     for name, std in stds.items():
@@ -195,10 +195,10 @@ def _errors(rig: Rig, names: Sequence[str]) -> list[Parameter]:
     return found
 
 
-def _assumed(rig: Rig, name: str, otherwise: float) -> float:
-    """Return the standard uncertainty of a value whose range the rig assumes."""
+def assumed_std(rig: Rig, name: str) -> float:
+    """Return the standard uncertainty of a value whose range the rig assumes; 0 without a range."""
     low, high = rig.assumed.get(name, (0.0, 0.0))
-    return float(high - low) / np.sqrt(12) or otherwise
+    return float(high - low) / np.sqrt(12)
 
 
 def _stds(rig: Rig) -> dict[str, float]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sautereau.analysis.identify.fit import Fit
+from sautereau.analysis.identify.fit import Fit, assumed_std
 from sautereau.analysis.identify.parameters import (
     ENDS,
     FORCE,
@@ -206,8 +206,7 @@ def _fixed(dynamics: InverseDynamics) -> list[tuple[str, str, float]]:
 def _change(dynamics: InverseDynamics, name: str, value: float) -> tuple[float, bool]:
     rig = dynamics.rig
     if name in rig.assumed:
-        low, high = rig.assumed[name]
-        return (high - low) / np.sqrt(12), True
+        return assumed_std(rig, name), True
     return (CHANGE * abs(value) if value else FRICTION_CHANGE), False
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.daq.signals.calibration import white_noise
+from sautereau.daq.signals.calibration import NORMAL, white_noise
 from sautereau.trajectory.motion import Floats
 
 BLOCK = 1e-3
@@ -28,8 +28,6 @@ NOISY = 0.05
 """Dimensionless, fraction of the largest speed below which a scatter at rest is noise."""
 LARGEST_OFFSET = 0.02
 """Dimensionless, fraction of the largest speed above which a steady speed is motion, not offset."""
-NORMAL = 1.4826
-"""Standard deviation of normal values over the median of their absolute values."""
 LEAST_STD = 1e-5
 """m/s, smallest standard deviation of the mean velocity at rest."""
 RETURN_STD = 5e-6

@@ -20,8 +20,8 @@ from sautereau.analysis.phases.found import (
     pluck_warnings,
 )
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
-from sautereau.analysis.phases.release import robust_std
 from sautereau.analysis.phases.signals import LEFT, Signals, rows_of, signals_of, way_down
+from sautereau.daq.signals.calibration import robust_std
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.phases.signals import BRIDGED, Rows, Signals, rows_of
+from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
 
 WINDOW = 20
@@ -191,11 +192,6 @@ class _Fall:
         chi2 = free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
         bent = free - float((of_bend**2 / square_bend).max())
         return _Steps(chi2, fall, np.sqrt(square_bend / determinant), bent)
-
-
-def robust_std(signal: Floats) -> float:
-    """Return the standard deviation of most of a signal, from its median absolute deviation."""
-    return 1.4826 * float(np.median(np.abs(signal - np.median(signal))))
 
 
 def _mean(signal: Floats) -> float:

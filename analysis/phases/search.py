@@ -146,13 +146,13 @@ class _Search:
                 if self._significance(*trial, -1, found, left) > 0:
                     best = trial
                     break
-            if best is None and first and len(found) + 1 < strings:
+            if best:
+                sets.append(best)
+                good = len(sets) - 1
+            elif first and len(found) + 1 < strings:
                 sets.append(first)  # what another string adds may hide this one
-                continue
-            if best is None:
+            else:
                 break
-            sets.append(best)
-            good = len(sets) - 1
         found, left = sets[good]
         gains = self._gains(found, left)
         further = None

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
 
 BEFORE, LENGTH = 5e-3, 0.2
@@ -108,7 +109,7 @@ def _taps(force: Floats, velocity: Floats, rate: float) -> list[tuple[Floats, Fl
 
     before, count = round(BEFORE * rate), round(LENGTH * rate)
     level = force - np.median(force)
-    noise = 1.4826 * float(np.median(np.abs(level)))
+    noise = robust_std(force)
     peaks, _ = find_peaks(
         level, height=max(LEAST_PEAK, OVER_NOISE * noise), distance=round(APART * rate)
     )

@@ -23,6 +23,8 @@ WIDTH = 2 * HALF_WIDTH
 """Samples used to interpolate a value."""
 INTEGER_TOLERANCE = 1e-9
 """Samples by which a delay may differ from an integer number of them and count as one."""
+NORMAL = 1.4826
+"""Standard deviation of normal values over the median of their absolute values."""
 
 Signal = NDArray[np.float64]
 
@@ -100,6 +102,11 @@ def white_noise(signal: Signal, longest: int = 1) -> float:
     return largest
 
 
+def robust_std(signal: Signal) -> float:
+    """Return the standard deviation of most of a signal, from its median absolute deviation."""
+    return NORMAL * float(np.median(np.abs(signal - np.median(signal))))
+
+
 def _second_difference(signal: Signal, block: int) -> float:
     """Return the standard deviation of the means of blocks, from their second differences."""
     n = len(signal) // block
@@ -112,7 +119,7 @@ def _second_difference(signal: Signal, block: int) -> float:
     if not len(second):
         return 0.0
     second -= _median(second)
-    return 1.4826 * _median(np.abs(second, out=second)) / math.sqrt(6)
+    return NORMAL * _median(np.abs(second, out=second)) / math.sqrt(6)
 
 
 def _median(signal: Signal) -> float:

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -294,10 +295,19 @@ def test_a_later_sample_of_a_multiplexer_waits_for_its_conversion(rig):
     assert run.wait_for(0, 0) == int((PERIOD - 15e-6) * 51_200) + 1
 
 
-def test_every_edge_starts_a_part_and_none_during_it(rig):
+def retriggered(rig, terminals, length):
+    """Return an armed acquisition of which every edge starts a part of so many samples."""
     scene = load_scene("ideal")
-    setup = TaskSetup(("ai0", "ai1"), 51_200.0, ENDLESS, "/Dev1/PFI0", per_trigger=60)
-    run = RetriggeredRun(scene.as_wired(rig), setup, scene, 0, 0, None, FairLock())
+    wired, lock = scene.as_wired(rig), FairLock()
+    setup = TaskSetup(terminals, 51_200.0, ENDLESS, "/Dev1/PFI0", per_trigger=length)
+    part = replace(setup, n_samples=length)
+    run = RetriggeredRun(wired, setup, scene, 0, 0, None, lock)
+    run.begin(length, lambda n: SampledRun(wired, part, scene, 0, n << 32, None, lock))
+    return run
+
+
+def test_every_edge_starts_a_part_and_none_during_it(rig):
+    run = retriggered(rig, ("ai0", "ai1"), 60)
     play(run, 1)
     assert run.waits_for(falling=False)
     assert run.acquired == 0
@@ -320,9 +330,7 @@ def test_every_edge_starts_a_part_and_none_during_it(rig):
 
 
 def test_an_overrun_ends_all_parts(rig):
-    scene = load_scene("ideal")
-    setup = TaskSetup(("ai0",), 51_200.0, ENDLESS, "/Dev1/PFI0", per_trigger=40)
-    run = RetriggeredRun(scene.as_wired(rig), setup, scene, 0, 0, None, FairLock())
+    run = retriggered(rig, ("ai0",), 40)
     run.trigger(0.0)
     play(run, 1)
     run.trigger(PERIOD, RunFault(15, lambda: ValueError("gone")))

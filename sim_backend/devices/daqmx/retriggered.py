@@ -1,44 +1,30 @@
 """Acquisitions that every edge of the start trigger starts again."""
 
-from dataclasses import replace
+from collections.abc import Callable
 
 import numpy as np
 
-from sautereau.rig.schema import Rig
-from sautereau.sim_backend.clock import FairLock
-from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
 from sautereau.sim_backend.physics.events import Motions
-from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
 
 class RetriggeredRun(SampledRun):
     """Parts of equally many samples, one for each edge; their samples are counted together.
 
-    An edge during a part is ignored. Constructed as a `SampledRun`.
+    An edge during a part is ignored. Construct it as a `SampledRun`, then call `begin`.
     """
 
-    def __init__(
-        self,
-        rig: Rig,
-        setup: TaskSetup,
-        scene: Scene,
-        seed: int,
-        number: int,
-        rest: Motions | None,
-        lock: FairLock,
-        paced: bool = False,
-    ):
-        super().__init__(rig, setup, scene, seed, number, rest, lock, paced)
-        self._length = length = setup.per_trigger or setup.n_samples
-        self._motions = rest
+    def begin(self, length: int, new_part: Callable[[int], SampledRun]) -> None:
+        """Wait for edges.
+
+        Args:
+            length: Samples of each channel in a part.
+            new_part: Constructs the acquisition of a part, by its number from 0.
+        """
+        self._length, self._new_part = length, new_part
         self._runs: list[SampledRun] = []
         self._dropped_parts = 0
-        one = replace(setup, n_samples=length, buffer=ENDLESS)
-        self._new_part = lambda part: SampledRun(
-            rig, one, scene, seed, number + (part << 32), self._motions, lock, paced
-        )
 
     @property
     def waiting_for_time(self) -> bool:
@@ -63,7 +49,6 @@ class RetriggeredRun(SampledRun):
 
     def feed(self, motions: Motions) -> None:
         """Store the motion of one controller sample."""
-        self._motions = motions
         if self._runs:
             self._runs[-1].feed(motions)
             before = (self._dropped_parts + len(self._runs) - 1) * self._length
