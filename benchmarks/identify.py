@@ -26,7 +26,7 @@ from benchmarks.judged import judged_press
 from benchmarks.simulated import acquired
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.identified import Identified, identify
-from sautereau.analysis.identify.parameters import value_of
+from sautereau.analysis.identify.parameters import NAMES, value_of
 from sautereau.analysis.loading.press import Press, press_of
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.rig.load import load_rig, with_values
@@ -132,7 +132,8 @@ def identified(pressed: Sequence[Press], phases: Sequence[Phases]) -> tuple[Iden
     free: list[str] = list(FREE)
     spent, found = timed(identify, pressed, phases, free, starts=1)
     for _ in range(ROUNDS - 1):
-        if not found.suggested:
+        # Of a string that may lie on the surface, nothing is freed.
+        if not found.suggested or found.suggested[0].name not in NAMES:
             break
         free.append(found.suggested[0].name)
         spent, found = timed(identify, pressed, phases, free, starts=1)
@@ -191,7 +192,8 @@ def _stated(pressed: Pressed) -> dict[str, str | float]:
         key.replace(".delay", ".delay_std").replace(".scale", ".gain_std"): value
         for key, value in pressed.rig_uncertainties.items()
     }
-    return {"plectrum.contact": "surface", **stated}
+    on_surface = pressed.conditions.choirs[0].on_surface
+    return {"plectrum.contact": "surface" if on_surface else "mid-line", **stated}
 
 
 def outcomes(cases: Iterator[Case]) -> Outcomes:

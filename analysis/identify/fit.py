@@ -24,6 +24,7 @@ from sautereau.analysis.identify.parameters import (
     FORCE_GAIN,
     FRICTION,
     LATE_SLIDING,
+    MODE,
     MODULUS,
     OVERLAP,
     RELEASE,
@@ -72,8 +73,10 @@ CHOIR_STD = 0.3
 """Dimensionless, of stiffness and overlap of the plectra of further choirs in the rig."""
 FAR = 10
 """Bounds of these errors, in their standard uncertainties."""
+DEPENDENT = 2.4
+"""Dimensionless, instants per independent value of the smoothed force."""
 ROUNDS = 3
-"""Number of fits, from the second on whitened by the residuals of the one before."""
+"""Number of fits of a rigid key, from the second on whitened by the residuals of the one before."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +95,13 @@ class Fit:
     def excess(self) -> float:
         """Mean square of the whitened residuals: 1 for a correct covariance; at least 1."""
         residuals = self.problem.data(self.values / self.problem.scales)
-        spent = len(self.values) + sum(w.trends.shape[1] for w in self.problem.whitenings)
         # The covariance of the noise is an estimate, so a larger scatter of the residuals counts.
-        return max(1.0, float(residuals @ residuals) / max(1, len(residuals) - spent))
+        return max(1.0, float(residuals @ residuals) / max(1, len(residuals) - self.spent))
+
+    @property
+    def spent(self) -> int:
+        """Number of fitted values: parameters and trends."""
+        return len(self.values) + sum(w.trends.shape[1] for w in self.problem.whitenings)
 
 
 def inverse_dynamics(
@@ -135,7 +142,9 @@ def fit(
     levelled = levelled or coupled_force(dynamics.rig) is not None
     values = np.array([p.start for p in free])
     before, rises = dynamics.residuals(values)
-    noise = white(dynamics, spread(dynamics, before, levelled), levelled)
+    # Correlated residuals count less beside the priors.
+    size = spread(dynamics, before, levelled) * np.sqrt(DEPENDENT)
+    noise = white(dynamics, size, levelled)
     residual_before = rms([f - w.trend(f) for f, w in zip(before, noise, strict=True)])
     tried = _starts(free, starts)
     factor = scatter(rises)
@@ -147,19 +156,49 @@ def fit(
     return Fit(problem_at(dynamics, values, noise, factor), values, residual_before, levelled)
 
 
-def whitened(made: Fit, robust: bool = False) -> Fit:
-    """Return a fit with the correlation of its residuals.
+def refined(made: Fit, robust: bool = False) -> Fit:
+    """Return a fit to the tolerance of a result; of a rigid key, for the correlation of residuals.
 
-    That would hide what the model lacks: a mode of the key that rings through all residuals.
+    To whiten weights what is rare in the residuals, which is what the smoothing and a model of few
+    modes describe worst: so a compliant key's residuals keep their weights.
     """
     dynamics, values, problem = made.problem.dynamics, made.values, made.problem
-    for tolerance in [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
+    compliant = any(p.name.startswith(MODE) for p in dynamics.free)
+    for tolerance in [TOLERANCE] if compliant else [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
         forces, rises = dynamics.residuals(values)
-        noise = _coloured(dynamics, forces, problem.whitenings, made.levelled)
+        noise = problem.whitenings
+        if not compliant:
+            noise = _coloured(dynamics, forces, noise, made.levelled)
         problem = problem_at(dynamics, values, noise, scatter(rises))
         _, values = descend(problem, values, robust, tolerance=tolerance)
     problem = problem_at(dynamics, values, problem.whitenings, problem.rise_factor)
     return replace(made, problem=problem, values=values)
+
+
+def informative(made: Fit, jacobian: Floats) -> Floats:
+    """Return rows with the information of data whose residuals are correlated.
+
+    Least squares with a Jacobian J, of residuals with the covariance S, has the information
+    J'J (J'SJ)^-1 J'J on the parameters, whatever their weights (White 1980, Newey and West 1987).
+
+    Args:
+        made: The fit.
+        jacobian: Derivatives of its weighted residuals, shape (n, parameters).
+
+    Returns:
+        Shape (parameters, parameters).
+    """
+    from scipy.linalg import solve_triangular
+
+    dynamics, problem = made.problem.dynamics, made.problem
+    forces, _ = dynamics.residuals(made.values)
+    left = [w(f) for f, w in zip(forces, problem.whitenings, strict=True)]
+    noise = _noise(dynamics, left, DEPENDENT**-0.5, made.spent, levelled=False)
+    basis, mixing = np.linalg.qr(jacobian)
+    parts = np.split(basis, np.cumsum([len(f) for f in left]))
+    shaped = [w.coloured(rows) for w, rows in zip(noise, parts[:-1], strict=True)]
+    variance = sum(rows.T @ rows for rows in [*shaped, parts[-1]])
+    return solve_triangular(np.linalg.cholesky(variance), mixing, lower=True)
 
 
 def _errors(rig: Rig, names: Sequence[str]) -> list[Parameter]:
@@ -237,20 +276,27 @@ def spread(dynamics: InverseDynamics, forces: Sequence[Floats], levelled: bool) 
 def _coloured(
     dynamics: InverseDynamics, forces: Sequence[Floats], noise: Sequence[Whitening], levelled: bool
 ) -> tuple[Whitening, ...]:
-    """Return whitenings for scale and autocovariance of the residuals.
-
-    Each part of the press has its own scale: an error of the pluck's model is in one only, and on
-    the way back the finger may lose the key and catch it again.
-    """
+    """Return whitenings for scale and autocovariance of the residuals [N]."""
     left = [f - w.trend(f) for f, w in zip(forces, noise, strict=True)]
     spent = len(dynamics.free) + sum(w.trends.shape[1] for w in noise)
+    return _noise(dynamics, left, dynamics.floor, spent, levelled)
+
+
+def _noise(
+    dynamics: InverseDynamics, left: Sequence[Floats], floor: float, spent: int, levelled: bool
+) -> tuple[Whitening, ...]:
+    """Return whitenings of residuals without trends, of which `spent` values are fitted.
+
+    Each part of the press has its own scale, at least `floor`: an error of the pluck's model is in
+    one only, and on the way back the finger may lose the key and catch it again.
+    """
     parts = [p.part[p.used] for p in dynamics.presses]
-    scales = [np.full(len(f), max(rms(left), dynamics.floor)) for f in left]
+    scales = [np.full(len(f), max(rms(left), floor)) for f in left]
     for part in (FREE, HELD, BACK):
         own = [f[p == part] for f, p in zip(left, parts, strict=True)]
         if sum(map(len, own)) >= LEAST:
             for scale, p in zip(scales, parts, strict=True):
-                scale[p == part] = max(rms(own), dynamics.floor)
+                scale[p == part] = max(rms(own), floor)
     covariance = autocovariance(
         [f / s for f, s in zip(left, scales, strict=True)],
         [p.used for p in dynamics.presses],

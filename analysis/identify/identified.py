@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
-from sautereau.analysis.identify.fit import Fit, rms
+from sautereau.analysis.identify.fit import Fit, informative, rms
 from sautereau.analysis.identify.fixed import (
     CONTACT,
     SUGGESTED,
@@ -166,17 +166,17 @@ def identify(
 def evaluate(made: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
     found, values, good = made.problem, made.values, quality(made)
-    point, excess = values / found.scales, made.excess * good.repetition
-    data = found.jacobian(point, found.data)
-    prior = found.prior_jacobian(point)
-    covariance, known = _covariance(np.vstack([data / np.sqrt(excess), prior]))
+    point = values / found.scales
+    data, prior = found.jacobian(point, found.data), found.prior_jacobian(point)
+    rows = informative(made, data) / np.sqrt(good.repetition)
+    covariance, known = _covariance(np.vstack([rows, prior]))
     stds = np.where(known, np.sqrt(np.diag(covariance)), np.inf)
     made = _with_found_friction(made, stds * found.scales)
     found, dynamics = made.problem, made.problem.dynamics
     suggested = suggestions(made, good.scale)
     doubts = (*_hidden_by_fit(suggested), *doubtful_modes(found.free, values, dynamics.presses))
     good = replace(good, reasons=(*good.reasons, *doubts))
-    alone, seen = _covariance(np.vstack([data / np.sqrt(excess), prior[found.nuisances]]))
+    alone, seen = _covariance(np.vstack([rows, prior[found.nuisances]]))
     seen &= np.sqrt(np.diag(alone)) < IDENTIFIABLE
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
     free = [found.free[k] for k in shown]
@@ -199,9 +199,7 @@ def evaluate(made: Fit) -> Identified:
         rig=with_parameters(dynamics.rig, {e.name: e.value for e in estimates}),
         estimates=tuple(estimates),
         correlation=correlation[np.ix_(shown, shown)],
-        combinations=tuple(
-            combinations(_apart(data, found, shown) / np.sqrt(excess), [p.name for p in free])
-        ),
+        combinations=tuple(combinations(_apart(rows, found, shown), [p.name for p in free])),
         presses=tuple(press.name for press in dynamics.presses),
         releases=len(rises),
         level=dynamics.level,
@@ -211,7 +209,7 @@ def evaluate(made: Fit) -> Identified:
         force_offsets=tuple(offsets),
         modes=_modes(found, values, stds),
         quality=good,
-        sensitivity=sensitivities(made, data, excess),
+        sensitivity=sensitivities(made, data, made.excess * good.repetition),
         suggested=() if good.fits else suggested,
         warnings=_warnings(estimates, dynamics),
     )

@@ -51,6 +51,18 @@ class Whitening:
         white = _solved(self.factor, residual / self.scale)
         return white - self.trends @ (self.trends.T @ white)
 
+    def coloured(self, columns: Floats) -> Floats:
+        """Return columns whose squares have the sum x' S x, for the covariance S of residuals.
+
+        Args:
+            columns: Of the residuals' unit, shape (n, columns).
+        """
+        scaled, found = columns * self.scale[:, None], np.zeros_like(columns)
+        for row, diagonal in enumerate(self.factor):
+            count = len(scaled) - row
+            found[:count] += diagonal[:count, None] * scaled[row:]
+        return found
+
     def trend(self, residual: Floats) -> Floats:
         """Return the trend [N] in residuals [N], shape (n,)."""
         return self.shapes @ (self.trends.T @ _solved(self.factor, residual / self.scale))
