@@ -41,7 +41,7 @@ def inlined(function: F) -> F:
 
 
 def expanded(function: F) -> F:
-    """Expand a function that returns records, which no compiled function can, in its callers."""
+    """Expand a function in its callers, which are compiled sooner if there is one only."""
     return _compiled(function, inline="always")
 
 

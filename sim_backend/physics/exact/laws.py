@@ -18,7 +18,7 @@ from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
 from sautereau.rig.instrument import Choir, Plectrum, String
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.exact.parameters import Numbers
-from sautereau.sim_backend.physics.exact.structures import JACK, PIECES
+from sautereau.sim_backend.physics.exact.structures import SLIDING, STUCK
 from sautereau.trajectory.motion import Floats
 
 POINTS = 65
@@ -42,8 +42,11 @@ class Laws:
 
     cells: Floats
     """Start of each cell [m], and the cubic of the force [N] from there; shape (cells, 5)."""
-    jacks: NDArray[Any]
-    """`JACK`s of which `pieces`, `first` and `border` are set; shape (laws,)."""
+    first: NDArray[np.int64]
+    """First cells of each law, where the string sticks and where it slides, and the end of its last;
+    shape (laws, 3)."""
+    border: Floats
+    """Heights there [m], equal where the string never sticks or never slides; shape (laws, 3)."""
 
 
 def choir_law(choir: Choir, level: str) -> Laws:
@@ -88,9 +91,10 @@ def set_laws(
                 different, which = _different(values, played)
                 laws, good = _one_by_one(choir, level, different)
             plucks &= good[which]
-        for name in ("pieces", "first", "border"):
-            jacks[name][:, k] = laws.jacks[name][which]
-        jacks["first"][:, k] += cells
+        jack = jacks[:, k]
+        jack["first"], border = laws.first[which] + cells, laws.border[which]
+        jack["range"][:, STUCK] += border[..., :2]
+        jack["range"][:, SLIDING] += border[..., 1:]
         cells += len(laws.cells)
         found.append(laws.cells)
     return np.concatenate(found), plucks
@@ -147,16 +151,18 @@ def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[Laws, NDArra
             laws.append(choir_law(choir.model_copy(update=parts), level))
         except ModelError:
             good[row] = False
-            laws.append(Laws(np.zeros((1, 5)), np.zeros(1, JACK)))
+            laws.append(Laws(np.zeros((1, 5)), np.zeros((1, 3), np.int64), np.zeros((1, 3))))
     return _joined(laws), good
 
 
 def _joined(parts: list[Laws]) -> Laws:
     """Return the laws of all parts."""
-    ends = np.cumsum([len(part.cells) for part in parts])
-    jacks = np.concatenate([part.jacks for part in parts])
-    jacks["first"] += np.repeat([0, *ends[:-1]], [len(part.jacks) for part in parts])[:, None]
-    return Laws(np.concatenate([part.cells for part in parts]), jacks)
+    starts = np.cumsum([0, *(len(part.cells) for part in parts[:-1])])
+    return Laws(
+        np.concatenate([part.cells for part in parts]),
+        np.concatenate([part.first + start for part, start in zip(parts, starts, strict=True)]),
+        np.concatenate([part.border for part in parts]),
+    )
 
 
 def _different(
@@ -176,15 +182,14 @@ def _different(
 @lru_cache(maxsize=256)
 def _law(plectrum: Plectrum, string: String, level: str) -> Laws:
     pluck = pluck_of(plectrum, string, level)  # pyright: ignore[reportArgumentType]
-    knots, jack = pluck.height, np.zeros(1, JACK)
+    knots = pluck.height
     places = np.array([1, 3, 5, 7]) / 8
     steps = np.diff(knots)[:, None]
     values = pluck.force_on_jack(knots[:-1, None] + steps * places)
     cubics = np.linalg.solve(np.vander(places, 4, increasing=True), values.T).T
     cells = np.column_stack([knots[:-1], cubics / steps ** np.arange(4)])
-    first = [*pluck.stretches, *[len(knots) - 1] * (PIECES + 1 - len(pluck.stretches))]
-    jack["pieces"], jack["first"], jack["border"] = len(pluck.stretches), first, knots[first]
-    return Laws(cells, jack)
+    first = np.array([[0, pluck.stretches[-1], len(cells)]])
+    return Laws(cells, first, knots[first])
 
 
 def elastica_laws(
@@ -218,12 +223,18 @@ def elastica_laws(
         folded = status == Status.RELEASED_AT_FOLD
         cells = np.stack([_cells(c.height, c.lift, folded) for c in paths.curves], axis=1)
         cells[..., 1:] *= stiffness[:, None, None, None]
-    ends = np.array([curve.height[:, [0, -1]] for curve in paths.curves])
-    jacks = _pieces(ends)
-    good = (status <= Status.RELEASED_AT_FOLD) & (jacks["pieces"] > 0)
-    for part, (start, end) in zip(np.moveaxis(cells, 1, 0), np.moveaxis(ends, 2, 1), strict=True):
-        good &= np.isfinite(part).all(axis=(1, 2)) | ~_lasts(start, end)
-    return Laws(cells.reshape(-1, 5), jacks), good
+    start, end = np.moveaxis([curve.height[:, [0, -1]] for curve in paths.curves], 2, 0)
+    lasts = end - start > 1e-12 * np.abs(end)
+    good = (status <= Status.RELEASED_AT_FOLD) & lasts.any(axis=0)
+    for j, some in enumerate(lasts):
+        good &= np.isfinite(cells[:, j]).all(axis=(1, 2)) | ~some
+    sticks, slides = lasts[0] & (len(lasts) > 1), lasts[-1]
+    first = np.array([0, len(lasts) - 1, 0]) + len(lasts) * np.arange(len(good))[:, None]
+    first[:, 2] = first[:, 1] + slides
+    border = np.where(
+        [sticks, slides, slides], [start[0], start[-1], end[-1]], [start[-1], end[0], end[0]]
+    )
+    return Laws(cells.reshape(-1, 5), first * (POINTS - 1), border.T), good
 
 
 def _cells(height: Floats, force: Floats, folded: NDArray[np.bool_]) -> Floats:
@@ -246,26 +257,3 @@ def _slopes(values: Floats) -> Floats:
     near, far = values[:, 3:-1] - values[:, 1:-3], values[:, 4:] - values[:, :-4]
     start, end = values[:, :5] @ _EDGE, values[:, :-6:-1] @ -_EDGE
     return np.concatenate([start, (8 * near - far) / 12, end[:, ::-1]], axis=1)
-
-
-def _lasts(start: Floats, end: Floats) -> NDArray[np.bool_]:
-    """Return whether pieces have a length: a string may never stick, or never slide."""
-    return end - start > 1e-12 * np.abs(end)
-
-
-def _pieces(ends: Floats) -> NDArray[Any]:
-    """Return the `JACK`s of laws whose pieces extend between given heights.
-
-    Args:
-        ends: m; shape (pieces, laws, 2).
-    """
-    n, cells = ends.shape[1], POINTS - 1
-    jacks = np.zeros(n, JACK)
-    for j, (start, end) in enumerate(np.moveaxis(ends, 2, 1)):
-        rows = np.flatnonzero(_lasts(start, end))
-        at = jacks["pieces"][rows]
-        jacks["pieces"][rows] += 1
-        for k, height in ((0, start), (1, end)):
-            jacks["first"][rows, at + k] = (rows * len(ends) + j + k) * cells
-            jacks["border"][rows, at + k] = height[rows]
-    return jacks

@@ -9,10 +9,27 @@ from numpy.typing import NDArray
 
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import GRAVITY
-from sautereau.sim_backend.physics.exact.structures import ARM, JACK, KEY
+from sautereau.sim_backend.physics.base import steps_in_sample
+from sautereau.sim_backend.physics.exact.structures import (
+    ABOVE,
+    BELOW,
+    FINGER,
+    JACK,
+    KEY,
+    PASSING,
+    RUN,
+)
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
 from sautereau.trajectory.motion import Floats
+
+FINGERS = ("push", "ideal", "servo")
+"""Kinds of finger, as the structures number them."""
+ORDER = 4
+"""Of the steps of a scene."""
+RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
+"""A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
+order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
 
 _LIMITS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
 
@@ -92,6 +109,9 @@ def _set_jack(numbers: Numbers, at: str, jack: NDArray[Any]) -> None:
     jack["arm"] = numbers(f"{at or 'key.'}jack_arm")
     mute = scene.plectrum == "none"
     jack["clearance"] = math.inf if mute else numbers(f"{at}jack.string_clearance")
+    jack["range"] = jack["clearance"][:, None, None]
+    jack["range"][:, BELOW, 0] = -math.inf
+    jack["range"][:, ABOVE, 1] = math.inf
     if scene.friction:
         jack["friction"] = numbers(f"{at}jack.register_friction")
     if scene.tongue:
@@ -99,18 +119,19 @@ def _set_jack(numbers: Numbers, at: str, jack: NDArray[Any]) -> None:
         lever = numbers(f"{at}plectrum.length") - overlap
         jack["tongue_force"] = numbers(f"{at}jack.tongue.bristle_moment") / lever
         jack["tongue_stiffness"] = numbers(f"{at}jack.tongue.bristle_stiffness") / lever**2
-        jack["travel"] = lever * overlap / numbers(f"{at}jack.tongue.pivot")
+        jack["range"][:, PASSING, 0] -= lever * overlap / numbers(f"{at}jack.tongue.pivot")
     jack["lift"] = numbers(f"{at}jack.damper.lift") if scene.damper else -math.inf
     if scene.damper:
         jack["damper"] = numbers(f"{at}jack.damper.stiffness")
 
 
-def arm_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
-    """Return one `ARM` with its brakes on, all zero for a push.
+def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
+    """Return one `FINGER` with its brakes on, all zero for a push.
 
     The equations are those of `sautereau.trajectory.dynamics`.
     """
-    arm, found = rig.arm, np.zeros(1, ARM)
+    arm, found = rig.arm, np.zeros(1, FINGER)
+    found["kind"] = FINGERS.index(scene.finger)
     if scene.push:
         return found
     first, second = armature(arm)
@@ -125,10 +146,32 @@ def arm_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
         "radians": arm.radians_per_count, "start": start, "limit": arm.torque_limit, "locked": 1,
     }  # fmt: skip
     if scene.servo:
-        names = ("stiffness", "damping", "feedforward", "integral_time")
-        values |= {name: getattr(scene.servo, name) for name in names}
+        values |= dict(scene.servo)
     if scene.fingertip:
         values |= {f"pad_{name}": value for name, value in scene.fingertip}
     for name, value in values.items():
+        found[name] = value
+    return found
+
+
+def run_of(
+    rig: Rig, scene: Scene, order: int = ORDER, tolerance: float | None = None
+) -> NDArray[Any]:
+    """Return one `RUN` before the first sample, with the steps of a scene.
+
+    Args:
+        rig: The true bench.
+        scene: With its step.
+        order: Of the steps, even, at most 8.
+        tolerance: Dimensionless, relative error of a step; None for one that suits the step.
+    """
+    found, period = np.zeros(1, RUN), rig.controller.sample_period
+    steps = steps_in_sample(rig, scene.step or period)
+    if tolerance is None:
+        tolerance = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
+    for name, value in {
+        "period": period, "step": period / steps, "steps": steps, "order": order,
+        "tolerance": tolerance,
+    }.items():  # fmt: skip
         found[name] = value
     return found
