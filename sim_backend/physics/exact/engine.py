@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from sautereau.rig.schema import Rig
+from sautereau.rig.schema import Arm, Rig
+from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.base import TURNED_OVER, World
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.fingertip import engage
 from sautereau.sim_backend.physics.exact.laws import set_laws
 from sautereau.sim_backend.physics.exact.parameters import (
     ORDER,
@@ -20,6 +20,7 @@ from sautereau.sim_backend.physics.exact.parameters import (
 from sautereau.sim_backend.physics.exact.play import play
 from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
 from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats
 
 SPARE_ROWS = 64
@@ -68,13 +69,14 @@ class ExactWorld(World):
         keys, jacks = benches(numbers, 1)
         cells, _ = set_laws(numbers, jacks, np.ones(1, bool))
         finger, run = finger_of(rig, scene, self.start), run_of(rig, scene, order, tolerance)
-        self._presses = ix.new_presses(keys, jacks, cells, finger, run)
         self._kind, self._steps = int(finger["kind"][0]), int(run["steps"][0])
-        self._powered = False
+        self._presses = ix.new_presses(keys, jacks, cells, finger, run)
+        self.finger = StandingFinger(self.start)
+        if scene.servo:
+            self.finger = ServoFinger(self.press, rig.arm, scene.gravity)
         if not ExactWorld._compiled:  # now, and not while a host waits for an answer
-            self._advance(np.zeros((0, 2, 4)), False)
+            self._play(*np.zeros((2, 1, 2)), False)
             ExactWorld._compiled = True
-        self.finger = ServoFinger(self.press) if scene.servo else StandingFinger(self.start)
 
     @property
     def press(self) -> ix.Press:
@@ -91,88 +93,88 @@ class ExactWorld(World):
 
     def _play(self, counts: Floats, speeds: Floats, powered: bool) -> Motions:
         """Advance through controller samples with a reference at their ends."""
-        kind = self._kind
-        if isinstance(self.finger, ServoFinger) and powered != self._powered:
+        kind, samples = self._kind, len(counts) - 1
+        if isinstance(self.finger, ServoFinger):
             self.finger.switch(powered)
-        self._powered = powered
         if kind == ix.PUSH:
-            cubics = np.zeros((len(counts) - 1, 2, 4))
+            cubics = np.zeros((samples, 2, 4))
         else:
             cubics = joint_cubics(self.start, counts, speeds, self.radians_per_count)
-        status, found, rows = self._advance(cubics, powered)
-        if status == ix.FINE and not np.isfinite(rows).all():
-            status = ix.LOST
-        if status != ix.FINE:
-            reached = rows[-1, 0] if len(rows) else 0.0
-            raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[status]}")
-        self._append_events(found)
+        room = samples * (self._steps + 2) + SPARE_ROWS
+        if len(self._presses.rows) < room:
+            self._presses = self._presses._replace(rows=np.empty((room, 6)))
+        presses, status = self._presses, np.zeros(1, np.int64)
+        plucks, played = np.empty((1, len(presses.x), 4)), np.array([samples])
+        events, last = play(presses, self.samples, cubics, played, powered, plucks, status)
+        self.samples += samples
+        rows, fault = presses.rows[:last], int(status[0])
+        if fault == ix.FINE and not np.isfinite(rows).all():
+            fault = ix.LOST
+        if fault != ix.FINE:
+            reached = rows[-1, 0] if last else 0.0
+            raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[fault]}")
+        lists = self.events.contacts, self.events.releases, self.events.returns
+        for time, event, choir, force, _ in presses.events[:events].tolist():
+            lists[int(event)].append(StringEvent(time, int(choir), force))
         if kind == ix.IDEAL:
             first, second = (np.asarray(self.start) + counts[-1] * self.radians_per_count).tolist()
             self.finger = StandingFinger((first, second))
         return Motions(*rows.T.copy())
 
-    def _advance(self, cubics: Floats, powered: bool) -> tuple[int, Floats, Floats]:
-        """Return the status after controller samples, their events and their rows."""
-        samples, status = np.array([len(cubics)]), np.zeros(1, np.int64)
-        room = len(cubics) * (self._steps + 2) + SPARE_ROWS
-        if len(self._presses.rows) < room:
-            self._presses = self._presses._replace(rows=np.empty((room, 6)))
-        presses, first = self._presses, self.samples
-        plucks = np.empty((1, len(presses.x), 4))
-        events, rows = play(presses, first, cubics, samples, powered, plucks, status)
-        self.samples += len(cubics)
-        return int(status[0]), presses.events[:events], presses.rows[:rows]
-
-    def _append_events(self, found: Floats) -> None:
-        lists = self.events.contacts, self.events.releases, self.events.returns
-        for time, kind, choir, force, _ in found.tolist():
-            lists[int(kind)].append(StringEvent(time, int(choir), force))
-
 
 class ServoFinger:
-    """Two links, their motors under the position loops; see `physics.finger.Finger`."""
+    """Two links, their motors under the position loops; see `physics.finger.Finger`.
 
-    def __init__(self, press):
-        self._press, self._limit = press, float(press.finger.limit[0])
-        self._blocked: set[int] = set()
-        press.x[-2:] = press.finger.start
+    Args:
+        press: Its arm is set to its start.
+        arm: Of the rig.
+        gravity: m/s^2.
+    """
+
+    def __init__(self, press: ix.Press, arm: Arm, gravity: float):
+        self._arm, self._gravity = arm, gravity
+        self._finger, self._joints, self._speeds = press.finger, press.x[-2:], press.v[-2:]
+        self._joints[:] = press.finger.start
+        self._powered, self._blocked = False, np.zeros(2, bool)
 
     def joints(self) -> tuple[float, float]:
         """Return the joint angles [rad]."""
-        return float(self._press.x[-2]), float(self._press.x[-1])
+        return float(self._joints[0]), float(self._joints[1])
 
     def torques(self) -> tuple[float, float]:
         """Return the motors' torques [N m]."""
-        return float(self._press.finger.torque[0]), float(self._press.finger.torque[1])
+        return float(self._finger.torque[0]), float(self._finger.torque[1])
 
     @property
     def settled(self) -> bool:
         """Whether both loops are within `SETTLED` counts, or the motors are off."""
-        arm = self._press.finger
-        return bool(arm.locked[0]) or max(map(abs, arm.lag)) <= SETTLED * arm.radians
+        return (
+            not self._powered or max(map(abs, self._finger.lag)) <= SETTLED * self._finger.radians
+        )
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
         """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
-        self._press.finger.offset[:] = offsets
-        self._press.finger.limit[:] = np.minimum(limits, self._limit)
+        self._finger.offset[:] = offsets
+        self._finger.limit[:] = np.minimum(limits, self._arm.torque_limit)
 
     def block(self, joint: int) -> None:
         """Block the motor of a joint, counted from 0, from now on."""
-        self._blocked.add(joint)
-        self._lock(joint)
+        self._blocked[joint] = True
+        self._lock()
 
     def switch(self, powered: bool) -> None:
-        """Switch the motors on, or off with their brakes on."""
-        if powered:
-            engage(self._press)
-        for joint in self._blocked if powered else (0, 1):
-            self._lock(joint)
-            if not powered:
-                self._press.finger.torque[joint] = 0.0
+        """Switch the motors on at the torques of the arm's weight, or off with their brakes on."""
+        if powered == self._powered:
+            return
+        finger, self._powered = self._finger, powered
+        weight = gravity_torque(self._arm, self._joints) * (self._gravity / GRAVITY)
+        finger.integral[:], finger.lag[:], finger.torque[:] = weight, 0.0, 0.0
+        self._lock()
 
-    def _lock(self, joint: int) -> None:
-        self._press.finger.locked[joint] = 1
-        self._press.v[joint - 2] = 0.0
+    def _lock(self) -> None:
+        locked = self._blocked | (not self._powered)
+        self._finger.locked[:] = locked
+        self._speeds[locked] = 0.0
 
 
 def check_scene(scene: Scene) -> None:

@@ -3,7 +3,7 @@
 import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import compiled, entry, inlined
+from sautereau.sim_backend.physics.exact.compile import compiled, inlined
 
 AHEAD = 1e-6
 """Dimensionless, fraction of a controller sample after which an ideal finger's direction counts."""
@@ -84,9 +84,9 @@ def move_arm(press, q1, q2, d1, d2, slope1, slope2):
     m12, m22 = finger.inertia2 + coupling, finger.inertia2 + finger.rotor2
     if finger.locked[0] or finger.locked[1]:
         m12 = 0.0
-    right1, right2 = arm_weight(finger, q1, q2)
-    right1 = finger.torque[0] - right1 + twist * (2 * d1 + d2) * d2
-    right2 = finger.torque[1] - right2 - twist * d1 * d1
+    weight = finger.weight2 * math.cos(q1 + q2)
+    right1 = finger.torque[0] - finger.weight1 * math.cos(q1) - weight + twist * (2 * d1 + d2) * d2
+    right2 = finger.torque[1] - weight - twist * d1 * d1
     if finger.locked[0]:
         right1 = slope1 = 0.0
     if finger.locked[1]:
@@ -96,13 +96,6 @@ def move_arm(press, q1, q2, d1, d2, slope1, slope2):
     finger.free[1] = (right2 * m11 - right1 * m12) / size
     finger.by[0] = (slope1 * m22 - slope2 * m12) / size
     finger.by[1] = (slope2 * m11 - slope1 * m12) / size
-
-
-@inlined
-def arm_weight(finger, q1, q2):
-    """Return the torques [N m] that balance the links' weight."""
-    second = finger.weight2 * math.cos(q1 + q2)
-    return finger.weight1 * math.cos(q1) + second, second
 
 
 @inlined
@@ -126,15 +119,6 @@ def heading(press):
     sign = 1.0 if finger.speed >= 0.0 else -1.0
     locate_tip(press, run.time)
     return sign
-
-
-@entry
-def engage(press):
-    """Take over an arm at rest: the integrators start at the torques of its weight."""
-    finger, n = press.finger, len(press.jacks)
-    finger.integral[0], finger.integral[1] = arm_weight(finger, press.x[n + 1], press.x[n + 2])
-    for j in range(2):
-        finger.lag[j], finger.locked[j] = 0.0, 0
 
 
 @compiled

@@ -66,6 +66,14 @@ def felt_push(key, angle, omega):
 
 
 @inlined
+def spring_state(overlap, push):
+    """Return the state of felt or pad, which can only push."""
+    if not overlap > 0.0:
+        return ix.OFF
+    return ix.PRESSED if push >= 0.0 else ix.SLACK
+
+
+@inlined
 def key_moment(press, angle, omega):
     """Return the moment on the key without dry friction, jacks and rigid fingertip [N m]."""
     key = press.key
@@ -90,11 +98,17 @@ def accelerate(press, time):
         x[0], v[0] = finger.angle, finger.speed
     moment = key_moment(press, x[0], v[0])
     inertia, load, least, most = load_jacks(press)
+    finger.reaction = a[0] = 0.0
     if key.slip == 0:
-        a[0] = 0.0
         hold_key(press, moment - key.dry - most, moment + key.dry - least)
     else:
-        turn_key(press, key.inertia + inertia, moment - key.slip * key.dry - load)
+        inertia, moment = inertia + key.inertia, moment - key.slip * key.dry - load
+        if finger.touch:
+            pushed = inertia * finger.acceleration - moment
+            finger.reaction = pushed / (1 + finger.compliance * inertia)
+            a[0] = finger.acceleration - finger.compliance * finger.reaction
+        else:
+            a[0] = moment / inertia
     for k in range(len(press.jacks)):
         jack = press.jacks[k]
         if jack.stands:
@@ -144,21 +158,8 @@ def hold_key(press, least, most):
         most: N m, likewise against a fall.
     """
     key, finger = press.key, press.finger
-    finger.reaction = 0.0
     if finger.touch and finger.compliance > 0.0:
         finger.reaction = finger.acceleration / finger.compliance
     elif finger.touch:  # friction carries as much as it can, the finger the remainder
         finger.reaction = max(0.0, -most)
     key.up, key.down = -(least + finger.reaction), most + finger.reaction
-
-
-@expanded
-def turn_key(press, inertia, moment):
-    """Set the acceleration of a key that turns, with all that stands on it, and the finger's moment."""
-    finger = press.finger
-    if finger.touch:
-        pushed = inertia * finger.acceleration - moment
-        finger.reaction = pushed / (1 + finger.compliance * inertia)
-        press.a[0] = finger.acceleration - finger.compliance * finger.reaction
-    else:
-        finger.reaction, press.a[0] = 0.0, moment / inertia

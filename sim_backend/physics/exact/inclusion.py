@@ -20,6 +20,7 @@ from sautereau.sim_backend.physics.exact.forces import (
     accelerate,
     felt_push,
     key_moment,
+    spring_state,
     static_load,
     surface,
 )
@@ -154,7 +155,13 @@ def resolve(press, h):
         near = x[0] - finger.angle + h * (v[0] - finger.speed) <= ix.CLOSE
     omega = solve(press, q, t, target, near, 0.0, x[0] + h * v[0] <= ix.CLOSE)
     for k in range(len(press.jacks)):
-        strike_jack(press, k, omega, h)
+        jack, at = press.jacks[k], k + 1
+        if jack_push(jack, omega, sign(omega)) > 0.0:
+            v[at] = jack.slope * omega
+        elif h > 0.0:
+            free = v[at] - h * static_load(press, k, x[at]) / jack.mass
+            slow = jack.dry / jack.mass
+            v[at] = free - min(max(free, -slow), slow)
     taken = (target - omega) / finger.compliance if finger.touch and finger.compliance else 0.0
     for j in range(len(x) - 1 - len(press.jacks)):
         v[len(x) - 2 + j] += h * finger.free[j] - finger.by[j] * taken
@@ -182,25 +189,11 @@ def part_surfaces(press):
     return ix.FINE
 
 
-@expanded
-def strike_jack(press, k, omega, h):
-    """Set a jack's speed after an impact or a nonsmooth step [s] of a key, at its velocity then."""
-    jack, v, at = press.jacks[k], press.v, k + 1
-    if jack_push(jack, omega, sign(omega)) > 0.0:
-        v[at] = jack.slope * omega
-    elif h > 0.0:
-        free = v[at] - h * static_load(press, k, press.x[at]) / jack.mass
-        slow = jack.dry / jack.mass
-        v[at] = free - min(max(free, -slow), slow)
-
-
 @inlined
 def set_forces(press):
     """Set the modes of felt and dampers, and the rises between which no string changes."""
-    key = press.key
-    key.felt = ix.OFF
-    if press.x[0] > key.dip:
-        key.felt = ix.PRESSED if felt_push(key, press.x[0], press.v[0]) >= 0.0 else ix.SLACK
+    key, angle = press.key, press.x[0]
+    key.felt = spring_state(angle - key.dip, felt_push(key, angle, press.v[0]))
     for k in range(len(press.jacks)):
         jack = press.jacks[k]
         jack.low, jack.high = jack.range[jack.string, 0], jack.range[jack.string, 1]
@@ -221,9 +214,7 @@ def select(press):
             v[i] = 0.0
     direction = heading(press) if v[0] == 0.0 else 0.0
     locate_tip(press, press.run.time)
-    finger.pad = ix.OFF
-    if finger.overlap > 0.0:
-        finger.pad = ix.PRESSED if finger.push >= 0.0 else ix.SLACK
+    finger.pad = spring_state(finger.overlap, finger.push)
     q, t = pose(press, 0.0, 1.0)
     near = x[0] - finger.angle <= ix.CLOSE and abs(v[0] - finger.speed) <= ix.SLOW
     turn = solve(
@@ -232,19 +223,12 @@ def select(press):
     key.slip = sign(v[0]) if v[0] != 0.0 else sign(turn)
     if v[0] == 0.0 and finger.touch and direction != 0:
         key.slip = direction
+    side = key.slip if key.slip != 0.0 else 1.0
     for k in range(len(press.jacks)):
-        select_jack(press, k, turn)
+        jack = press.jacks[k]
+        push = jack.mass * jack.slope * turn + jack.push + side * jack.dry
+        jack.stands, jack.sign = jack.closed and push >= 0.0, sign(v[k + 1])
+        load = static_load(press, k, x[k + 1])
+        if jack.sign == 0 and abs(load) > jack.friction:
+            jack.sign = -sign(load)
     accelerate(press, press.run.time)
-
-
-@expanded
-def select_jack(press, k, turn):
-    """Select whether a jack stands on a key of an acceleration, or else how it slips."""
-    jack, speed = press.jacks[k], press.v[k + 1]
-    side = press.key.slip if press.key.slip != 0.0 else 1.0
-    push = jack.mass * jack.slope * turn + jack.push + side * jack.dry
-    jack.stands = jack.closed and push >= 0.0
-    jack.sign = sign(speed)
-    if jack.sign == 0:
-        load = static_load(press, k, press.x[k + 1])
-        jack.sign = -sign(load) if abs(load) > jack.friction else 0.0

@@ -1,6 +1,6 @@
 """Force laws S(h) of plucks: piecewise cubics, smooth in pieces; many are solved together."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -43,8 +43,8 @@ class Laws:
     cells: Floats
     """Start of each cell [m], and the cubic of the force [N] from there; shape (cells, 5)."""
     first: NDArray[np.int64]
-    """First cells of each law, where the string sticks and where it slides, and the end of its last;
-    shape (laws, 3)."""
+    """First cells of each law where the string sticks and where it slides, and the end of its
+    last; shape (laws, 3)."""
     border: Floats
     """Heights there [m], equal where the string never sticks or never slides; shape (laws, 3)."""
 
@@ -76,21 +76,18 @@ def set_laws(
     for k, (at, choir) in enumerate(zip(numbers.prefixes, choirs(numbers.rig), strict=True)):
         if level == "none" or not played.any():
             continue
-        if not any(f"{at}{name}" in numbers.given for name in (*PLECTRUM, *STRING, *DERIVED)):
+        names = (*PLECTRUM, *STRING, *DERIVED)
+        given = {n: numbers.given[f"{at}{n}"] for n in names if f"{at}{n}" in numbers.given}
+        if given:
+            different, which = _different(given, played)
+            solve = _elastica if level == "elastica" else _one_by_one
+            laws, good = solve(choir, level, different)
+            plucks &= good[which]
+        else:
             try:
                 laws, which = choir_law(choir, level), 0
             except ModelError as error:
                 raise SceneError(f"rig {numbers.rig.name}: {at}{error}") from error
-        else:
-            values = [numbers(f"{at}{name}") for name in (*PLECTRUM, *STRING)]
-            if level == "elastica":
-                given = [numbers.given.get(f"{at}{name}") for name in DERIVED]
-                different, which = _different(_of_elastica(choir, values, given), played)
-                laws, good = _elastica(different)
-            else:
-                different, which = _different(values, played)
-                laws, good = _one_by_one(choir, level, different)
-            plucks &= good[which]
         jack = jacks[:, k]
         jack["first"], border = laws.first[which] + cells, laws.border[which]
         jack["range"][:, STUCK] += border[..., :2]
@@ -100,57 +97,70 @@ def set_laws(
     return np.concatenate(found), plucks
 
 
-def _of_elastica(
-    choir: Choir, values: Sequence[Floats], given: Sequence[Floats | None]
-) -> tuple[Floats, ...]:
-    """Return friction, overlap, length, bending stiffness, static stiffness, and string's offset.
+def _different(
+    values: Mapping[str, Floats], played: NDArray[np.bool_]
+) -> tuple[dict[str, Floats], NDArray[np.int64]]:
+    """Return the different plucks among the valid presses, and the pluck of each press.
 
-    Args:
-        choir: Whose plectrum says where the string lies on it.
-        values: Of `PLECTRUM` and `STRING`.
-        given: `DERIVED`, None where they follow from the values.
+    They are in order of their first value. An invalid press has the first pluck.
     """
-    friction, overlap, length, thick, wide, modulus, tension, span, place, diameter = values
-    bending, stiffness = given
-    with np.errstate(all="ignore"):  # of presses that are not simulated
-        if bending is None:
-            bending = modulus * wide * thick**3 / 12
-        if stiffness is None:
-            stiffness = tension / (place * (1 - place / span))
-    surface = choir.plectrum.contact == "surface"
-    return friction, overlap, length, bending, stiffness, (thick + diameter) / 2 * surface
+    table = np.stack([np.broadcast_to(value, played.shape) for value in values.values()])
+    different, inverse = np.unique(table[:, played], axis=1, return_inverse=True)
+    which = np.zeros(len(played), np.int64)
+    which[played] = inverse
+    return dict(zip(values, different, strict=True)), which
 
 
-def _elastica(columns: Floats) -> tuple[Laws, NDArray[np.bool_]]:
+def _varied(choir: Choir, values: Mapping[str, Any]) -> Choir:
+    """Return a choir with other values of its plectrum and string, numbers or arrays."""
+    parts: dict[str, dict[str, Any]] = {"plectrum": {}, "string": {}}
+    for key, value in values.items():
+        part, name = key.split(".")
+        parts[part][name] = value
+    return choir.model_copy(
+        update={part: getattr(choir, part).model_copy(update=new) for part, new in parts.items()}
+    )
+
+
+def _elastica(
+    choir: Choir, level: str, values: Mapping[str, Floats]
+) -> tuple[Laws, NDArray[np.bool_]]:
     """Return laws of the elastica, and which of them are valid."""
-    friction, overlap, length, bending, stiffness, offset = columns
+    varied = _varied(choir, {n: value for n, value in values.items() if n not in DERIVED})
+    plectrum, string = varied.plectrum, varied.string
+    bending = values.get(DERIVED[0], plectrum.bending_stiffness)
+    stiffness = values.get(DERIVED[1], string.static_stiffness)
+    offset = (plectrum.thickness + string.diameter) / 2 * (plectrum.contact == "surface")
+    parts = (stiffness, plectrum.overlap, bending, plectrum.length, offset, plectrum.friction)
+    count = len(next(iter(values.values())))
+    stiffness, overlap, bending, length, offset, friction = np.stack(
+        [np.broadcast_to(part, count) for part in parts]
+    )
     low, high = STIFFNESS_RANGE
     good = (stiffness >= low) & (stiffness <= high) & (overlap <= OVERLAP_MAX * length)
     stiffness, overlap = np.where(good, (stiffness, overlap), ([[1.0], [0.1]] * length))
     laws, ends = [], np.flatnonzero(np.diff(friction)) + 1
-    for start, end in zip([0, *ends], [*ends, len(friction)], strict=True):
+    for start, end in zip([0, *ends], [*ends, count], strict=True):
         for first in range(start, end, CHUNK):
             part = slice(first, min(first + CHUNK, end))
-            parts = [a[part] for a in (stiffness, overlap, bending, length, offset)]
-            solved, sure = elastica_laws(*parts, friction=float(friction[start]))
+            some = [a[part] for a in (stiffness, overlap, bending, length, offset)]
+            solved, sure = elastica_laws(*some, friction=float(friction[start]))
             good[part] &= sure
             laws.append(solved)
     return _joined(laws), good
 
 
-def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[Laws, NDArray[np.bool_]]:
+def _one_by_one(
+    choir: Choir, level: str, values: Mapping[str, Floats]
+) -> tuple[Laws, NDArray[np.bool_]]:
     """Return laws of any level, and which of them are valid."""
-    good, laws = np.ones(columns.shape[1], bool), []
-    for row, values in enumerate(columns.T.tolist()):
-        changed: dict[str, dict[str, float]] = {"plectrum": {}, "string": {}}
-        for key, value in zip((*PLECTRUM, *STRING), values, strict=True):
-            part, name = key.split(".")
-            changed[part][name] = value
-        parts = {p: getattr(choir, p).model_copy(update=new) for p, new in changed.items()}
+    rows = np.column_stack(list(values.values())).tolist()
+    good, laws = np.ones(len(rows), bool), []
+    for i, row in enumerate(rows):
         try:
-            laws.append(choir_law(choir.model_copy(update=parts), level))
+            laws.append(choir_law(_varied(choir, dict(zip(values, row, strict=True))), level))
         except ModelError:
-            good[row] = False
+            good[i] = False
             laws.append(Laws(np.zeros((1, 5)), np.zeros((1, 3), np.int64), np.zeros((1, 3))))
     return _joined(laws), good
 
@@ -163,20 +173,6 @@ def _joined(parts: list[Laws]) -> Laws:
         np.concatenate([part.first + start for part, start in zip(parts, starts, strict=True)]),
         np.concatenate([part.border for part in parts]),
     )
-
-
-def _different(
-    values: Sequence[Floats], played: NDArray[np.bool_]
-) -> tuple[Floats, NDArray[np.int64]]:
-    """Return the distinct columns among the valid presses, and the column of each press.
-
-    Columns are in order of their first row. An invalid press has the first one.
-    """
-    table = np.stack([np.broadcast_to(value, played.shape) for value in values])
-    different, inverse = np.unique(table[:, played], axis=1, return_inverse=True)
-    which = np.zeros(len(played), np.int64)
-    which[played] = inverse
-    return different, which
 
 
 @lru_cache(maxsize=256)

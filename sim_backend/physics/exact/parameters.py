@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -52,10 +53,10 @@ class Numbers:
 
     def __call__(self, key: str) -> Any:
         """Return the value of a dotted key, a number or of shape (presses,)."""
-        node: Any = self.scene if key.startswith("push.") else self.rig
-        *path, name = key.split(".")
+        *path, name = _parts(key)
+        node: Any = self.scene if path[0] == "push" else self.rig
         for part in path:
-            node = node[int(part)] if part.isdecimal() else getattr(node, part)
+            node = node[part] if isinstance(part, int) else getattr(node, part)
         self.used[key] = type(node), name
         return self.given[key] if key in self.given else getattr(node, name)
 
@@ -75,6 +76,12 @@ class Numbers:
             good &= self(f"{at}plectrum.overlap") < self(f"{at}plectrum.length")
         back = self("jack.mass") * GRAVITY * self("key.jack_arm")
         return good & (self("key.gravity_moment") < back)
+
+
+@cache
+def _parts(key: str) -> tuple[Any, ...]:
+    """Return the parts of a dotted key, and numbers of choirs as numbers."""
+    return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
 
 
 def benches(numbers: Numbers, presses: int) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -22,7 +22,7 @@ TRIALS, SAME = 100, 1e-16
 
 @compiled
 def try_step(press, step):
-    """Set the state after a step [s] within the mode, from the saved start; return its relative error."""
+    """Set the state a step [s] after the saved one, within the mode; return its relative error."""
     run, x, v, a, work, size = press.run, press.x, press.v, press.a, press.work, len(press.x)
     start, table_x, table_v, old_x, old_v = work[0:3], work[3:7], work[7:11], work[11], work[12]
     rows, error = run.order // 2, 0.0
@@ -80,20 +80,35 @@ def guard(press):
     Every guard is an inequality that holds in the mode, over its natural scale and with its
     tolerance added.
     """
-    key = press.key
-    least, weights = LARGEST_ANGLE - press.x[0], abs(key.gravity_moment) + key.dry
+    key, finger, angle, omega = press.key, press.finger, press.x[0], press.v[0]
+    least, weights = LARGEST_ANGLE - angle, abs(key.gravity_moment) + key.dry
     for k in range(len(press.jacks)):
-        jack = press.jacks[k]
-        weight = 10.0 * jack.mass + jack.friction
-        weights += weight * jack.arm
+        weight = 10.0 * press.jacks[k].mass + press.jacks[k].friction
+        weights += weight * press.jacks[k].arm
         least = min(least, jack_guard(press, k, weight))
-    least = min(least, key_guard(press, weights), finger_guard(press, weights))
-    return min(least, felt_guard(key, press.x[0], press.v[0], weights))
+    if key.slip != 0:
+        least = min(least, (key.slip * omega + RATE) * 10.0)
+        if key.slip < 0:
+            least = min(least, (angle + ANGLE) * 1e2)
+    elif finger.compliance > 0.0:
+        least = min(least, key.up / weights + FORCE)
+        if angle > ix.CLOSE:  # not on the rail
+            least = min(least, key.down / weights + FORCE)
+    if finger.touch:
+        if key.slip != 0 or finger.compliance > 0.0:
+            least = min(least, finger.reaction / weights + FORCE)
+    elif finger.kind != ix.PUSH:
+        least = min(least, (angle - finger.angle + ANGLE) * 1e2)
+    if finger.pad_stiffness > 0.0:
+        push = finger.push / weights
+        least = min(least, spring_guard(finger.pad, finger.overlap * 1e3, push, RISE * 1e3))
+    push = felt_push(key, angle, omega) / weights
+    return min(least, spring_guard(key.felt, (angle - key.dip) * 1e2, push, ANGLE * 1e2))
 
 
 @expanded
 def jack_guard(press, k, weight):
-    """Return the least guard of a jack, with its string and damper; its forces are over a weight."""
+    """Return the least guard of a jack, its string and its damper; its force is over a weight."""
     key, jack, rise = press.key, press.jacks[k], press.x[k + 1]
     least = min((rise - jack.low + RISE) * 1e3, (jack.high - rise + RISE) * 1e3)
     if not jack.stands:
@@ -106,45 +121,12 @@ def jack_guard(press, k, weight):
     return least
 
 
-@expanded
-def key_guard(press, weights):
-    """Return the least guard of the key's slip, rail and friction; its moments are over weights."""
-    key, angle = press.key, press.x[0]
-    if key.slip != 0:
-        slips = (key.slip * press.v[0] + RATE) * 10.0
-        return min(slips, (angle + ANGLE) * 1e2) if key.slip < 0 else slips
-    if press.finger.compliance == 0.0:  # a push is constant, and an ideal finger has any force
-        return math.inf
-    held = key.up / weights + FORCE
-    if angle > ix.CLOSE:  # not on the rail
-        held = min(held, key.down / weights + FORCE)
-    return held
-
-
-@expanded
-def finger_guard(press, weights):
-    """Return the least guard of the fingertip's contact and of its pad."""
-    finger, least = press.finger, math.inf
-    if not finger.touch and finger.kind != ix.PUSH:
-        least = (press.x[0] - finger.angle + ANGLE) * 1e2
-    elif finger.touch and (press.key.slip != 0 or finger.compliance > 0.0):
-        least = finger.reaction / weights + FORCE
-    if finger.pad_stiffness > 0.0:
-        if finger.pad == ix.OFF:
-            return min(least, (RISE - finger.overlap) * 1e3)
-        side = 1.0 if finger.pad == ix.PRESSED else -1.0
-        pushed = side * finger.push / weights + FORCE
-        least = min(least, (finger.overlap + RISE) * 1e3, pushed)
-    return least
-
-
-@expanded
-def felt_guard(key, angle, omega, weights):
-    """Return the least guard of the front felt."""
-    if key.felt == ix.OFF:
-        return (key.dip - angle + ANGLE) * 1e2
-    push = felt_push(key, angle, omega) * (1.0 if key.felt == ix.PRESSED else -1.0)
-    return min((angle - key.dip + ANGLE) * 1e2, push / weights + FORCE)
+@inlined
+def spring_guard(state, overlap, push, tolerance):
+    """Return the least guard of felt or pad, whose overlap has a tolerance."""
+    if state == ix.OFF:
+        return tolerance - overlap
+    return min(overlap + tolerance, (push if state == ix.PRESSED else -push) + FORCE)
 
 
 @compiled

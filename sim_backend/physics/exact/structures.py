@@ -69,11 +69,11 @@ FINGER = _record(
 )
 """Of the arm: lengths in m, inertias in kg m^2, weights in N m; of the position loops s, and rad
 per encoder count; of the fingertip's pad N/m, 0 if it is rigid, and N s/m. Its state: N m, of a
-push or a pad, and of a rigid contact. Of a key that touches the fingertip rad, rad/s, and rad/s^2 if no
-force acts on it; what a moment of 1 N m takes from that, 0 if ideal and infinite behind a pad; m,
-moment per force. Of a pad m, by which a rigid fingertip would be within the key, and the moment
-[N m] of its spring and damper, negative if they would pull. The kind; whether an ideal one is at
-rest, whether it touches the key, and the pad.
+push or a pad, and of a rigid contact. Of a key that touches the fingertip rad, rad/s, and rad/s^2
+if no force acts on it; what a moment of 1 N m takes from that, 0 if ideal and infinite behind a
+pad; m, moment per force. Of a pad m, by which a rigid fingertip would be within the key, and the
+moment [N m] of its spring and damper, negative if they would pull. The kind; whether an ideal one
+is at rest, whether it touches the key, and the pad.
 
 Of both joints: N m/rad, N m s/rad, kg m^2; rad where the encoders are 0; limits, offsets and
 integrals [N m], following errors [rad] of the last sample, torques [N m]; accelerations without a
