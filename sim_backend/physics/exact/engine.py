@@ -75,7 +75,7 @@ class ExactWorld(World):
         if scene.servo:
             self.finger = ServoFinger(self.press, rig.arm, scene.gravity)
         if not ExactWorld._compiled:  # now, and not while a host waits for an answer
-            self._play(*np.zeros((2, 1, 2)), False)
+            self._play(np.zeros((1, 2)), np.zeros((1, 2)), False)
             ExactWorld._compiled = True
 
     @property

@@ -219,7 +219,8 @@ def elastica_laws(
         folded = status == Status.RELEASED_AT_FOLD
         cells = np.stack([_cells(c.height, c.lift, folded) for c in paths.curves], axis=1)
         cells[..., 1:] *= stiffness[:, None, None, None]
-    start, end = np.moveaxis([curve.height[:, [0, -1]] for curve in paths.curves], 2, 0)
+    start = np.array([curve.height[:, 0] for curve in paths.curves])
+    end = np.array([curve.height[:, -1] for curve in paths.curves])
     lasts = end - start > 1e-12 * np.abs(end)
     good = (status <= Status.RELEASED_AT_FOLD) & lasts.any(axis=0)
     for j, some in enumerate(lasts):

@@ -130,9 +130,10 @@ def new_presses(
         run: Array of one `RUN`.
     """
     n = 1 + jacks.shape[1] + (2 if finger["kind"][0] == SERVO else 0)
+    x, v, a = np.zeros((3, n))
     return Press(
-        records(keys), records(jacks), cells, records(finger), records(run),
-        *np.zeros((3, n)), np.zeros((13, n)), np.zeros((EVENTS, 5)), np.zeros((0, 6)),
+        records(keys), records(jacks), cells, records(finger), records(run), x, v, a,
+        np.zeros((13, n)), np.zeros((EVENTS, 5)), np.zeros((0, 6)),
     )  # fmt: skip
 
 
