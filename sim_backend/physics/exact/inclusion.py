@@ -30,14 +30,21 @@ DEEP = 1e-6
 
 
 @inlined
-def pose(press, kept, h):
-    """Set the jacks' terms of the inclusion; return q and t of the key.
+def in_contact(kept, h, gap, apart):
+    """Return whether surfaces meet within a time h, or for accelerations stay in contact.
 
     Args:
-        press: Its modes of felt, strings and dampers are set.
-        kept: 1.0 if x is a velocity, 0.0 if it is an acceleration.
-        h: s, for which forces act: 0 for an impact, 1 for an acceleration.
+        kept: As of `solve`, as the next.
+        h: s.
+        gap: m or rad, between them.
+        apart: m/s or rad/s, of the gap.
     """
+    return gap + kept * h * apart <= ix.CLOSE and (kept > 0.0 or abs(apart) <= ix.SLOW)
+
+
+@expanded
+def pose(press, kept, h):
+    """Set the jacks' terms of the inclusion; return q and t of the key. See `solve`."""
     key, x, v = press.key, press.x, press.v
     angle, omega = x[0], v[0]
     for k in range(len(press.jacks)):
@@ -46,9 +53,8 @@ def pose(press, kept, h):
         gap, apart = x[k + 1] - rise, speed - slope * omega
         jack.slope, jack.dry = slope, h * jack.friction
         jack.push = h * static_load(press, k, x[k + 1]) - kept * jack.mass * speed
-        jack.closed = gap + (h * apart if kept else 0.0) <= ix.CLOSE
+        jack.closed = in_contact(kept, h, gap, apart)
         if not kept:
-            jack.closed = jack.closed and abs(apart) <= ix.SLOW
             jack.push += jack.mass * curvature * omega * omega
             if speed != 0.0:
                 jack.push, jack.dry = jack.push + math.copysign(jack.friction, speed), 0.0
@@ -113,24 +119,23 @@ def root(press, q, t, by, pull, target):
 
 
 @compiled
-def solve(press, q, t, target, near, direction, rail):
+def solve(press, kept, h, direction):
     """Solve the inclusion; return the unknown, and set whether the finger touches the key.
 
     Args:
-        press: Its jacks' terms are set.
-        q: Of Phi.
-        t: Of Phi.
-        target: x_f, of the finger.
-        near: Whether the finger is in contact.
+        press: Its modes of felt, strings and dampers are set.
+        kept: 1.0 if x is a velocity, 0.0 if it is an acceleration.
+        h: s, for which forces act: 0 for an impact, 1 for an acceleration.
         direction: Of an ideal finger that is about to move the key from rest, else 0.
-        rail: Whether the key is on its rail.
     """
-    finger = press.finger
-    c = finger.compliance
+    finger, angle, omega = press.finger, press.x[0], press.v[0]
+    q, t = pose(press, kept, h)
     x = root(press, q, t, 1.0, 0.0, 0.0)
+    c, target = finger.compliance, kept * finger.speed + h * finger.acceleration
+    near = in_contact(kept, h, angle - finger.angle, omega - finger.speed)
     if near and x < target:
         x = root(press, q, t, c, 1.0, target) if c > 0.0 else target
-    if rail:
+    if in_contact(kept, h, angle, omega):  # the rail
         x = max(x, 0.0)
     finger.touch = near and (x < target or (x == target and direction >= 0))
     return x
@@ -148,12 +153,9 @@ def resolve(press, h):
     if status != ix.FINE:
         return status
     set_forces(press)
-    q, t = pose(press, 1.0, h)
-    near, target = False, 0.0
-    if finger.kind != ix.PUSH:
-        target = finger.speed + h * finger.acceleration
-        near = x[0] - finger.angle + h * (v[0] - finger.speed) <= ix.CLOSE
-    omega = solve(press, q, t, target, near, 0.0, x[0] + h * v[0] <= ix.CLOSE)
+    omega, taken = solve(press, 1.0, h, 0.0), 0.0
+    if finger.touch and finger.compliance > 0.0:
+        taken = (finger.speed + h * finger.acceleration - omega) / finger.compliance
     for k in range(len(press.jacks)):
         jack, at = press.jacks[k], k + 1
         if jack_push(jack, omega, sign(omega)) > 0.0:
@@ -162,7 +164,6 @@ def resolve(press, h):
             free = v[at] - h * static_load(press, k, x[at]) / jack.mass
             slow = jack.dry / jack.mass
             v[at] = free - min(max(free, -slow), slow)
-    taken = (target - omega) / finger.compliance if finger.touch and finger.compliance else 0.0
     for j in range(len(x) - 1 - len(press.jacks)):
         v[len(x) - 2 + j] += h * finger.free[j] - finger.by[j] * taken
     v[0] = omega
@@ -215,11 +216,7 @@ def select(press):
     direction = heading(press) if v[0] == 0.0 else 0.0
     locate_tip(press, press.run.time)
     finger.pad = spring_state(finger.overlap, finger.push)
-    q, t = pose(press, 0.0, 1.0)
-    near = x[0] - finger.angle <= ix.CLOSE and abs(v[0] - finger.speed) <= ix.SLOW
-    turn = solve(
-        press, q, t, finger.acceleration, near, direction, x[0] <= ix.CLOSE and v[0] == 0.0
-    )
+    turn = solve(press, 0.0, 1.0, direction)
     key.slip = sign(v[0]) if v[0] != 0.0 else sign(turn)
     if v[0] == 0.0 and finger.touch and direction != 0:
         key.slip = direction

@@ -13,13 +13,7 @@ from sautereau.sim_backend.physics.exact.compile import compiled, entry, expande
 from sautereau.sim_backend.physics.exact.fingertip import close_loops, locate_tip
 from sautereau.sim_backend.physics.exact.forces import surface
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
-from sautereau.sim_backend.physics.exact.step import (
-    guard,
-    hold_tip,
-    locate,
-    save_start,
-    try_step,
-)
+from sautereau.sim_backend.physics.exact.step import guard, hold_tip, locate, try_step
 from sautereau.sim_backend.physics.exact.strings import update_strings, write_row
 
 SHORTEST = 1e-8
@@ -37,9 +31,7 @@ one_press = expanded(ix.one_press)
 @expanded
 def rest(press):
     """Set a press to rest: the key on its rail, or on a fingertip above that; return a status."""
-    press.x[:] = 0.0
-    press.v[:] = 0.0
-    press.a[:] = 0.0
+    press.work[:] = 0.0
     key, finger, n = press.key, press.finger, len(press.jacks)
     if finger.kind == ix.SERVO:
         press.x[n + 1], press.x[n + 2] = finger.start[0], finger.start[1]
@@ -111,7 +103,9 @@ def advance(press, end):
         step = min(step, end - run.time)
         if not repeated:
             before = guard(press)
-            save_start(press)
+            for i in range(len(press.x)):
+                for c in range(3):
+                    press.work[3 + c, i] = press.work[c, i]
         error = try_step(press, step) / allowed
         repeated = not error <= 1.0 and step > SHORTEST
         if repeated:

@@ -23,42 +23,41 @@ TRIALS, SAME = 100, 1e-16
 @compiled
 def try_step(press, step):
     """Set the state a step [s] after the saved one, within the mode; return its relative error."""
-    run, x, v, a, work, size = press.run, press.x, press.v, press.a, press.work, len(press.x)
-    start, table_x, table_v, old_x, old_v = work[0:3], work[3:7], work[7:11], work[11], work[12]
+    run, work, size = press.run, press.work, len(press.x)
+    state, start, old, table = work[0:3], work[3:6], work[6:8], work[8:16]
     rows, error = run.order // 2, 0.0
     for j in range(rows):
         parts = 2 * (j + 1)
         h = step / parts
         for i in range(size):
-            old_x[i], old_v[i] = start[0, i], start[1, i]
-            x[i], v[i] = start[0, i] + h * start[1, i], start[1, i] + h * start[2, i]
+            for c in range(2):  # positions, then speeds
+                old[c, i], state[c, i] = start[c, i], start[c, i] + h * start[c + 1, i]
         for m in range(1, parts):
             accelerate(press, run.time + m * h)
             for i in range(size):
-                next_x, next_v = old_x[i] + 2 * h * v[i], old_v[i] + 2 * h * a[i]
-                old_x[i], old_v[i], x[i], v[i] = x[i], v[i], next_x, next_v
+                for c in range(2):
+                    following = old[c, i] + 2 * h * state[c + 1, i]
+                    old[c, i], state[c, i] = state[c, i], following
         for i in range(size):
-            # The row's entries replace those of the row before, from the left.
-            for k in range(j + 1):
-                before_x, before_v = table_x[k, i], table_v[k, i]
-                table_x[k, i], table_v[k, i] = x[i], v[i]
-                if k < j:
-                    ratio = parts / (parts - 2 * (k + 1))
-                    factor = 1 / (ratio * ratio - 1)
-                    x[i] += (x[i] - before_x) * factor
-                    v[i] += (v[i] - before_v) * factor
+            extrapolate(state, table, j, i)
             if j == rows - 1 and j > 0:
-                scale = max(abs(v[i]), abs(start[1, i]), step * abs(start[2, i]), SLOWEST)
-                error = max(error, abs(v[i] - table_v[j - 1, i]) / scale)
+                speed, first = state[1, i], start[1, i]
+                scale = max(abs(speed), abs(first), step * abs(start[2, i]), SLOWEST)
+                error = max(error, abs(speed - table[2 * j - 1, i]) / scale)
     accelerate(press, run.time + step)
     return error
 
 
 @expanded
-def save_start(press):
-    """Keep the state, from which steps start."""
-    for i in range(len(press.x)):
-        press.work[0, i], press.work[1, i], press.work[2, i] = press.x[i], press.v[i], press.a[i]
+def extrapolate(state, table, j, i):
+    """Extrapolate a coordinate, whose row of the table replaces the one before from the left."""
+    for c in range(2):
+        for k in range(j + 1):
+            before = table[2 * k + c, i]
+            table[2 * k + c, i] = state[c, i]
+            if k < j:
+                ratio = (j + 1) / (j - k)
+                state[c, i] += (state[c, i] - before) / (ratio * ratio - 1)
 
 
 @inlined

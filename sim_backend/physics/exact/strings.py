@@ -1,7 +1,7 @@
 """States of plectra and strings, their events, and the rows of a motion; compiled."""
 
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import compiled, expanded, inlined
+from sautereau.sim_backend.physics.exact.compile import compiled, inlined
 from sautereau.sim_backend.physics.exact.forces import string_force
 
 NO_EVENT = -1
@@ -15,6 +15,7 @@ FALLEN_EVENT = (NO_EVENT, NO_EVENT, NO_EVENT, NO_EVENT, ix.RETURN)
 @compiled
 def update_strings(press):
     """Let the strings follow the rises of their jacks, and record the events."""
+    run = press.run
     for k in range(len(press.jacks)):
         jack, rise = press.jacks[k], press.x[k + 1]
         for _ in range(8):
@@ -25,19 +26,12 @@ def update_strings(press):
                 following, event = FALLEN[state], FALLEN_EVENT[state]
             else:
                 break
-            if event != NO_EVENT:
-                record_event(press, event, k)
+            if event != NO_EVENT and run.events < ix.EVENTS:
+                found = press.events[run.events]
+                found[0], found[1], found[2] = run.time, event, k
+                found[3], found[4] = string_force(press, k, rise), press.v[k + 1]
+                run.events += 1
             jack.string = following
-
-
-@expanded
-def record_event(press, event, k):
-    """Record the event of a string before it changes, while there is room for it."""
-    if press.run.events < ix.EVENTS:
-        found = press.events[press.run.events]
-        found[0], found[1], found[2] = press.run.time, event, k
-        found[3], found[4] = string_force(press, k, press.x[k + 1]), press.v[k + 1]
-        press.run.events += 1
 
 
 @inlined

@@ -110,7 +110,7 @@ class Press(NamedTuple):
     a: Floats
     """Their accelerations; shape (n,)."""
     work: Floats
-    """Space for the steps; shape (13, n)."""
+    """Space for the steps, in which x, v and a are the first rows; shape (16, n)."""
     events: Floats
     """Time [s], kind, choir, force [N] and jack's speed [m/s] of each; shape (EVENTS, 5)."""
     rows: Floats
@@ -130,10 +130,10 @@ def new_presses(
         run: Array of one `RUN`.
     """
     n = 1 + jacks.shape[1] + (2 if finger["kind"][0] == SERVO else 0)
-    x, v, a = np.zeros((3, n))
+    work = np.zeros((16, n))
     return Press(
-        records(keys), records(jacks), cells, records(finger), records(run), x, v, a,
-        np.zeros((13, n)), np.zeros((EVENTS, 5)), np.zeros((0, 6)),
+        records(keys), records(jacks), cells, records(finger), records(run), work[0],
+        work[1], work[2], work, np.zeros((EVENTS, 5)), np.zeros((0, 6)),
     )  # fmt: skip
 
 
