@@ -16,11 +16,11 @@ from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, PushDrive, drive_of
 from sautereau.sim_backend.physics.exact.compile import Announcement
-from sautereau.sim_backend.physics.exact.engine import ExactWorld
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
-from sautereau.sim_backend.physics.exact.parameters import finger_of, run_of
-from sautereau.sim_backend.physics.exact.structures import JACK, KEY, new_presses, one_press
+from sautereau.sim_backend.physics.exact.structures import JACK, KEY, one_press
 from sautereau.sim_backend.physics.observation import errors, observe, reference
+from sautereau.sim_backend.physics.presses.parameters import finger_of, new_presses, run_of
+from sautereau.sim_backend.physics.presses.world import ExactWorld
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.key import (
@@ -571,5 +571,5 @@ def test_a_compilation_is_announced_once(caplog):
         data = {"dispatcher": dispatcher}
         announcement.notify(event.Event("numba:compile", event.EventStatus.START, data))
     assert [record.getMessage() for record in caplog.records] == [
-        "compiling the exact engine, once for this version: about 20 s"
+        "compiling the exact engine, once for this version: about 15 s"
     ]

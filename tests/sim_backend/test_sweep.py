@@ -7,9 +7,9 @@ from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.exact.engine import ExactWorld
-from sautereau.sim_backend.physics.exact.laws import choir_law, elastica_laws
-from sautereau.sim_backend.physics.exact.sweep import Ending, sweep
+from sautereau.sim_backend.physics.presses.laws import choir_law, elastica_laws
+from sautereau.sim_backend.physics.presses.sweep import Ending, sweep
+from sautereau.sim_backend.physics.presses.world import ExactWorld
 from tests.sim_backend.scenes import RETURNING, RIG, choir, pressed, pushed
 
 UNITS = {

@@ -57,22 +57,15 @@ def locate_tip(press, time):
         s1, s2 = finger.free[0], finger.free[1]
         finger.compliance = slope1 * finger.by[0] + slope2 * finger.by[1]
     finger.acceleration = slope1 * s1 + slope2 * s2 + bias
-    if finger.pad_stiffness > 0.0:
+    if finger.pad_stiffness > 0.0:  # a moment, which a rigid fingertip's contact never joins
         finger.overlap = finger.height - z * cosine + x * sine
-        squeeze(press)
-
-
-@compiled
-def squeeze(press):
-    """Set the moment of the pad, which a rigid fingertip's contact never joins."""
-    finger = press.finger
-    closing = finger.lever * (finger.speed - press.v[0])
-    finger.push = finger.pad_stiffness * finger.overlap + finger.pad_damping * closing
-    finger.push *= finger.lever
-    finger.moment = max(0.0, finger.push) if finger.overlap > 0.0 else 0.0
-    finger.angle, finger.compliance = -math.inf, math.inf
-    for j in range(2):
-        finger.free[j] -= finger.by[j] * finger.moment
+        closing = finger.lever * (omega - press.v[0])
+        push = finger.pad_stiffness * finger.overlap + finger.pad_damping * closing
+        finger.push = push * finger.lever
+        finger.moment = max(0.0, finger.push) if finger.overlap > 0.0 else 0.0
+        finger.angle, finger.compliance = -math.inf, math.inf
+        for j in range(2):
+            finger.free[j] -= finger.by[j] * finger.moment
 
 
 @compiled

@@ -20,9 +20,9 @@ def surface(arm, height, angle):
 
 
 @inlined
-def string_force(press, k, rise):
+def string_force(press, k):
     """Return the force [N] of a string on its jack, downwards."""
-    jack = press.jacks[k]
+    jack, rise = press.jacks[k], press.x[k + 1]
     if jack.string == ix.STUCK or jack.string == ix.SLIDING:
         return pluck_force(press.cells, jack, rise)
     if jack.string == ix.PASSING:
@@ -50,12 +50,12 @@ def pluck_force(cells, jack, rise):
 
 
 @inlined
-def static_load(press, k, rise):
+def static_load(press, k):
     """Return the sum of weight, string and damper of a jack [N], downwards."""
     jack = press.jacks[k]
-    load = jack.mass * press.key.gravity + string_force(press, k, rise)
+    load = jack.mass * press.key.gravity + string_force(press, k)
     if jack.damped:
-        load -= jack.damper * (jack.lift - rise)
+        load -= jack.damper * (jack.lift - press.x[k + 1])
     return load
 
 
@@ -133,7 +133,7 @@ def load_jacks(press):
         if jack.stands:
             rise, slope, curvature = surface(jack.arm, key.height, x[0])
             x[at], v[at], a[at] = rise, slope * v[0], curvature * v[0] * v[0]
-            static = static_load(press, k, rise)
+            static = static_load(press, k)
             jack.load = jack.mass * a[at] + static + key.slip * jack.friction
             jack.slope = slope
             inertia += jack.mass * slope * slope
@@ -143,7 +143,7 @@ def load_jacks(press):
         elif jack.sign == 0:
             v[at] = a[at] = 0.0
         else:
-            load = static_load(press, k, x[at]) + jack.sign * jack.friction
+            load = static_load(press, k) + jack.sign * jack.friction
             a[at] = -load / jack.mass
     return inertia, moment, least, most
 

@@ -52,7 +52,7 @@ def pose(press, kept, h):
         rise, slope, curvature = surface(jack.arm, key.height, angle)
         gap, apart = x[k + 1] - rise, speed - slope * omega
         jack.slope, jack.dry = slope, h * jack.friction
-        jack.push = h * static_load(press, k, x[k + 1]) - kept * jack.mass * speed
+        jack.push = h * static_load(press, k) - kept * jack.mass * speed
         jack.closed = in_contact(kept, h, gap, apart)
         if not kept:
             jack.push += jack.mass * curvature * omega * omega
@@ -161,7 +161,7 @@ def resolve(press, h):
         if jack_push(jack, omega, sign(omega)) > 0.0:
             v[at] = jack.slope * omega
         elif h > 0.0:
-            free = v[at] - h * static_load(press, k, x[at]) / jack.mass
+            free = v[at] - h * static_load(press, k) / jack.mass
             slow = jack.dry / jack.mass
             v[at] = free - min(max(free, -slow), slow)
     for j in range(len(x) - 1 - len(press.jacks)):
@@ -208,7 +208,7 @@ def set_forces(press):
 @entry
 def select(press):
     """Select the mode that follows after all impacts, by the accelerations."""
-    key, finger, x, v = press.key, press.finger, press.x, press.v
+    key, finger, v = press.key, press.finger, press.v
     set_forces(press)
     for i in range(1 + len(press.jacks)):
         if abs(v[i]) <= ix.SLOW:
@@ -225,7 +225,7 @@ def select(press):
         jack = press.jacks[k]
         push = jack.mass * jack.slope * turn + jack.push + side * jack.dry
         jack.stands, jack.sign = jack.closed and push >= 0.0, sign(v[k + 1])
-        load = static_load(press, k, x[k + 1])
+        load = static_load(press, k)
         if jack.sign == 0 and abs(load) > jack.friction:
             jack.sign = -sign(load)
     accelerate(press, press.run.time)

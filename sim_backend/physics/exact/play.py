@@ -48,13 +48,14 @@ def rest(press):
 
 @compiled
 def change(press):
-    """Let the strings, the impacts and the mode follow the state; return a status."""
+    """Let strings, impacts and mode follow the state, and write a row; return a status."""
     if press.x[0] >= LARGEST_ANGLE:
         return ix.TURNED_OVER
     update_strings(press)
     status = resolve(press, 0.0)
     if status == ix.FINE:
         select(press)
+        write_row(press)
     return status
 
 
@@ -83,19 +84,14 @@ def pass_event(press, end):
         run.time, run.crowd = run.time + h, 0
         if status == ix.FINE:
             status = change(press)
-    if status == ix.FINE:
-        write_row(press)
     return status
 
 
 @expanded
 def advance(press, end):
     """Advance to a time [s] of smooth action of the finger until then; return a status."""
-    run, order, status = press.run, press.run.order, ix.FINE
-    if run.changed:
-        status = change(press)
-        if status == ix.FINE:
-            write_row(press)
+    run, order = press.run, press.run.order
+    status = change(press) if run.changed else ix.FINE
     step, repeated, before, run.crowd, run.changed = end - run.time, False, 0.0, 0, 0
     allowed = run.tolerance ** (1.0 - 2.0 / order)
     while status == ix.FINE and run.time < end and not rests(press):

@@ -29,7 +29,7 @@ def update_strings(press):
             if event != NO_EVENT and run.events < ix.EVENTS:
                 found = press.events[run.events]
                 found[0], found[1], found[2] = run.time, event, k
-                found[3], found[4] = string_force(press, k, rise), press.v[k + 1]
+                found[3], found[4] = string_force(press, k), press.v[k + 1]
                 run.events += 1
             jack.string = following
 
@@ -49,4 +49,4 @@ def write_row(press):
         row[4] = (finger.reaction if finger.touch else pushed) / finger.lever
     row[5] = 0.0
     for k in range(len(press.jacks)):
-        row[5] += string_force(press, k, press.x[k + 1])
+        row[5] += string_force(press, k)

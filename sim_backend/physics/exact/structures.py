@@ -3,9 +3,7 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.trajectory.motion import Floats
 
 BELOW, STUCK, SLIDING, ABOVE, PASSING = 0, 1, 2, 3, 4
@@ -91,7 +89,11 @@ to come for the ends of steps."""
 
 
 class Press(NamedTuple):
-    """A bench and its state; all arrays and records are changed in place."""
+    """A bench and its state; all arrays and records are changed in place.
+
+    Presses to play have arrays in place of the records: of keys, of shape (presses,), and of jacks,
+    of shape (presses, choirs). As one at a time is played, they share the others of one element.
+    """
 
     key: Any
     """Record of `KEY`."""
@@ -117,28 +119,8 @@ class Press(NamedTuple):
     """Times and the other quantities of `Motions`; shape (rows, 6)."""
 
 
-def new_presses(
-    keys: NDArray, jacks: NDArray, cells: Floats, finger: NDArray, run: NDArray
-) -> Press:
-    """Return presses at time 0 before their first sample, of which one at a time is played.
-
-    Args:
-        keys: Of `KEY`; shape (presses,).
-        jacks: Of `JACK`; shape (presses, choirs).
-        cells: Of the force laws.
-        finger: Array of one `FINGER`.
-        run: Array of one `RUN`.
-    """
-    n = 1 + jacks.shape[1] + (2 if finger["kind"][0] == SERVO else 0)
-    work = np.zeros((16, n))
-    return Press(
-        records(keys), records(jacks), cells, records(finger), records(run), work[0],
-        work[1], work[2], work, np.zeros((EVENTS, 5)), np.zeros((0, 6)),
-    )  # fmt: skip
-
-
 def one_press(presses: Press, i: int) -> Press:
-    """Return one of `new_presses`, which share all but key and jacks."""
+    """Return one of some presses, which share all but key and jacks; for the types see `Press`."""
     return Press(
         presses.key[i], presses.jacks[i], presses.cells, presses.finger[0], presses.run[0],
         presses.x, presses.v, presses.a, presses.work, presses.events, presses.rows,

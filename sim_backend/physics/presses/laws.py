@@ -17,8 +17,8 @@ from sautereau.analysis.model.pluck.paths import Status, solve_paths
 from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
 from sautereau.rig.instrument import Choir, Plectrum, String
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.exact.parameters import Numbers
 from sautereau.sim_backend.physics.exact.structures import SLIDING, STUCK
+from sautereau.sim_backend.physics.presses.parameters import Numbers
 from sautereau.trajectory.motion import Floats
 
 POINTS = 65

@@ -9,16 +9,17 @@ from sautereau.sim_backend.physics.base import TURNED_OVER, World
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.laws import set_laws
-from sautereau.sim_backend.physics.exact.parameters import (
+from sautereau.sim_backend.physics.exact.play import play
+from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
+from sautereau.sim_backend.physics.presses.laws import set_laws
+from sautereau.sim_backend.physics.presses.parameters import (
     ORDER,
     Numbers,
     benches,
     finger_of,
+    new_presses,
     run_of,
 )
-from sautereau.sim_backend.physics.exact.play import play
-from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats
@@ -70,7 +71,7 @@ class ExactWorld(World):
         cells, _ = set_laws(numbers, jacks, np.ones(1, bool))
         finger, run = finger_of(rig, scene, self.start), run_of(rig, scene, order, tolerance)
         self._kind, self._steps = int(finger["kind"][0]), int(run["steps"][0])
-        self._presses = ix.new_presses(keys, jacks, cells, finger, run)
+        self._presses = new_presses(keys, jacks, cells, finger, run)
         self.finger = StandingFinger(self.start)
         if scene.servo:
             self.finger = ServoFinger(self.press, rig.arm, scene.gravity)

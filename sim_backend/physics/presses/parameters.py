@@ -11,14 +11,18 @@ from numpy.typing import NDArray
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.physics.base import steps_in_sample
+from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.structures import (
     ABOVE,
     BELOW,
+    EVENTS,
     FINGER,
     JACK,
     KEY,
     PASSING,
     RUN,
+    SERVO,
+    Press,
 )
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
@@ -182,3 +186,23 @@ def run_of(
     }.items():  # fmt: skip
         found[name] = value
     return found
+
+
+def new_presses(
+    keys: NDArray, jacks: NDArray, cells: Floats, finger: NDArray, run: NDArray
+) -> Press:
+    """Return presses at time 0 before their first sample, of which one at a time is played.
+
+    Args:
+        keys: Of `KEY`; shape (presses,).
+        jacks: Of `JACK`; shape (presses, choirs).
+        cells: Of the force laws.
+        finger: Array of one `FINGER`.
+        run: Array of one `RUN`.
+    """
+    n = 1 + jacks.shape[1] + (2 if finger["kind"][0] == SERVO else 0)
+    work = np.zeros((16, n))
+    return Press(
+        records(keys), records(jacks), cells, records(finger), records(run), work[0],
+        work[1], work[2], work, np.zeros((EVENTS, 5)), np.zeros((0, 6)),
+    )  # fmt: skip
