@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.phases.levenberg import minimise
+from sautereau.analysis.phases.levenberg import minimise, orthonormal
 from sautereau.analysis.phases.response import Poles, Response, pole
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
@@ -212,11 +212,10 @@ class EventFit:
         rows = np.broadcast_to(np.diag(1 / prior), (*columns.shape[:-2], len(prior), len(prior)))
         target = np.zeros((*columns.shape[:-2], columns.shape[-2] + len(prior)))
         target[..., : self.load.shape[1]] = self.load
-        base, upper = np.linalg.qr(np.concatenate([columns, rows], -2))
+        base, inverse = orthonormal(np.concatenate([columns, rows], -2))
         of = base.swapaxes(-1, -2) @ target[..., None]
         left = target - (base @ of)[..., 0]
-        factors = np.asarray(np.linalg.solve(upper, of)[..., 0], dtype=float)
-        return _Solved(left, factors, base)
+        return _Solved(left, (inverse @ of)[..., 0], base)
 
     def _slopes(self, state: Floats, solved: _Solved) -> Floats:
         """Return the derivatives of the residuals by the state (Kaufman's approximation)."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.fit import HUM_STD, hum_at
-from sautereau.analysis.phases.levenberg import minimise
+from sautereau.analysis.phases.levenberg import minimise, orthonormal
 from sautereau.analysis.phases.slow import TERMS, Slow
 from sautereau.trajectory.motion import Floats
 
@@ -163,11 +163,11 @@ class SawTeeth:
         matrix, target = np.zeros((known + k, k)), np.zeros(known + k)
         matrix[: len(columns)] = columns
         matrix[:known] -= self.base @ (self.base.T @ matrix[:known])
-        matrix[range(known, known + k), range(k)] = self._noise
+        matrix[known:] = self._noise * np.eye(k)
         target[:known] = self._left
-        base, upper = np.linalg.qr(matrix)
+        base, inverse = orthonormal(matrix)
         of = base.T @ target
-        factors = np.asarray(np.linalg.solve(upper, of), dtype=float).reshape(-1, COLUMNS)
+        factors = (inverse @ of).reshape(-1, COLUMNS)
         left = target - base @ of
         return Solved(left[: len(columns)], left, factors, base)
 
@@ -190,17 +190,19 @@ class SawTeeth:
             Shape (..., 2 plucks).
         """
         strings, count = self.strings, plucks.shape[-2]
-        rise = np.interp(plucks, self.slow.hops, self.rise)
-        rise = np.take_along_axis(rise, np.argsort(rise[..., :1], axis=-2), -2)
+        each_set = plucks.reshape(math.prod(plucks.shape[:-2]), count, 2)
+        rise = np.interp(each_set, self.slow.hops, self.rise)
+        number = np.arange(len(rise))
+        rise = rise[number[:, None], np.argsort(rise[..., 0], axis=1)]
         of_contact = (rise[..., :1] - strings.contacts) / CONTACT_STD
         climbed = np.maximum(rise[..., 1:] - rise[..., :1], 1e-5)
         far = np.stack([of_contact, np.log(climbed / strings.climbs) / CLIMB_STD], -1)
-        far = far / np.sqrt(1 + far**2 / DOUBT**2)
+        far /= np.sqrt(1 + far**2 / DOUBT**2)
         each, string = _assignments(count, len(strings.contacts))
-        chosen = np.full((*far.shape[:-3], len(each), count, 2), DOUBT)
-        chosen[..., np.arange(len(each))[:, None], each, :] = far[..., each, string, :]
-        best = np.argmin((chosen**2).sum((-2, -1)), -1)[..., None, None, None]
-        return np.take_along_axis(chosen, best, -3).reshape(*far.shape[:-3], 2 * count)
+        chosen = np.full((len(number), len(each), count, 2), DOUBT)
+        chosen[:, np.arange(len(each))[:, None], each] = far[:, each, string]
+        best = np.argmin((chosen**2).sum((2, 3)), 1)
+        return chosen[number, best].reshape(*plucks.shape[:-2], 2 * count)
 
     def _far(self, plucks: Floats) -> Floats:
         """Return `doubts`, and how far releases are from known ones, in standard deviations."""
