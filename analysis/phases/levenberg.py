@@ -69,7 +69,8 @@ def minimise(
         for _ in range(TRIALS):
             damped = normal + (stiff * normal + RIDGE) * diagonal
             step = np.linalg.solve(damped, right)
-            trial = bounded(state - np.minimum(np.maximum(step, -longest), longest))
+            step = np.minimum(np.maximum(step, -longest), longest)
+            trial = bounded(state - step)
             tried, made = evaluate(trial)
             if (chi2 := float(tried @ tried)) < total and permitted(trial, made):
                 state, left, found, total = trial, tried, made, chi2
