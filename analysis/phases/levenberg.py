@@ -96,5 +96,5 @@ def orthonormal(columns: Floats) -> tuple[Floats, Floats]:
         Shape (..., n, k), and what the columns must be multiplied by for it, (..., k, k).
     """
     lower = np.linalg.cholesky(columns.swapaxes(-1, -2) @ columns)
-    inverse = np.linalg.inv(lower).swapaxes(-1, -2)
+    inverse = np.asarray(np.linalg.inv(lower).swapaxes(-1, -2), dtype=float)
     return columns @ inverse, inverse
