@@ -48,7 +48,8 @@ class Expected:
 def expected(rig: Rig) -> Expected:
     """Return what the rig's model expects; typical shapes where the model has no solution."""
     every = choirs(rig)
-    return _expected(rig.key, tuple(key_of(rig, choir) for choir in every), every)
+    levers = tuple(key_of(rig, choir) for choir in every)
+    return _expected(rig.key, levers, every)  # pyright: ignore[reportArgumentType]
 
 
 @lru_cache(maxsize=128)
