@@ -101,7 +101,7 @@ def push_scene(
     friction: bool = True,
     felt: bool = True,
 ) -> Scene:
-    """Return a scene with a push of a force [N], for a duration [s] and with a rest [s] after it."""
+    """Return a scene with a push of a force [N] for a duration [s], and a rest [s] after it."""
     push = {"force": f"{force!r} N", "duration": f"{duration!r} s", "rest": f"{rest!r} s"}
     return _scene(engine, step, friction, felt, finger="push", push=push)
 
