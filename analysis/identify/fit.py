@@ -90,6 +90,9 @@ class Fit:
     """N, RMS force residual with the values of the rig."""
     levelled: bool
     """Whether the zero of each force was free."""
+    one_more: Floats | None = None
+    """How far the scaled values would move if one more mode of the key were freed; None of a rigid
+    key."""
 
     @property
     def excess(self) -> float:

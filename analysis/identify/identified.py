@@ -169,7 +169,12 @@ def evaluate(made: Fit) -> Identified:
     point = values / found.scales
     data, prior = found.jacobian(point, found.data), found.prior_jacobian(point)
     rows = informative(made, data) / np.sqrt(good.repetition)
+    # A key has more modes than the recordings show.
+    lacking = np.zeros((len(values), len(values)))
+    if made.one_more is not None:
+        lacking = np.outer(made.one_more, made.one_more)
     covariance, known = _covariance(np.vstack([rows, prior]))
+    covariance += lacking
     stds = np.where(known, np.sqrt(np.diag(covariance)), np.inf)
     made = _with_found_friction(made, stds * found.scales)
     found, dynamics = made.problem, made.problem.dynamics
@@ -177,7 +182,7 @@ def evaluate(made: Fit) -> Identified:
     doubts = (*_hidden_by_fit(suggested), *doubtful_modes(found.free, values, dynamics.presses))
     good = replace(good, reasons=(*good.reasons, *doubts))
     alone, seen = _covariance(np.vstack([rows, prior[found.nuisances]]))
-    seen &= np.sqrt(np.diag(alone)) < IDENTIFIABLE
+    seen &= np.sqrt(np.diag(alone + lacking)) < IDENTIFIABLE
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
     free = [found.free[k] for k in shown]
     estimates = [
