@@ -171,7 +171,8 @@ def refined(made: Fit, robust: bool = False) -> Fit:
         forces, rises = dynamics.residuals(values)
         noise = problem.whitenings
         if not compliant:
-            noise = _coloured(dynamics, forces, noise, made.levelled)
+            left = [f - w.trend(f) for f, w in zip(forces, noise, strict=True)]
+            noise = _noise(dynamics, left, dynamics.floor, made.spent, made.levelled)
         problem = problem_at(dynamics, values, noise, scatter(rises))
         _, values = descend(problem, values, robust, tolerance=tolerance)
     problem = problem_at(dynamics, values, problem.whitenings, problem.rise_factor)
@@ -274,15 +275,6 @@ def problem_at(
 def spread(dynamics: InverseDynamics, forces: Sequence[Floats], levelled: bool) -> float:
     """Return the RMS [N] of residuals, at least the accuracy of the model."""
     return max(rms([f - f.mean() * levelled for f in forces]), dynamics.floor)
-
-
-def _coloured(
-    dynamics: InverseDynamics, forces: Sequence[Floats], noise: Sequence[Whitening], levelled: bool
-) -> tuple[Whitening, ...]:
-    """Return whitenings for scale and autocovariance of the residuals [N]."""
-    left = [f - w.trend(f) for f, w in zip(forces, noise, strict=True)]
-    spent = len(dynamics.free) + sum(w.trends.shape[1] for w in noise)
-    return _noise(dynamics, left, dynamics.floor, spent, levelled)
 
 
 def _noise(

@@ -303,6 +303,12 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
                 f" {p.low:.4g} to {p.high:.4g} {p.unit}; widen the range by a prior, or look for"
                 " other errors in the rig"
             )
+    if thrown := sum(press.thrown for press in dynamics.presses):
+        found.append(
+            f"in {thrown} of {len(dynamics.presses)} presses the finger struck the key and threw"
+            " its jack; what precedes the landing is excluded: let the finger rest on the key"
+            " before it presses"
+        )
     if not any(len(press.releases) for press in dynamics.presses):
         found.append("no press has a pluck: plectrum, string and clearance are not identifiable")
     return tuple(found)

@@ -15,6 +15,7 @@ from sautereau.analysis.identify.noise import BESIDE_TURN, SLOW, WINDOW, Noise, 
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.acquisition import Channel
+from sautereau.rig.instrument import Key
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import GRAVITY
 from sautereau.trajectory.key import rise_of_angle
@@ -86,6 +87,8 @@ class Observed:
     """N, finger force smoothed over a part, without that at rest; shape (samples,)."""
     lifted: float
     """s after the trigger, at which the key leaves its back rail, or its jack the last flight."""
+    thrown: bool
+    """Whether an impact of the finger threw the jack before."""
     part: NDArray[np.int8]
     """Part of the press at the instants: `FREE`, `HELD` or `BACK`; shape (n,)."""
     noise: Noise | None
@@ -169,8 +172,11 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     stds = np.array([p.release_std for p in phases.plucks], float)
     angles = np.interp(releases, data.index, data["angle"])
     speeds = np.interp(releases, time, smooth(data["jack_speed"].to_numpy()))
-    landed = _landed(press, phases, time[at], motion)
-    used = _used(press, phases, time[at], motion, shift) & (time[at] > landed + WINDOW / 2 + shift)
+    used = _used(press, phases, time[at], motion, shift)
+    contact = min((p.contact for p in phases.plucks), default=time[0])
+    landed = landing(press.rig.key, time[at], motion, contact)
+    if landed is not None:
+        used &= time[at] > landed + WINDOW / 2 + shift
     if used.sum() < LEAST:
         raise AnalysisError(
             f"press {press.path}: the key moves freely in only {int(used.sum())} steps of"
@@ -194,7 +200,8 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         part_angle=angle[rows],
         light_time=data.index.to_numpy(),
         light_force=_light(force, part, press.rate),
-        lifted=max(_lifted(data.index.to_numpy(), angle), landed),
+        lifted=_lifted(data.index.to_numpy(), angle) if landed is None else landed,
+        thrown=landed is not None,
         part=_part(phases, time[at], motion),
         noise=noise_at_rest(press.rate, time, pushed, every, _clean(press, time, WINDOW / 2)),
     )
@@ -215,18 +222,23 @@ def _lifted(time: Floats, angle: Floats) -> float:
     return float(max(time[0], 2 * time[first] - time[second]))
 
 
-def _landed(press: Press, phases: Phases, time: Floats, motion: Motion) -> float:
-    """Return when the first jack, thrown by the finger's impact, lands before the first contact.
+def landing(key: Key, time: Floats, motion: Motion, contact: float) -> float | None:
+    """Return when the jack that the finger's impact has thrown lands; None without a flight.
 
-    A key that decelerates faster than the jack falls loses it; it has another inertia and other
-    modes until the jack is back.
+    A key that decelerates faster than its jack falls loses it. Until the jack is back, the key has
+    another inertia and other modes.
+
+    Args:
+        key: The key.
+        time: s, shape (n,).
+        motion: Of the key [rad], arrays of shape (n,).
+        contact: s, first contact of a string, which ends the search.
     """
-    key, landed = press.rig.key, float(time[0])
-    contact = phases.plucks[0].contact if phases.plucks else landed
     rise, speed = rise_of_angle(key, motion.position), key.jack_arm * motion.velocity
     thrown = (key.jack_arm * motion.acceleration < -GRAVITY) & (time < contact)
+    landed = None
     for start in np.flatnonzero(thrown):
-        if time[start] > landed:
+        if landed is None or time[start] >= landed:
             flown = time[start:] - time[start]
             flight = rise[start] + speed[start] * flown - GRAVITY / 2 * flown**2
             down = np.flatnonzero(flight[1:] < rise[start + 1 :])

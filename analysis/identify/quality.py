@@ -88,7 +88,8 @@ def quality(made: Fit) -> Quality:
     if noise is not None and not quiet:
         reasons.append(
             f"the residual without a string is {free * 1e3:.3g} mN, and the noise at rest"
-            f" {noise * 1e3:.3g} mN: look at the key, such as its bending, and at its frictions"
+            f" {noise * 1e3:.3g} mN: free the key's frictions, and tap the key for its"
+            " modes (sautereau setup tap)"
         )
     instants = sum(map(len, inside))
     held_residual = rms(inside) if instants else None
@@ -98,7 +99,8 @@ def quality(made: Fit) -> Quality:
         if held_residual > max(allowed, noise or 0.0):
             reasons.append(
                 f"the residual while a string is held is {held_residual * 1e3:.3g} mN, and"
-                f" {free * 1e3:.3g} mN without a string: look at plectrum and string"
+                f" {free * 1e3:.3g} mN without a string: free plectrum.friction, and"
+                " measure the string's tension, length and plucking point"
             )
     repeated = _repeated(dynamics.presses, slow, dynamics.floor, period)
     if repeated is not None:
@@ -106,7 +108,7 @@ def quality(made: Fit) -> Quality:
         if size > max(allowed, REPEATED_MAX * (noise or 0.0)):
             reasons.append(
                 f"{size * 1e3:.3g} mN of the residual repeat from press to press, and noise would"
-                f" leave up to {allowed * 1e3:.3g} mN: the model lacks something"
+                f" leave up to {allowed * 1e3:.3g} mN: free what is suggested"
             )
     offsets = {
         p.name: float((value - p.mean) / p.std)

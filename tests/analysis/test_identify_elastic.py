@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchmarks.identify import FREE, RESULTS, one_factor_case
-from sautereau.analysis.identify.elastic import Bending, Mode
+from sautereau.analysis.identify.elastic import Bending, Mode, noise_gain
 from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.identify.observed import PARTS
 
@@ -44,6 +44,13 @@ def test_a_mode_follows_its_equation_from_its_state_at_the_lift():
     np.testing.assert_allclose(rise, angle[0] * mode.jack_by_laser, atol=1e-12)
     rate = np.gradient(angle[0][after][1:], time[1] - time[0])
     np.testing.assert_allclose(angle[1][after][2:-1], rate[1:-1], atol=0.01 * np.abs(rate).max())
+
+
+def test_noise_of_the_force_is_amplified_by_its_mobile_modes():
+    """Far above its frequency a mode of weight r adds r times the force; far below, nothing."""
+    assert noise_gain([], 0.1) == 1
+    assert noise_gain([Mode(1e5, 0.05, 2.0, -0.6, -0.6)], 0.1) == pytest.approx(1, abs=1e-3)
+    assert noise_gain([Mode(0.1, 0.9, 2.0, -0.6, -0.6)], 1e9) == pytest.approx(3, rel=1e-3)
 
 
 @pytest.mark.slow
