@@ -79,8 +79,7 @@ def fit_presses(
         if found.free_residual > LEAST_GAIN * good.free_residual or close_modes(_named(made)):
             break
         best, good = made, found
-    best = replace(refined(best, robust), residual_before=before)
-    return replace(best, one_more=_one_more(best)) if modes_of(_named(best)) else best
+    return replace(refined(best, robust), residual_before=before)
 
 
 def _named(made: Fit) -> dict[str, float]:
@@ -109,17 +108,8 @@ def _with_mode(made: Fit) -> InverseDynamics | None:
     found = _strongest(dynamics, number, made.levelled)
     if found is None:
         return None
-    free += mode_parameters(number, found[0], _known(dynamics.rig, number))
+    free += mode_parameters(number, found, _known(dynamics.rig, number))
     return dynamics.with_free(free)
-
-
-def _one_more(made: Fit) -> Floats | None:
-    """Return how far the scaled values would move if the strongest further mode were freed."""
-    dynamics = made.problem.dynamics
-    free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, made.values, strict=True)]
-    number = len(modes_of(_named(made)))
-    found = _strongest(dynamics.with_free(free), number, made.levelled)
-    return found and found[1]
 
 
 def _near_stated(rig: Rig, inertia: Parameter) -> Parameter:
@@ -159,13 +149,10 @@ def _before_release(presses: Sequence[Observed]) -> list[Observed]:
     return [press for press in cut if press.used.sum() >= LEAST]
 
 
-def _strongest(
-    dynamics: InverseDynamics, number: int, levelled: bool
-) -> tuple[Mode, Floats] | None:
+def _strongest(dynamics: InverseDynamics, number: int, levelled: bool) -> Mode | None:
     """Return the mode of the table that reduces the residuals most, as the mode of this number.
 
-    And how far it would move the scaled parameters; None where no mode reduces them. Its weight and
-    its ringing from the lift of the key on are linear: they are freed together.
+    Its weight and its ringing from the lift of the key on are linear: they are freed together.
     """
     values = np.array([p.start for p in dynamics.free])
     forces, rises = dynamics.residuals(values)
@@ -173,7 +160,7 @@ def _strongest(
     problem = problem_at(dynamics, values, factor=scatter(rises))
     test = ScoreTest(problem, values, size, levelled)
 
-    def tried(mode: Mode) -> tuple[float, Mode, Floats]:
+    def tried(mode: Mode) -> tuple[float, Mode]:
         columns: list[Floats] = []
         for ringing in ({}, {"cosine": 1.0}, {"sine": 1.0}):
             own = mode_parameters(number, replace(mode, weight=WEIGHT, **ringing))
@@ -183,8 +170,7 @@ def _strongest(
         steps, reduction = test.freed(columns)
         weight = float(np.clip(steps[0], -LARGEST, LARGEST))
         cosine, sine = np.clip(steps[1:] / (weight or 1.0), -RINGING, RINGING).tolist()
-        moved = test.move(np.stack(columns, axis=1) @ steps)
-        return reduction, replace(mode, weight=weight, cosine=cosine, sine=sine), moved
+        return reduction, replace(mode, weight=weight, cosine=cosine, sine=sine)
 
     stated = dynamics.rig.key.modes[number : number + 1]
     lowest = LEAST_PERIODS / shortest_record(dynamics.presses)
@@ -202,5 +188,5 @@ def _strongest(
         for name, (u, v) in SHAPES.items()
         if name != "key"
     ]
-    reduction, mode, moved = max([best, *others], key=lambda found: found[0])
-    return (mode, moved) if reduction > 0 else None
+    reduction, mode = max([best, *others], key=lambda found: found[0])
+    return mode if reduction > 0 else None

@@ -39,6 +39,7 @@ from sautereau.analysis.identify.parameters import (
 )
 from sautereau.analysis.identify.problem import (
     COARSE,
+    FLOOR,
     TOLERANCE,
     Problem,
     Whitening,
@@ -75,8 +76,10 @@ FAR = 10
 """Bounds of these errors, in their standard uncertainties."""
 DEPENDENT = 2.4
 """Dimensionless, instants per independent value of the smoothed force."""
+COMPLIANT_FLOOR = 0.3
+"""Dimensionless, `FLOOR` of a compliant key."""
 ROUNDS = 3
-"""Number of fits of a rigid key, from the second on whitened by the residuals of the one before."""
+"""Number of fits, from the second on whitened by the residuals of the one before."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +93,8 @@ class Fit:
     """N, RMS force residual with the values of the rig."""
     levelled: bool
     """Whether the zero of each force was free."""
-    one_more: Floats | None = None
-    """How far the scaled values would move if one more mode of the key were freed; None of a rigid
-    key."""
+    moved: Floats | None = None
+    """How far whitening moved the scaled values of a compliant key; None of a rigid one."""
 
     @property
     def excess(self) -> float:
@@ -160,23 +162,25 @@ def fit(
 
 
 def refined(made: Fit, robust: bool = False) -> Fit:
-    """Return a fit to the tolerance of a result; of a rigid key, for the correlation of residuals.
+    """Return a fit to the tolerance of a result, for the correlation of its residuals.
 
-    To whiten weights what is rare in the residuals, which is what the smoothing and a model of few
-    modes describe worst: so a compliant key's residuals keep their weights.
+    Whitening gives most weight to what is rare in the residuals, which a model of few modes
+    describes worst. A compliant key's residuals are whitened in part, and how far this moves the
+    values is part of their uncertainty, as another weight would not move those of a correct model
+    (Hausman 1978).
     """
     dynamics, values, problem = made.problem.dynamics, made.values, made.problem
     compliant = any(p.name.startswith(MODE) for p in dynamics.free)
-    for tolerance in [TOLERANCE] if compliant else [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
+    floor = COMPLIANT_FLOOR if compliant else FLOOR
+    for tolerance in [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
         forces, rises = dynamics.residuals(values)
-        noise = problem.whitenings
-        if not compliant:
-            left = [f - w.trend(f) for f, w in zip(forces, noise, strict=True)]
-            noise = _noise(dynamics, left, dynamics.floor, made.spent, made.levelled)
+        left = [f - w.trend(f) for f, w in zip(forces, problem.whitenings, strict=True)]
+        noise = _noise(dynamics, left, dynamics.floor, made.spent, made.levelled, floor)
         problem = problem_at(dynamics, values, noise, scatter(rises))
         _, values = descend(problem, values, robust, tolerance=tolerance)
     problem = problem_at(dynamics, values, problem.whitenings, problem.rise_factor)
-    return replace(made, problem=problem, values=values)
+    moved = (values - made.values) / problem.scales if compliant else None
+    return replace(made, problem=problem, values=values, moved=moved)
 
 
 def informative(made: Fit, jacobian: Floats) -> Floats:
@@ -278,9 +282,16 @@ def spread(dynamics: InverseDynamics, forces: Sequence[Floats], levelled: bool) 
 
 
 def _noise(
-    dynamics: InverseDynamics, left: Sequence[Floats], floor: float, spent: int, levelled: bool
+    dynamics: InverseDynamics,
+    left: Sequence[Floats],
+    floor: float,
+    spent: int,
+    levelled: bool,
+    least: float = FLOOR,
 ) -> tuple[Whitening, ...]:
     """Return whitenings of residuals without trends, of which `spent` values are fitted.
+
+    The spectrum of the noise is at least the fraction `least` of its mean.
 
     Each part of the press has its own scale, at least `floor`: an error of the pluck's model is in
     one only, and on the way back the finger may lose the key and catch it again.
@@ -297,6 +308,7 @@ def _noise(
         [p.used for p in dynamics.presses],
         dynamics.presses[0].step,
         spent,
+        least,
     )
     return tuple(
         whitening(p.used, covariance, levelled, s, p.step)

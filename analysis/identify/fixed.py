@@ -86,7 +86,7 @@ class ScoreTest:
         point = values / problem.scales
         self._data, prior = self.problem.data(point), self.problem.prior_jacobian(point)
         rows = np.vstack([self.problem.jacobian(point, self.problem.data), prior])
-        self._basis, self._mixing = np.linalg.qr(rows)
+        self._basis, _ = np.linalg.qr(rows)
         self._residuals = np.concatenate([self._data, self.problem.prior(point)])
 
     def column(self, dynamics: InverseDynamics, values: Floats, step: float) -> Floats:
@@ -94,11 +94,6 @@ class ScoreTest:
         column = self.problem.by_another(self._data, dynamics, values, step)
         column = np.zeros(len(self._data)) if column is None else column
         return np.append(column, np.zeros(len(self._residuals) - len(self._data)))
-
-    def move(self, column: Floats) -> Floats:
-        """Return how a unit of the column moves the scaled parameters."""
-        along = self._basis.T @ column
-        return -np.asarray(np.linalg.lstsq(self._mixing, along, rcond=1e-9)[0], float)
 
     def freed(self, columns: Sequence[Floats]) -> tuple[Floats, float]:
         """Return the steps of numbers that are freed together, and the reduction."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.identify.compliant import fit_presses
+from sautereau.analysis.identify.compliant import INERTIA, fit_presses
 from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
 from sautereau.analysis.identify.fit import Fit, informative, rms
 from sautereau.analysis.identify.fixed import (
@@ -169,10 +169,9 @@ def evaluate(made: Fit) -> Identified:
     point = values / found.scales
     data, prior = found.jacobian(point, found.data), found.prior_jacobian(point)
     rows = informative(made, data) / np.sqrt(good.repetition)
-    # A key has more modes than the recordings show.
     lacking = np.zeros((len(values), len(values)))
-    if made.one_more is not None:
-        lacking = np.outer(made.one_more, made.one_more)
+    if made.moved is not None:
+        lacking = np.outer(made.moved, made.moved)
     covariance, known = _covariance(np.vstack([rows, prior]))
     covariance += lacking
     stds = np.where(known, np.sqrt(np.diag(covariance)), np.inf)
@@ -180,6 +179,8 @@ def evaluate(made: Fit) -> Identified:
     found, dynamics = made.problem, made.problem.dynamics
     suggested = suggestions(made, good.scale)
     doubts = (*_hidden_by_fit(suggested), *doubtful_modes(found.free, values, dynamics.presses))
+    if made.moved is not None:
+        doubts += tuple(_inertia_at_bound(found.free, values))
     good = replace(good, reasons=(*good.reasons, *doubts))
     alone, seen = _covariance(np.vstack([rows, prior[found.nuisances]]))
     seen &= np.sqrt(np.diag(alone + lacking)) < IDENTIFIABLE
@@ -255,10 +256,24 @@ def _hidden_by_fit(suggested: Sequence[Suggestion]) -> list[str]:
     ]
 
 
+def _inertia_at_bound(free: Sequence[Parameter], values: Floats) -> list[str]:
+    """Return why modes may imitate the inertia of a compliant key."""
+    return [
+        f"{INERTIA}: the fit reached a bound at {value:.4g} kg m^2, so that the modes imitate it:"
+        " give its range by a prior, or press more slowly"
+        for parameter, value in zip(free, values.tolist(), strict=True)
+        if parameter.name == INERTIA and _at_bound(parameter, value)
+    ]
+
+
+def _at_bound(parameter: Parameter, value: float) -> bool:
+    room = AT_BOUND * (parameter.high - parameter.low)
+    return min(value - parameter.low, parameter.high - value) <= room
+
+
 def _estimate(
     parameter: Parameter, value: float, std: float, *, identifiable: bool, fits: bool
 ) -> Estimate:
-    room = AT_BOUND * (parameter.high - parameter.low)
     known = np.isfinite(std)
     return Estimate(
         name=parameter.name,
@@ -268,7 +283,7 @@ def _estimate(
         std=std if known else None,
         low=value - INTERVAL * std if known and fits else None,
         high=value + INTERVAL * std if known and fits else None,
-        at_bound=min(value - parameter.low, parameter.high - value) <= room,
+        at_bound=_at_bound(parameter, value),
         identifiable=identifiable,
     )
 

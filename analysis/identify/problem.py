@@ -117,7 +117,11 @@ def _solved(factor: Floats, values: Floats) -> Floats:
 
 
 def autocovariance(
-    residuals: Sequence[Floats], used: Sequence[NDArray[np.bool_]], step: float, spent: int
+    residuals: Sequence[Floats],
+    used: Sequence[NDArray[np.bool_]],
+    step: float,
+    spent: int,
+    floor: float = FLOOR,
 ) -> Floats:
     """Return a positive definite autocovariance of the residuals over the lag in instants.
 
@@ -126,6 +130,7 @@ def autocovariance(
         used: Which of the equidistant instants of each press those are.
         step: s, between instants.
         spent: Number of fitted parameters.
+        floor: Dimensionless, smallest value of the spectrum over its mean.
     """
     from scipy.signal.windows import parzen
 
@@ -144,7 +149,7 @@ def autocovariance(
     means *= total / max(total - spent, 1) * parzen(2 * count - 1)[count - 1 :]
     # With missing pairs the sum may not be positive definite: add white noise.
     spectrum = np.fft.hfft(means, 16 * count)
-    least = FLOOR * float(spectrum.mean())
+    least = floor * float(spectrum.mean())
     means[0] = max(QUIET, float(means[0]) + max(0.0, least - float(spectrum.min())))
     return means
 

@@ -80,10 +80,11 @@ def test_hum_and_silence_have_a_positive_covariance():
 
 
 def test_coloured_columns_have_the_dense_covariance():
-    used, covariance = with_gaps(60), 0.8 ** np.arange(30)
+    used = with_gaps(400)
+    covariance = np.power(0.8, np.arange(100), dtype=float)
     scale = np.linspace(1, 2, used.sum())
     at = np.flatnonzero(used)
-    dense = toeplitz(np.r_[covariance, np.zeros(30)])[np.ix_(at, at)] * np.outer(scale, scale)
+    dense = toeplitz(np.r_[covariance, np.zeros(300)])[np.ix_(at, at)] * np.outer(scale, scale)
     columns = np.random.default_rng(2).standard_normal((len(at), 3))
     found = whitening(used, covariance, False, scale).coloured(columns)
     assert found.T @ found == pytest.approx(columns.T @ dense @ columns, rel=1e-9)
