@@ -276,9 +276,12 @@ class Whitener:
         band[0], band[1, :-1] = variance, covariance
         self._factor, _ = FACTOR(band, lower=1)
 
-    def __call__(self, columns: Floats) -> Floats:
-        """Return columns, shape (n,) or (n, k), in units of their noise."""
-        found, _ = SOLVE(self._factor, columns, uplo="L")
+    def __call__(self, columns: Floats, first: int = 0) -> Floats:
+        """Return columns, shape (n - first,) or (n - first, k), in units of their noise.
+
+        They start with a row before which they are 0.
+        """
+        found, _ = SOLVE(self._factor[:, first:], columns, uplo="L")
         return found
 
 
