@@ -127,7 +127,10 @@ class Recording:
             self._close(file)
             file.publish()
             return
-        error.add_note(f"the samples recorded before are in {self.part_path}")
+        if self._first is None:
+            error.add_note(f"no sample was recorded; delete {self.part_path}")
+        else:
+            error.add_note(f"the samples recorded before are in {self.part_path}")
         try:
             if not file.broken:
                 t0 = self.t0_ns
