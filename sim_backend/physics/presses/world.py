@@ -13,12 +13,11 @@ from sautereau.sim_backend.physics.exact.play import play
 from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
 from sautereau.sim_backend.physics.presses.laws import set_laws
 from sautereau.sim_backend.physics.presses.parameters import (
+    FINGERS,
     ORDER,
     Numbers,
     benches,
-    finger_of,
     new_presses,
-    run_of,
 )
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import gravity_torque
@@ -69,9 +68,8 @@ class ExactWorld(World):
         numbers = Numbers(rig, scene, {})
         keys, jacks = benches(numbers, 1)
         cells, _ = set_laws(numbers, jacks, np.ones(1, bool))
-        finger, run = finger_of(rig, scene, self.start), run_of(rig, scene, order, tolerance)
-        self._kind, self._steps = int(finger["kind"][0]), int(run["steps"][0])
-        self._presses = new_presses(keys, jacks, cells, finger, run)
+        self._presses = new_presses(numbers, self.start, keys, jacks, cells, order, tolerance)
+        self._kind, self._steps = FINGERS.index(scene.finger), int(self._presses.run[0].steps)
         self.finger = StandingFinger(self.start)
         if scene.servo:
             self.finger = ServoFinger(self.press, rig.arm, scene.gravity)
