@@ -5,7 +5,7 @@ import numpy as np
 from sautereau.rig.schema import Arm, Rig
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.base import TURNED_OVER, World
+from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
@@ -69,7 +69,8 @@ class ExactWorld(World):
         keys, jacks = benches(numbers, 1)
         cells, _ = set_laws(numbers, jacks, np.ones(1, bool))
         self._presses = new_presses(numbers, self.start, keys, jacks, cells, order, tolerance)
-        self._kind, self._steps = FINGERS.index(scene.finger), int(self._presses.run[0].steps)
+        self._kind = FINGERS.index(scene.finger)
+        self._steps = steps_in_sample(rig, scene.step or rig.controller.sample_period)
         self.finger = StandingFinger(self.start)
         if scene.servo:
             self.finger = ServoFinger(self.press, rig.arm, scene.gravity)
