@@ -19,7 +19,7 @@ from sautereau.sim_backend.physics.exact.compile import Announcement
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.structures import JACK, KEY, one_press
 from sautereau.sim_backend.physics.observation import errors, observe, reference
-from sautereau.sim_backend.physics.presses.parameters import finger_of, new_presses, run_of
+from sautereau.sim_backend.physics.presses.parameters import Numbers, new_presses
 from sautereau.sim_backend.physics.presses.world import ExactWorld
 from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.trajectory.arm import fingertip_motion
@@ -321,8 +321,8 @@ def bench(*jacks, dry=0.0, friction=0.0):
         ("mass", "arm", "lift", "damper"), zip(*jacks, strict=True), strict=True
     ):
         found[name] = values
-    finger, run = finger_of(RIG, pushed(), (0.0, 0.0)), run_of(RIG, pushed())
-    return one_press(new_presses(key, found[None], np.zeros((1, 5)), finger, run), 0)
+    numbers = Numbers(RIG, pushed(), {})
+    return one_press(new_presses(numbers, (0.0, 0.0), key, found[None], np.zeros((1, 5))), 0)
 
 
 def surfaces(press, angle):
