@@ -16,6 +16,8 @@ from sautereau.trajectory.motion import Floats
 
 GRID, GRID_ORDER = 50e-6, 6
 """s, step of the reference solution, and its order."""
+LEAST_JUMP = 1e-3
+"""Dimensionless, fraction of its largest value by which the finger's force jumps, at least."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +33,11 @@ class Errors:
     """Difference of two observations; infinite if their numbers of events differ."""
 
     time: float
-    """s, largest of all contacts, releases and returns."""
+    """s, largest of all contacts, releases and returns, and of the jumps of the finger's force
+    while a string is held."""
     force: float
     """Dimensionless: error of the strings' forces at release, and of the finger's force while a
-    string is held, relative to the largest of each; where it jumps at another time it has none."""
+    string is held, relative to the largest of each; between a jump and that of the truth none."""
 
 
 def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:
@@ -95,8 +98,8 @@ def errors(found: Observation, true: Observation) -> Errors:
     if any([e.choir for e in a] != [e.choir for e in b] for a, b in pairs):
         return Errors(math.inf, math.inf)
     apart = (abs(a.time - b.time) for x, y in pairs for a, b in zip(x, y, strict=True))
-    string = _release_error(found.events.releases, true.events.releases)
-    return Errors(max(apart, default=0.0), max(string, _held_error(found, true)))
+    string, held = _release_error(*pairs[1]), _held_errors(found, true)
+    return Errors(max([held.time, *apart]), max(string, held.force))
 
 
 def _release_error(found: list[StringEvent], true: list[StringEvent]) -> float:
@@ -106,40 +109,50 @@ def _release_error(found: list[StringEvent], true: list[StringEvent]) -> float:
     return max(abs(a.force - b.force) for a, b in zip(found, true, strict=True)) / largest
 
 
-def _held_error(found: Observation, true: Observation) -> float:
-    """Return the rms error of the finger's force while strings are held, over its largest."""
+def _held_errors(found: Observation, true: Observation) -> Errors:
+    """Return the errors of the finger's force while strings are held.
+
+    Of its jumps the time counts, and else the rms error over the largest force.
+    """
     a, b = found.motions, true.motions
-    held = np.zeros(len(b.time), bool)
+    spans = []
     for contact, release in zip(true.events.contacts, true.events.releases, strict=False):
         # An event at a slightly different time is no error of the force.
         margin = 0.1 * (release.time - contact.time)
-        inside = (b.time > contact.time + margin) & (b.time < release.time - margin)
-        held |= inside & ~_between_jumps(a, b, margin)
-    jump = np.diff(b.time) == 0  # there the force has two values
-    held[:-1] &= ~jump
-    held[1:] &= ~jump
+        spans.append((contact.time + margin, release.time - margin, margin))
+    inside = [(b.time > start) & (b.time < end) for start, end, _ in spans]
+    single = np.ones(len(b.time), bool)
+    single[:-1] &= np.diff(b.time) > 0  # else the force has two values
+    single[1:] &= np.diff(b.time) > 0
+    held = np.logical_or.reduce(inside, axis=0, initial=False) & single
     largest = float(np.abs(b.finger_force[held]).max(initial=0.0))  # no blow, which has no bound
     if largest == 0.0:
-        return 0.0
+        return Errors(0.0, 0.0)
+    late, jumps = 0.0, _jumps(b, LEAST_JUMP * largest)
+    for (start, end, margin), rows in zip(spans, inside, strict=True):
+        apart, between = _between_jumps(jumps, _jumps(a, LEAST_JUMP * largest), b.time, margin)
+        held &= ~(rows & between)
+        late = max(late, apart[(jumps > start) & (jumps < end)].max(initial=0.0))
+    if not held.any():
+        return Errors(late, 0.0)
     difference = np.interp(b.time[held], a.time, a.finger_force) - b.finger_force[held]
-    return float(np.sqrt(np.mean(difference**2))) / largest
+    return Errors(late, float(np.sqrt(np.mean(difference**2))) / largest)
 
 
-def _between_jumps(a: Motions, b: Motions, margin: float) -> NDArray[np.bool_]:
-    """Return the rows of b from a jump of the finger's force to that of a, within a margin [s]."""
-    between, jumps = np.zeros(len(b.time), bool), _jumps(b)
-    others = np.concatenate([[-math.inf], _jumps(a), [math.inf]])
-    place = np.searchsorted(others, jumps)
-    before, after = others[place - 1], others[place]
-    nearest = np.where(jumps - before < after - jumps, before, after)
-    first = np.searchsorted(b.time, np.minimum(jumps, nearest))
-    last = np.searchsorted(b.time, np.maximum(jumps, nearest), "right")
-    for i in np.flatnonzero(np.abs(nearest - jumps) <= margin):
-        between[first[i] : last[i]] = True
-    return between
+def _between_jumps(
+    jumps: Floats, others: Floats, time: Floats, margin: float
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return how far jumps are from others within a margin [s], else 0; and the times between."""
+    between, apart = np.zeros(len(time), bool), np.zeros(len(jumps))
+    for i, jump in enumerate(jumps if len(others) else ()):
+        nearest = others[np.argmin(np.abs(others - jump))]
+        if abs(nearest - jump) <= margin:
+            apart[i] = abs(nearest - jump)
+            between |= (time >= min(jump, nearest)) & (time <= max(jump, nearest))
+    return apart, between
 
 
-def _jumps(motions: Motions) -> Floats:
-    """Return the times [s] at which the finger's force has two values."""
-    jump = (np.diff(motions.time) == 0) & (np.diff(motions.finger_force) != 0)
+def _jumps(motions: Motions, least: float) -> Floats:
+    """Return the times [s] at which the finger's force jumps by more than the least [N]."""
+    jump = (np.diff(motions.time) == 0) & (np.abs(np.diff(motions.finger_force)) > least)
     return motions.time[1:][jump]
