@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.base import World
@@ -12,7 +11,6 @@ from sautereau.sim_backend.physics.drive import Drive, drive_of
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
-from sautereau.trajectory.motion import Floats
 
 GRID, GRID_ORDER = 50e-6, 6
 """s, step of the reference solution, and its order."""
@@ -113,7 +111,8 @@ def _release_error(found: list[StringEvent], true: list[StringEvent]) -> float:
 def _held_errors(found: Observation, true: Observation) -> Errors:
     """Return the errors of the finger's force while strings are held.
 
-    Of its jumps the time counts, and else the rms error over the largest force.
+    Of a jump of nearly the same size the time counts, and else the rms error over the largest
+    force.
     """
     a, b = found.motions, true.motions
     spans = []
@@ -129,31 +128,24 @@ def _held_errors(found: Observation, true: Observation) -> Errors:
     largest = float(np.abs(b.finger_force[held]).max(initial=0.0))  # no blow, which has no bound
     if largest == 0.0:
         return Errors(0.0, 0.0)
-    late, jumps = 0.0, _jumps(b, LEAST_JUMP * largest)
+    late, least = 0.0, LEAST_JUMP * largest
+    jumps, others = _jumps(b, least), _jumps(a, least)
     for (start, end, margin), rows in zip(spans, inside, strict=True):
-        apart, between = _between_jumps(jumps, _jumps(a, LEAST_JUMP * largest), b.time, margin)
-        held &= ~(rows & between)
-        late = max(late, float(apart[(jumps > start) & (jumps < end)].max(initial=0.0)))
+        for time, size in jumps:
+            shifts = [t - time for t, other in others if abs(other - size) <= abs(size) / 2]
+            shift = min(shifts, key=abs, default=math.inf)
+            if abs(shift) <= margin:
+                between = (b.time >= time + min(shift, 0.0)) & (b.time <= time + max(shift, 0.0))
+                held &= ~(rows & between)
+                late = max(late, abs(shift) if start < time < end else 0.0)
     if not held.any():
         return Errors(late, 0.0)
     difference = np.interp(b.time[held], a.time, a.finger_force) - b.finger_force[held]
     return Errors(late, float(np.sqrt(np.mean(difference**2))) / largest)
 
 
-def _between_jumps(
-    jumps: Floats, others: Floats, time: Floats, margin: float
-) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return how far jumps are from others within a margin [s], else 0; and the times between."""
-    between, apart = np.zeros(len(time), bool), np.zeros(len(jumps))
-    for i, jump in enumerate(jumps if len(others) else ()):
-        nearest = others[np.argmin(np.abs(others - jump))]
-        if abs(nearest - jump) <= margin:
-            apart[i] = abs(nearest - jump)
-            between |= (time >= min(jump, nearest)) & (time <= max(jump, nearest))
-    return apart, between
-
-
-def _jumps(motions: Motions, least: float) -> Floats:
-    """Return the times [s] at which the finger's force jumps by more than the least [N]."""
-    jump = (np.diff(motions.time) == 0) & (np.abs(np.diff(motions.finger_force)) > least)
-    return motions.time[1:][jump]
+def _jumps(motions: Motions, least: float) -> list[tuple[float, float]]:
+    """Return times [s] and sizes [N] of the jumps of the finger's force by more than the least."""
+    change = np.diff(motions.finger_force)
+    jump = (np.diff(motions.time) == 0) & (np.abs(change) > least)
+    return list(zip(motions.time[1:][jump].tolist(), change[jump].tolist(), strict=True))

@@ -171,3 +171,6 @@ def test_a_jump_of_the_force_at_another_time_is_an_error_of_time_and_not_of_forc
     assert 0.0 < small.force < 1e-3
     assert errors(seen(0.05013, 0.21), true).force > 1e-2
     assert errors(seen(0.07), true).force > 0.1  # another event
+    other = errors(seen(0.05013, 0.6), true)  # likewise, by its size
+    assert other.time == 0.0
+    assert other.force > 0.1
