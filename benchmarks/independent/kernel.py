@@ -86,13 +86,17 @@ def run(
                 above = y[c] - choirs.jack[c, 6]
                 found, tongue = pluck(i, dt, c, above, choirs, s, events, found)
             y_fast = vy[c] + dt / 2 * ay[c]
-            foot, gone, stored = _stand_on_key(c, p, fast, y[c], y_fast, body, choirs, force)
+            foot, gone, stored = _stand_on_key(
+                choirs.jack[c], choirs.at_jack[c], body.rotation, p, fast, y[c], y_fast, force
+            )
             push = foot - s.push[c] + tongue
-            ay[c], rubbed, lifted = _jack_acceleration(c, y[c], y_fast, push, choirs)
+            ay[c], rubbed, lifted = _jack_acceleration(
+                choirs.jack[c], choirs.damper[c], y[c], y_fast, push
+            )
             loss += gone + rubbed - tongue * y_fast
             energy += stored + lifted
         # Second half of the kick.
-        _kick_key(dt, v, acc, force, body)
+        _kick_key(dt, v, acc, force, body.inverse_mass)
         at = (inner - pad) / m_t
         vt += dt / 2 * at
         aa = (torque - inner) / body.arm_mass
@@ -113,10 +117,13 @@ def run(
         lost += dt / 2 * (loss + loss_before)
         power_before, loss_before = power, loss
         energy += 0.5 * m_t * vt**2 + (0.0 if prescribed else 0.5 * body.arm_mass * va**2)
-        energy += 0.5 * (v @ (mass @ v) + np.sum(choirs.jack[:, 2] * vy**2))
-        out[0, i], out[1, i] = -(body.at_laser @ v), inner
-        out[2, i], out[3, i], out[4, i] = energy, work, lost
-        out[5::3, i], out[6::3, i], out[7::3, i] = y, vy, s.push
+        energy += _kinetic_energy(v, vy, mass, choirs.jack)
+        for j in range(n):
+            out[0, i] -= body.at_laser[j] * v[j]
+        out[1, i], out[2, i], out[3, i], out[4, i] = inner, energy, work, lost
+        for c in range(count):
+            row = 5 + 3 * c
+            out[row, i], out[row + 1, i], out[row + 2, i] = y[c], vy[c], s.push[c]
     return found
 
 
@@ -130,12 +137,12 @@ def _drift_key(dt, p, v, acc, fast):
 
 
 @compiled
-def _kick_key(dt, v, acc, force, body):
+def _kick_key(dt, v, acc, force, inverse_mass):
     """Kick the key by half a step of the forces at its new position."""
     for j in range(len(v)):
         acc[j] = 0.0
         for k in range(len(v)):
-            acc[j] += body.inverse_mass[j, k] * force[k]
+            acc[j] += inverse_mass[j, k] * force[k]
         v[j] += dt / 2 * acc[j]
 
 
@@ -159,35 +166,47 @@ def _kick_choirs(dt, vy, ay, choirs, s):
 
 
 @compiled
-def _stand_on_key(c, p, fast, y, y_fast, body, choirs, force):
+def _kinetic_energy(v, vy, mass, jack):
+    """Return the kinetic energy of key and jacks, J."""
+    twice = 0.0
+    for j in range(len(v)):
+        for k in range(len(v)):
+            twice += v[j] * mass[j, k] * v[k]
+    for c in range(len(vy)):
+        twice += jack[c, 2] * vy[c] ** 2
+    return twice / 2
+
+
+@compiled
+def _stand_on_key(jack, at_jack, rotation, p, fast, y, y_fast, force):
     """Add the force of a jack's foot to those on the key.
 
     Returns:
         Force of the key on the foot N; power lost W; energy stored J.
     """
-    arm, height, _, stiffness, damping, _, _ = choirs.jack[c]
-    a = body.rotation
-    surface = arm * p[a] ** 3 / 3 + height * p[a] ** 2 / 2
-    lever = arm * p[a] ** 2 + height * p[a]
-    rising = lever * fast[a]
+    arm, height, _, stiffness, damping, _, _ = jack
+    turn = p[rotation]
+    surface = arm * turn**3 / 3 + height * turn**2 / 2
+    lever = arm * turn**2 + height * turn
+    rising = lever * fast[rotation]
     for j in range(len(p)):
-        surface += choirs.at_jack[c, j] * p[j]
-        rising += choirs.at_jack[c, j] * fast[j]
+        surface += at_jack[j] * p[j]
+        rising += at_jack[j] * fast[j]
     foot, lost, stored = one_sided(surface - y, rising - y_fast, stiffness, damping)
     for j in range(len(p)):
-        force[j] -= foot * choirs.at_jack[c, j]
-    force[a] -= foot * lever
+        force[j] -= foot * at_jack[j]
+    force[rotation] -= foot * lever
     return foot, lost, stored
 
 
 @compiled
-def _jack_acceleration(c, y, y_fast, push, choirs):
+def _jack_acceleration(jack, damper, y, y_fast, push):
     """Return a jack's acceleration under an upward force, and what friction and damper add.
 
     Returns:
         Acceleration m/s^2; power lost in the register W; energy of weight and damper J.
     """
-    _, _, mass, _, _, rub, _ = choirs.jack[c]
-    felt, _, pressed = one_sided(choirs.damper[c, 1] - y, 0.0, choirs.damper[c, 0], 0.0)
+    _, _, mass, _, _, rub, _ = jack
+    felt, _, pressed = one_sided(damper[1] - y, 0.0, damper[0], 0.0)
     rubbed = rub * smooth_sign(y_fast, REGISTER_SPEED)
     return (push - rubbed + felt) / mass - GRAVITY, rubbed * y_fast, pressed + mass * GRAVITY * y
