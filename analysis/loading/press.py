@@ -32,7 +32,7 @@ from sautereau.rig.acquisition import Channel
 from sautereau.rig.instrument import Key
 from sautereau.rig.quantities import SECTIONS
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.key import rise_of_angle, rise_slope
+from sautereau.trajectory.key import jack_law
 from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
@@ -256,8 +256,8 @@ def columns_of(key: Key, velocity: Floats, force: Floats, rate: float) -> Floats
         deflection = (integral[rows] - moved / 2) / rate  # by trapezia
         angle = deflection / key.laser_arm
         columns[2, rows], columns[3, rows] = angle, deflection
-        columns[4, rows] = rise_of_angle(key, angle)
-        columns[5, rows] = rise_slope(key, angle) * spin
+        columns[4, rows], slope = jack_law(key, angle)
+        np.multiply(slope, spin, out=columns[5, rows])
     return columns
 
 

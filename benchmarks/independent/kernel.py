@@ -118,12 +118,9 @@ def run(
         power_before, loss_before = power, loss
         energy += 0.5 * m_t * vt**2 + (0.0 if prescribed else 0.5 * body.arm_mass * va**2)
         energy += _kinetic_energy(v, vy, mass, choirs.jack)
-        for j in range(n):
-            out[0, i] -= body.at_laser[j] * v[j]
+        out[0, i] = -_dot(body.at_laser, v)
         out[1, i], out[2, i], out[3, i], out[4, i] = inner, energy, work, lost
-        for c in range(count):
-            row = 5 + 3 * c
-            out[row, i], out[row + 1, i], out[row + 2, i] = y[c], vy[c], s.push[c]
+        _note_jacks(out[5:, i], y, vy, s.push)
     return found
 
 
@@ -163,6 +160,21 @@ def _kick_choirs(dt, vy, ay, choirs, s):
     for c in range(len(vy)):
         vy[c] += dt / 2 * ay[c]
         kick_string(dt, c, choirs, s)
+
+
+@compiled
+def _dot(a, b):
+    total = 0.0
+    for j in range(len(a)):
+        total += a[j] * b[j]
+    return total
+
+
+@compiled
+def _note_jacks(column, y, vy, push):
+    """Write height, speed and load of each jack into a column of the results."""
+    for c in range(len(y)):
+        column[3 * c], column[3 * c + 1], column[3 * c + 2] = y[c], vy[c], push[c]
 
 
 @compiled
