@@ -22,6 +22,7 @@ from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.physics.presses.parameters import Numbers, new_presses
 from sautereau.sim_backend.physics.presses.world import ExactWorld
 from sautereau.sim_backend.physics.servo import PositionLoops
+from sautereau.sim_backend.trade.random_cases import random_cases
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.key import (
     angle_of_rise,
@@ -225,6 +226,15 @@ def test_events_converge(name):
     for step, time in ((1e-3, 1e-6), (1e-4, 2e-9)):
         found = run(rig, scene.model_copy(update={"step": step}), drive)
         assert errors(found, true).time < time
+
+
+def test_the_reference_is_exact_where_a_light_jack_crosses_many_cells_of_its_force_law():
+    """A random case whose jack of 0.3 g plucks a string of 1300 N without friction and gravity."""
+    case = list(random_cases(RIG, 12, seed=424242))[11]
+    rig = with_values(RIG, case.values)
+    drive = drive_of(rig, case.scene)
+    found, finer = (reference(rig, case.scene, drive, step=step) for step in (50e-6, 20e-6))
+    assert errors(found, finer).time < 1e-12
 
 
 # The ideal finger.
