@@ -44,6 +44,8 @@ IDENTIFIABLE = 0.025
 its 95 % interval is at most 5 % of the scale either way."""
 SIGNIFICANT = 3.0
 """Standard uncertainties from the rig's value from which a hidden friction is a result."""
+NEAR_BOUND = 1.02
+"""Ratio to a bound of a compliant key's inertia that counts as being at it."""
 LEAST_WEIGHT = 0.1
 """Dimensionless, smallest weight of a parameter that a combination lists."""
 
@@ -262,18 +264,15 @@ def _inertia_at_bound(free: Sequence[Parameter], values: Floats) -> list[str]:
         f"{INERTIA}: the fit reached a bound at {value:.4g} kg m^2, so that the modes imitate it:"
         " give its range by a prior, or press more slowly"
         for parameter, value in zip(free, values.tolist(), strict=True)
-        if parameter.name == INERTIA and _at_bound(parameter, value)
+        if parameter.name == INERTIA
+        and min(value / parameter.low, parameter.high / value) < NEAR_BOUND
     ]
-
-
-def _at_bound(parameter: Parameter, value: float) -> bool:
-    room = AT_BOUND * (parameter.high - parameter.low)
-    return min(value - parameter.low, parameter.high - value) <= room
 
 
 def _estimate(
     parameter: Parameter, value: float, std: float, *, identifiable: bool, fits: bool
 ) -> Estimate:
+    room = AT_BOUND * (parameter.high - parameter.low)
     known = np.isfinite(std)
     return Estimate(
         name=parameter.name,
@@ -283,7 +282,7 @@ def _estimate(
         std=std if known else None,
         low=value - INTERVAL * std if known and fits else None,
         high=value + INTERVAL * std if known and fits else None,
-        at_bound=_at_bound(parameter, value),
+        at_bound=min(value - parameter.low, parameter.high - value) <= room,
         identifiable=identifiable,
     )
 
