@@ -14,7 +14,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
-from sautereau.sim_backend.devices.daqmx.runs import SampledRun
+from sautereau.sim_backend.devices.daqmx.runs import SampledRun, Wiring
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Push, Sensors
@@ -68,7 +68,8 @@ def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[
     rest = Motions(**parts) if before.any() else None
     terminals = tuple(channel.terminal for channel in wired.daq.channels)
     n = int((motions.time[-1] - edge) * rate)
-    run = SampledRun(wired, TaskSetup(terminals, rate, n, None), scene, seed, 0, rest, FairLock())
+    wiring = Wiring(wired, scene, seed, FairLock())
+    run = SampledRun(wiring, TaskSetup(terminals, rate, n, None), 0, rest)
     run.trigger(edge)
     run.feed(motions)
     volts = dict(zip((c.name for c in wired.daq.channels), run.read(0, n), strict=True))

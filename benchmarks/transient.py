@@ -12,7 +12,8 @@ from scipy.linalg import eigh
 
 from benchmarks.figures import Figure
 from benchmarks.independent import Choir, Conditions, Pressed, press, random_conditions
-from benchmarks.independent.assembly import body_of, build_key, string_modes
+from benchmarks.independent.assembly import body_of, string_modes
+from benchmarks.independent.key import key_model
 from benchmarks.judged import judged_press
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import HeldString, Phases
@@ -57,7 +58,8 @@ def true_modes(c: Conditions, force: float, choir: Choir, held: bool) -> list[tu
         choir: The one choir whose jack stands on the key.
         held: Whether its string is held by the plectrum.
     """
-    key, body = build_key(c), body_of(c, build_key(c))
+    key = key_model(c)
+    body = body_of(c, key)
     secant, exponent, _, _, _ = body.pad
     pad = exponent * secant ** (1 / exponent) * max(force, 1e-3) ** (1 - 1 / exponent)
     n, strings = len(key.mass), choir.modes if held else 0

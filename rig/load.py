@@ -24,7 +24,7 @@ from sautereau.rig.faults import (
     validation_faults,
 )
 from sautereau.rig.files import read_files
-from sautereau.rig.origins import assumed_ranges, split_origins
+from sautereau.rig.origins import Origins, assumed_ranges
 from sautereau.rig.packaged import named_text
 from sautereau.rig.renamed import RENAMED_KEYS, current_key, rename_keys
 from sautereau.rig.schema import Rig
@@ -81,14 +81,13 @@ def parse_rig(
     for old in rename_keys(document):
         name = RENAMED_KEYS[old].rpartition(".")[2]
         _LOG.warning("%s: %s", origin, at_line(line_of(text, old), f"rename {old} to {name}"))
-    values, assumed, sources, faults = split_origins(document)
-    faults += read_files(values, folder or Path())
-    ranges, range_faults = assumed_ranges(assumed, values)
-    faults = [
-        at_line(line_of(text, key), f"{key}: {fault}") for key, fault in faults + range_faults
-    ]
+    origins = Origins()
+    values = origins.split(document)
+    found = [*origins.faults, *read_files(values, folder or Path())]
+    ranges, range_faults = assumed_ranges(origins.assumed, values)
+    faults = [at_line(line_of(text, key), f"{key}: {fault}") for key, fault in found + range_faults]
     rig = _validated(values, origin, faults, text)
-    return rig.model_copy(update={"assumed": ranges, "sources": sources})
+    return rig.model_copy(update={"assumed": ranges, "sources": origins.sources})
 
 
 def _validated(values: Any, origin: str, faults: Sequence[str] = (), text: str = "") -> Rig:

@@ -1,6 +1,7 @@
 """Where the values of a rig file come from: their sources, and the ranges that were assumed."""
 
 import re
+from dataclasses import dataclass, field
 from typing import Any
 
 from sautereau.rig.faults import model_keys, near_miss, unit_of
@@ -11,38 +12,47 @@ _ORIGIN = ("assumed", "source")
 _ORIGINS = {"assumed", "sources"}
 
 
-def split_origins(document: dict[str, Any]):
-    """Split a document into values, (value, assumed range) and sources by dotted key, faults."""
-    assumed: dict[str, tuple[Any, Any]] = {}
-    sources: dict[str, str] = {}
-    faults: list[tuple[str, str]] = []
+@dataclass(frozen=True)
+class Origins:
+    """What a rig file says about its values, by dotted key."""
 
-    def walk(node: Any, path: tuple[str, ...]) -> Any:
+    assumed: dict[str, tuple[Any, Any]] = field(default_factory=dict)
+    """A value and its assumed range."""
+    sources: dict[str, str] = field(default_factory=dict)
+    faults: list[tuple[str, str]] = field(default_factory=list)
+    """Of these, each after its key."""
+
+    def split(self, document: dict[str, Any]) -> dict[str, Any]:
+        """Return the values of a document alone, and keep the rest here."""
+        values = self._values(document, ())
+        for name in _ORIGINS & set(values):
+            del values[name]
+            self.faults.append((name, "unknown key; write it into the table of each quantity"))
+        if "daq_only" in values:
+            fault = "unknown key; a recording of a rig with [daq] alone has it"
+            self.faults.append(("daq_only", fault))
+        return values
+
+    def _values(self, node: Any, path: tuple[str, ...]) -> Any:
         if isinstance(node, list):
-            return [walk(value, (*path, str(i))) for i, value in enumerate(node)]
+            return [self._values(value, (*path, str(i))) for i, value in enumerate(node)]
         if not isinstance(node, dict):
             return node
         if not path or "value" not in node:
-            return {key: walk(value, (*path, key)) for key, value in node.items()}
-        key = ".".join(path)
-        for unknown in sorted(set(node) - {"value", *_ORIGIN}):
-            known = near_miss(unknown, ["value", *_ORIGIN]).replace("the top level", "a quantity")
-            faults.append((f"{key}.{unknown}", f"unknown key{known}"))
-        if "assumed" in node:
-            assumed[key] = (node["value"], node["assumed"])
-        if "source" in node:
-            sources[key] = node["source"]
-            if not isinstance(node["source"], str):
-                faults.append((f"{key}.source", f"{shown(node['source'])} is refused: give a text"))
+            return {key: self._values(value, (*path, key)) for key, value in node.items()}
+        self._keep(".".join(path), node)
         return node["value"]
 
-    values = walk(document, ())
-    for name in _ORIGINS & set(values):
-        del values[name]
-        faults.append((name, "unknown key; write it into the table of each quantity"))
-    if "daq_only" in values:
-        faults.append(("daq_only", "unknown key; a recording of a rig with [daq] alone has it"))
-    return values, assumed, sources, faults
+    def _keep(self, key: str, table: dict[str, Any]) -> None:
+        for unknown in sorted(set(table) - {"value", *_ORIGIN}):
+            known = near_miss(unknown, ["value", *_ORIGIN]).replace("the top level", "a quantity")
+            self.faults.append((f"{key}.{unknown}", f"unknown key{known}"))
+        if "assumed" in table:
+            self.assumed[key] = (table["value"], table["assumed"])
+        if "source" in table:
+            source = self.sources[key] = table["source"]
+            if not isinstance(source, str):
+                self.faults.append((f"{key}.source", f"{shown(source)} is refused: give a text"))
 
 
 def assumed_ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):

@@ -12,6 +12,7 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.card import BenchCard
 from sautereau.sim_backend.clock import Clock, FairLock
 from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.devices.daqmx.runs import Wiring
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 from sautereau.sim_backend.devices.emulators import SERIAL, Networked, emulator_of
 from sautereau.sim_backend.devices.plant import ArmPlant
@@ -65,9 +66,8 @@ class Bench:
         self._closing = threading.Event()
         self._last_motion = 0.0
         self._line = BadLine(self.scene.faults, seed, self.injection.past)
-        self.card = BenchCard(
-            self.rig, self.scene, seed, paced, self._lock, self.injection, lambda: self.world.time
-        )
+        wiring = Wiring(self.rig, self.scene, seed, self._lock, paced)
+        self.card = BenchCard(wiring, self.injection, lambda: self.world.time)
         self._powered_up = False
         given = {} if scene.controller is None else {"unit": scene.controller}
         emulate = emulator_of(rig.controller.kind, **given)

@@ -6,13 +6,12 @@ from dataclasses import replace
 from typing import TypeVar
 
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.device_types import DEVICE_TYPES
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
 from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
-from sautereau.sim_backend.devices.daqmx.runs import SampledRun
+from sautereau.sim_backend.devices.daqmx.runs import SampledRun, Wiring
 from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import Scene
@@ -40,35 +39,21 @@ class BenchCard:
     """A DAQmx device whose analog inputs are wired to the sensors of the bench.
 
     Args:
-        rig: The simulated bench, as wired.
-        scene: Its sensors and faults.
-        seed: Of all noise.
-        paced: Whether simulated time follows real time, so that a buffer can overflow.
-        lock: Guards the bench.
+        wiring: The sensors of the bench.
         injection: Of the scene's faults.
         now: Returns the simulated time [s].
     """
 
-    def __init__(
-        self,
-        rig: Rig,
-        scene: Scene,
-        seed: int,
-        paced: bool,
-        lock: FairLock,
-        injection: FaultInjection,
-        now: Callable[[], float],
-    ):
-        self.name = rig.daq.device
-        self.device = DEVICE_TYPES[scene.card]
-        self.chassis = _chassis_name(rig) if self.device.in_chassis else ""
-        self.paced = paced
+    def __init__(self, wiring: Wiring, injection: FaultInjection, now: Callable[[], float]):
+        self.name = wiring.rig.daq.device
+        self.device = DEVICE_TYPES[wiring.scene.card]
+        self.chassis = _chassis_name(wiring.rig) if self.device.in_chassis else ""
+        self.paced = wiring.paced
         self.runs: list[SampledRun] = []
         """Acquisitions that are not over, and those that ended since the last start."""
         self.starts: list[float] = []
         """s, simulated times at which acquisitions started, by their edges or by themselves."""
-        self._rig, self._scene, self._seed = rig, scene, seed
-        self._lock, self._injection, self._now = lock, injection, now
+        self._wiring, self._injection, self._now = wiring, injection, now
         self._armed = 0
         self._last: Motions | None = None
         self._failure: Callable[[], DaqmxError] | None = None
@@ -81,7 +66,7 @@ class BenchCard:
             DaqmxError: The card is disconnected.
         """
         self._injection.check_plugged()
-        return input_terminals(self._rig, self._scene)
+        return input_terminals(self._wiring.rig, self._wiring.scene)
 
     def start(self, setup: TaskSetup) -> SampledRun:
         """Arm an acquisition, or start one that keeps samples before its trigger's edge.
@@ -89,7 +74,7 @@ class BenchCard:
         Raises:
             DaqmxError: The card is disconnected, or the bench has failed.
         """
-        with self._lock:
+        with self._wiring.lock:
             if setup.before is not None:
                 run = self._new_run(PreTriggerRun, setup)
                 run.begin(None if setup.start_trigger else self._now(), setup.before)
@@ -112,24 +97,15 @@ class BenchCard:
         run = self._constructed(kind, setup, self._armed)
         self._armed += 1
         self.runs = [*(other for other in self.runs if not other.over), run]
-        self._lock.notify_all()  # in effect once the lock is released
-        wired = self._rig.daq.trigger_source.rpartition("/")[2]
+        self._wiring.lock.notify_all()  # in effect once the lock is released
+        wired = self._wiring.rig.daq.trigger_source.rpartition("/")[2]
         used = [terminal for terminal in (setup.trigger, setup.start_trigger) if terminal]
         run.unwired = any(terminal.rpartition("/")[2] != wired for terminal in used)
         return run
 
     def _constructed(self, kind: type[AnyRun], setup: TaskSetup, number: int) -> AnyRun:
         """Return a run, the noise of which follows from its number."""
-        return kind(
-            self._rig,
-            setup,
-            self._scene,
-            self._seed,
-            number,
-            self._last,
-            self._lock,
-            self.paced,
-        )
+        return kind(self._wiring, setup, number, self._last)
 
     def _parts(self, setup: TaskSetup, length: int) -> Callable[[int], SampledRun]:
         """Return what constructs the parts of the run that was armed last."""

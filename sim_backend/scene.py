@@ -1,5 +1,6 @@
 """A scene: what the stand-in simulates, and with which step or accuracy."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -107,51 +108,57 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _parts_fit(self):
-        faults = []
-        for part in ("push", "servo"):
-            given = getattr(self, part) is not None
-            if self.finger == part and not given:
-                faults.append(f'finger: "{part}" needs the table [{part}]; add it')
-            if self.finger != part and given:
-                faults.append(
-                    f'{part}: only finger = "{part}" uses this table, and finger is'
-                    f' "{self.finger}"; remove it, or change finger'
-                )
-        if self.finger == "push" and self.fingertip is not None:
-            faults.append(
-                'fingertip: finger = "push" is a force without a fingertip; remove the table, or'
-                " change finger"
-            )
+        faults = [*self._finger_faults()]
         if (self.plectrum == "none") != (self.string == "none"):
             faults.append(
                 f'plectrum: "{self.plectrum}" and string = "{self.string}" contradict each other;'
                 ' set both or neither to "none"'
             )
-        if (self.step is None) == (self.accuracy is None):
-            given = "neither is" if self.step is None else "both are"
-            faults.append(f"step, accuracy: {given} given; give one of them")
-        if self.accuracy is None:
-            for name in ("engine", "plectrum", "string"):
-                if getattr(self, name) == "auto":
-                    faults.append(
-                        f'{name}: "auto" is chosen by the requested accuracy; give accuracy'
-                        f" instead of step, or choose the {name}"
-                    )
+        faults += self._accuracy_faults()
         if self.play is not None and self.bending is not None:
             faults.append(
                 "play, bending: the key of one scene either sinks or bends; remove one of the"
                 " tables"
-            )
-        if self.play is not None and self.finger == "ideal" and self.fingertip is None:
-            faults.append(
-                'play: the rigid fingertip of finger = "ideal" prescribes the angle of a key on a'
-                " fixed pin; add the table [fingertip], or change finger"
             )
         if self.engine == "exact":
             faults += self.unsolved
         if faults:
             raise ValueError("\n".join(faults))
         return self
+
+    def _finger_faults(self) -> Iterator[str]:
+        """Yield where the tables do not fit the chosen finger."""
+        for part in ("push", "servo"):
+            given = getattr(self, part) is not None
+            if self.finger == part and not given:
+                yield f'finger: "{part}" needs the table [{part}]; add it'
+            if self.finger != part and given:
+                yield (
+                    f'{part}: only finger = "{part}" uses this table, and finger is'
+                    f' "{self.finger}"; remove it, or change finger'
+                )
+        if self.finger == "push" and self.fingertip is not None:
+            yield (
+                'fingertip: finger = "push" is a force without a fingertip; remove the table, or'
+                " change finger"
+            )
+        if self.finger == "ideal" and self.fingertip is None and self.play is not None:
+            yield (
+                'play: the rigid fingertip of finger = "ideal" prescribes the angle of a key on a'
+                " fixed pin; add the table [fingertip], or change finger"
+            )
+
+    def _accuracy_faults(self) -> Iterator[str]:
+        """Yield what no accuracy decides, and what decides it twice."""
+        if (self.step is None) == (self.accuracy is None):
+            given = "neither is" if self.step is None else "both are"
+            yield f"step, accuracy: {given} given; give one of them"
+        for name in ("engine", "plectrum", "string") if self.accuracy is None else ():
+            if getattr(self, name) == "auto":
+                yield (
+                    f'{name}: "auto" is chosen by the requested accuracy; give accuracy'
+                    f" instead of step, or choose the {name}"
+                )
 
     @property
     def unsolved(self) -> list[str]:

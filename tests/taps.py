@@ -3,14 +3,14 @@
 import numpy as np
 from scipy.signal import cont2discrete, dlsim
 
-from benchmarks.independent.assembly import build_key
+from benchmarks.independent.key import key_model
 
 RATE, TAPS = 20e3, 6
 
 
 def tapped(conditions, seed, noise=5e-5):
     """Return force and velocity of a tapped key on its rail, and its eigenvalues [1/s]."""
-    key, random = build_key(conditions), np.random.default_rng(seed)
+    key, random = key_model(conditions), np.random.default_rng(seed)
     rail, press, laser = (key.at(x) for x in (conditions.back_arm, -0.171, -0.082))
     stiffness = key.stiffness + 2e5 * np.outer(rail, rail)
     damping = key.damping + 20.0 * np.outer(rail, rail)

@@ -50,9 +50,14 @@ def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -
             for as many processes as shorten the run, at most one per core.
 
     Raises:
-        AnalysisError: The folder holds no recordings, or ``out`` is not a campaign's table.
+        AnalysisError: The folder holds no recordings, or ``out`` is not a campaign's table or has
+            another file extension than .parquet.
     """
     folder, out = Path(folder).resolve(), Path(out)
+    if out.suffix != ".parquet":
+        raise AnalysisError(
+            f"campaign {out}: tables are written as Parquet only; use the file extension .parquet"
+        )
     found = find_recordings(folder)
     earlier = _earlier(out)
     campaign = earlier.only(set(found))

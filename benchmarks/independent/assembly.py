@@ -4,28 +4,8 @@ import numpy as np
 
 from .conditions import Choir, Conditions
 from .elastica import shape, static_pluck
-from .kernel import GRAVITY
-from .key import ROOTS, KeyModel, key_model
+from .key import KeyModel
 from .parameters import Body, Choirs
-
-
-def build_key(c: Conditions) -> KeyModel:
-    """Return the key of the conditions."""
-    bending = ()
-    if np.isfinite(c.bending_frequency):
-        ratio = (ROOTS[1] / ROOTS[0]) ** 2
-        modes = ((c.bending_frequency, c.bending_damping),)
-        bending = modes + ((c.bending_frequency * ratio, c.bending_damping),) * c.second_mode
-    return key_model(
-        c.inertia,
-        c.key_mass,
-        -c.gravity_moment / (c.key_mass * GRAVITY),
-        c.front_arm,
-        c.back_arm,
-        c.heave_frequency,
-        c.heave_damping,
-        bending,
-    )
 
 
 def body_of(c: Conditions, key: KeyModel) -> Body:
@@ -90,17 +70,7 @@ def choirs_of(c: Conditions, key: KeyModel) -> Choirs:
     count = max(len(each[0]) for each in modal)
     if min(len(each[0]) for each in modal) < count:
         raise ValueError("choirs: the strings have different numbers of modes; give all the same")
-    static = [
-        static_pluck(
-            each.length,
-            each.overlap,
-            each.bending_stiffness,
-            each.string_stiffness,
-            each.friction,
-            each.offset,
-        )
-        for each in c.choirs
-    ]
+    static = [static_pluck(each) for each in c.choirs]
     points = 400
     heights = [np.linspace(0, each.release_height, points) for each in static]
     return Choirs(

@@ -19,6 +19,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from .compiled import compiled
+from .conditions import Choir
 
 W_MAX = 2.5
 """Largest w of the polynomials: the tangent under the load then is at about 1 rad."""
@@ -127,15 +128,7 @@ class StaticPluck:
         return float(self.load[-1])
 
 
-def static_pluck(
-    length: float,
-    overlap: float,
-    bending_stiffness: float,
-    string_stiffness: float,
-    friction: float = 0.0,
-    offset: float = 0.0,
-    points: int = 400,
-) -> StaticPluck:
+def static_pluck(c: Choir, points: int = 400) -> StaticPluck:
     """Return the equilibria of a string of static stiffness on a plectrum, up to its release.
 
     The load w is the parameter: for each, s follows from the horizontal equilibrium
@@ -143,39 +136,37 @@ def static_pluck(
     the vertical one. The release is where s = length, or where the height no longer increases.
 
     Args:
-        length: m, of the plectrum.
-        overlap: m, length minus the wire's distance from the clamp at rest.
-        bending_stiffness: N m^2.
-        string_stiffness: N/m, same in both directions.
-        friction: Coulomb coefficient.
-        offset: m, from mid-line to the wire's centre; 0 for a string on the mid-line.
+        c: Plectrum and string, whose stiffness is the same in both directions.
         points: Number of equilibria.
+
+    Raises:
+        ValueError: The plectrum bends further than the elastica's table.
     """
-    shapes = shape(friction)
-    x0 = length - overlap
+    shapes = shape(c.friction)
+    x0 = c.length - c.overlap
 
     def state(w):
         t, _ = _value_and_slope(shapes[0], w)
         r, _ = _value_and_slope(shapes[2], w)
         a, _ = _value_and_slope(shapes[1], w)
         theta = t * w
-        across = np.sin(theta) - friction * np.cos(theta)
+        across = np.sin(theta) - c.friction * np.cos(theta)
 
         def horizontal(s):
-            force = bending_stiffness * w / s**2
-            return s * a + offset * np.sin(theta) - x0 - force * across / string_stiffness
+            force = c.bending_stiffness * w / s**2
+            return s * a + c.offset * np.sin(theta) - x0 - force * across / c.string_stiffness
 
-        s = brentq(horizontal, 0.3 * x0, 3 * length, xtol=1e-14)
-        force = bending_stiffness * w / s**2
-        load = force * (np.cos(theta) + friction * np.sin(theta))
-        lift = load / string_stiffness
-        return s, load, lift + s * a * r * w - offset * (np.cos(theta) - 1)
+        s = brentq(horizontal, 0.3 * x0, 3 * c.length, xtol=1e-14)
+        force = c.bending_stiffness * w / s**2
+        load = force * (np.cos(theta) + c.friction * np.sin(theta))
+        lift = load / c.string_stiffness
+        return s, load, lift + s * a * r * w - c.offset * (np.cos(theta) - 1)
 
-    if state(W_MAX)[0] < length:
+    if state(W_MAX)[0] < c.length:
         raise ValueError(
             "the string stays on the plectrum beyond the range of the elastica's table"
         )
-    last = brentq(lambda w: state(w)[0] - length, 1e-12, W_MAX, xtol=1e-13)
+    last = brentq(lambda w: state(w)[0] - c.length, 1e-12, W_MAX, xtol=1e-13)
     rows = np.array([state(w) for w in last * np.linspace(0, 1, points)])
     top = int(np.argmax(rows[:, 2]))
     rows = rows[: top + 1]

@@ -52,10 +52,7 @@ def run(
     ease, follow = np.exp(-400.0 * dt), 1 - np.exp(-dt / lag)
     for i in range(-settle, steps):
         # Half a kick and the drift; `fast` and its like are the velocities expected at the end.
-        for j in range(n):
-            half = v[j] + dt / 2 * acc[j]
-            p[j] += dt * half
-            v[j], fast[j] = half, half + dt / 2 * acc[j]
+        _drift_key(dt, p, v, acc, fast)
         vt += dt / 2 * at
         xt += dt * vt
         vt_fast = vt + dt / 2 * at
@@ -68,65 +65,44 @@ def run(
             va += dt / 2 * aa
             xa += dt * va
             va_fast = va + dt / 2 * aa
-        for c in range(count):
-            vy[c] += dt / 2 * ay[c]
-            y[c] += dt * vy[c]
-            if choirs.string[c, 1] == 0.0 and s.touched[c]:
-                felt = 1 if choirs.damper[c, 0] > 0 and y[c] < choirs.damper[c, 1] else 0
-                drift_string(dt, c, felt, choirs, s)
+        _drift_choirs(dt, y, vy, ay, choirs, s)
         # Drive: its lag, and once in a controller sample the servo.
-        if i >= 0:
-            torque += (servo - torque) * follow
-            if i % body.servo_every == 0:
-                seen = np.round(xa / grain) * grain
-                error = plan[i] + shift - seen
-                summed += error * period
-                servo = bias + kp * error + ki * summed + body.fed_mass * plan_acceleration[i]
-                servo += kd * (error - error_before) / period
-                error_before = error
+        torque += (servo - torque) * follow
+        if i >= 0 and i % body.servo_every == 0:
+            seen = np.round(xa / grain) * grain
+            error = plan[i] + shift - seen
+            summed += error * period
+            servo = bias + kp * error + ki * summed + body.fed_mass * plan_acceleration[i]
+            servo += kd * (error - error_before) / period
+            error_before = error
         # Forces at the new positions.
         inner = k_t * (xa - xt) + c_t * (va_fast - vt_fast)
         pad, loss, energy = key_forces(body, p, fast, xt, vt_fast, force)
         loss += c_t * (va_fast - vt_fast) ** 2
         energy += 0.5 * k_t * (xa - xt) ** 2
         for c in range(count):
-            arm, height, m, k_c, c_c, rub, clearance = choirs.jack[c]
-            a = body.rotation
-            surface = arm * p[a] ** 3 / 3 + height * p[a] ** 2 / 2
-            lever = arm * p[a] ** 2 + height * p[a]
-            rising = lever * fast[a]
-            for j in range(n):
-                surface += choirs.at_jack[c, j] * p[j]
-                rising += choirs.at_jack[c, j] * fast[j]
-            y_fast = vy[c] + dt / 2 * ay[c]
-            foot, gone, stored = one_sided(surface - y[c], rising - y_fast, k_c, c_c)
-            for j in range(n):
-                force[j] -= foot * choirs.at_jack[c, j]
-            force[a] -= foot * lever
             tongue = 0.0
             if i >= 0:
-                found, tongue = pluck(i, dt, c, y[c] - clearance, choirs, s, events, found)
-            lift = choirs.damper[c, 1] - y[c]
-            felt, _, pressed = one_sided(lift, 0.0, choirs.damper[c, 0], 0.0)
-            rubbed = rub * smooth_sign(y_fast, REGISTER_SPEED)
-            ay[c] = (foot - s.push[c] - rubbed + tongue + felt) / m - GRAVITY
-            loss += gone + rubbed * y_fast - tongue * y_fast
-            energy += stored + pressed + m * GRAVITY * y[c]
+                above = y[c] - choirs.jack[c, 6]
+                found, tongue = pluck(i, dt, c, above, choirs, s, events, found)
+            y_fast = vy[c] + dt / 2 * ay[c]
+            foot, gone, stored = _stand_on_key(
+                choirs.jack[c], choirs.at_jack[c], body.rotation, p, fast, y[c], y_fast, force
+            )
+            push = foot - s.push[c] + tongue
+            ay[c], rubbed, lifted = _jack_acceleration(
+                choirs.jack[c], choirs.damper[c], y[c], y_fast, push
+            )
+            loss += gone + rubbed - tongue * y_fast
+            energy += stored + lifted
         # Second half of the kick.
-        for j in range(n):
-            acc[j] = 0.0
-            for k in range(n):
-                acc[j] += body.inverse_mass[j, k] * force[k]
-        for j in range(n):
-            v[j] += dt / 2 * acc[j]
+        _kick_key(dt, v, acc, force, body.inverse_mass)
         at = (inner - pad) / m_t
         vt += dt / 2 * at
         aa = (torque - inner) / body.arm_mass
         if not prescribed or i < 0:
             va += dt / 2 * aa
-        for c in range(count):
-            vy[c] += dt / 2 * ay[c]
-            kick_string(dt, c, choirs, s)
+        _kick_choirs(dt, vy, ay, choirs, s)
         if i < 0:
             calm = ease if i < -1 else 0.0
             va, vt = va * calm, vt * calm
@@ -141,14 +117,96 @@ def run(
         lost += dt / 2 * (loss + loss_before)
         power_before, loss_before = power, loss
         energy += 0.5 * m_t * vt**2 + (0.0 if prescribed else 0.5 * body.arm_mass * va**2)
+        energy += _kinetic_energy(v, vy, mass, choirs.jack)
         for j in range(n):
-            for k in range(n):
-                energy += 0.5 * v[j] * mass[j, k] * v[k]
             out[0, i] -= body.at_laser[j] * v[j]
-        out[1, i] = inner
+        out[1, i], out[2, i], out[3, i], out[4, i] = inner, energy, work, lost
         for c in range(count):
-            energy += 0.5 * choirs.jack[c, 2] * vy[c] ** 2
             row = 5 + 3 * c
             out[row, i], out[row + 1, i], out[row + 2, i] = y[c], vy[c], s.push[c]
-        out[2, i], out[3, i], out[4, i] = energy, work, lost
     return found
+
+
+@compiled
+def _drift_key(dt, p, v, acc, fast):
+    """Kick the key by half a step and drift it; ``fast`` is the velocity expected at the end."""
+    for j in range(len(p)):
+        half = v[j] + dt / 2 * acc[j]
+        p[j] += dt * half
+        v[j], fast[j] = half, half + dt / 2 * acc[j]
+
+
+@compiled
+def _kick_key(dt, v, acc, force, inverse_mass):
+    """Kick the key by half a step of the forces at its new position."""
+    for j in range(len(v)):
+        acc[j] = 0.0
+        for k in range(len(v)):
+            acc[j] += inverse_mass[j, k] * force[k]
+        v[j] += dt / 2 * acc[j]
+
+
+@compiled
+def _drift_choirs(dt, y, vy, ay, choirs, s):
+    """Kick the jacks by half a step and drift them, and the strings that they have touched."""
+    for c in range(len(y)):
+        vy[c] += dt / 2 * ay[c]
+        y[c] += dt * vy[c]
+        if choirs.string[c, 1] == 0.0 and s.touched[c]:
+            felt = 1 if choirs.damper[c, 0] > 0 and y[c] < choirs.damper[c, 1] else 0
+            drift_string(dt, c, felt, choirs, s)
+
+
+@compiled
+def _kick_choirs(dt, vy, ay, choirs, s):
+    """Kick the jacks and their strings by half a step."""
+    for c in range(len(vy)):
+        vy[c] += dt / 2 * ay[c]
+        kick_string(dt, c, choirs, s)
+
+
+@compiled
+def _kinetic_energy(v, vy, mass, jack):
+    """Return the kinetic energy of key and jacks, J."""
+    twice = 0.0
+    for j in range(len(v)):
+        for k in range(len(v)):
+            twice += v[j] * mass[j, k] * v[k]
+    for c in range(len(vy)):
+        twice += jack[c, 2] * vy[c] ** 2
+    return twice / 2
+
+
+@compiled
+def _stand_on_key(jack, at_jack, rotation, p, fast, y, y_fast, force):
+    """Add the force of a jack's foot to those on the key.
+
+    Returns:
+        Force of the key on the foot N; power lost W; energy stored J.
+    """
+    arm, height, _, stiffness, damping, _, _ = jack
+    turn = p[rotation]
+    surface = arm * turn**3 / 3 + height * turn**2 / 2
+    lever = arm * turn**2 + height * turn
+    rising = lever * fast[rotation]
+    for j in range(len(p)):
+        surface += at_jack[j] * p[j]
+        rising += at_jack[j] * fast[j]
+    foot, lost, stored = one_sided(surface - y, rising - y_fast, stiffness, damping)
+    for j in range(len(p)):
+        force[j] -= foot * at_jack[j]
+    force[rotation] -= foot * lever
+    return foot, lost, stored
+
+
+@compiled
+def _jack_acceleration(jack, damper, y, y_fast, push):
+    """Return a jack's acceleration under an upward force, and what friction and damper add.
+
+    Returns:
+        Acceleration m/s^2; power lost in the register W; energy of weight and damper J.
+    """
+    _, _, mass, _, _, rub, _ = jack
+    felt, _, pressed = one_sided(damper[1] - y, 0.0, damper[0], 0.0)
+    rubbed = rub * smooth_sign(y_fast, REGISTER_SPEED)
+    return (push - rubbed + felt) / mass - GRAVITY, rubbed * y_fast, pressed + mass * GRAVITY * y

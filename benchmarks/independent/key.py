@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .conditions import Conditions
+from .kernel import GRAVITY
+
 ROOTS = (4.730040744862704, 7.853204624095838)
 """Of cos b cosh b = 1, the free-free beam (Blevins, Formulas for Natural Frequency, table 8-1)."""
 
@@ -52,45 +55,35 @@ def mode_shape(k: int, x: float, front: float, back: float) -> float:
     return float(even - sigma * (np.sinh(beta * u) + np.sin(beta * u)))
 
 
-def key_model(
-    inertia: float,
-    mass: float,
-    centre: float,
-    front: float,
-    back: float,
-    heave_frequency: float,
-    heave_damping: float,
-    bending: tuple[tuple[float, float], ...],
-) -> KeyModel:
-    """Return the key's matrices.
-
-    Args:
-        inertia: kg m^2, about the pin.
-        mass: kg.
-        centre: m, of the mass, from the pin to the back.
-        front: m, from the pin to the front edge.
-        back: m, from the pin to the rear end.
-        heave_frequency: Hz, of the mass on the felt under the pin; infinite for a rigid pin.
-        heave_damping: Fraction of the critical one.
-        bending: Frequency (Hz) of the free-free key and damping, per mode; at most two.
-    """
+def key_model(c: Conditions) -> KeyModel:
+    """Return the key's matrices; an infinite heave frequency is a rigid pin."""
+    mass, front, back = c.key_mass, c.front_arm, c.back_arm
+    bending = _bending_modes(c)
     n = len(bending)
-    full = np.diag([mass, inertia] + [mass] * n).astype(float)
-    full[0, 1] = full[1, 0] = mass * centre
+    full = np.diag([mass, c.inertia] + [mass] * n).astype(float)
+    full[0, 1] = full[1, 0] = -c.gravity_moment / GRAVITY
     stiffness = np.zeros((n + 2, n + 2))
     damping = np.zeros((n + 2, n + 2))
     for k, (frequency, ratio) in enumerate(bending):
         omega = 2 * np.pi * frequency
         stiffness[k + 2, k + 2] = mass * omega**2
         damping[k + 2, k + 2] = 2 * ratio * mass * omega
-    heaves = bool(np.isfinite(heave_frequency))
     pin = np.array([mode_shape(k, 0.0, front, back) for k in range(n)])
-    if heaves:
-        omega = 2 * np.pi * heave_frequency
+    if np.isfinite(c.heave_frequency):
+        omega = 2 * np.pi * c.heave_frequency
         at_pin = np.concatenate(([1.0, 0.0], pin))
         stiffness += mass * omega**2 * np.outer(at_pin, at_pin)
-        damping += 2 * heave_damping * mass * omega * np.outer(at_pin, at_pin)
+        damping += 2 * c.heave_damping * mass * omega * np.outer(at_pin, at_pin)
         return KeyModel(full, damping, stiffness, front, back, True, n)
     kept = np.vstack([np.concatenate(([0.0], -pin)), np.eye(n + 1)])
     mass_matrix, damping, stiffness = (kept.T @ each @ kept for each in (full, damping, stiffness))
     return KeyModel(mass_matrix, damping, stiffness, front, back, False, n)
+
+
+def _bending_modes(c: Conditions) -> tuple[tuple[float, float], ...]:
+    """Return frequency (Hz) of the free-free key and damping of each mode, at most two."""
+    if not np.isfinite(c.bending_frequency):
+        return ()
+    ratio = (ROOTS[1] / ROOTS[0]) ** 2
+    first = ((c.bending_frequency, c.bending_damping),)
+    return first + ((c.bending_frequency * ratio, c.bending_damping),) * c.second_mode

@@ -2,27 +2,25 @@
 
 import numpy as np
 
+from .conditions import Conditions
+
 
 def _blend(u: np.ndarray) -> np.ndarray:
     """Return the integral of the smooth step 3 u^2 - 2 u^3 from 0 to u."""
     return u**3 - u**4 / 2
 
 
-def jack_rise(
-    times: np.ndarray, speed: float, rise: float, run_up: float, hold: float, return_speed: float
-) -> tuple[np.ndarray, float]:
+def jack_rise(c: Conditions, times: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the planned rise of the jack and the time at which the plan ends.
 
+    The blend to rest at the end takes twice as long as the run-up where the rise allows it.
+
     Args:
-        times: s after the trigger; shape (n,).
-        speed: m/s, constant between the run-up and the run-down.
-        rise: m, at the end of the press.
-        run_up: s, of the blend from rest to ``speed``; that to rest at the end takes twice as long
-            where the rise allows it.
-        hold: s, at the end of the press.
-        return_speed: m/s, of the way back.
+        c: Rise, speeds and durations.
+        times: s after the start of the push; shape (n,).
     """
-    run_up = min(run_up, 0.6 * rise / speed)
+    speed, rise, return_speed = c.speed, c.rise, c.return_speed
+    run_up = min(c.run_up, 0.6 * rise / speed)
     run_down = min(2 * run_up, 0.8 * rise / speed)
     cruise = rise / speed - run_up / 2 - run_down / 2
 
@@ -43,7 +41,7 @@ def jack_rise(
         end = np.clip((t - blend - steady) / blend, 0, 1)
         return y + return_speed * blend * (end - _blend(end))
 
-    return up(times) - down(times - pressed - hold), pressed + hold + 2 * blend + steady
+    return up(times) - down(times - pressed - c.hold), pressed + c.hold + 2 * blend + steady
 
 
 def key_angle(rise: np.ndarray, jack_arm: float, surface_height: float) -> np.ndarray:

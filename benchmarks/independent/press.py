@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .assembly import body_of, build_key, choirs_of
+from .assembly import body_of, choirs_of
 from .conditions import Conditions
 from .kernel import GRAVITY, run
+from .key import key_model
 from .nominal import rig_uncertainties, rig_values
 from .parameters import Strings, strings_at_rest
 from .plan import jack_rise, key_angle
@@ -108,13 +109,13 @@ class Motion:
 
 def simulate(c: Conditions, settle: float = SETTLE) -> tuple[Motion, float, float]:
     """Integrate one press; return its motion, and when the push starts and ends (s)."""
-    key = build_key(c)
+    key = key_model(c)
     start = c.pre_trigger + c.rest
     first = c.choirs[0]
-    _, length = jack_rise(np.zeros(1), c.speed, c.rise, c.run_up, c.hold, c.return_speed)
+    _, length = jack_rise(c, np.zeros(1))
     steps = round((start + length + TAIL) / c.step)
     times = np.arange(steps) * c.step - start
-    rise, _ = jack_rise(times, c.speed, c.rise, c.run_up, c.hold, c.return_speed)
+    rise, _ = jack_rise(c, times)
     down = c.press_arm * key_angle(np.clip(rise, 0, None), first.arm, c.jack_surface_height)
     speed = np.gradient(down, c.step)
     out = np.zeros((5 + 3 * len(c.choirs), steps))

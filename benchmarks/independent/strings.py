@@ -42,6 +42,34 @@ def _note(events, found, c, kind, time, load):
 
 
 @compiled
+def _passing(c, height, choirs, s):
+    """Return the tongue's upward force [N] on a jack whose plectrum has plucked string ``c``."""
+    if height >= 0:
+        s.state[c] = ABOVE
+        return 0.0
+    s.state[c] = PASSING
+    if -height > choirs.tongue[c, 1]:
+        s.state[c] = BELOW
+        s.gap[c] = max(s.gap[c], 1e-12)
+    return choirs.tongue[c, 0] * min(-height / 20e-6, 1.0)
+
+
+@compiled
+def _string_place(c, height, choirs, s):
+    """Return the place (m) of string ``c`` along and above the plectrum of a jack."""
+    x0, offset = choirs.plectrum[c][2], choirs.plectrum[c][3]
+    if choirs.string[c, 1] == 1.0:
+        return x0, offset - height
+    x = x0 + choirs.string[c, 0] * s.load[c, 0]
+    z = offset - height + choirs.string[c, 0] * s.load[c, 1]
+    if s.touched[c]:
+        for k in range(choirs.modes.shape[1]):
+            x += s.position[c, 0, k] * choirs.modes[c, k, 0]
+            z += s.position[c, 1, k] * choirs.modes[c, k, 0]
+    return x, z
+
+
+@compiled
 def pluck(i, dt, c, height, choirs, s, events, found):
     """Update contact and loads of string ``c`` for a jack at ``height`` above contact.
 
@@ -51,28 +79,14 @@ def pluck(i, dt, c, height, choirs, s, events, found):
     Returns:
         Number of events found so far; N, upward force of the passing tongue on the jack.
     """
-    stiff, length, x0, offset, friction = choirs.plectrum[c]
+    stiff, length, _, offset, friction = choirs.plectrum[c]
     static = choirs.string[c, 1] == 1.0
     old_push, old_gap = s.push[c], s.gap[c]
-    x = x0 + choirs.string[c, 0] * s.load[c, 0]
-    z = offset - height + choirs.string[c, 0] * s.load[c, 1]
-    if static:
-        z = offset - height
-    elif s.touched[c]:
-        for k in range(choirs.modes.shape[1]):
-            x += s.position[c, 0, k] * choirs.modes[c, k, 0]
-            z += s.position[c, 1, k] * choirs.modes[c, k, 0]
+    x, z = _string_place(c, height, choirs, s)
     s.gap[c] = z - offset
     s.push[c] = s.load[c, 0] = s.load[c, 1] = 0.0
     if s.state[c] == ABOVE or s.state[c] == PASSING:
-        if height >= 0:
-            s.state[c] = ABOVE
-            return found, 0.0
-        s.state[c] = PASSING
-        if -height > choirs.tongue[c, 1]:
-            s.state[c] = BELOW
-            s.gap[c] = max(s.gap[c], 1e-12)
-        return found, choirs.tongue[c, 0] * min(-height / 20e-6, 1.0)
+        return found, _passing(c, height, choirs, s)
     if s.gap[c] > 0:
         if s.state[c] == HELD:
             s.state[c] = BELOW

@@ -72,23 +72,10 @@ def resolve_options(
     if options.time is not None and options.time not in source.names:
         faults.append(f"--time {options.time!r} is not a column of the file; {_columns(source)}")
     rate = _rate(source, columns, options, faults)
-    unit = options.time_unit or source.units.get(options.time or "", "s")
-    time_unit = _value_in(f"1 {unit}", "s") if is_unit(unit) else None
-    if options.time_unit is not None and options.time is None:
-        faults.append("--time-unit is given without --time; give both or neither")
-    if time_unit is None:
-        faults.append(f"--time-unit: {unit!r} is not a unit of time; give s, ms or us")
+    time_unit = _time_unit(source, options, faults)
     if source.cut and not options.complete:
         faults.append(f"{source.cut}; look at it, and give --complete if it is not")
-    if options.trigger is None:
-        trigger = None
-        faults.append(
-            'when did the trigger occur on the file\'s own time axis? give --trigger "12 ms"'
-        )
-    else:
-        trigger = _quantity("trigger", options.trigger, "s", "12 ms", faults)
-        if trigger is not None and abs(trigger) > MOST_SECONDS:
-            faults.append(f"--trigger: {trigger:g} s is beyond MOST_SECONDS = {MOST_SECONDS:g} s")
+    trigger = _trigger(options, faults)
     started = _started(source, options, modified, faults)
     if options.simulated is None:
         faults.append("measured or simulated? give --measured or --simulated")
@@ -159,32 +146,41 @@ def _column(
             f"{name}: --column.{name} {column!r} is not a column of the file; {_columns(source)}"
         )
         column = None
+    unit = _unit_value(source, channel, column, options, faults)
+    if column is None or unit is None:
+        return None
+    sign = -1 if name in options.invert else 1
+    return ChannelColumn(channel, column, sign * unit[0], unit[1])
+
+
+def _unit_value(
+    source: ImportSource,
+    channel: Channel,
+    column: str | None,
+    options: ImportOptions,
+    faults: list[str],
+) -> tuple[float, str] | None:
+    """Return what the value 1 in a channel's column stands for, and in which unit."""
+    name, column_unit = channel.name, source.units.get(column or "", "")
     if source.full_scale:
-        option, example = f"--full-scale.{name}", '"4 V"'
-        text = options.full_scale.get(name)
-        if name in options.unit:
-            faults.append(f"{name}: a {source.kind} file has no unit; give {option} {example}")
+        what, example = "full scale", '"4 V"'
+        text, useless = options.full_scale.get(name), options.unit
     else:
-        option, example = f"--unit.{name}", "V"
-        in_file = source.units.get(column or "", "")
-        unit = options.unit.get(name) or (in_file if is_unit(in_file) else "")
-        text = unit and f"1 {unit}"
-        if name in options.full_scale:
-            faults.append(
-                f"{name}: a {source.kind} file has no full scale; give {option} {example}"
-            )
+        what, example = "unit", "V"
+        unit = options.unit.get(name) or (column_unit if is_unit(column_unit) else "")
+        text, useless = unit and f"1 {unit}", options.full_scale
+    option = f"--{what.replace(' ', '-')}.{name}"
+    if name in useless:
+        lacking = "unit" if source.full_scale else "full scale"
+        faults.append(f"{name}: a {source.kind} file has no {lacking}; give {option} {example}")
     if not text:
-        what = "full scale" if source.full_scale else "unit"
         faults.append(f"{name}: which {what}? give {option} {example}")
         return None
     integral = {"m/s": "m"}.get(channel.unit)
     for possible in filter(None, ("V", channel.unit, integral)):
         value = _value_in(text, possible)
-        if value is not None and column is not None:
-            sign = -1 if name in options.invert else 1
-            return ChannelColumn(channel, column, sign * value, possible)
         if value is not None:
-            return None
+            return value, possible
     also = f" nor, as a displacement, in {integral}" if integral else ""
     faults.append(
         f"{name}: {text!r} is neither in volts nor in {channel.unit}{also}; give {option}"
@@ -257,6 +253,28 @@ def _started(
         faults.append(f"--started {text!r}: {error}; write it as {example}")
         return None
     return started
+
+
+def _time_unit(source: ImportSource, options: ImportOptions, faults: list[str]) -> float | None:
+    unit = options.time_unit or source.units.get(options.time or "", "s")
+    if options.time_unit is not None and options.time is None:
+        faults.append("--time-unit is given without --time; give both or neither")
+    value = _value_in(f"1 {unit}", "s") if is_unit(unit) else None
+    if value is None:
+        faults.append(f"--time-unit: {unit!r} is not a unit of time; give s, ms or us")
+    return value
+
+
+def _trigger(options: ImportOptions, faults: list[str]) -> float | None:
+    if options.trigger is None:
+        faults.append(
+            'when did the trigger occur on the file\'s own time axis? give --trigger "12 ms"'
+        )
+        return None
+    trigger = _quantity("trigger", options.trigger, "s", "12 ms", faults)
+    if trigger is not None and abs(trigger) > MOST_SECONDS:
+        faults.append(f"--trigger: {trigger:g} s is beyond MOST_SECONDS = {MOST_SECONDS:g} s")
+    return trigger
 
 
 def _columns(source: ImportSource) -> str:

@@ -2,6 +2,7 @@
 
 import errno
 import logging
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
@@ -84,7 +85,7 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
         port = _opened(name, baud_rate, timeout)
     except (OSError, ValueError) as error:  # SerialException is an OSError
         raise PortUnavailable(
-            f"port {name}: cannot be opened: {error}; {_fix(error)}; ports of this"
+            f"port {name}: cannot be opened: {_reason(error)}; {_fix(error)}; ports of this"
             f" machine: {', '.join(machine_ports()) or 'none'}"
         ) from error
     return _LoggedPort(port, name) if _LOG.isEnabledFor(logging.DEBUG) else port
@@ -110,6 +111,13 @@ def port_errors() -> tuple[type[Exception], ...]:
     except ImportError:  # Windows
         return (OSError,)
     return (OSError, termios.error)
+
+
+def _reason(error: Exception) -> str:
+    """Return what the system says; pyserial's own text names the port, and repeats the error."""
+    numbers = (getattr(each, "errno", None) or 0 for each in (error, error.__context__))
+    number = next((number for number in numbers if number > 0), None)
+    return os.strerror(number) if number else str(error)
 
 
 def _fix(error: Exception) -> str:

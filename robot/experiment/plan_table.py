@@ -78,46 +78,67 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
             " into sessions, or give equal presses as repeats of one row"
         )
     columns = [current_key(cell.strip()) for cell in lines[0]] if lines else []
-    faults = list(_column_faults(columns))
-    rows = []
-    benches: dict[tuple[tuple[str, Any], ...], Rig | list[str]] = {}
-    for line, cells in enumerate(lines[1:], 2):
-        texts = [cell.strip() for cell in cells]
-        if not any(texts):
-            continue
-        if len(texts) > len(columns):
-            faults.append(
-                f"line {line}: {len(texts)} cells under {len(columns)} columns; quote a cell that"
-                " contains the separator"
+    table = _Table(rig, columns, decimal, repeats, notes, list(_column_faults(columns)))
+    read = (
+        table.read(line, [cell.strip() for cell in cells])
+        for line, cells in enumerate(lines[1:], 2)
+    )
+    rows = [row for row in read if row is not None]
+    if not rows and not table.faults:
+        table.faults.append("it has no row; add a row for each set of equal presses")
+    if table.faults:
+        raise RobotError(fault_list(origin, table.faults))
+    return tuple(rows)
+
+
+@dataclass
+class _Table:
+    """Reads the rows of a table one by one, and collects their faults."""
+
+    rig: Rig
+    columns: list[str]
+    decimal: str
+    """Separator of decimals."""
+    repeats: int
+    notes: str
+    faults: list[str]
+    _benches: dict[tuple[tuple[str, Any], ...], Rig | list[str]] = field(default_factory=dict)
+
+    def read(self, line: int, cells: list[str]) -> Row | None:
+        """Return a row; None if it is empty or has a fault."""
+        if not any(cells):
+            return None
+        if len(cells) > len(self.columns):
+            self.faults.append(
+                f"line {line}: {len(cells)} cells under {len(self.columns)} columns; quote a cell"
+                " that contains the separator"
             )
-            continue
-        given = {name: text for name, text in zip(columns, texts, strict=False) if text}
-        count = given.pop("repeats", str(repeats))
+            return None
+        given = {name: text for name, text in zip(self.columns, cells, strict=False) if text}
+        faults = []
+        count = given.pop("repeats", str(self.repeats))
         if not (count.isdecimal() and 1 <= int(count) <= MOST_PRESSES):
-            faults.append(
-                f"line {line}: repeats: {count!r} is refused: give an integer from 1 to"
-                f" {MOST_PRESSES}"
-            )
-        joined = "; ".join(filter(None, (notes, given.pop("notes", ""))))
-        values = {key: _value(key, text.replace(decimal, ".")) for key, text in given.items()}
+            limit = f"give an integer from 1 to {MOST_PRESSES}"
+            faults.append(f"repeats: {count!r} is refused: {limit}")
+        notes = "; ".join(filter(None, (self.notes, given.pop("notes", ""))))
+        values = {key: _value(key, text.replace(self.decimal, ".")) for key, text in given.items()}
+        bench = self._bench(values)
+        faults += [] if isinstance(bench, Rig) else bench
+        self.faults += [f"line {line}: {fault}" for fault in faults]
+        if faults or not isinstance(bench, Rig):
+            return None
+        return Row(bench, int(count), values, notes, line)
+
+    def _bench(self, values: dict[str, Any]) -> Rig | list[str]:
+        """Return the rig with a row's values, or its faults; equal rows share it."""
         known = {key: value for key, value in values.items() if key in set(model_keys(Rig))}
         key = tuple(known.items())
-        if key not in benches:
+        if key not in self._benches:
             try:
-                benches[key] = with_values(rig, known)
+                self._benches[key] = with_values(self.rig, known)
             except RigError as error:
-                benches[key] = _single(str(error), rig)
-        changed = benches[key]
-        if isinstance(changed, list):
-            faults += [f"line {line}: {fault}" for fault in changed]
-            continue
-        if not faults:
-            rows.append(Row(changed, int(count), values, joined, line))
-    if not rows and not faults:
-        faults.append("it has no row; add a row for each set of equal presses")
-    if faults:
-        raise RobotError(fault_list(origin, faults))
-    return tuple(rows)
+                self._benches[key] = _single(str(error), self.rig)
+        return self._benches[key]
 
 
 def _column_faults(columns: list[str]) -> Iterator[str]:

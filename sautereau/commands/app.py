@@ -93,9 +93,7 @@ def main() -> None:
     With `--json` an error, too, is one JSON object, on standard error.
     """
     as_json = "--json" in sys.argv
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed by the caller
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
+    _open_closed_streams()
     try:
         status = app(print_error=False, exit_on_error=False)
     except CycloptsError as error:
@@ -108,11 +106,7 @@ def main() -> None:
             raise
         status = UNREAD  # of the help: rich ends with 1
     except KeyboardInterrupt as error:
-        ignore_signals()
-        given = str(error)
-        number = signal.Signals[given] if given in signal.Signals.__members__ else signal.SIGINT
-        message = _with_notes("interrupted", *_interrupts(error))
-        status = fail(as_json, message, 128 + number)
+        status = _interrupted(error, as_json)
     except Exception as error:
         from sautereau.rig.errors import SautereauError
 
@@ -123,6 +117,21 @@ def main() -> None:
         else:
             raise
     sys.exit(status)
+
+
+def _open_closed_streams() -> None:
+    """Give the streams that the caller has closed a file that takes and drops everything."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
+
+
+def _interrupted(error: KeyboardInterrupt, as_json: bool) -> int:
+    """Report the signal that ended a command, named in the error; without a name Ctrl-C."""
+    ignore_signals()
+    given = str(error)
+    number = signal.Signals[given] if given in signal.Signals.__members__ else signal.SIGINT
+    return fail(as_json, _with_notes("interrupted", *_interrupts(error)), 128 + number)
 
 
 def _unread(error: BaseException, as_json: bool) -> int:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.text import SOME_SIMULATED
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output
 
@@ -56,8 +56,8 @@ def campaign(
         "faults": [{"path": f.source.path, "fault": f.text} for f in faults],
     }
     lines = [
-        f"{out}: {presses} presses, {len(found.table.column_names)} columns;"
-        f" {made.read} recordings read, {made.kept} in the table before"
+        f"{out}: {counted(presses, 'press')}, {len(found.table.column_names)} columns;"
+        f" {counted(made.read, 'recording')} read, {made.kept} in the table before"
         + (f", {made.dropped} deleted or changed since" if made.dropped else "")
     ]
     if found.simulated:

@@ -22,10 +22,19 @@ def info(file: Path, /, *, output: Output = Output()) -> int:
     lines = [f"{'SIMULATED' if found['simulated'] else 'measured'}: {file}"]
     for name, value in found.items():
         if isinstance(value, dict):
-            lines += [f"{name}:", *(f"  {key}: {item}" for key, item in value.items())]
+            lines += [f"{name}:", *(f"  {key}: {_text(item)}" for key, item in value.items())]
         else:
-            lines.append(f"{name}: {value}")
+            lines.append(f"{name}: {_text(value)}")
     return output.answer(dict(found), lines)
+
+
+def _text(value: object) -> str:
+    """Return a value of a description as text."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_text(item)}" for name, item in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(_text, value)) or "none"
+    return {"True": "yes", "False": "no", "None": "none"}.get(str(value), str(value))
 
 
 def recover(

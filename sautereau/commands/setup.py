@@ -93,76 +93,91 @@ def setup(
         return output.fail("setup asks before motions: run it on a terminal, or give --yes", 2)
     if save and not Path(rig).is_file():
         return output.fail(f"--save: {rig} is not a file; write one with `sautereau init`", 2)
+    results = _Results(rig, output, simulated=simulation.requested)
     if recording:
-        return _tapped(step, rig, recording, save, yes, output)
+        if step != "tap":
+            return output.fail(f"--recording: only the step tap reads recordings, not {step}", 2)
+        from sautereau.robot.experiment.setup.tap import modes_of_recordings
+
+        results.add("tap", modes_of_recordings(recording))
+        return results.close(save, yes)
     served = common.bench(rig, simulation)
     if yes and not simulation.requested and step in ("all", "verify"):
         return output.fail("setup verify needs an operator: give it without --yes", 2)
-    values: dict[str, TomlValue] = {}
-    steps: dict[str, Any] = {}
     nominal = served.rig.values
     if simulation.requested:
         nominal = with_values(nominal, {"controller.timeout": _TIMEOUT})
     with served.connected(nominal) as bench:
-        simulated = bool(bench.scene)
         for name, found in make_steps(bench.rig, _Operator(yes), None if step == "all" else step):
-            of_bench = dict(found.values)
-            if simulated:  # the port is the stand-in's
-                of_bench = {k: v for k, v in of_bench.items() if not k.startswith("controller.")}
-            values |= of_bench
-            steps[name] = _shown(name, found, output)
-    return _closed(rig, steps, values, simulated, save, yes, output)
+            results.add(name, found)
+    return results.close(save, yes)
 
 
-def _tapped(
-    step: str, rig: str, recordings: list[Path], save: bool, agreed: bool, output: Output
-) -> int:
-    """Find the modes of a key in recordings of taps."""
-    if step != "tap":
-        return output.fail(f"--recording: only the step tap reads recordings, not {step}", 2)
-    from sautereau.robot.experiment.setup.tap import modes_of_recordings
+class _Results:
+    """What the steps found, for the rig file and the answer.
 
-    found = modes_of_recordings(recordings)
-    steps = {"tap": _shown("tap", found, output)}
-    return _closed(rig, steps, dict(found.values), False, save, agreed, output)
+    Args:
+        rig: Path of the rig file, or name of a packaged rig.
+        output: Of the command.
+        simulated: Whether the stand-in was set up.
+    """
 
+    def __init__(self, rig: str, output: Output, *, simulated: bool):
+        self._rig, self._output, self._simulated = rig, output, simulated
+        self._steps: dict[str, Any] = {}
+        self._values: dict[str, TomlValue] = {}
 
-def _shown(name: str, found: "Found", output: Output) -> dict[str, Any]:
-    """Print the results of a step, and return them for the JSON."""
-    for line in found.lines:
-        output.say(line)
-    output.warn(*(f"{name}: {warning}" for warning in found.warnings))
-    return {
-        "lines": list(found.lines),
-        "values": dict(found.values),
-        "figures": dict(found.figures),
-        "warnings": list(found.warnings),
-    }
+    def add(self, name: str, found: "Found") -> None:
+        """Print and keep the results of a step; a stand-in's port is not kept for the rig file."""
+        for line in found.lines:
+            self._output.say(line)
+        self._output.warn(*(f"{name}: {warning}" for warning in found.warnings))
+        self._steps[name] = {
+            "lines": list(found.lines),
+            "values": dict(found.values),
+            "figures": dict(found.figures),
+            "warnings": list(found.warnings),
+        }
+        self._values |= {
+            key: value
+            for key, value in found.values.items()
+            if not (self._simulated and key.startswith("controller."))
+        }
 
+    def close(self, save: bool, agreed: bool) -> int:
+        """Write the values into the rig file if the operator agrees, and answer."""
+        from sautereau.rig.edit import edit_rig
 
-def _closed(
-    rig: str,
-    steps: dict[str, Any],
-    values: "dict[str, TomlValue]",
-    simulated: bool,
-    save: bool,
-    agreed: bool,
-    output: Output,
-) -> int:
-    """Write the values into the rig file if the operator agrees, and answer."""
-    from sautereau.rig.edit import edit_rig
+        source = f"sautereau setup, {date.today().isoformat()}"
+        is_file = bool(self._values) and Path(self._rig).is_file()
+        edit = edit_rig(self._rig, self._values, source) if is_file else None
+        saved = edit is not None and self._save(edit, save, agreed)
+        result = {
+            "steps": self._steps,
+            "values": self._values,
+            "difference": edit.difference if edit else "",
+            "saved": saved,
+            "simulated": self._simulated,
+        }
+        return self._output.answer(result, [self._closing(saved)])
 
-    source = f"sautereau setup, {date.today().isoformat()}"
-    edit = edit_rig(rig, values, source) if values and Path(rig).is_file() else None
-    saved = edit is not None and _save(edit, save, agreed, output)
-    result = {
-        "steps": steps,
-        "values": values,
-        "difference": edit.difference if edit else "",
-        "saved": saved,
-        "simulated": simulated,
-    }
-    return output.answer(result, _closing(rig, values, saved))
+    def _save(self, edit: "Edit", save: bool, agreed: bool) -> bool:
+        """Show the difference, and write it if the operator agrees."""
+        if not edit.difference:
+            return False
+        self._output.say(edit.difference)
+        if not save and (agreed or _asked(f"Write this into {edit.path}? [y/N] ").lower() != "y"):
+            return False
+        edit.save()
+        return True
+
+    def _closing(self, saved: bool) -> str:
+        if not self._values:
+            return "the rig file already holds these values"
+        if saved:
+            return f"written into {self._rig}"
+        found = ", ".join(f"{key} = {value}" for key, value in self._values.items())
+        return f"not written: {found}; --save writes it into a rig file of your own"
 
 
 class _Operator:
@@ -213,23 +228,3 @@ def _asked(question: str) -> str:
     sys.stderr.write(question)
     sys.stderr.flush()
     return sys.stdin.readline().strip()
-
-
-def _save(edit: "Edit", save: bool, agreed: bool, output: Output) -> bool:
-    """Show the difference, and write it if the operator agrees."""
-    if not edit.difference:
-        return False
-    output.say(edit.difference)
-    if not save and (agreed or _asked(f"Write this into {edit.path}? [y/N] ").lower() != "y"):
-        return False
-    edit.save()
-    return True
-
-
-def _closing(rig: str, values: "dict[str, TomlValue]", saved: bool) -> list[str]:
-    if not values:
-        return ["the rig file already holds these values"]
-    if saved:
-        return [f"written into {rig}"]
-    found = ", ".join(f"{key} = {value}" for key, value in values.items())
-    return [f"not written: {found}; --save writes it into a rig file of your own"]

@@ -29,10 +29,11 @@ def watch(
     from sautereau.analysis.summary.text import counted
     from sautereau.entrance.watching import watch as watch_folder
 
+    sessions = watch_folder(folder)
     output.say(f"waiting for recordings in {folder}; Ctrl-C ends\n{HEADER}")
     shown, warned, compared = 0, 0, None
     with suppress(KeyboardInterrupt):
-        for session in watch_folder(folder):
+        for session in sessions:
             for press in session[shown:]:
                 output.say(press_line(press.analysed.press, press.phases))
             output.warn(*session.warnings[warned:])

@@ -8,11 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.identify import fit as fitting
-from sautereau.analysis.identify.compliant import fit_presses
-from sautereau.analysis.identify.identified import Identified, evaluate
-from sautereau.analysis.identify.parameters import read_prior, rig_values
-from sautereau.analysis.loading.press import Press
-from sautereau.analysis.phases import Phases
+from sautereau.analysis.identify.identified import Identified
+from sautereau.analysis.identify.parameters import rig_values
 from sautereau.analysis.summary.fit import fit_lines, fit_summary
 from sautereau.analysis.summary.text import SOME_SIMULATED, counted
 from sautereau.entrance.rig import Rig
@@ -124,21 +121,3 @@ class Fit(Shown):
         from sautereau.analysis.figures.fit import fit_figure
 
         return shown(fit_figure(self.made, self.found, self.simulated))
-
-
-def fitted(
-    presses: Sequence[Press],
-    phases: Sequence[Phases],
-    names: Sequence[str],
-    priors: Sequence[str],
-    mixed: Sequence[str],
-    *,
-    level: str,
-    starts: int,
-    robust: bool,
-) -> Fit:
-    """Fit parameters to presses; see `Session.identify`."""
-    known = dict(read_prior(text) for text in priors)
-    made = fit_presses(presses, phases, names, known, level, starts, robust)
-    simulated = any(press.simulated for press in presses)
-    return Fit(presses[0].rig, simulated, tuple(mixed), made, evaluate(made))

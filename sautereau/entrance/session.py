@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING, overload
 
 from sautereau.analysis.campaign.row import row_of, unit_of
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.compliant import fit_presses
+from sautereau.analysis.identify.identified import evaluate
+from sautereau.analysis.identify.parameters import read_prior
 from sautereau.analysis.session.conditions import analyse, differing, what_is_alike
 from sautereau.analysis.session.difference import side_by_side
 from sautereau.analysis.summary.text import counted
 from sautereau.entrance.comparison import Comparison
-from sautereau.entrance.fit import Fit, fitted
+from sautereau.entrance.fit import Fit
 from sautereau.entrance.found import recordings_of
 from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.rig import Rig
@@ -146,12 +149,13 @@ class Session(Shown, Sequence[PressFile]):
         """
         own = [p for p in self if p.press and not p.info.warm_up]
         presses, phases = [p.press for p in own], [p.phases for p in own]
+        known = dict(read_prior(text) for text in priors)
+        made = fit_presses(presses, phases, names, known, level, starts, robust)
+        simulated = any(press.simulated for press in presses)
         values = what_is_alike([p.analysed for p in own])
         keys = {key.partition(".")[0] for other in values for key in differing(values[0], other)}
-        mixed = sorted(keys & {"day", "scene"})
-        return fitted(
-            presses, phases, names, priors, mixed, level=level, starts=starts, robust=robust
-        )
+        mixed = tuple(sorted(keys & {"day", "scene"}))
+        return Fit(presses[0].rig, simulated, mixed, made, evaluate(made))
 
     def report(self, out: str | Path | None = None, *, level: str = "elastica") -> "Report":
         """Write one HTML page about the presses, which replaces an earlier one.

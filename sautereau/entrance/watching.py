@@ -16,7 +16,7 @@ PERIOD = 0.5
 
 
 def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iterator[Session]:
-    """Yield the session of a folder whenever recordings have arrived, without end.
+    """Return an iterator without end, of the session of a folder whenever recordings have arrived.
 
     A recording that cannot be analysed is omitted, with a warning.
 
@@ -30,6 +30,10 @@ def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iter
     folder = Path(folder)
     if not folder.is_dir():
         raise AnalysisError(f"{folder}: there is no such folder; give that of the recordings")
+    return _sessions(folder, wait)
+
+
+def _sessions(folder: Path, wait: Callable[[float], Any]) -> Iterator[Session]:
     presses: dict[Path, PressFile] = {}
     known: set[Path] = set()
     faults: list[str] = []

@@ -77,7 +77,7 @@ def grid(rig: Rig) -> Iterator[Case]:
 def _families(rig: Rig, engine: Engine) -> Iterator[Case]:
     """Yield cases with the parts that a scene may have beside those of the others."""
     push, ideal = _push(engine), _ideal(engine)
-    servo = _with(ideal, finger="servo", servo=load_scene("paper").servo)
+    servo = _servo(ideal)
     more, pad = _more_choirs(rig), _pad(3e4, 5.0)
     for gravity in (0.0, 1.62, 100.0):
         for name, scene in (("push", push), ("ideal", ideal), ("servo", servo)):
@@ -166,53 +166,77 @@ def _stops(rig: Rig, engine: Engine) -> Iterator[Case]:
     yield Case("finger leaves the key", _ideal(engine), fast)
 
 
+@dataclass(frozen=True)
+class _Dice:
+    """Parameters at random."""
+
+    rng: np.random.Generator
+
+    def log(self, low: float, high: float) -> float:
+        """Return a number that is uniform in its logarithm."""
+        return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
+
+    def coin(self) -> bool:
+        return bool(self.rng.integers(2))
+
+    def maybe(self, value: float) -> float:
+        """Return the value or 0."""
+        return value if self.coin() else 0.0
+
+
 def random_cases(rig: Rig, n: int, seed: int = 0) -> Iterator[Case]:
     """Yield cases with all parameters drawn at random, each over its complete range."""
-    rng = np.random.default_rng(seed)
-
-    def log(low: float, high: float) -> float:
-        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-    def maybe(value: float) -> float:
-        return value if rng.integers(2) else 0.0
-
+    dice = _Dice(np.random.default_rng(seed))
     for i in range(n):
-        engine = ENGINES[i % 2]
-        values: Values = {
-            **mass_ratio(rig, log(1, 1e4)),
-            **stiffness_times(rig, log(1e-3, 1e3), log(1e-3, 1e3)),
-            "plectrum.overlap": f"{log(1e-5, 2e-3)!r} m",
-            "key.pivot_coulomb_friction": f"{maybe(log(1e-5, 1e-1))!r} N m",
-            "jack.register_friction": f"{maybe(log(1e-4, 1.0))!r} N",
-        }
-        friction, felt, tongue, damper = (bool(rng.integers(2)) for _ in range(4))
-        step, finger = log(2e-5, 2e-3), str(rng.choice(["push", "ideal", "servo"]))
-        if finger == "push":
-            force = log(0.05, 100)
-            scene = _push(engine, step, force=force, duration=0.1, friction=friction, felt=felt)
-        else:
-            scene = _ideal(engine, step, friction=friction, felt=felt)
-            values |= at_speed(rig, log(0.02, 1.0))
-        parts: dict[str, Any] = {
-            "gravity": maybe(log(1.0, 100.0)),
-            "more_choirs": _more_choirs(rig)[: rng.integers(3)],
-            "tongue": tongue,
-            "damper": damper,
-        }
-        if finger == "servo":
-            parts |= {"finger": finger, "servo": load_scene("paper").servo}
-        padded = finger != "push" and bool(rng.integers(2))
-        if padded:
-            parts["fingertip"] = _pad(log(1e3, 1e5), maybe(log(0.1, 20.0)))
-        if engine == "rigid":
-            part = str(rng.choice(["none", "modal", "bending", "play"]))
-            if part == "modal":
-                parts["string"] = "modal"
-            elif part == "bending":
-                parts["bending"] = Bending.model_construct(frequency=log(150.0, 800.0))
-            elif part == "play" and (padded or finger != "ideal"):
-                parts["play"] = Play.model_construct(stiffness=log(5e3, 1e6), damping=maybe(5.0))
-        yield Case(f"random {i}", _with(scene, **parts), values)
+        values = _random_bench(rig, dice)
+        scene, speed = _random_drive(rig, ENGINES[i % 2], dice)
+        yield Case(f"random {i}", _random_parts(rig, scene, dice), values | speed)
+
+
+def _random_bench(rig: Rig, dice: _Dice) -> Values:
+    return {
+        **mass_ratio(rig, dice.log(1, 1e4)),
+        **stiffness_times(rig, dice.log(1e-3, 1e3), dice.log(1e-3, 1e3)),
+        "plectrum.overlap": f"{dice.log(1e-5, 2e-3)!r} m",
+        "key.pivot_coulomb_friction": f"{dice.maybe(dice.log(1e-5, 1e-1))!r} N m",
+        "jack.register_friction": f"{dice.maybe(dice.log(1e-4, 1.0))!r} N",
+    }
+
+
+def _random_drive(rig: Rig, engine: Engine, dice: _Dice) -> tuple[Scene, Values]:
+    """Return a scene with any finger, and the changes of the bench for the finger's speed."""
+    friction, felt, tongue, damper = (dice.coin() for _ in range(4))
+    step, finger = dice.log(2e-5, 2e-3), str(dice.rng.choice(["push", "ideal", "servo"]))
+    speed: Values = {}
+    if finger == "push":
+        force = dice.log(0.05, 100)
+        scene = _push(engine, step, force=force, duration=0.1, friction=friction, felt=felt)
+    else:
+        scene = _ideal(engine, step, friction=friction, felt=felt)
+        speed = at_speed(rig, dice.log(0.02, 1.0))
+    if finger == "servo":
+        scene = _servo(scene)
+    return _with(scene, tongue=tongue, damper=damper), speed
+
+
+def _random_parts(rig: Rig, scene: Scene, dice: _Dice) -> Scene:
+    """Return a scene with gravity, choirs, pad, and a part that only `rigid` has, at random."""
+    parts: dict[str, Any] = {
+        "gravity": dice.maybe(dice.log(1.0, 100.0)),
+        "more_choirs": _more_choirs(rig)[: dice.rng.integers(3)],
+    }
+    if scene.finger != "push" and dice.coin():
+        parts["fingertip"] = _pad(dice.log(1e3, 1e5), dice.maybe(dice.log(0.1, 20.0)))
+    if scene.engine == "rigid":
+        part = str(dice.rng.choice(["none", "modal", "bending", "play"]))
+        if part == "modal":
+            parts["string"] = "modal"
+        elif part == "bending":
+            parts["bending"] = Bending.model_construct(frequency=dice.log(150.0, 800.0))
+        elif part == "play" and ("fingertip" in parts or scene.finger != "ideal"):
+            stiffness, damping = dice.log(5e3, 1e6), dice.maybe(5.0)
+            parts["play"] = Play.model_construct(stiffness=stiffness, damping=damping)
+    return _with(scene, **parts)
 
 
 def at_speed(rig: Rig, speed: float) -> Values:
@@ -274,6 +298,11 @@ def _ideal(
     engine: Engine, step: float = MIDDLE, *, friction: bool = True, felt: bool = True
 ) -> Scene:
     return _scene(engine, step, friction, felt, finger="ideal")
+
+
+def _servo(ideal: Scene) -> Scene:
+    """Return a scene with the packaged scene's finger instead of the ideal one."""
+    return _with(ideal, finger="servo", servo=load_scene("paper").servo)
 
 
 def _scene(engine: Engine, step: float, friction: bool, felt: bool, **finger: Any) -> Scene:

@@ -81,29 +81,25 @@ def select_solver(
         steps = steps_in_sample(true, scene.step or refinement.LONGEST)
         return _selected(true, scene, steps, None, trial.estimate(scene, steps))
     asked = Accuracy.parse(scene.accuracy)
-    best: Selected | None = None
-    closest: Selected | None = None
+    met: list[Selected] = []
+    missed: list[Selected] = []
     refusals: list[SceneError] = []
     spring_error = _spring_error(trial, scene)
     for candidate in _candidates(true, scene):
         own = spring_error if candidate.string == "spring" else Errors(0.0, 0.0)
-        if not meets(own, asked):
-            continue
-        if best and cost(true, candidate, _fewest(true)) >= 1 / best.real_time_factor:
+        cheapest = min((1 / found.real_time_factor for found in met), default=math.inf)
+        if not meets(own, asked) or cost(true, candidate, _fewest(true)) >= cheapest:
             continue
         try:
             found = _refined(trial, candidate, asked, own)
         except SceneError as error:
             refusals.append(error)
             continue
-        if meets(found.errors, asked):
-            if best is None or found.real_time_factor > best.real_time_factor:
-                best = found
-        elif closest is None or excess(found.errors, asked) < excess(closest.errors, asked):
-            closest = found
-    if best:
-        return best
-    if closest:
+        (met if meets(found.errors, asked) else missed).append(found)
+    if met:
+        return max(met, key=lambda found: found.real_time_factor)
+    if missed:
+        closest = min(missed, key=lambda found: excess(found.errors, asked))
         raise SceneError(_out_of_reach(closest, asked))
     raise refusals[0]
 

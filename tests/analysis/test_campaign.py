@@ -195,6 +195,8 @@ def test_other_files_are_refused_and_unchanged(campaign_folder, tmp_path):
         assert path.read_bytes() == before
     with pytest.raises(AnalysisError, match="no such file"):
         read_campaign(tmp_path / "nothing.parquet")
+    with pytest.raises(AnalysisError, match=r"use the file extension \.parquet"):
+        run_campaign(campaign_folder, tmp_path / "table.csv")
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path):

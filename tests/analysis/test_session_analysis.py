@@ -156,4 +156,4 @@ def test_a_watched_folder_gives_each_recording_once(four, tmp_path):
     found = [(len(s), len(s.warnings)) for s in islice(st.watch(tmp_path, arrive), 3)]
     assert found == [(1, 1), (2, 1), (3, 1)]
     with pytest.raises(AnalysisError, match="no such folder"):
-        next(st.watch(tmp_path / "none"))
+        st.watch(tmp_path / "none")

@@ -137,7 +137,9 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path
     shown = read_page("first-press.md").bodies("console")[0].splitlines()
     assert "\n".join(shown[2:5]) in again.stdout
 
-    assert sautereau("info", result["recordings"][0]).stdout.startswith("SIMULATED")
+    described = sautereau("info", result["recordings"][0]).stdout
+    assert described.startswith("SIMULATED")
+    assert "complete: yes" in described
     assert json.loads(sautereau("info", result["recordings"][0], "--json").stdout)["simulated"]
     done = sautereau("compare", result["recordings"][0], "--plot", "figure.svg")
     assert "SIMULATED" in done.stdout

@@ -1,8 +1,7 @@
 """Records in processes that are killed at random moments, and recovers what is left.
 
-Run as a program: folder, number of kills, samples a block, whether paced. The children
-share an array of samples handed over with the parent, and are forked from it, so that one
-start of Python serves all of them.
+The arguments of `main`: folder, number of kills, samples a block, whether paced. The children
+share an array of samples handed over with the parent, and are forked from it.
 """
 
 import mmap
@@ -93,7 +92,3 @@ def try_recover(part: Path):
         if "none of its samples is intact" not in str(error):
             raise
         return None
-
-
-if __name__ == "__main__":
-    main()

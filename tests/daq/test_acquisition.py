@@ -1,10 +1,7 @@
 """The real nidaqmx, over loopback gRPC, against a card of noise; and every fault's message."""
 
 import math
-import signal
 import socket
-import subprocess
-import sys
 
 import grpc
 import nidaqmx
@@ -163,10 +160,10 @@ with Acquisition(rig.daq, 0.05) as acquisition:
 """
 
 
-def test_the_session_of_a_killed_client_is_cleared(bench):
+def test_the_session_of_a_killed_client_is_cleared(bench, command_server, tmp_path):
     card, server, rig = bench()
-    killed = subprocess.run([sys.executable, "-c", KILLED, server.address], check=False)
-    assert killed.returncode == -signal.SIGKILL
+    killed = command_server.run("-c", KILLED, server.address, folder=tmp_path)
+    assert (killed.returncode, killed.stderr) == (1, "")
     assert not card.runs[0].stopped.is_set()
     with Acquisition(rig.daq, 0.05) as acquisition:
         acquisition.start()

@@ -1,9 +1,6 @@
 """Recordings whose writer is killed lose little."""
 
 import os
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
@@ -22,15 +19,11 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="SIGKILL is POSIX's")
         pytest.param(100, "unpaced", 1024, marks=LONG),
     ],
 )
-def test_a_kill_loses_a_quarter_of_a_second_at_the_most(tmp_path, kills, pace, block):
-    words = [tmp_path, kills, block, pace]
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "tests.daq.killed", *map(str, words)],
-        cwd=Path(__file__).parents[2],
-        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def test_a_kill_loses_a_quarter_of_a_second_at_the_most(
+    tmp_path, command_server, kills, pace, block
+):
+    (tmp_path / "made").mkdir()
+    words = ("-c", "from tests.daq.killed import main; main()", tmp_path / "made")
+    done = command_server.run(*words, kills, block, pace, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) <= LIMIT

@@ -220,63 +220,82 @@ def mutated(data: bytes, dice: random.Random) -> bytes:
 
 
 def _change(parts: list[Record], dice: random.Random) -> None:
+    """Change one thing; without a chunk or Metadata record a change of these adds one."""
     chunks = [part for part in parts if part.opcode == CHUNK and part.inner]
     named = [part for part in parts if part.opcode == METADATA]
-    kind = dice.randrange(12)
-    if kind < 4 and named:
-        # Each is written twice; the first or both are changed.
-        part = dice.choice(named)
-        body, new = part.body, of_metadata(part.body, dice)
-        for other in named if dice.random() < 0.8 else [part]:
-            if other.body == body:
-                other.body = new
-    elif kind < 7 and chunks:
-        chunk = dice.choice(chunks)
-        record = dice.choice(chunk.inner[:64] + chunk.inner[-8:])
-        if record.opcode != MESSAGE:
-            record.body = mutate.of_bytes(record.body, dice)
-            return
-        head, body = record.body[: MESSAGE_HEAD.size], record.body[MESSAGE_HEAD.size :]
-        if dice.random() < 0.2:
-            head = mutate.of_bytes(head, dice)[: MESSAGE_HEAD.size].ljust(MESSAGE_HEAD.size, b"\0")
-        record.body = head + of_message(body, dice)
-    elif kind == 7 and chunks:
-        inner = dice.choice(chunks).inner
-        a, b = (dice.randrange(len(inner)) for _ in range(2))
-        match dice.randrange(4):
-            case 0:
-                inner[a], inner[b] = inner[b], inner[a]
-            case 1:
-                del inner[min(a, b) : max(a, b)]
-            case _:
-                inner[b:b] = repeated(inner[a], dice)
-    elif kind == 8:
-        a, b = (dice.randrange(len(parts) - 1) for _ in range(2))
-        match dice.randrange(4):
-            case 0:
-                parts[a], parts[b] = parts[b], parts[a]
-            case 1:
-                del parts[a]
-            case _:
-                parts[b:b] = repeated(parts[a], dice)
-    elif kind == 9:
-        part = dice.choice(parts)
-        if part.opcode not in (FOOTER, DATA_END):
-            part.body = mutate.of_bytes(part.body, dice)[: 1 << 22]
-    elif kind == 10 and chunks:
-        chunk = dice.choice(chunks)
-        channel = struct.pack("<HH", dice.choice((1, 2, 3, 900, 65535)), 1)
-        topic = dice.choice(
-            (*mutate.TEXTS, "/daq", "/daq/velocity", "/daq/x", "/preview/force", "/plan")
-        )
-        content = channel + _packed(topic) + _packed("protobuf") + struct.pack("<I", 0)
-        chunk.inner.insert(dice.randrange(len(chunk.inner)), Record(CHANNEL, content))
-    else:
-        values = {
-            mutate.json_text(mutate.hostile(dice))[:40]: "x" * dice.choice((1, 60_000, 2**20))
-        }
-        name = dice.choice(("rig", "end", "session", "channels", "other", "x" * 70_000))
-        parts.insert(dice.randrange(len(parts)), Record(METADATA, metadata(name, values)))
+    changes = (
+        *[(_change_named, named)] * 4,
+        *[(_change_message, chunks)] * 3,
+        (_change_chunk, chunks),
+        (_change_order, parts),
+        (_change_body, parts),
+        (_add_channel, chunks),
+    )
+    change, among = dice.choice((*changes, (_add_metadata, parts)))
+    (change if among else _add_metadata)(among or parts, dice)
+
+
+def _change_named(named: list[Record], dice: random.Random) -> None:
+    """Change a Metadata record; each is written twice, and the first or both are changed."""
+    part = dice.choice(named)
+    body, new = part.body, of_metadata(part.body, dice)
+    for other in named if dice.random() < 0.8 else [part]:
+        if other.body == body:
+            other.body = new
+
+
+def _change_message(chunks: list[Record], dice: random.Random) -> None:
+    chunk = dice.choice(chunks)
+    record = dice.choice(chunk.inner[:64] + chunk.inner[-8:])
+    if record.opcode != MESSAGE:
+        record.body = mutate.of_bytes(record.body, dice)
+        return
+    head, body = record.body[: MESSAGE_HEAD.size], record.body[MESSAGE_HEAD.size :]
+    if dice.random() < 0.2:
+        head = mutate.of_bytes(head, dice)[: MESSAGE_HEAD.size].ljust(MESSAGE_HEAD.size, b"\0")
+    record.body = head + of_message(body, dice)
+
+
+def _change_chunk(chunks: list[Record], dice: random.Random) -> None:
+    inner = dice.choice(chunks).inner
+    _rearrange(inner, *sorted(dice.randrange(len(inner)) for _ in range(2)), dice)
+
+
+def _change_order(parts: list[Record], dice: random.Random) -> None:
+    _rearrange(parts, *sorted(dice.randrange(len(parts) - 1) for _ in range(2)), dice)
+
+
+def _rearrange(records: list[Record], a: int, b: int, dice: random.Random) -> None:
+    """Exchange two records, remove those between them, or repeat one."""
+    match dice.randrange(4):
+        case 0:
+            records[a], records[b] = records[b], records[a]
+        case 1:
+            del records[a:b]
+        case _:
+            records[b:b] = repeated(records[a], dice)
+
+
+def _change_body(parts: list[Record], dice: random.Random) -> None:
+    part = dice.choice(parts)
+    if part.opcode not in (FOOTER, DATA_END):
+        part.body = mutate.of_bytes(part.body, dice)[: 1 << 22]
+
+
+def _add_channel(chunks: list[Record], dice: random.Random) -> None:
+    chunk = dice.choice(chunks)
+    channel = struct.pack("<HH", dice.choice((1, 2, 3, 900, 65535)), 1)
+    topic = dice.choice(
+        (*mutate.TEXTS, "/daq", "/daq/velocity", "/daq/x", "/preview/force", "/plan")
+    )
+    content = channel + _packed(topic) + _packed("protobuf") + struct.pack("<I", 0)
+    chunk.inner.insert(dice.randrange(len(chunk.inner)), Record(CHANNEL, content))
+
+
+def _add_metadata(parts: list[Record], dice: random.Random) -> None:
+    values = {mutate.json_text(mutate.hostile(dice))[:40]: "x" * dice.choice((1, 60_000, 2**20))}
+    name = dice.choice(("rig", "end", "session", "channels", "other", "x" * 70_000))
+    parts.insert(dice.randrange(len(parts)), Record(METADATA, metadata(name, values)))
 
 
 def oversized(data: bytes, dice: random.Random) -> bytes:

@@ -1,7 +1,6 @@
 """One session at a time in a folder; a fragment never counts as a press."""
 
 import subprocess
-import sys
 
 import pytest
 
@@ -21,13 +20,11 @@ with only_session(Path(sys.argv[1])):
 """
 
 
-def test_a_second_session_names_the_first_and_a_killed_one_leaves_no_lock(tmp_path):
+def test_a_second_session_names_the_first_and_a_killed_one_leaves_no_lock(tmp_path, command_server):
     folder = tmp_path / "out"
-    command = [sys.executable, "-c", HOLDER, str(folder)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as holder:
-        assert holder.stdout
+    with command_server.start("-c", HOLDER, folder, stdout=subprocess.PIPE) as holder:
         assert holder.stdout.readline() == "held\n"
-        with pytest.raises(RobotError, match=f"process {holder.pid} on"), only_session(folder):
+        with pytest.raises(RobotError, match=f"process {holder.command} on"), only_session(folder):
             pass
         holder.kill()
     with only_session(folder):

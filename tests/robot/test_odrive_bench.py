@@ -1,9 +1,6 @@
 """An ODrive on the stand-in, over real ports: presses, a pulled cable, a dead host."""
 
-import os
-import signal
 import subprocess
-import sys
 import time
 from dataclasses import replace
 from importlib import resources
@@ -115,18 +112,18 @@ def until(reached, limit=20.0):
         time.sleep(0.01)
 
 
-def test_a_host_that_is_killed_leaves_the_motors_off(rig):
+def test_a_host_that_is_killed_leaves_the_motors_off(rig, command_server):
     """A real process, a real kill, and a watchdog in real time."""
     with StandIn(rig, mute_scene(), 0, paced=True) as stand_in:
         firmware = stand_in.bench.firmware
-        command = [sys.executable, "-c", HOST.format(port=stand_in.serial_port)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as host:
+        words = ("-c", HOST.format(port=stand_in.serial_port))
+        with command_server.start(*words, stdout=subprocess.PIPE) as host:
             try:
                 assert host.stdout.readline() == "on\n"
                 start = stand_in.bench.time
                 until(lambda: stand_in.bench.time > start + 0.5)  # kept on by its signs of life
                 assert firmware.motors_on == (True, True)
             finally:
-                os.kill(host.pid, signal.SIGKILL)
+                host.kill()
         until(lambda: firmware.motors_on == (False, False))
         assert [axis.error for axis in firmware.axes] == [0x800, 0x800]

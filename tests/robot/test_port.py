@@ -16,6 +16,7 @@ def test_a_missing_port_is_named_with_the_ports_of_this_machine(rig, name):
         controller.connect()
     for said in (name, "controller.port", "ports of this machine"):
         assert said in str(caught.value)
+    assert "[Errno" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

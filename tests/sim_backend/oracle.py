@@ -21,6 +21,14 @@ SHORTEST = 1e-8  # s, of a flight
 APART = 1e-15  # m, more than rounding: a jack closer to the key stands on it
 CLOSE = 1e-12  # m: who is so close at a landing takes part in it
 LARGEST = 2.0  # of q, at an angle of 0.8 rad or more
+PLUCKING = {
+    "contact": "held",
+    "withdraw": "below",
+    "release": "above",
+    "pass": "below",
+    "back": "above",
+    "return": "below",
+}  # the plectrum's state after an event; a passing one has a tongue
 FINGER = -1  # in place of a choir's number
 REST = 1e-12  # rad/s, more than rounding: a slower key is at rest after an event
 SLOW = 1e-6  # m/s, of a jack after an impact relative to the key: landings accumulate, it stands
@@ -337,21 +345,24 @@ class Oracle:
                 return False
         elif u[1] == 0 and (alpha * self.sign <= 0 or (u[0] <= 0 and self.sign < 0)):
             return False
-        for k, j in enumerate(self.jacks):
-            if j.on:
-                if normals[k] < -small:
-                    return False
-                continue
-            _, r1, r2 = self.rise(j, u[0])
-            if k in touching and rates[k] < r1 * alpha + r2 * u[1] ** 2:
-                return False
-            if u[3 + 2 * k] == 0:
-                load, f = self.load(j, u[2 + 2 * k]), self.friction(j)
-                if j.sign == 0 and abs(load) > f:
-                    return False
-                if j.sign != 0 and rates[k] * j.sign <= 0:
-                    return False
-        return True
+        return all(
+            normals[k] >= -small
+            if j.on
+            else self.flies(k, u, alpha, rates[k], touching=k in touching)
+            for k, j in enumerate(self.jacks)
+        )
+
+    def flies(self, k, u, alpha, rate, *, touching):
+        """Return whether a jack above the key violates no inequality."""
+        j = self.jacks[k]
+        _, r1, r2 = self.rise(j, u[0])
+        if touching and rate < r1 * alpha + r2 * u[1] ** 2:
+            return False
+        if u[3 + 2 * k] != 0:
+            return True
+        if j.sign == 0:
+            return abs(self.load(j, u[2 + 2 * k])) <= self.friction(j)
+        return rate * j.sign > 0
 
     def impact(self, u, near):
         """Return the state after an impact without rebound, and who stands on the key."""
@@ -428,35 +439,37 @@ class Oracle:
             push = 1 if self.felt else -1
             out.append(("felt", None, lambda u: push * self.pressure(u)))
         for k, j in enumerate(self.jacks):
-            i, f = 2 + 2 * k, self.friction(j)
-
-            def h(u, i=i, j=j):
-                return self.height(j, u[i])
-
-            if j.on:
-                out.append(("leave", k, lambda u, k=k: self.accelerations(u)[2][k]))
-            else:
-                out.append(("land", k, lambda u, i=i, j=j: u[i] - self.rise(j, u[0])[0] + APART))
-                if j.sign:
-                    out.append(("halt", k, lambda u, i=i, s=j.sign: s * u[i + 1]))
-                else:
-                    out.append(("start", k, lambda u, i=i, j=j, f=f: f - abs(self.load(j, u[i]))))
-            if j.state == "below":
-                out.append(("contact", k, lambda u, h=h: -h(u)))
-            elif j.state == "held":
-                out.append(("withdraw", k, h))
-                out.append(("release", k, lambda u, h=h, j=j: j.curve.release - h(u)))
-            elif j.state == "above":
-                out.append(("pass", k, h))
-            else:
-                out.append(("back", k, lambda u, h=h: -h(u)))
-                out.append(("return", k, lambda u, h=h, j=j: h(u) + self.travel(j)))
-            if self.scene.damper:
-                side = 1 if j.damped else -1
-                out.append(
-                    ("damper", k, lambda u, i=i, j=j, s=side: s * (j.jack.damper.lift - u[i]))
-                )
+            out += [(name, k, guard) for name, guard in self.jack_guards(k, j)]
         return out
+
+    def jack_guards(self, k, j):
+        """Yield (name, function of the state) of one jack and its string."""
+        i, f = 2 + 2 * k, self.friction(j)
+        sign, side = j.sign, 1 if j.damped else -1  # of this mode
+
+        def h(u):
+            return self.height(j, u[i])
+
+        if j.on:
+            yield "leave", lambda u: self.accelerations(u)[2][k]
+        else:
+            yield "land", lambda u: u[i] - self.rise(j, u[0])[0] + APART
+            if sign:
+                yield "halt", lambda u: sign * u[i + 1]
+            else:
+                yield "start", lambda u: f - abs(self.load(j, u[i]))
+        if j.state == "below":
+            yield "contact", lambda u: -h(u)
+        elif j.state == "held":
+            yield "withdraw", h
+            yield "release", lambda u: j.curve.release - h(u)
+        elif j.state == "above":
+            yield "pass", h
+        else:
+            yield "back", lambda u: -h(u)
+            yield "return", lambda u: h(u) + self.travel(j)
+        if self.scene.damper:
+            yield "damper", lambda u: side * (j.jack.damper.lift - u[i])
 
     def near(self):
         """Return what stands on the key: choirs, and the finger."""
@@ -465,10 +478,10 @@ class Oracle:
     def event(self, name, k, u):
         """Change the discrete state at an event, set the state on it, and return who is near."""
         near = standing = self.near()
-        j = self.jacks[k] if k is not None else None
-        if name in ("stop", "rail"):
-            u[1] = 0.0 if name == "stop" else u[1]
-            u[0] = u[0] if name == "stop" else 0.0
+        if name == "stop":
+            u[1] = 0.0
+        elif name == "rail":
+            u[0] = 0.0
         elif name == "felt":
             self.felt = not self.felt
         elif name == "land":
@@ -479,23 +492,13 @@ class Oracle:
         elif name == "halt":
             u[3 + 2 * k] = 0.0
         elif name == "damper":
-            j.damped = not j.damped
-        elif name == "contact":
-            j.state = "held"
-            j.curve.last = -1.0
-            self.found.contacts.append((self.time, k, 0.0))
-        elif name == "release":
-            j.state = "above"
-            self.found.releases.append((self.time, k, j.curve.release_force))
-        elif name == "withdraw":
-            j.state = "below"
-        elif name == "back":
-            j.state = "above"
-        elif name == "pass" and self.scene.tongue:
-            j.state = "passing"
-        elif name in ("pass", "return"):
-            j.state = "below"
-            self.found.returns.append((self.time, k, -self.tongue(j, self.travel(j))))
+            self.jacks[k].damped = not self.jacks[k].damped
+        elif name in PLUCKING:
+            self.pluck(name, k)
+        return self.on_key(u, near, standing), near
+
+    def on_key(self, u, near, standing):
+        """Return the state with what is near on the key, at its speed what stood there before."""
         for n in near:
             if n == FINGER:
                 u = self.placed(u)
@@ -503,7 +506,19 @@ class Oracle:
             u[2 + 2 * n] = self.rise(self.jacks[n], u[0])[0]
             if n in standing:
                 u[3 + 2 * n] = self.rise(self.jacks[n], u[0])[1] * u[1]
-        return u, near
+        return u
+
+    def pluck(self, name, k):
+        """Change the state of a string and its plectrum."""
+        j = self.jacks[k]
+        j.state = "passing" if name == "pass" and self.scene.tongue else PLUCKING[name]
+        if name == "contact":
+            j.curve.last = -1.0
+            self.found.contacts.append((self.time, k, 0.0))
+        elif name == "release":
+            self.found.releases.append((self.time, k, j.curve.release_force))
+        elif name == "return" or (name == "pass" and not self.scene.tongue):
+            self.found.returns.append((self.time, k, -self.tongue(j, self.travel(j))))
 
     def begin(self):
         """Return the first state."""

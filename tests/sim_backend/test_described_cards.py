@@ -18,6 +18,7 @@ from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.card import BenchCard
 from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.device_types import DEVICE_TYPES
+from sautereau.sim_backend.devices.daqmx.runs import Wiring
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import FaultInjection
@@ -59,7 +60,7 @@ def described(product, rate="20 kHz", device="Dev1"):
     scene = load_scene("ideal").model_copy(update={"card": product})
     rig = scene.as_wired(rig)
     injection = FaultInjection(None, Unmoved(), lambda: 0.0)
-    card = BenchCard(rig, scene, 0, False, FairLock(), injection, lambda: 0.0)
+    card = BenchCard(Wiring(rig, scene, 0, FairLock()), injection, lambda: 0.0)
     return rig, card
 
 

@@ -12,7 +12,7 @@ from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
 from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
-from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
+from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun, Wiring
 from sautereau.sim_backend.fault_tables import Drift, Faults, Speckle
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import load_scene
@@ -49,7 +49,7 @@ def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
     setup = TaskSetup(terminals, rate, n, None)
     seed = others.get("seed", 5)
     rest = Motions(*np.array([[0.0], [0.0], [0.0], [0.0], [0.3], [0.0]]))
-    return SampledRun(scene.as_wired(rig), setup, scene, seed, 0, rest, FairLock())
+    return SampledRun(Wiring(scene.as_wired(rig), scene, seed, FairLock()), setup, 0, rest)
 
 
 def triggered(rig, samples=0, **others):
@@ -263,7 +263,7 @@ def paced(rig, **settings):
     setup = TaskSetup(
         ("ai0", "ai7"), 51_200.0, **{"n_samples": ENDLESS, "trigger": None, **settings}
     )
-    return SampledRun(scene.as_wired(rig), setup, scene, 0, 0, None, FairLock(), paced=True)
+    return SampledRun(Wiring(scene.as_wired(rig), scene, 0, FairLock(), paced=True), setup, 0)
 
 
 def test_nobody_reads_and_the_card_stops_when_its_buffer_is_full(rig):
@@ -298,11 +298,11 @@ def test_a_later_sample_of_a_multiplexer_waits_for_its_conversion(rig):
 def retriggered(rig, terminals, length):
     """Return an armed acquisition of which every edge starts a part of so many samples."""
     scene = load_scene("ideal")
-    wired, lock = scene.as_wired(rig), FairLock()
+    wiring = Wiring(scene.as_wired(rig), scene, 0, FairLock())
     setup = TaskSetup(terminals, 51_200.0, ENDLESS, "/Dev1/PFI0", per_trigger=length)
     part = replace(setup, n_samples=length)
-    run = RetriggeredRun(wired, setup, scene, 0, 0, None, lock)
-    run.begin(length, lambda n: SampledRun(wired, part, scene, 0, n << 32, None, lock))
+    run = RetriggeredRun(wiring, setup, 0)
+    run.begin(length, lambda n: SampledRun(wiring, part, n << 32))
     return run
 
 
@@ -344,7 +344,7 @@ def test_an_overrun_ends_all_parts(rig):
 def test_one_edge_starts_the_samples_and_a_later_one_is_the_reference(rig):
     scene = load_scene("ideal")
     setup = TaskSetup(("ai0",), 51_200.0, 60, "/Dev1/PFI0", start_trigger="/Dev1/PFI0")
-    run = PreTriggerRun(scene.as_wired(rig), setup, scene, 0, 0, None, FairLock())
+    run = PreTriggerRun(Wiring(scene.as_wired(rig), scene, 0, FairLock()), setup, 0)
     run.begin(None, before=20)
     play(run, 2)
     assert run.acquired == 0

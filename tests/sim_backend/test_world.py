@@ -1,8 +1,6 @@
 """Worlds by their interface: choice of engine, refused scenes, clock, reproducibility."""
 
 import hashlib
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -58,10 +56,10 @@ def digest(name):
 
 
 @pytest.mark.parametrize("name", ["pluck", pytest.param("paper", marks=pytest.mark.slow)])
-def test_another_process_gives_the_same_bits(name):
+def test_another_process_gives_the_same_bits(name, command_server, tmp_path):
     code = f"from tests.sim_backend.test_world import digest; print(digest({name!r}))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == digest(name)
+    done = command_server.run("-c", code, folder=tmp_path)
+    assert done.stdout.strip() == digest(name), done.stderr
 
 
 @pytest.mark.parametrize(

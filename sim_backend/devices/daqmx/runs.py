@@ -30,31 +30,34 @@ class RunFault:
     """Makes the error that a read of it, or of a later sample, raises."""
 
 
+@dataclass(frozen=True)
+class Wiring:
+    """What all acquisitions of a card have in common: the sensors of the bench at its inputs."""
+
+    rig: Rig
+    """The simulated bench, with the calibrations of its sensors."""
+    scene: Scene
+    """Its sensors, ideal where it has none, and their faults."""
+    seed: int
+    """Of the noise."""
+    lock: FairLock
+    """Guards the bench; notified whenever requested samples are complete."""
+    paced: bool = False
+    """Whether simulated time follows real time: samples are acquired even if nobody reads them."""
+
+
 class SampledRun:
     """Samples of the bench, computed when they are read.
 
     Args:
-        rig: The simulated bench, with the calibrations of its sensors.
+        wiring: Of the card.
         setup: Analog inputs, rate and number of samples.
-        scene: Its sensors, ideal where it has none, and their faults.
-        seed: Of the noise.
         number: Of the run, so that each has different noise.
         rest: Motion of the bench just before; None where it has been at rest without a force.
-        lock: Guards the bench; notified whenever requested samples are complete.
-        paced: Whether samples are acquired even if nobody reads them.
     """
 
-    def __init__(
-        self,
-        rig: Rig,
-        setup: TaskSetup,
-        scene: Scene,
-        seed: int,
-        number: int,
-        rest: Motions | None,
-        lock: FairLock,
-        paced: bool = False,
-    ):
+    def __init__(self, wiring: Wiring, setup: TaskSetup, number: int, rest: Motions | None = None):
+        rig, scene, seed = wiring.rig, wiring.scene, wiring.seed
         self.n_samples = n_samples = setup.n_samples
         self.rate = setup.rate
         self.trigger_time: float | None = None
@@ -65,8 +68,8 @@ class SampledRun:
         """Whether nothing is wired to the terminal of its trigger."""
         self._fault: RunFault | None = None
         self._end = n_samples
-        self._lock = lock
-        self._paced, self._buffer = paced, setup.buffer
+        self._lock = wiring.lock
+        self._paced, self._buffer = wiring.paced, setup.buffer
         wired = {channel.terminal: channel for channel in rig.daq.channels}
         lags = setup.lags or (0.0,) * len(setup.terminals)
         self._skew = max(0.0, *(-lag for lag in lags))

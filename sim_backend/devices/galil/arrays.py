@@ -54,12 +54,11 @@ class Arrays:
             raise CommandError(66)
         self._values.update({name: [0.0] * size for name, size in sizes.items()})
 
-    def remove(self, name: str) -> None:
-        """Free an array's memory; ``*`` means all arrays."""
-        if name == "*":
-            self._values.clear()
-        else:
+    def remove(self, names: set[str]) -> None:
+        """Free the memory of arrays, all of them or none; ``*`` means every array."""
+        for name in names - {"*"}:
             self.values(name)
+        for name in list(self._values) if "*" in names else names:
             del self._values[name]
 
     def values(self, name: str) -> list[float]:

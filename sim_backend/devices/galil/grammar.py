@@ -71,31 +71,28 @@ class _Expression:
 
     def _term(self) -> float:
         token = _TOKEN.match(self._text, self._at)
-        if token is None:
+        if token is None or token.lastgroup is None:
             raise CommandError(83)
         self._at = token.end()
-        text = token[0]
-        if token["string"]:
-            return _packed(text[1:-1])
-        if token["axis"]:
-            return variable_axis(self._machine, text)
-        if token["number"]:
-            return _bounded(float(text))
-        if token["hex"]:
-            return _hexadecimal(text[1:])
-        if token["operand"]:
-            code, axis = text[1:3], text[3:]
-            return operand(self._machine, code + named_axes(self._machine, axis))
-        if token["label"]:
-            return float(self._machine.program.line_of(text))
-        if text == "-":
-            return -self._term()
-        if text == "+":
-            return self._term()
-        if text == "(":
-            return self._closed(")", 59)
-        if not token["name"]:
-            raise CommandError(83)
+        if token.lastgroup == "sign":
+            return self._signed(token[0])
+        if token.lastgroup == "name":
+            return self._named(token[0])
+        return _OPERANDS[token.lastgroup](self._machine, token[0])
+
+    def _signed(self, sign: str) -> float:
+        match sign:
+            case "-":
+                return -self._term()
+            case "+":
+                return self._term()
+            case "(":
+                return self._closed(")", 59)
+            case _:
+                raise CommandError(83)
+
+    def _named(self, text: str) -> float:
+        """Return a variable, an element of an array, or a function's value."""
         if self._peek() != "[":
             if text.startswith("@"):
                 raise CommandError(55)
@@ -143,6 +140,17 @@ def _hexadecimal(text: str) -> float:
         raise CommandError(6)
     signed = value - 2**32 if value >= 2**31 else value
     return signed + int(fraction.ljust(4, "0") or "0", 16) / 65536
+
+
+_OPERANDS: dict[str, Callable[[Machine, str], float]] = {
+    "string": lambda machine, text: _packed(text[1:-1]),
+    "axis": lambda machine, text: variable_axis(machine, text),
+    "number": lambda machine, text: _bounded(float(text)),
+    "hex": lambda machine, text: _hexadecimal(text[1:]),
+    "operand": lambda machine, text: operand(machine, text[1:3] + named_axes(machine, text[3:])),
+    "label": lambda machine, text: float(machine.program.line_of(text)),
+}
+"""Values of the tokens that are complete terms."""
 
 
 def evaluate(text: str, machine: Machine) -> float:

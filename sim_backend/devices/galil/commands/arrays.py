@@ -58,26 +58,18 @@ def remove(machine: Machine, call: Call) -> str | None:
     if call.text == QUERY:
         return write_number(machine.arrays.unused, 0)
     names = split_arguments(call.text)
-    variables = [name for name in names if "[" not in name]
+    variables = {name for name in names if "[" not in name}
     bracketed = ",".join(name for name in names if "[" in name)
     arrays = _array_names(bracketed) if bracketed else {}
     if arrays:
         _check_free(machine)
-    for name in variables:
-        if name != "*":
-            variable(machine, name)
-    for name in arrays:
-        if name != "*":
-            machine.arrays.values(name)
-    for name in arrays:
-        machine.arrays.remove(name)
-    for name in variables:
-        if name == "*":
-            machine.variables.clear()
-        else:
-            machine.variables.pop(name, None)
+    for name in variables - {"*"}:
+        variable(machine, name)
     if arrays:
+        machine.arrays.remove(set(arrays))
         machine.capture.arrays = []
+    for name in list(machine.variables) if "*" in variables else variables:
+        machine.variables.pop(name, None)
     return None
 
 

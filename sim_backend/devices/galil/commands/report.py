@@ -118,10 +118,15 @@ def message(machine: Machine, call: Call) -> str | None:
         answer += _written(machine, value, form or common, bool(answer))
     answer = answer if ended else Unended(answer)
     if port and not (port == "P1" and machine.port == SERIAL and call.thread is None):
-        if port != "P2":
-            machine.tell(write_line(answer), port[1] if port[0] == "E" else SERIAL)
+        _tell_port(machine, port, answer)
         return None
     return answer
+
+
+def _tell_port(machine: Machine, port: str, answer: str) -> None:
+    """Send a line to a port other than that of the command; P2 is connected to nothing."""
+    if port != "P2":
+        machine.tell(write_line(answer), port[1] if port[0] == "E" else SERIAL)
 
 
 def _written(machine: Machine, value: str, form: str, follows: bool) -> str:
