@@ -18,6 +18,8 @@ HIGH = 0.7
 """Rise of the jack over the full one, from which on the key may meet its front felt."""
 BEYOND = 3e-3
 """m, rise of the jack above the last release that the rig expects, up to which that may be."""
+EDGE = 3.0
+"""Widths from there at which a release must be seen completely."""
 SIGNIFICANT = 12.0
 """Least significance of a pluck."""
 SHORTEST = 0.5e-3
@@ -87,13 +89,18 @@ def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tupl
     searched = search(slow, strings)
     highest = float((strings.contacts + strings.climbs).max()) + BEYOND
     end = way[0] + int(np.argmax(signals.rise[slice(*way)] > highest))
-    found = [g for g in searched.significant(SIGNIFICANT) if g.release < signals.time[end]]
-    if end == way[0] or len(found) >= len(strings.contacts):
+    last = float(signals.time[end]) - EDGE * slow.width
+    found = _until(last, searched)
+    if end == way[0] or found >= len(strings.contacts):
         return slow, searched
     shorter = Slow(signals, way[0], end)
     again = search(shorter, strings)
-    more = len(again.significant(SIGNIFICANT)) > len(found)
-    return (shorter, again) if more else (slow, searched)
+    return (shorter, again) if _until(last, again) > found else (slow, searched)
+
+
+def _until(last: float, searched: Searched) -> int:
+    """Return the number of significant growths that end before an instant [s]."""
+    return sum(growth.release < last for growth in searched.significant(SIGNIFICANT))
 
 
 def _turn(signals: Signals, begin: int, end: int) -> int:
