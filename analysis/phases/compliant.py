@@ -20,8 +20,8 @@ BEYOND = 3e-3
 """m, rise of the jack above the last release that the rig expects, up to which that may be."""
 EDGE = 3.0
 """Widths from there at which a release must be seen completely."""
-SIGNIFICANT = 12.0
-"""Least significance of a pluck."""
+SIGNIFICANT, CLEARLY = 12.0, 30.0
+"""Least significance of a pluck, and of one that only a shorter way shows."""
 SHORTEST = 0.5e-3
 """s, shortest pluck."""
 NEAR, LEAST_NEAR, MOST_NEAR = 2.0, 0.25e-3, 1.0e-3
@@ -90,17 +90,18 @@ def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tupl
     highest = float((strings.contacts + strings.climbs).max()) + BEYOND
     end = way[0] + int(np.argmax(signals.rise[slice(*way)] > highest))
     last = float(signals.time[end]) - EDGE * slow.width
-    found = _until(last, searched)
+    found = _until(last, searched, SIGNIFICANT)
     if end == way[0] or found >= len(strings.contacts):
         return slow, searched
     shorter = Slow(signals, way[0], end)
     again = search(shorter, strings)
-    return (shorter, again) if _until(last, again) > found else (slow, searched)
+    more = _until(last, again, CLEARLY) > found
+    return (shorter, again) if more else (slow, searched)
 
 
-def _until(last: float, searched: Searched) -> int:
-    """Return the number of significant growths that end before an instant [s]."""
-    return sum(growth.release < last for growth in searched.significant(SIGNIFICANT))
+def _until(last: float, searched: Searched, least: float) -> int:
+    """Return the number of growths of a least significance that end before an instant [s]."""
+    return sum(growth.release < last for growth in searched.significant(least))
 
 
 def _turn(signals: Signals, begin: int, end: int) -> int:
