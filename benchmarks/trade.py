@@ -9,8 +9,8 @@ from benchmarks.figures import timed as clocked
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.exact.sweep import Ending, sweep
 from sautereau.sim_backend.physics.observation import errors, observe, reference
+from sautereau.sim_backend.physics.presses.sweep import Ending, sweep
 from sautereau.sim_backend.scene import Scene, load_scene
 from sautereau.sim_backend.trade.refinement import stepped
 from sautereau.sim_backend.trade.select import select_solver

@@ -12,10 +12,25 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats, Motion, dot
 
 
-def rise_of_angle(key: Key, angle: ArrayLike) -> Floats:
-    """Return the jack's rise [m] at a key angle [rad]: b tan a + hb (1/cos a - 1)."""
+def jack_law(key: Key, angle: ArrayLike) -> tuple[Floats, Floats]:
+    """Return the jack's rise [m] and d(rise)/da [m/rad] at a key angle [rad].
+
+    The rise is b tan a + hb (1/cos a - 1); its derivative is b + (hb + rise) tan a.
+    """
     half = np.tan(np.asarray(angle, dtype=float) / 2)
-    return 2 * half * (key.jack_arm + key.jack_surface_height * half) / (1 - half * half)
+    tangent = 2 * half / (1 - half * half)
+    rise = tangent * (key.jack_arm + key.jack_surface_height * half)
+    return rise, key.jack_arm + (key.jack_surface_height + rise) * tangent
+
+
+def rise_of_angle(key: Key, angle: ArrayLike) -> Floats:
+    """Return the jack's rise [m] at a key angle [rad]."""
+    return jack_law(key, angle)[0]
+
+
+def rise_slope(key: Key, angle: ArrayLike) -> Floats:
+    """Return d(rise)/da [m/rad] at a key angle [rad]."""
+    return jack_law(key, angle)[1]
 
 
 def angle_of_rise(key: Key, rise: ArrayLike) -> Floats:
@@ -28,15 +43,6 @@ def angle_of_rise(key: Key, rise: ArrayLike) -> Floats:
     b, hb = key.jack_arm, key.jack_surface_height
     root = np.sqrt(b**2 + rise * (2 * hb + rise))
     return 2 * np.arctan(rise / (b + root))
-
-
-def rise_slope(key: Key, angle: ArrayLike) -> Floats:
-    """Return d(rise)/da [m/rad] at a key angle [rad]."""
-    half = np.tan(np.asarray(angle, dtype=float) / 2)
-    b, hb = key.jack_arm, key.jack_surface_height
-    square = half * half
-    one = 1 + square
-    return one * (b * one + 2 * hb * half) / (1 - square) ** 2
 
 
 def rise_curvature(key: Key, angle: ArrayLike) -> Floats:
@@ -58,10 +64,10 @@ def key_motion(key: Key, rise: Motion) -> Motion:
 
 def jack_motion(key: Key, angle: Motion) -> Motion:
     """Return the jack's rise [m] and its derivatives from the key's angle [rad]."""
-    slope = rise_slope(key, angle.position)
+    rise, slope = jack_law(key, angle.position)
     bend = rise_curvature(key, angle.position) * angle.velocity**2
     return Motion(
-        rise_of_angle(key, angle.position),
+        rise,
         slope * angle.velocity,
         slope * angle.acceleration + bend,
     )

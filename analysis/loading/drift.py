@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.daq.signals.calibration import NORMAL, white_noise
+from sautereau.daq.signals.calibration import NORMAL, median, white_noise
 from sautereau.trajectory.motion import Floats
 
 BLOCK = 1e-3
@@ -108,7 +108,7 @@ def departure(force: Floats, rate: float) -> int:
     means = force[: len(force) // size * size].reshape(-1, size).mean(1)
     if not len(means):
         return 0
-    level = float(np.median(means[: round(2 * LEAST_REST / BLOCK)]))
+    level = median(means[: round(2 * LEAST_REST / BLOCK)])
     away = np.abs(means - level)
     moving = away > max(LEAVES * float(away.max()), 6 * white_noise(force) / math.sqrt(size))
     first = int(np.argmax(moving)) * size
@@ -221,12 +221,12 @@ def force_at_rest(measured: Floats, noise: float, rate: float, corner: float) ->
 def _scatter(means: Floats) -> float:
     """Return the standard deviation of the first block means; `white_noise` omits 1/f noise."""
     steps = np.abs(np.diff(means[: 2 * round(LEAST_REST / BLOCK)]))
-    return float(np.median(steps)) * NORMAL / math.sqrt(2)
+    return median(steps) * NORMAL / math.sqrt(2)
 
 
 def _steady(means: Floats, threshold: float, fastest: float) -> int:
     """Return the number of blocks at rest, counted from the first."""
-    level = float(np.median(means[: int(LEAST_REST / BLOCK)]))
+    level = median(means[: int(LEAST_REST / BLOCK)])
     if abs(level) > LARGEST_OFFSET * fastest:
         return 0
     moving = np.abs(means - level) > threshold

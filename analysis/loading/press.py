@@ -32,7 +32,7 @@ from sautereau.rig.acquisition import Channel
 from sautereau.rig.instrument import Key
 from sautereau.rig.quantities import SECTIONS
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.key import rise_of_angle, rise_slope
+from sautereau.trajectory.key import jack_law
 from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ UNITS = {name: quantity.unit for name, quantity in SECTIONS["Samples of a press"
 """Unit of each column of a press."""
 LEAST_ROWS = 16
 """Fewest rows of a press."""
-STRETCH = 4096
+STRETCH = 16384
 """Rows computed at a time: large arrays are allocated and freed by every operation."""
 COARSE = 1e-3
 """Dimensionless, fraction of the fingertip's way up to which the arm's resolution gives no
@@ -256,8 +256,8 @@ def columns_of(key: Key, velocity: Floats, force: Floats, rate: float) -> Floats
         deflection = (integral[rows] - moved / 2) / rate  # by trapezia
         angle = deflection / key.laser_arm
         columns[2, rows], columns[3, rows] = angle, deflection
-        columns[4, rows] = rise_of_angle(key, angle)
-        columns[5, rows] = rise_slope(key, angle) * spin
+        columns[4, rows], slope = jack_law(key, angle)
+        np.multiply(slope, spin, out=columns[5, rows])
     return columns
 
 

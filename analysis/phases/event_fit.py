@@ -7,10 +7,11 @@ for these, for which a search starts (`levenberg`), after elimination of the lin
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from sautereau.analysis.phases.levenberg import minimise
+from sautereau.analysis.phases.levenberg import minimise, orthonormal
 from sautereau.analysis.phases.response import Poles, Response, pole
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
@@ -192,7 +193,7 @@ class EventFit:
     def _split(self, state: Floats) -> tuple[Floats, Poles]:
         """Return the instants and poles of a state; it has logarithms of frequency and damping."""
         events = len(self._expected)
-        turn, damping = np.split(np.exp(state[events:]), 2)
+        turn, damping = np.exp(state[events:]).reshape(2, -1)
         return state[:events], turn * (-damping + 1j * np.sqrt(1 - damping**2))
 
     def _columns(self, instants: Floats, poles: Poles) -> Floats:
@@ -202,28 +203,26 @@ class EventFit:
 
     def _solved(self, instants: Floats, poles: Poles) -> _Solved:
         """Return the fits with instants [s], shape (..., events), and poles [1/s]."""
-        events, modes = instants.shape[-1], len(poles)
         event, before = self._columns(instants, poles), self._response.before(poles)
-        before = np.broadcast_to(before, (*event.shape[:-1], before.shape[1]))
-        columns = self._weight[..., None] * np.concatenate([before, event], -1)[..., None, :, :]
-        of_event = np.repeat([CURVE_STD, RING_STD], [1, 2 * modes])
-        of_before = np.repeat([PARABOLA_STD, BEFORE_STD], [3, 2 * modes])
-        prior = np.concatenate([of_before, *[of_event] * events])
-        rows = np.broadcast_to(np.diag(1 / prior), (*columns.shape[:-2], len(prior), len(prior)))
-        target = np.zeros((*columns.shape[:-2], columns.shape[-2] + len(prior)))
-        target[..., : self.load.shape[1]] = self.load
-        base, upper = np.linalg.qr(np.concatenate([columns, rows], -2))
+        n, known, rows = *before.shape, _prior(instants.shape[-1], len(poles))
+        columns = np.empty((*event.shape[:-2], len(self.load), n + len(rows), len(rows)))
+        columns[..., :n, :known] = before
+        columns[..., :n, known:] = event[..., None, :, :]
+        columns[..., :n, :] *= self._weight[..., None]
+        columns[..., n:, :] = rows
+        target = np.zeros(columns.shape[:-1])
+        target[..., :n] = self.load
+        base, inverse = orthonormal(columns)
         of = base.swapaxes(-1, -2) @ target[..., None]
         left = target - (base @ of)[..., 0]
-        factors = np.asarray(np.linalg.solve(upper, of)[..., 0], dtype=float)
-        return _Solved(left, factors, base)
+        return _Solved(left, (inverse @ of)[..., 0], base)
 
     def _slopes(self, state: Floats, solved: _Solved) -> Floats:
         """Return the derivatives of the residuals by the state (Kaufman's approximation)."""
         instants, poles = self._split(state)
         events, m = len(instants), len(poles)
         by_instant, by_pole, early = self._response.slopes(instants, poles)
-        before, event = np.split(solved.factors, [3 + 2 * m], axis=1)
+        before, event = solved.factors[:, : 3 + 2 * m], solved.factors[:, 3 + 2 * m :]
         event = event.reshape(2, events, -1)
         of_instants = np.einsum("enk,sek->sne", by_instant, event)
         modes = event[..., 1 : 1 + m] - 1j * event[..., 1 + m :]
@@ -240,3 +239,11 @@ class EventFit:
         white = solved.base @ (solved.base.swapaxes(-1, -2) @ white) - white
         far = np.eye(events, len(state)) / self._stds[:, None]
         return np.concatenate([white.reshape(-1, len(state)), far])
+
+
+@lru_cache
+def _prior(events: int, modes: int) -> Floats:
+    """Return the rows of the priors of linear factors, shape (columns, columns)."""
+    of_event = np.repeat([CURVE_STD, RING_STD], [1, 2 * modes])
+    of_before = np.repeat([PARABOLA_STD, BEFORE_STD], [3, 2 * modes])
+    return np.diag(1 / np.concatenate([of_before, *[of_event] * events]))

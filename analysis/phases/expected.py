@@ -7,7 +7,7 @@ import numpy as np
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
-from sautereau.rig.instrument import Choir
+from sautereau.rig.instrument import Choir, Key
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle
 from sautereau.trajectory.motion import Floats
@@ -47,11 +47,18 @@ class Expected:
 
 def expected(rig: Rig) -> Expected:
     """Return what the rig's model expects; typical shapes where the model has no solution."""
-    key, every = rig.key, choirs(rig)
+    every = choirs(rig)
+    levers = tuple(key_of(rig, choir) for choir in every)
+    return _expected(rig.key, levers, every)  # pyright: ignore[reportArgumentType]
+
+
+@lru_cache(maxsize=128)
+def _expected(key: Key, levers: tuple[Key, ...], every: tuple[Choir, ...]) -> Expected:
+    """Return what is expected of a key, its levers with the jacks of all choirs, and these."""
     terms = np.array([_terms(choir) for choir in every])  # pyright: ignore[reportArgumentType]
     contacts, climbs, forces = [], [], []
-    for choir, (_, _, height, force) in zip(every, terms, strict=True):
-        lever, clearance = key_of(rig, choir), choir.jack.string_clearance
+    for lever, choir, (_, _, height, force) in zip(levers, every, terms, strict=True):
+        clearance = choir.jack.string_clearance
         angles = angle_of_rise(lever, np.array([clearance, clearance + height]))
         contact, release = rise_of_angle(key, angles)
         contacts.append(contact)
@@ -67,16 +74,16 @@ def expected(rig: Rig) -> Expected:
         np.array(forces)[order],
         (float(bends[0]), float(bends[1])),
         np.asarray(shapes, dtype=float),
-        _damper(rig),
+        _damper(key, every[0]),
     )
 
 
-def _damper(rig: Rig) -> tuple[float, float]:
-    """Return `Expected.damper`."""
-    damper = rig.jack.damper
+def _damper(key: Key, choir: Choir) -> tuple[float, float]:
+    """Return `Expected.damper`, for the choir of the key's first jack."""
+    damper = choir.jack.damper
     if damper is None:
         return 0.0, 0.0
-    return damper.lift, damper.stiffness * damper.lift * rig.key.jack_arm / rig.key.press_arm
+    return damper.lift, damper.stiffness * damper.lift * key.jack_arm / key.press_arm
 
 
 def _variation(choir: Choir) -> Floats:

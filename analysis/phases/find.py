@@ -21,7 +21,7 @@ from sautereau.analysis.phases.found import (
 )
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.signals import LEFT, Signals, rows_of, signals_of, way_down
-from sautereau.daq.signals.calibration import robust_std
+from sautereau.daq.signals.calibration import median, robust_std
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -131,7 +131,7 @@ def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float |
     load = rows.load[first:]
     if len(load) < 4 * SETTLED:
         return None
-    level = float(np.median(load))
+    level = median(load)
     below = np.flatnonzero(load < level + max(FELT, FELT_SIGNIFICANCE * robust_std(load)))
     risen = int(below[-1]) + 1 if len(below) else 0
     return float(rows.time[first + risen]) if len(load) - risen >= SETTLED else None

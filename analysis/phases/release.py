@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.analysis.phases.levenberg import orthonormal
 from sautereau.analysis.phases.signals import BRIDGED, Rows, Signals, rows_of
 from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
@@ -23,6 +24,8 @@ SIDE = 60
 """Largest number of samples on either side of the release for fitting its instant."""
 TRIED, FINEST, ZOOMS = 17, 0.5, 12
 """Instants of a grid, samples between them in the last grid, largest number of refinements."""
+HOPELESS = 3.0
+"""Reduction of chi2 by a fall over a bend in a coarse grid, below which none is looked for."""
 RIDGE, PARAMETERS = 1e-9, 6
 """Regularisation of the equations, and number of parameters of a fit."""
 RISES = 1e12
@@ -111,7 +114,7 @@ def refine(signals: Signals, near: float, step: float) -> Release:
     bent = found.bent
     for _ in range(ZOOMS):
         spacing = float(instants[1] - instants[0])
-        if spacing < 1.01 * FINEST:
+        if spacing < 1.01 * FINEST or bent - float(found.chi2.min()) < HOPELESS:
             break
         around = max(1.5 * spacing, FINEST * (TRIED - 1) / 2)
         centre = float(instants[np.argmin(found.chi2)])
@@ -168,7 +171,7 @@ class _Fall:
         self._tau, self._white = tau, rows.whitener()
         self.span = float(np.abs(tau).max())
         u = tau / self.span
-        self._base, _ = np.linalg.qr(self._white(np.stack([np.ones_like(u), u, u**2], 1)))
+        self._base, _ = orthonormal(self._white(np.stack([np.ones_like(u), u, u**2], 1)))
         load = self._white(rows.load)
         self._target = load - self._base @ (self._base.T @ load)
 

@@ -8,6 +8,7 @@ of the event. All these have inertia, so that neither the signals nor their slop
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +36,23 @@ class Response:
     step: float
     """s, length of a block."""
 
+    @cached_property
+    def _ends(self) -> Floats:
+        """s, of the blocks, shape (n + 1,)."""
+        return np.append(self.time - self.step / 2, self.time[-1] + self.step / 2)
+
     def _since(self, instants: Floats) -> Floats:
         """Return the times of the blocks' ends after each instant [s], shape (..., n + 1)."""
-        ends = np.append(self.time - self.step / 2, self.time[-1] + self.step / 2)
-        return np.maximum(ends - instants[..., None], 0.0)
+        return np.maximum(self._ends - instants[..., None], 0.0)
+
+    def _waves(self, instants: Floats, poles: Poles) -> Poles:
+        """Return exp(p t) at these times t, shape (..., n + 1, modes).
+
+        It is a product, as exponentials take most of the time of many instants and poles.
+        """
+        start = np.exp(-instants[..., None, None] * poles)
+        later = (self._ends > instants[..., None])[..., None]
+        return np.where(later, np.exp(self._ends[:, None] * poles) * start, 1.0)
 
     def before(self, poles: Poles) -> Floats:
         """Return a parabola, and ringing from before; shape (n, 3 + 2 modes)."""
@@ -59,7 +73,7 @@ class Response:
             Shape (..., n, 1 + 2 modes).
         """
         t = self._since(instants)[..., None]
-        waves = (np.exp(t * poles) - 1) / poles - t - poles * t**2 / 2
+        waves = (self._waves(instants, poles) - 1) / poles - t * (1 + poles / 2 * t)
         curve = t**3 / (3 * SCALE**2)
         return np.diff(np.concatenate([curve, _pairs(waves)], -1), axis=-2) / self.step
 
@@ -75,7 +89,7 @@ class Response:
             by their poles, shape (events, n, modes); of those from before, shape (n, modes).
         """
         t = self._since(instants)[..., None]
-        waves = np.exp(t * poles)
+        waves = self._waves(instants, poles)
         curve = t**2 / SCALE**2
         by_instant = np.concatenate([curve, _pairs(waves - 1 - poles * t)], -1)
         by_pole = (t * waves - (waves - 1) / poles) / poles - t**2 / 2

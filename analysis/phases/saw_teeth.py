@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.fit import HUM_STD, hum_at
-from sautereau.analysis.phases.levenberg import minimise
+from sautereau.analysis.phases.levenberg import minimise, orthonormal
 from sautereau.analysis.phases.slow import TERMS, Slow
 from sautereau.trajectory.motion import Floats
 
@@ -26,9 +26,10 @@ DAMPER, FULL_RISE = 1e-3, 10e-3
 """m, lift of a damper, and rise over which the load changes."""
 F2 = list(TERMS).index("F2")
 """Place of the term of F'' among the columns of a key."""
-COLUMNS, FORCE_STD, SHARP_STD = 4, 3.0, 9e-7
-"""Of a string, and prior standard deviations: N, of its force; N s^2, of the second derivative of
-that, by what lies between the laser and the jack. The others are deviations from its shape."""
+COLUMNS, SHARP, FORCE_STD, SHARP_STD = 4, 1, 3.0, 9e-7
+"""Of a string: number; place of the second derivative of its force, by what lies between the laser
+and the jack, which follows the force; prior standard deviations of both in N and N s^2. The others
+are deviations from its shape."""
 CONTACT_STD, CLIMB_STD, DOUBT = 0.5e-3, 0.4, 4.0
 """Standard deviations of a contact about the rig's, in m, and of the logarithm of the rise from it
 to the release; and bound of their deviations, as a rig may be of another instrument."""
@@ -105,6 +106,11 @@ class SawTeeth:
         self._left = np.concatenate([self.load, np.zeros(known)])
         self._left -= self.base @ (self.base.T @ self._left)
         self._climbing = np.gradient(self.rise, slow.hop)
+        self._bends = np.array([1.0, *strings.bends])
+        self._mixed = np.zeros((3, COLUMNS))
+        """Of u, u(u - 1) and u(u - 1)(u - 1/2) in each column of a string, see `Expected.bends`."""
+        self._mixed[:, 0] = FORCE_STD * self._bends
+        self._mixed[1:, SHARP + 1 :] = strings.shapes.T
         self.at = rise
         """m, rise of the jack at the rows."""
 
@@ -149,11 +155,11 @@ class SawTeeth:
         """
         whole, part, _ = self._held(plucks)
         u = whole * part
-        line = u + _bent(u, *self.strings.bends)
-        shapes = [_bent(u, *terms) for terms in self.strings.shapes]
-        smooth = self.slow.smooth(np.concatenate([FORCE_STD * line, *shapes], 1))
-        force, *shapes = smooth.reshape(len(self.load), 3, -1).transpose(1, 0, 2)
-        columns = np.stack([force, SHARP_STD * self.slow.smooth(line, 2), *shapes], 2)
+        bend = u * (u - 1)
+        terms = np.stack([u, bend, bend * (u - 0.5)], -1)
+        smooth = self.slow.smooth(terms.reshape(len(u), -1))
+        columns = smooth.reshape(len(self.load), -1, 3) @ self._mixed
+        columns[..., SHARP] = SHARP_STD * self.slow.smooth(terms @ self._bends, 2)
         return self.weight[:, None, None] * columns
 
     def solved(self, plucks: Floats) -> Solved:
@@ -163,11 +169,11 @@ class SawTeeth:
         matrix, target = np.zeros((known + k, k)), np.zeros(known + k)
         matrix[: len(columns)] = columns
         matrix[:known] -= self.base @ (self.base.T @ matrix[:known])
-        matrix[range(known, known + k), range(k)] = self._noise
+        matrix[known:] = self._noise * np.eye(k)
         target[:known] = self._left
-        base, upper = np.linalg.qr(matrix)
+        base, inverse = orthonormal(matrix)
         of = base.T @ target
-        factors = np.asarray(np.linalg.solve(upper, of), dtype=float).reshape(-1, COLUMNS)
+        factors = (inverse @ of).reshape(-1, COLUMNS)
         left = target - base @ of
         return Solved(left[: len(columns)], left, factors, base)
 
@@ -190,17 +196,19 @@ class SawTeeth:
             Shape (..., 2 plucks).
         """
         strings, count = self.strings, plucks.shape[-2]
-        rise = np.interp(plucks, self.slow.hops, self.rise)
-        rise = np.take_along_axis(rise, np.argsort(rise[..., :1], axis=-2), -2)
+        each_set = plucks.reshape(math.prod(plucks.shape[:-2]), count, 2)
+        rise = np.interp(each_set, self.slow.hops, self.rise)
+        number = np.arange(len(rise))
+        rise = rise[number[:, None], np.argsort(rise[..., 0], axis=1)]
         of_contact = (rise[..., :1] - strings.contacts) / CONTACT_STD
         climbed = np.maximum(rise[..., 1:] - rise[..., :1], 1e-5)
         far = np.stack([of_contact, np.log(climbed / strings.climbs) / CLIMB_STD], -1)
-        far = far / np.sqrt(1 + far**2 / DOUBT**2)
+        far /= np.sqrt(1 + far**2 / DOUBT**2)
         each, string = _assignments(count, len(strings.contacts))
-        chosen = np.full((*far.shape[:-3], len(each), count, 2), DOUBT)
-        chosen[..., np.arange(len(each))[:, None], each, :] = far[..., each, string, :]
-        best = np.argmin((chosen**2).sum((-2, -1)), -1)[..., None, None, None]
-        return np.take_along_axis(chosen, best, -3).reshape(*far.shape[:-3], 2 * count)
+        chosen = np.full((len(number), len(each), count, 2), DOUBT)
+        chosen[:, np.arange(len(each))[:, None], each] = far[:, each, string]
+        best = np.argmin((chosen**2).sum((2, 3)), 1)
+        return chosen[number, best].reshape(*plucks.shape[:-2], 2 * count)
 
     def _far(self, plucks: Floats) -> Floats:
         """Return `doubts`, and how far releases are from known ones, in standard deviations."""
@@ -213,13 +221,11 @@ class SawTeeth:
     def _slopes(self, plucks: Floats, solved: Solved) -> tuple[Floats, Floats]:
         """Return the derivatives of residuals, and of `_far`, by contacts and releases."""
         u, by_ends = self._by_ends(plucks)
-        force, sharp, *shapes = solved.factors.T
-        steep = 1 + _steepness(u, *self.strings.bends)
-        terms = zip(shapes, self.strings.shapes, strict=True)
-        slow = FORCE_STD * force * steep + sum(f * _steepness(u, *t) for f, t in terms)
+        steep = np.stack([np.ones_like(u), 2 * u - 1, 3 * u * (u - 1) + 0.5], -1)
+        of_force = (steep * (solved.factors @ self._mixed.T)).sum(-1)
+        of_sharp = SHARP_STD * solved.factors[:, SHARP] * (steep @ self._bends)
         slow, fast = (
-            (each[..., None] * by_ends).reshape(len(u), -1)
-            for each in (slow, SHARP_STD * sharp * steep)
+            (each[..., None] * by_ends).reshape(len(u), -1) for each in (of_force, of_sharp)
         )
         rows, known = len(self.load), len(self._left)
         change = np.zeros((len(solved.left), plucks.size))
@@ -250,9 +256,11 @@ class SawTeeth:
         rows = np.searchsorted(self.slow.time, plucks[-1])
         weight = math.sqrt(noise_around(solved.load, *rows.tolist()))
 
+        start = plucks.ravel()
+
         def evaluate(state: Floats) -> tuple[Floats, Solved]:
             trial = state.reshape(-1, 2)
-            tried = self.solved(trial)
+            tried = solved if state is start else self.solved(trial)
             return np.concatenate([tried.left, weight * self._far(trial)]), tried
 
         def permitted(state: Floats, tried: Solved) -> bool:
@@ -266,7 +274,7 @@ class SawTeeth:
         def bounded(state: Floats) -> Floats:
             return np.clip(state, self.slow.hops[0], self.slow.hops[-1])
 
-        found = minimise(plucks.ravel(), evaluate, slopes, permitted, bounded, LONGEST, CONVERGED)
+        found = minimise(start, evaluate, slopes, permitted, bounded, LONGEST, CONVERGED)
         return found.state.reshape(-1, 2), found.found, found.chi2
 
     def in_order(self, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
@@ -282,16 +290,6 @@ class SawTeeth:
         other, fitted, _ = self.refined(swapped)
         better = fitted.chi2 < EXCHANGED * solved.chi2
         return (other, fitted) if better else (plucks, solved)
-
-
-def _bent(u: Floats, quadratic: float, cubic: float) -> Floats:
-    """Return what bends a string's force, see `Expected.bends`."""
-    return u * (u - 1) * (quadratic + cubic * (u - 0.5))
-
-
-def _steepness(u: Floats, quadratic: float, cubic: float) -> Floats:
-    """Return the derivative of `_bent` by u."""
-    return quadratic * (2 * u - 1) + cubic * (3 * u * (u - 1) + 0.5)
 
 
 @lru_cache

@@ -242,7 +242,7 @@ class _Search:
         n = len(left) // size
 
         def sums(column: Floats) -> Floats:
-            return column[: n * size].reshape(n, size).sum(1)
+            return column[: n * size].reshape(n, size, *column.shape[1:]).sum(1)
 
         time, rise = sums(slow.time) / size, sums(fit.at) / size
         low, high = np.arange(n)[:, None], np.arange(n)[None, :]
@@ -265,8 +265,12 @@ class _Search:
         )
         square = square + rise[:, None] ** 2 * (count[None, :] - count[:, None])
         least = 1e-2 * square
-        for column in base.T:
-            square = square - product(sums(weight * column)) ** 2
+        # The sum over the columns of the base of their squared products, which is most of the work.
+        columns, at = sums(weight[:, None] * base), rise[:, None]
+        alone, risen = _before(columns), _before(columns * at)
+        own = risen - at * alone
+        square -= (own**2).sum(1)[:, None] - 2 * (own @ risen.T - at * (own @ alone.T))
+        square -= (risen**2).sum(1) - 2 * at * (risen * alone).sum(1) + at**2 * (alone**2).sum(1)
         of_load = product(sums(weight * left))
         possible = (high > low + 3) & (climbed > LEAST_RISE) & (of_load > 0) & (square > least)
         possible &= time < time[-1] - slow.width
@@ -310,4 +314,4 @@ class _Search:
 
 def _before(column: Floats) -> Floats:
     """Return the sums of all rows before each row."""
-    return np.concatenate([[0.0], np.cumsum(column)[:-1]])
+    return np.cumsum(column, axis=0) - column

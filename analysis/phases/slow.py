@@ -18,7 +18,6 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.sparse import csr_array
 
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
@@ -26,6 +25,8 @@ from sautereau.trajectory.motion import Floats
 WIDTH, WIDTHS, HOPS, ORDER = 0.9e-3, 110, 6, 8
 """s, least width of the spline's boxcars; largest number of widths in a way down; blocks of samples
 in one; number of boxcars."""
+REACH = -(-(ORDER * HOPS + 1) // (HOPS // 2))
+"""Rows over which a kernel extends."""
 MARGIN = 4
 """Widths of signal before and after, as far as there is any."""
 TERMS = {
@@ -63,10 +64,12 @@ class Slow:
         self.hops = means(signals.time)
         """s, instants of the blocks, of which a row covers several."""
         start, stop = np.searchsorted(self.hops, signals.time[[begin, end]])
-        self._rows = slice(int(start), int(stop), HOPS // 2)
-        self._smoothers: dict[int, csr_array] = {}
         self.inertial = signals.inertial
-        self.time, self.step = self.hops[self._rows], self.hop * (HOPS // 2)
+        self.time, self.step = self.hops[start : stop : HOPS // 2], self.hop * (HOPS // 2)
+        # Each stretch of as many blocks as a kernel has gives `REACH` rows, with the next stretch.
+        stretches = np.arange(-(-len(self.time) // REACH) + 1)[:, None] * REACH * (HOPS // 2)
+        places = int(start) - ORDER * HOPS // 2 + stretches + np.arange(REACH * (HOPS // 2))
+        self._places = np.clip(places, 0, hops - 1)
         force, velocity = means(signals.force), means(signals.velocity)
         self._rise, self._speed = means(signals.rise), means(signals.speed)
         self._slow_force = uniform_filter1d(force - force[0], 2 * HOPS + 1, mode="nearest")
@@ -93,19 +96,11 @@ class Slow:
             signal: Shape (blocks,) or (blocks, k).
             derivative: Its order.
         """
-        if derivative not in self._smoothers:
-            self._smoothers[derivative] = self._smoother(derivative)
-        return self._smoothers[derivative] @ signal
-
-    def _smoother(self, derivative: int) -> csr_array:
-        """Return the matrix of a smoothed derivative, shape (rows, blocks)."""
-        kernel = _kernel(derivative) / self.width**derivative
-        blocks, half = len(self.hops), len(kernel) // 2
-        centres = np.arange(blocks)[self._rows]
-        around = centres[:, None] + np.arange(-half, half + 1)
-        ends = np.arange(len(centres) + 1) * len(kernel)
-        weights, places = np.tile(kernel, len(centres)), np.clip(around, 0, blocks - 1)
-        return csr_array((weights, places.ravel(), ends), shape=(len(centres), blocks))
+        near, far = _weights(derivative)
+        stretches = signal.T[..., self._places]
+        rows = stretches[..., :-1, :] @ near + stretches[..., 1:, :] @ far
+        rows = rows.reshape(*signal.shape[1:], rows.shape[-2] * REACH)[..., : len(self.time)]
+        return rows.T / self.width**derivative
 
     def load(self, compliance: float) -> Floats:
         """Return the load [N] for a compliance k [s^2]."""
@@ -123,6 +118,22 @@ class Slow:
     def speed(self) -> Floats:
         """Return the jack's speed [m/s]."""
         return self.smooth(self._speed)
+
+
+@lru_cache
+def _weights(derivative: int) -> tuple[Floats, Floats]:
+    """Return the weights of a stretch of blocks, and of the next one, in the rows of the first.
+
+    A row is a product of kernel and blocks; `REACH` rows at once are a product of matrices.
+
+    Returns:
+        Both of shape (blocks, rows), for a width of 1.
+    """
+    kernel, hop = _kernel(derivative), HOPS // 2
+    places = np.arange(2 * REACH * hop)[:, None] - hop * np.arange(REACH)
+    inside = (places >= 0) & (places < len(kernel))
+    weights = np.where(inside, kernel[np.clip(places, 0, len(kernel) - 1)], 0.0)
+    return weights[: REACH * hop], weights[REACH * hop :]
 
 
 @lru_cache

@@ -60,14 +60,11 @@ class TapMode:
 
 @dataclass(frozen=True)
 class TapResponse:
-    """The frequency response of a tapped key; arrays of shape (frequencies,)."""
+    """What the frequency response of a tapped key shows."""
 
     taps: int
-    frequency: Floats
-    """Hz."""
-    mobility: NDArray[np.complex128]
-    """m/s/N, of the key at the laser by the force of the finger or hammer."""
-    coherence: Floats
+    highest: float
+    """Hz, up to which modes were sought."""
     modes: tuple[TapMode, ...]
     """By frequency."""
 
@@ -100,7 +97,7 @@ def tap_response(recordings: Sequence[tuple[Floats, Floats]], rate: float) -> Ta
     part = (frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.4 * rate))
     frequency, mobility, coherent = frequency[part], mobility[part], np.asarray(coherent)[part]
     modes = _modes(frequency, mobility, coherent, len(records))
-    return TapResponse(len(records), frequency, mobility, coherent, modes)
+    return TapResponse(len(records), float(frequency[-1]), modes)
 
 
 def _taps(force: Floats, velocity: Floats, rate: float) -> list[tuple[Floats, Floats]]:

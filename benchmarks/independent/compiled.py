@@ -10,3 +10,5 @@ except ImportError:  # the extra `fast` is not installed
 
 
 compiled = njit(cache=True, error_model="numpy")
+inlined = njit(inline="always", error_model="numpy")
+"""For what a compiled function calls in every step: a call costs a count for each of its arrays."""

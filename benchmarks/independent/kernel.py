@@ -7,9 +7,9 @@ depend on velocities take them as extrapolated from the previous step's accelera
 
 import numpy as np
 
-from .compiled import compiled
+from .compiled import compiled, inlined
 from .forces import key_forces, one_sided, smooth_sign
-from .strings import drift_string, kick_string, pluck
+from .strings import drift_strings, kick_strings, pluck
 
 GRAVITY = 9.81
 REGISTER_SPEED = 1e-4
@@ -41,7 +41,7 @@ def run(
     count = choirs.jack.shape[0]
     mass = np.linalg.inv(body.inverse_mass)
     p, v, acc, fast, force = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    y, vy, ay = np.zeros(count), np.zeros(count), np.zeros(count)
+    y, vy, ay, vy_fast = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     k_t, c_t, m_t = body.transducer
     kp, ki, kd, grain, period, lag = body.servo_gains
     preload, gap = max(start[0], 0.0), max(-start[0], 0.0) * 1e-3
@@ -52,7 +52,7 @@ def run(
     ease, follow = np.exp(-400.0 * dt), 1 - np.exp(-dt / lag)
     for i in range(-settle, steps):
         # Half a kick and the drift; `fast` and its like are the velocities expected at the end.
-        _drift_key(dt, p, v, acc, fast)
+        _drift(dt, p, v, acc, fast)
         vt += dt / 2 * at
         xt += dt * vt
         vt_fast = vt + dt / 2 * at
@@ -65,7 +65,8 @@ def run(
             va += dt / 2 * aa
             xa += dt * va
             va_fast = va + dt / 2 * aa
-        _drift_choirs(dt, y, vy, ay, choirs, s)
+        _drift(dt, y, vy, ay, vy_fast)
+        drift_strings(dt, y, choirs, s)
         # Drive: its lag, and once in a controller sample the servo.
         torque += (servo - torque) * follow
         if i >= 0 and i % body.servo_every == 0:
@@ -85,24 +86,25 @@ def run(
             if i >= 0:
                 above = y[c] - choirs.jack[c, 6]
                 found, tongue = pluck(i, dt, c, above, choirs, s, events, found)
-            y_fast = vy[c] + dt / 2 * ay[c]
             foot, gone, stored = _stand_on_key(
-                choirs.jack[c], choirs.at_jack[c], body.rotation, p, fast, y[c], y_fast, force
+                choirs.jack[c], choirs.at_jack[c], body.rotation, p, fast, y[c], vy_fast[c], force
             )
             push = foot - s.push[c] + tongue
             ay[c], rubbed, lifted = _jack_acceleration(
-                choirs.jack[c], choirs.damper[c], y[c], y_fast, push
+                choirs.jack[c], choirs.damper[c], y[c], vy_fast[c], push
             )
-            loss += gone + rubbed - tongue * y_fast
+            loss += gone + rubbed - tongue * vy_fast[c]
             energy += stored + lifted
         # Second half of the kick.
-        _kick_key(dt, v, acc, force, body.inverse_mass)
+        _accelerate(acc, force, body.inverse_mass)
+        _kick(dt, v, acc)
         at = (inner - pad) / m_t
         vt += dt / 2 * at
         aa = (torque - inner) / body.arm_mass
         if not prescribed or i < 0:
             va += dt / 2 * aa
-        _kick_choirs(dt, vy, ay, choirs, s)
+        _kick(dt, vy, ay)
+        kick_strings(dt, choirs, s)
         if i < 0:
             calm = ease if i < -1 else 0.0
             va, vt = va * calm, vt * calm
@@ -118,54 +120,53 @@ def run(
         power_before, loss_before = power, loss
         energy += 0.5 * m_t * vt**2 + (0.0 if prescribed else 0.5 * body.arm_mass * va**2)
         energy += _kinetic_energy(v, vy, mass, choirs.jack)
-        for j in range(n):
-            out[0, i] -= body.at_laser[j] * v[j]
+        out[0, i] = -_dot(body.at_laser, v)
         out[1, i], out[2, i], out[3, i], out[4, i] = inner, energy, work, lost
-        for c in range(count):
-            row = 5 + 3 * c
-            out[row, i], out[row + 1, i], out[row + 2, i] = y[c], vy[c], s.push[c]
+        _note_jacks(out[5:, i], y, vy, s.push)
     return found
 
 
-@compiled
-def _drift_key(dt, p, v, acc, fast):
-    """Kick the key by half a step and drift it; ``fast`` is the velocity expected at the end."""
+@inlined
+def _drift(dt, p, v, acc, fast):
+    """Kick by half a step and drift; ``fast`` is the velocity expected at the end."""
     for j in range(len(p)):
         half = v[j] + dt / 2 * acc[j]
         p[j] += dt * half
         v[j], fast[j] = half, half + dt / 2 * acc[j]
 
 
-@compiled
-def _kick_key(dt, v, acc, force, inverse_mass):
-    """Kick the key by half a step of the forces at its new position."""
+@inlined
+def _kick(dt, v, acc):
+    """Kick by half a step."""
     for j in range(len(v)):
-        acc[j] = 0.0
-        for k in range(len(v)):
-            acc[j] += inverse_mass[j, k] * force[k]
         v[j] += dt / 2 * acc[j]
 
 
-@compiled
-def _drift_choirs(dt, y, vy, ay, choirs, s):
-    """Kick the jacks by half a step and drift them, and the strings that they have touched."""
+@inlined
+def _accelerate(acc, force, inverse_mass):
+    """Write the key's acceleration under the forces at its new position."""
+    for j in range(len(acc)):
+        acc[j] = 0.0
+        for k in range(len(acc)):
+            acc[j] += inverse_mass[j, k] * force[k]
+
+
+@inlined
+def _dot(a, b):
+    total = 0.0
+    for j in range(len(a)):
+        total += a[j] * b[j]
+    return total
+
+
+@inlined
+def _note_jacks(column, y, vy, push):
+    """Write height, speed and load of each jack into a column of the results."""
     for c in range(len(y)):
-        vy[c] += dt / 2 * ay[c]
-        y[c] += dt * vy[c]
-        if choirs.string[c, 1] == 0.0 and s.touched[c]:
-            felt = 1 if choirs.damper[c, 0] > 0 and y[c] < choirs.damper[c, 1] else 0
-            drift_string(dt, c, felt, choirs, s)
+        column[3 * c], column[3 * c + 1], column[3 * c + 2] = y[c], vy[c], push[c]
 
 
-@compiled
-def _kick_choirs(dt, vy, ay, choirs, s):
-    """Kick the jacks and their strings by half a step."""
-    for c in range(len(vy)):
-        vy[c] += dt / 2 * ay[c]
-        kick_string(dt, c, choirs, s)
-
-
-@compiled
+@inlined
 def _kinetic_energy(v, vy, mass, jack):
     """Return the kinetic energy of key and jacks, J."""
     twice = 0.0
@@ -177,7 +178,7 @@ def _kinetic_energy(v, vy, mass, jack):
     return twice / 2
 
 
-@compiled
+@inlined
 def _stand_on_key(jack, at_jack, rotation, p, fast, y, y_fast, force):
     """Add the force of a jack's foot to those on the key.
 
@@ -199,7 +200,7 @@ def _stand_on_key(jack, at_jack, rotation, p, fast, y, y_fast, force):
     return foot, lost, stored
 
 
-@compiled
+@inlined
 def _jack_acceleration(jack, damper, y, y_fast, push):
     """Return a jack's acceleration under an upward force, and what friction and damper add.
 

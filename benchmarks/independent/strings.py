@@ -12,25 +12,33 @@ CONTACT, RELEASE, LOST = 0, 1, 2
 
 
 @compiled
-def drift_string(dt, c, felt, choirs, s):
-    """Kick string ``c`` by half a step of its load and propagate its modes exactly by ``dt``."""
-    for d in range(2):
-        for k in range(choirs.modes.shape[1]):
-            kick = dt / 2 * s.load[c, d] * choirs.modes[c, k, 0] * choirs.modes[c, k, 1]
-            old, fast = s.position[c, d, k], s.velocity[c, d, k] + kick
-            row = choirs.propagators[c, felt, k]
-            s.position[c, d, k] = row[0] * old + row[1] * fast
-            s.velocity[c, d, k] = row[2] * old + row[3] * fast
+def drift_strings(dt, heights, choirs, s):
+    """Kick the strings by half a step of their loads and propagate their modes exactly by ``dt``.
+
+    The dampers of jacks at ``heights`` may lie on them. A string never touched does not move.
+    """
+    for c in range(len(heights)):
+        if choirs.string[c, 1] == 1.0 or not s.touched[c]:
+            continue
+        felt = 1 if choirs.damper[c, 0] > 0 and heights[c] < choirs.damper[c, 1] else 0
+        for d in range(2):
+            for k in range(choirs.modes.shape[1]):
+                kick = dt / 2 * s.load[c, d] * choirs.modes[c, k, 0] * choirs.modes[c, k, 1]
+                old, fast = s.position[c, d, k], s.velocity[c, d, k] + kick
+                row = choirs.propagators[c, felt, k]
+                s.position[c, d, k] = row[0] * old + row[1] * fast
+                s.velocity[c, d, k] = row[2] * old + row[3] * fast
 
 
 @compiled
-def kick_string(dt, c, choirs, s):
-    """Kick string ``c`` by half a step of its load."""
-    for d in range(2):
-        if s.load[c, d] != 0.0:
-            for k in range(choirs.modes.shape[1]):
-                kick = dt / 2 * s.load[c, d] * choirs.modes[c, k, 0] * choirs.modes[c, k, 1]
-                s.velocity[c, d, k] += kick
+def kick_strings(dt, choirs, s):
+    """Kick the strings by half a step of their loads."""
+    for c in range(len(s.load)):
+        for d in range(2):
+            if s.load[c, d] != 0.0:
+                for k in range(choirs.modes.shape[1]):
+                    kick = dt / 2 * s.load[c, d] * choirs.modes[c, k, 0] * choirs.modes[c, k, 1]
+                    s.velocity[c, d, k] += kick
 
 
 @compiled
@@ -57,7 +65,7 @@ def _passing(c, height, choirs, s):
 @compiled
 def _string_place(c, height, choirs, s):
     """Return the place (m) of string ``c`` along and above the plectrum of a jack."""
-    x0, offset = choirs.plectrum[c][2], choirs.plectrum[c][3]
+    x0, offset = choirs.plectrum[c, 2], choirs.plectrum[c, 3]
     if choirs.string[c, 1] == 1.0:
         return x0, offset - height
     x = x0 + choirs.string[c, 0] * s.load[c, 0]

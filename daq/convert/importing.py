@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from sautereau.daq.convert.channel_column import ChannelColumn
 from sautereau.daq.convert.document import Document, digest, sha256, volts_name
 from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
 from sautereau.daq.convert.options import ImportOptions, refuse_options
 from sautereau.daq.convert.plausible import doubts
-from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolve_options
+from sautereau.daq.convert.settings import ImportSettings, resolve_options
 from sautereau.daq.convert.times import start_and_rate
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.limits import FARTHEST_SAMPLE, time_faults

@@ -3,32 +3,18 @@
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from sautereau.daq.convert.channel_column import ChannelColumn, column_of, names_of, value_in
 from sautereau.daq.convert.document import SIMULATED
 from sautereau.daq.convert.formats import ImportSource
 from sautereau.daq.convert.layout import is_unit
 from sautereau.daq.convert.options import MODIFIED, ImportOptions
 from sautereau.daq.errors import RecordingError
-from sautereau.rig.acquisition import Channel
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity
 
 MOST_SECONDS = 1e9
 """s, limit of the time from the start of a file's time axis to the trigger."""
-
-
-@dataclass(frozen=True)
-class ChannelColumn:
-    """The column of a channel."""
-
-    channel: Channel
-    name: str
-    """Name of the column."""
-    unit_value: float
-    """What the value 1 in the column stands for, in V, in ``channel.unit`` or in m; negative
-    for an inverted sensor."""
-    unit: str
-    """V, ``channel.unit``, or m for the displacement whose derivative the channel measures."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +51,12 @@ def resolve_options(
         RecordingError: Lists everything that is missing, unknown or contradictory.
     """
     faults = _unknown_channels(rig, options)
-    found = [_column(source, c, options, faults) for c in rig.daq.channels]
+    found = [column_of(source, c, options, faults) for c in rig.daq.channels]
     columns = tuple(column for column in found if column is not None)
     if not faults and not columns:
         faults.append("--without names every channel; nothing would be imported")
     if options.time is not None and options.time not in source.names:
-        faults.append(f"--time {options.time!r} is not a column of the file; {_columns(source)}")
+        faults.append(f"--time {options.time!r} is not a column of the file; {names_of(source)}")
     rate = _rate(source, columns, options, faults)
     time_unit = _time_unit(source, options, faults)
     if source.cut and not options.complete:
@@ -124,79 +110,6 @@ def _unknown_channels(rig: Rig, options: ImportOptions) -> list[str]:
         for name in channels
         if name not in names
     ]
-
-
-def _column(
-    source: ImportSource, channel: Channel, options: ImportOptions, faults: list[str]
-) -> ChannelColumn | None:
-    """Return a channel's column; None if the channel is not imported or something is wrong."""
-    name = channel.name
-    if name in options.without:
-        if name in options.column:
-            faults.append(f"{name}: both --column and --without are given; give one of them")
-        return None
-    column = options.column.get(name, name if name in source.names else None)
-    if column is None:
-        faults.append(
-            f"{name}: which column? give --column.{name} NAME or --without {name};"
-            f" {_columns(source)}"
-        )
-    elif column not in source.names:
-        faults.append(
-            f"{name}: --column.{name} {column!r} is not a column of the file; {_columns(source)}"
-        )
-        column = None
-    unit = _unit_value(source, channel, column, options, faults)
-    if column is None or unit is None:
-        return None
-    sign = -1 if name in options.invert else 1
-    return ChannelColumn(channel, column, sign * unit[0], unit[1])
-
-
-def _unit_value(
-    source: ImportSource,
-    channel: Channel,
-    column: str | None,
-    options: ImportOptions,
-    faults: list[str],
-) -> tuple[float, str] | None:
-    """Return what the value 1 in a channel's column stands for, and in which unit."""
-    name, column_unit = channel.name, source.units.get(column or "", "")
-    if source.full_scale:
-        what, example = "full scale", '"4 V"'
-        text, useless = options.full_scale.get(name), options.unit
-    else:
-        what, example = "unit", "V"
-        unit = options.unit.get(name) or (column_unit if is_unit(column_unit) else "")
-        text, useless = unit and f"1 {unit}", options.full_scale
-    option = f"--{what.replace(' ', '-')}.{name}"
-    if name in useless:
-        lacking = "unit" if source.full_scale else "full scale"
-        faults.append(f"{name}: a {source.kind} file has no {lacking}; give {option} {example}")
-    if not text:
-        faults.append(f"{name}: which {what}? give {option} {example}")
-        return None
-    integral = {"m/s": "m"}.get(channel.unit)
-    for possible in filter(None, ("V", channel.unit, integral)):
-        value = _value_in(text, possible)
-        if value is not None:
-            return value, possible
-    also = f" nor, as a displacement, in {integral}" if integral else ""
-    faults.append(
-        f"{name}: {text!r} is neither in volts nor in {channel.unit}{also}; give {option}"
-        f" {example}, or in {channel.unit}"
-    )
-    return None
-
-
-def _value_in(text: str, unit: str) -> float | None:
-    """Return a quantity in a unit [SI]; NI capitalises its units: Volts."""
-    for spelling in (text, text.lower()):
-        try:
-            return parse_quantity(spelling, unit)
-        except ValueError:
-            continue
-    return None
 
 
 def _rate(
@@ -259,7 +172,7 @@ def _time_unit(source: ImportSource, options: ImportOptions, faults: list[str]) 
     unit = options.time_unit or source.units.get(options.time or "", "s")
     if options.time_unit is not None and options.time is None:
         faults.append("--time-unit is given without --time; give both or neither")
-    value = _value_in(f"1 {unit}", "s") if is_unit(unit) else None
+    value = value_in(f"1 {unit}", "s") if is_unit(unit) else None
     if value is None:
         faults.append(f"--time-unit: {unit!r} is not a unit of time; give s, ms or us")
     return value
@@ -275,7 +188,3 @@ def _trigger(options: ImportOptions, faults: list[str]) -> float | None:
     if trigger is not None and abs(trigger) > MOST_SECONDS:
         faults.append(f"--trigger: {trigger:g} s is beyond MOST_SECONDS = {MOST_SECONDS:g} s")
     return trigger
-
-
-def _columns(source: ImportSource) -> str:
-    return f"it has {', '.join(map(repr, source.names))}"

@@ -8,7 +8,6 @@ from datetime import date
 from functools import cache
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from sautereau.rig.acquisition import Channel
@@ -104,7 +103,7 @@ def white_noise(signal: Signal, longest: int = 1) -> float:
 
 def robust_std(signal: Signal) -> float:
     """Return the standard deviation of most of a signal, from its median absolute deviation."""
-    return NORMAL * float(np.median(np.abs(signal - np.median(signal))))
+    return NORMAL * median(np.abs(signal - median(signal)))
 
 
 def _second_difference(signal: Signal, block: int) -> float:
@@ -118,11 +117,11 @@ def _second_difference(signal: Signal, block: int) -> float:
         second = second[np.isfinite(second)]
     if not len(second):
         return 0.0
-    second -= _median(second)
-    return NORMAL * _median(np.abs(second, out=second)) / math.sqrt(6)
+    # The second differences of a motion are zero but for its acceleration within two samples.
+    return NORMAL * median(np.abs(second, out=second)) / math.sqrt(6)
 
 
-def _median(signal: Signal) -> float:
+def median(signal: Signal) -> float:
     """Return the median, of an even number the upper of the two; faster than numpy's."""
     middle = len(signal) // 2
     return float(np.partition(signal, middle)[middle])
@@ -188,9 +187,11 @@ def undelayed(signal: Signal, lag: float) -> Signal:
         found = products.reshape(-1)[:rows]
         # At the ends the complete stencil does not fit into the record.
         start = min(missing, rows)
-        ends = np.r_[0:start, max(start, rows + 1 - HALF_WIDTH) : rows]
+        ends = np.concatenate(
+            [np.arange(start), np.arange(max(start, rows + 1 - HALF_WIDTH), rows)]
+        )
         halves = np.minimum(first + 1 + ends, rows - ends)
-        windows = sliding_window_view(flat, WIDTH)[ends]
+        windows = flat[ends[:, None] + np.arange(WIDTH)]
         found[ends] = (windows * _shortened(part)[halves]).sum(1)
     return found
 

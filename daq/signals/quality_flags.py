@@ -122,7 +122,7 @@ def _stretches(volts: Signal, channel: Channel, rate: float) -> list[tuple[Kind,
     for start, stop in _saturated(volts, magnitude, noise, channel.range, high):
         found.append(("overload", start, stop))
     if channel.quantity == "velocity":
-        for start, stop in _drop_outs(volts, channel, rate, high):
+        for start, stop in _drop_outs(volts, channel, rate, noise, high):
             found.append(("drop-out", start, stop))
     return found
 
@@ -133,18 +133,30 @@ def _saturated(
     """Return where a noisy signal is flat, away from zero and below the end of the range."""
     if noise < LEAST_NOISE * largest or len(volts) < FLAT:
         return []
-    levels = np.unique(volts[:RESOLUTION_ROWS])
-    if len(levels) > 1 and noise < LEAST_COUNTS * np.diff(levels).min():
-        return []
     steps = np.diff(volts)
     flat = np.abs(steps, out=steps) < FLAT_NOISE * noise
     flat &= magnitude[1:] > FLAT_LEVEL * largest
     flat &= ~(known[1:] | known[:-1])
+    if not _has_run(flat, FLAT - 1):
+        return []
+    levels = np.unique(volts[:RESOLUTION_ROWS])
+    if len(levels) > 1 and noise < LEAST_COUNTS * np.diff(levels).min():
+        return []
     return [(a, b + 1) for a, b in _runs(flat) if b + 1 - a >= FLAT]
 
 
+def _has_run(which: NDArray[np.bool_], length: int) -> bool:
+    """Return whether it is True for a number of samples without interruption."""
+    held = 1
+    while held < length:
+        more = min(held, length - held)
+        which = which[more:] & which[:-more]
+        held += more
+    return bool(which.any())
+
+
 def _drop_outs(
-    volts: Signal, channel: Channel, rate: float, known: NDArray[np.bool_]
+    volts: Signal, channel: Channel, rate: float, noise: float, known: NDArray[np.bool_]
 ) -> list[tuple[int, int]]:
     """Return short deviations from a running median that start and end suddenly.
 
@@ -156,18 +168,27 @@ def _drop_outs(
     if len(volts) < window:
         return []
     step = max(1, round(DROP_OUT_JUMP * rate))
-    unit = max(white_noise(volts, step), LEAST_DROP_OUT * channel.range / DROP_OUT_SEED)
-    least = max(DROP_OUT_SEED * math.sqrt(2) * unit, FASTEST * step / rate / channel.scale)
+    unit = max(noise, LEAST_DROP_OUT * channel.range / DROP_OUT_SEED)
+    fastest = FASTEST * step / rate / channel.scale
     jumps = volts[step:] - volts[:-step]
-    if not ((jumps > least) | (jumps < -least)).any():
-        return []  # before computing the median, which is most of the work
+    highest = max(jumps.max(), -jumps.min())
+    # Before computing the noise of blocks and the median, which are most of the work.
+    if not highest > max(DROP_OUT_SEED * math.sqrt(2) * unit, fastest):
+        return []
+    unit = max(white_noise(volts, step), unit)
+    least = max(DROP_OUT_SEED * math.sqrt(2) * unit, fastest)
+    if not highest > least:
+        return []
     from scipy.ndimage import median_filter
 
     deviation = volts - median_filter(volts, window, mode="nearest")
+    magnitude = np.abs(deviation)
+    runs = np.array(_runs(magnitude > DROP_OUT_EDGE * unit), int).reshape(-1, 2)
+    depths = np.maximum.reduceat(np.append(magnitude, 0.0), runs.ravel())[::2]
+    deep = depths > DROP_OUT_SEED * unit
     found = []
-    for start, stop in _runs(np.abs(deviation) > DROP_OUT_EDGE * unit):
-        depth = np.abs(deviation[start:stop]).max()
-        away = np.sign(deviation[start + int(np.argmax(np.abs(deviation[start:stop])))])
+    for (start, stop), depth in zip(runs[deep].tolist(), depths[deep].tolist(), strict=True):
+        away = np.sign(deviation[start + int(np.argmax(magnitude[start:stop]))])
         inside = away * jumps[max(0, start - step) : stop]
         starts, ends = int(np.argmax(inside)), int(np.argmin(inside))
         # Beside another drop-out the median is not that of the motion.
@@ -178,7 +199,7 @@ def _drop_outs(
         beside = np.concatenate([deviation[max(0, start - wide) : start], deviation[stop:][:wide]])
         slower = stop - start > LONG * rate > 4 * step
         sudden &= slower or np.abs(beside).max(initial=0.0) < BESIDE * depth
-        if depth > DROP_OUT_SEED * unit and sudden and not known[start:stop].any():
+        if sudden and not known[start:stop].any():
             found.append((start, stop))
     return found
 

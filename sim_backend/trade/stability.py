@@ -20,7 +20,9 @@ from sautereau.sim_backend.physics.observation import (
     reference,
 )
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.trade.cases import Case, grid, random_cases
+from sautereau.sim_backend.trade.case_scenes import Case
+from sautereau.sim_backend.trade.cases import grid
+from sautereau.sim_backend.trade.random_cases import random_cases
 from sautereau.sim_backend.trade.select import reached, select_solver
 
 RANDOM = 40

@@ -19,7 +19,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.batch import predict_many
 from sautereau.rig.load import load_rig
 from sautereau.rig.progress import progress_to
-from sautereau.sim_backend.physics.exact.sweep import sweep
+from sautereau.sim_backend.physics.presses.sweep import sweep
 from sautereau.sim_backend.scene import load_scene
 
 OVERLAPS = np.array([0.2e-3, 0.32e-3])

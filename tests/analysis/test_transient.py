@@ -30,7 +30,11 @@ HELD = (417.1, 809.6, 1141.2)
 def pressed():
     """Presses of the independent simulator by their factor: recording, truth and phases."""
     names = ("all stiff", "quasi-static string", "key bends at 350 Hz")
-    made = {name: press(ONE_FACTOR[name], seed=1) for name in names}
+    rates = {"quasi-static string": 20e3}  # without a string's partials a low rate is enough
+    made = {
+        name: press(replace(ONE_FACTOR[name], rate=rates.get(name, 51.2e3)), seed=1)
+        for name in names
+    }
     loaded = {name: judged_press(each) for name, each in made.items()}
     return {n: (loaded[n], made[n], true_phases(made[n], loaded[n])) for n in names}
 

@@ -67,7 +67,7 @@ def _check_coverage(draws):
 
 
 def test_uncertainties_cover():
-    _check_coverage(10)
+    _check_coverage(5)
 
 
 @pytest.mark.slow
@@ -81,7 +81,7 @@ def _alarms(draws):
 
 
 def test_noise_and_trend_have_no_mode():
-    assert _alarms(15) == 0
+    assert _alarms(6) == 0
 
 
 @pytest.mark.slow

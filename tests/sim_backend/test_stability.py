@@ -8,7 +8,9 @@ from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.trade import stability
-from sautereau.sim_backend.trade.cases import Case, grid, random_cases
+from sautereau.sim_backend.trade.case_scenes import Case
+from sautereau.sim_backend.trade.cases import grid
+from sautereau.sim_backend.trade.random_cases import random_cases
 from sautereau.sim_backend.trade.stability import (
     judge,
     run_stability,

@@ -7,9 +7,9 @@ from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.exact.engine import ExactWorld
-from sautereau.sim_backend.physics.exact.laws import choir_law, elastica_laws
-from sautereau.sim_backend.physics.exact.sweep import Ending, sweep
+from sautereau.sim_backend.physics.presses.laws import elastica_laws, law_of
+from sautereau.sim_backend.physics.presses.sweep import Ending, sweep
+from sautereau.sim_backend.physics.presses.world import ExactWorld
 from tests.sim_backend.scenes import RETURNING, RIG, choir, pressed, pushed
 
 UNITS = {
@@ -165,12 +165,11 @@ def test_laws_solved_together_are_those_of_the_model(friction, overlap, contact)
     height = np.linspace(0, pluck.release_height, 3001)[:-1]
     for law, error in (
         (laws, 1e-7),
-        (choir_law(choir.model_copy(update={"plectrum": plectrum}), "elastica"), 1e-14),
+        (law_of(plectrum, choir.string, "elastica"), 1e-14),
     ):
-        count = law.jacks["pieces"][0]
-        assert count == len(pluck.stretches)
-        end = law.jacks["border"][0, count]
-        assert end == pytest.approx(pluck.release_height, rel=1e-12)
+        border = law.border[0]
+        assert np.count_nonzero(np.diff(border)) == len(pluck.stretches)
+        assert border[2] == pytest.approx(pluck.release_height, rel=1e-12)
         force, model = force_of(law, height), pluck.force_on_jack(height)
         largest = model.max()
         np.testing.assert_allclose(
@@ -181,7 +180,7 @@ def test_laws_solved_together_are_those_of_the_model(friction, overlap, contact)
 def force_of(law, height):
     """Evaluate a law in its cells."""
     cells = law.cells
-    first, last = law.jacks["first"][0, [0, law.jacks["pieces"][0]]]
+    first, _, last = law.first[0]
     cell = first + np.searchsorted(cells[first:last, 0], height, side="right") - 1
     u = height - cells[cell, 0]
     c = cells[cell].T

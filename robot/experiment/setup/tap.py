@@ -101,7 +101,7 @@ def _signals(daq: Daq, volts: Mapping[str, Floats], of: str) -> tuple[Floats, Fl
 
 
 def _found(response: TapResponse) -> Found:
-    count, highest = response.taps, float(response.frequency[-1])
+    count, highest = response.taps, response.highest
     lines = [f"tap: {count} taps; {len(response.modes)} modes of the key up to {highest:.0f} Hz"]
     lines += [
         f"mode: {m.frequency:.1f} +- {m.frequency_std:.1f} Hz, damping {m.damping * 100:.2g} +-"

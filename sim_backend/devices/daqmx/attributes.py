@@ -87,9 +87,9 @@ def kept(prefix: str, defaults: dict[str, Any]) -> Table:
     return found
 
 
-def given(request: Any, name: str, default: Any = None) -> Any:
+def given(request: Any, name: str) -> Any:
     """Return a field of a request; that of an enumeration may be sent as its bare number."""
-    return getattr(request, f"{name}_raw", 0) or getattr(request, name, default)
+    return getattr(request, f"{name}_raw", 0) or getattr(request, name, None)
 
 
 def field(

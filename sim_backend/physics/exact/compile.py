@@ -8,6 +8,7 @@ import hashlib
 import logging
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeVar
@@ -23,26 +24,6 @@ except ImportError:  # without the extra `fast`: the same functions as plain Pyt
     njit = event = None
 
 _LOG = logging.getLogger(__name__)
-
-
-def entry(function: F) -> F:
-    """Compile a function for calls from Python, too."""
-    return _compiled(function, no_cpython_wrapper=False)
-
-
-def compiled(function: F) -> F:
-    """Compile a function for calls from compiled ones."""
-    return _compiled(function)
-
-
-def inlined(function: F) -> F:
-    """Compile a function into those that call it."""
-    return _compiled(function, forceinline=True)
-
-
-def expanded(function: F) -> F:
-    """Expand a function that returns records, which no compiled function can, in its callers."""
-    return _compiled(function, inline="always")
 
 
 def _compiled(function: F, **options: Any) -> F:
@@ -62,6 +43,16 @@ def _compiled(function: F, **options: Any) -> F:
     }
     compiler: Any = njit(**settings | options)
     return compiler(function)
+
+
+entry = partial(_compiled, no_cpython_wrapper=False)
+"""Compile a function for calls from Python, too."""
+compiled = _compiled
+"""Compile a function for calls from compiled ones."""
+inlined = partial(_compiled, forceinline=True)
+"""Compile a function into those that call it."""
+expanded = partial(_compiled, inline="always")
+"""Expand a function in its callers, which takes less time to compile if there is only one."""
 
 
 def records(array: NDArray[Any]) -> Any:
@@ -102,7 +93,7 @@ class Announcement(
             return
         self._done = True
         level = logging.WARNING if sys.stderr.isatty() else logging.INFO
-        _LOG.log(level, "compiling the exact engine, once for this version: about 20 s")
+        _LOG.log(level, "compiling the exact engine, once for this version: about 15 s")
 
     def on_end(self, event: Any) -> None:
         """Take the end of a compilation."""

@@ -3,7 +3,7 @@
 import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import compiled, entry, inlined
+from sautereau.sim_backend.physics.exact.compile import compiled, inlined
 
 AHEAD = 1e-6
 """Dimensionless, fraction of a controller sample after which an ideal finger's direction counts."""
@@ -18,7 +18,7 @@ def locate_tip(press, time):
     NaN if the fingertip is so close to the pin that no angle gives a contact. With a pad the key
     has its own angle, and the pad's moment is set.
     """
-    arm, finger = press.arm, press.finger
+    finger = press.finger
     if finger.kind == ix.PUSH:
         finger.angle = -math.inf
         return
@@ -27,17 +27,17 @@ def locate_tip(press, time):
         q1, q2, d1, d2 = press.x[n + 1], press.x[n + 2], press.v[n + 1], press.v[n + 2]
         s1 = s2 = 0.0
     else:
-        q1, d1, s1 = joint(finger, 0, time)
-        q2, d2, s2 = joint(finger, 1, time)
+        q1, d1, s1 = joint(press, 0, time)
+        q2, d2, s2 = joint(press, 1, time)
     q12, d12 = q1 + q2, d1 + d2
-    ux, uz = arm.upper * math.cos(q1), arm.upper * math.sin(q1)
-    lx, lz = arm.lower * math.cos(q12), arm.lower * math.sin(q12)
-    x, z = arm.base_x + ux + lx, arm.base_z + uz + lz
-    squared = x * x + z * z - arm.height * arm.height
-    if arm.pad_stiffness > 0.0:
+    ux, uz = finger.upper * math.cos(q1), finger.upper * math.sin(q1)
+    lx, lz = finger.lower * math.cos(q12), finger.lower * math.sin(q12)
+    x, z = finger.base_x + ux + lx, finger.base_z + uz + lz
+    squared = x * x + z * z - finger.height * finger.height
+    if finger.pad_stiffness > 0.0:
         angle = press.x[0]
     elif squared > 0:
-        angle = math.atan2(-x, z) - math.atan2(math.sqrt(squared), arm.height)
+        angle = math.atan2(-x, z) - math.atan2(math.sqrt(squared), finger.height)
     else:
         finger.angle = math.nan
         return
@@ -50,46 +50,39 @@ def locate_tip(press, time):
     along = (ux * d1 + lx * d12) * sine - (uz * d1 + lz * d12) * cosine
     inward = ux * d1 * d1 + lx * d12 * d12
     inward = inward * sine - (uz * d1 * d1 + lz * d12 * d12) * cosine
-    bias = (inward - 2 * omega * along - omega * omega * arm.height) / reach
+    bias = (inward - 2 * omega * along - omega * omega * finger.height) / reach
     finger.angle, finger.speed, finger.lever = angle, omega, -reach
     if finger.kind == ix.SERVO:
         move_arm(press, q1, q2, d1, d2, slope1, slope2)
         s1, s2 = finger.free[0], finger.free[1]
         finger.compliance = slope1 * finger.by[0] + slope2 * finger.by[1]
     finger.acceleration = slope1 * s1 + slope2 * s2 + bias
-    if arm.pad_stiffness > 0.0:
-        finger.overlap = arm.height - z * cosine + x * sine
-        squeeze(press)
-
-
-@compiled
-def squeeze(press):
-    """Set the moment of the pad, which a rigid fingertip's contact never joins."""
-    arm, finger = press.arm, press.finger
-    closing = finger.lever * (finger.speed - press.v[0])
-    finger.push = arm.pad_stiffness * finger.overlap + arm.pad_damping * closing
-    finger.push *= finger.lever
-    finger.moment = max(0.0, finger.push) if finger.overlap > 0.0 else 0.0
-    finger.angle, finger.compliance = -math.inf, math.inf
-    for j in range(2):
-        finger.free[j] -= finger.by[j] * finger.moment
+    if finger.pad_stiffness > 0.0:  # a moment, which a rigid fingertip's contact never joins
+        finger.overlap = finger.height - z * cosine + x * sine
+        closing = finger.lever * (omega - press.v[0])
+        push = finger.pad_stiffness * finger.overlap + finger.pad_damping * closing
+        finger.push = push * finger.lever
+        finger.moment = max(0.0, finger.push) if finger.overlap > 0.0 else 0.0
+        finger.angle, finger.compliance = -math.inf, math.inf
+        for j in range(2):
+            finger.free[j] -= finger.by[j] * finger.moment
 
 
 @compiled
 def move_arm(press, q1, q2, d1, d2, slope1, slope2):
     """Set the joints' accelerations under the motors, and those per moment on the key."""
-    arm, finger = press.arm, press.finger
-    coupling, twist = arm.coupling * math.cos(q2), arm.coupling * math.sin(q2)
-    m11 = arm.inertia1 + arm.inertia2 + 2 * coupling
-    m12, m22 = arm.inertia2 + coupling, arm.inertia2 + arm.rotor2
-    if arm.locked[0] or arm.locked[1]:
+    finger = press.finger
+    coupling, twist = finger.coupling * math.cos(q2), finger.coupling * math.sin(q2)
+    m11 = finger.inertia1 + finger.inertia2 + 2 * coupling
+    m12, m22 = finger.inertia2 + coupling, finger.inertia2 + finger.rotor2
+    if finger.locked[0] or finger.locked[1]:
         m12 = 0.0
-    right1, right2 = arm_weight(arm, q1, q2)
-    right1 = arm.torque[0] - right1 + twist * (2 * d1 + d2) * d2
-    right2 = arm.torque[1] - right2 - twist * d1 * d1
-    if arm.locked[0]:
+    weight = finger.weight2 * math.cos(q1 + q2)
+    right1 = finger.torque[0] - finger.weight1 * math.cos(q1) - weight + twist * (2 * d1 + d2) * d2
+    right2 = finger.torque[1] - weight - twist * d1 * d1
+    if finger.locked[0]:
         right1 = slope1 = 0.0
-    if arm.locked[1]:
+    if finger.locked[1]:
         right2 = slope2 = 0.0
     size = m11 * m22 - m12 * m12
     finger.free[0] = (right1 * m22 - right2 * m12) / size
@@ -99,41 +92,26 @@ def move_arm(press, q1, q2, d1, d2, slope1, slope2):
 
 
 @inlined
-def arm_weight(arm, q1, q2):
-    """Return the torques [N m] that balance the links' weight."""
-    second = arm.weight2 * math.cos(q1 + q2)
-    return arm.weight1 * math.cos(q1) + second, second
-
-
-@inlined
-def joint(finger, j, time):
+def joint(press, j, time):
     """Return angle, velocity and acceleration of a joint's reference at a time [s]."""
-    u = (time - finger.start) / finger.period
-    c1, c2, c3 = finger.cubics[j, 1], finger.cubics[j, 2], finger.cubics[j, 3]
-    angle = finger.cubics[j, 0] + u * (c1 + u * (c2 + u * c3))
-    speed = (c1 + u * (2 * c2 + u * 3 * c3)) / finger.period
-    return angle, speed, (2 * c2 + 6 * c3 * u) / (finger.period * finger.period)
+    cubics, period = press.finger.cubics, press.run.period
+    u = (time - press.run.start) / period
+    c1, c2, c3 = cubics[j, 1], cubics[j, 2], cubics[j, 3]
+    angle = cubics[j, 0] + u * (c1 + u * (c2 + u * c3))
+    speed = (c1 + u * (2 * c2 + u * 3 * c3)) / period
+    return angle, speed, (2 * c2 + 6 * c3 * u) / (period * period)
 
 
 @compiled
-def heading(press, time):
-    """Return the sign of an ideal finger's velocity just after a time [s]; 0 at rest."""
-    finger = press.finger
-    if finger.kind == ix.SERVO or finger.still:
+def heading(press):
+    """Return the sign of an ideal finger's velocity from now on; 0 at rest."""
+    finger, run = press.finger, press.run
+    if finger.kind != ix.IDEAL or finger.still:
         return 0.0
-    locate_tip(press, time + AHEAD * finger.period)
+    locate_tip(press, run.time + AHEAD * run.period)
     sign = 1.0 if finger.speed >= 0.0 else -1.0
-    locate_tip(press, time)
+    locate_tip(press, run.time)
     return sign
-
-
-@entry
-def engage(press):
-    """Take over an arm at rest: the integrators start at the torques of its weight."""
-    arm, n = press.arm, len(press.jacks)
-    arm.integral[0], arm.integral[1] = arm_weight(arm, press.x[n + 1], press.x[n + 2])
-    for j in range(2):
-        arm.lag[j], arm.locked[j] = 0.0, 0
 
 
 @compiled
@@ -143,15 +121,15 @@ def close_loops(press):
     With the following error e, read in integer counts, k e + c de/dt + J acceleration + integral,
     limited; the integral k e dt / T grows only while the limit is not reached.
     """
-    arm, finger, n = press.arm, press.finger, len(press.jacks)
+    finger, period, n = press.finger, press.run.period, len(press.jacks)
     for j in range(2):
         p0, p2, p3 = finger.cubics[j, 0], finger.cubics[j, 2], finger.cubics[j, 3]
-        counts = round((press.x[n + 1 + j] - arm.start[j]) / arm.radians)
-        lag = p0 - arm.start[j] - counts * arm.radians
-        change, arm.lag[j] = lag - arm.lag[j], lag
-        acceleration = (2 * p2 + 3 * p3) / (finger.period * finger.period)
-        torque = arm.stiffness[j] * lag + arm.damping[j] * change / finger.period
-        torque += arm.feedforward[j] * acceleration + arm.integral[j] + arm.offset[j]
-        if abs(torque) < arm.limit[j]:  # no integrator wind-up while the amplifier saturates
-            arm.integral[j] += arm.stiffness[j] * lag * finger.period / arm.integral_time
-        arm.torque[j] = min(max(torque, -arm.limit[j]), arm.limit[j])
+        counts = round((press.x[n + 1 + j] - finger.start[j]) / finger.radians)
+        lag = p0 - finger.start[j] - counts * finger.radians
+        change, finger.lag[j] = lag - finger.lag[j], lag
+        acceleration = (2 * p2 + 3 * p3) / (period * period)
+        torque = finger.stiffness[j] * lag + finger.damping[j] * change / period
+        torque += finger.feedforward[j] * acceleration + finger.integral[j] + finger.offset[j]
+        if abs(torque) < finger.limit[j]:  # no integrator wind-up while the amplifier saturates
+            finger.integral[j] += finger.stiffness[j] * lag * period / finger.integral_time
+        finger.torque[j] = min(max(torque, -finger.limit[j]), finger.limit[j])

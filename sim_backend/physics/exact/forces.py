@@ -3,7 +3,7 @@
 import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import inlined
+from sautereau.sim_backend.physics.exact.compile import expanded, inlined
 from sautereau.sim_backend.physics.exact.fingertip import locate_tip
 
 
@@ -20,42 +20,42 @@ def surface(arm, height, angle):
 
 
 @inlined
-def string_force(press, k, rise):
+def string_force(press, k):
     """Return the force [N] of a string on its jack, downwards."""
-    jack, choir = press.jacks[k], press.choirs[k]
-    if choir.string == ix.HELD:
-        return pluck_force(press.cells, jack, choir, rise - jack.clearance)
-    if choir.string == ix.PASSING:
+    jack, rise = press.jacks[k], press.x[k + 1]
+    if jack.string == ix.STUCK or jack.string == ix.SLIDING:
+        return pluck_force(press.cells, jack, rise)
+    if jack.string == ix.PASSING:
         return -(jack.tongue_force + jack.tongue_stiffness * (jack.clearance - rise))
     return 0.0
 
 
 @inlined
-def pluck_force(cells, jack, choir, height):
-    """Return S(h) [N]; beyond its piece the law continues linearly, for trial steps."""
-    first, last = jack.first[choir.piece], jack.first[choir.piece + 1] - 1
-    within = min(max(height, jack.border[choir.piece]), jack.border[choir.piece + 1])
-    cell = min(max(choir.cell, first), last)
-    while cell < last and within >= cells[cell + 1, 0]:
+def pluck_force(cells, jack, rise):
+    """Return S(h) [N]; beyond its state's rises the law continues linearly, for trial steps."""
+    first, last = jack.first[jack.string - ix.STUCK], jack.first[jack.string] - 1
+    within = min(max(rise, jack.range[jack.string, 0]), jack.range[jack.string, 1])
+    height, cell = within - jack.clearance, min(max(jack.cell, first), last)
+    while cell < last and height >= cells[cell + 1, 0]:
         cell += 1
-    while cell > first and within < cells[cell, 0]:
+    while cell > first and height < cells[cell, 0]:
         cell -= 1
-    choir.cell = cell
-    u = within - cells[cell, 0]
+    jack.cell = cell
+    u = height - cells[cell, 0]
     c1, c2, c3 = cells[cell, 2], cells[cell, 3], cells[cell, 4]
     force = cells[cell, 1] + u * (c1 + u * (c2 + u * c3))
-    if within != height:
-        force += (height - within) * (c1 + u * (2 * c2 + u * 3 * c3))
+    if within != rise:
+        force += (rise - within) * (c1 + u * (2 * c2 + u * 3 * c3))
     return force
 
 
 @inlined
-def static_load(press, k, rise):
+def static_load(press, k):
     """Return the sum of weight, string and damper of a jack [N], downwards."""
     jack = press.jacks[k]
-    load = jack.mass * press.key.gravity + string_force(press, k, rise)
-    if press.choirs[k].damped:
-        load -= jack.damper * (jack.lift - rise)
+    load = jack.mass * press.key.gravity + string_force(press, k)
+    if jack.damped:
+        load -= jack.damper * (jack.lift - press.x[k + 1])
     return load
 
 
@@ -66,11 +66,19 @@ def felt_push(key, angle, omega):
 
 
 @inlined
+def spring_state(overlap, push):
+    """Return the state of felt or pad, which can only push."""
+    if not overlap > 0.0:
+        return ix.OFF
+    return ix.PRESSED if push >= 0.0 else ix.SLACK
+
+
+@inlined
 def key_moment(press, angle, omega):
-    """Return the moment on the key without dry friction, jacks and fingertip [N m]."""
+    """Return the moment on the key without dry friction, jacks and rigid fingertip [N m]."""
     key = press.key
     moment = press.finger.moment + key.gravity_moment - key.viscous * omega
-    if press.mode.felt == ix.PRESSED:
+    if key.felt == ix.PRESSED:
         moment -= felt_push(key, angle, omega)
     return moment
 
@@ -82,51 +90,76 @@ def accelerate(press, time):
     The coordinates that depend on others in this mode are set: of a key on the finger, and of
     jacks that stand on the key.
     """
-    key, finger, mode, x, v, a = press.key, press.finger, press.mode, press.x, press.v, press.a
-    if finger.kind != ix.PUSH:
-        locate_tip(press, time)
-    if mode.slip == 0:
+    key, finger, x, v, a = press.key, press.finger, press.x, press.v, press.a
+    locate_tip(press, time)
+    if key.slip == 0:
         v[0] = 0.0
-    elif mode.touch:
+    elif finger.touch:
         x[0], v[0] = finger.angle, finger.speed
-    angle, omega, inertia = x[0], v[0], key.inertia
-    moment = key_moment(press, angle, omega)
-    least, most = moment - key.dry, moment + key.dry
-    moment -= mode.slip * key.dry
+    moment = key_moment(press, x[0], v[0])
+    inertia, load, least, most = load_jacks(press)
+    finger.reaction = a[0] = 0.0
+    if key.slip == 0:
+        hold_key(press, moment - key.dry - most, moment + key.dry - least)
+    else:
+        inertia, moment = inertia + key.inertia, moment - key.slip * key.dry - load
+        if finger.touch:
+            pushed = inertia * finger.acceleration - moment
+            finger.reaction = pushed / (1 + finger.compliance * inertia)
+            a[0] = finger.acceleration - finger.compliance * finger.reaction
+        else:
+            a[0] = moment / inertia
     for k in range(len(press.jacks)):
-        jack, choir, at = press.jacks[k], press.choirs[k], k + 1
-        if choir.stands:
-            rise, slope, curvature = surface(jack.arm, key.height, angle)
-            x[at], v[at], a[at] = rise, slope * omega, curvature * omega * omega
-            static = static_load(press, k, rise)
-            load = jack.mass * a[at] + static + mode.slip * jack.friction
-            choir.load, choir.slope = load, slope
+        jack = press.jacks[k]
+        if jack.stands:
+            jack.load += jack.mass * jack.slope * a[0]
+            a[k + 1] += jack.slope * a[0]
+    for j in range(len(x) - 1 - len(press.jacks)):
+        a[len(x) - 2 + j] = finger.free[j] - finger.by[j] * finger.reaction
+
+
+@expanded
+def load_jacks(press):
+    """Set the jacks' motion and forces, of those on the key as if that did not accelerate.
+
+    Returns:
+        Of the jacks on the key: their inertia about the pin [kg m^2], their moment on it [N m], and
+        the least and most moment on a key that friction holds.
+    """
+    key, x, v, a = press.key, press.x, press.v, press.a
+    inertia = moment = least = most = 0.0
+    for k in range(len(press.jacks)):
+        jack, at = press.jacks[k], k + 1
+        if jack.stands:
+            rise, slope, curvature = surface(jack.arm, key.height, x[0])
+            x[at], v[at], a[at] = rise, slope * v[0], curvature * v[0] * v[0]
+            static = static_load(press, k)
+            jack.load = jack.mass * a[at] + static + key.slip * jack.friction
+            jack.slope = slope
             inertia += jack.mass * slope * slope
-            moment -= slope * load
-            least -= slope * (static + jack.friction)
-            most -= slope * max(static - jack.friction, 0.0)
-        elif choir.sign == 0:
+            moment += slope * jack.load
+            least += slope * max(static - jack.friction, 0.0)
+            most += slope * (static + jack.friction)
+        elif jack.sign == 0:
             v[at] = a[at] = 0.0
         else:
-            load = static_load(press, k, x[at]) + choir.sign * jack.friction
+            load = static_load(press, k) + jack.sign * jack.friction
             a[at] = -load / jack.mass
-    mode.moment = a[0] = 0.0
-    if mode.slip == 0:
-        if mode.touch and finger.compliance > 0.0:
-            mode.moment = finger.acceleration / finger.compliance
-        elif mode.touch:  # friction carries as much as it can, the finger the remainder
-            mode.moment = max(0.0, -most)
-        mode.up, mode.down = -(least + mode.moment), most + mode.moment
-    elif mode.touch:
-        pushed = inertia * finger.acceleration - moment
-        mode.moment = pushed / (1 + finger.compliance * inertia)
-        a[0] = finger.acceleration - finger.compliance * mode.moment
-    else:
-        a[0] = moment / inertia
-    for k in range(len(press.jacks)):
-        choir = press.choirs[k]
-        if choir.stands:
-            choir.load += press.jacks[k].mass * choir.slope * a[0]
-            a[k + 1] += choir.slope * a[0]
-    for j in range(len(x) - 1 - len(press.jacks)):
-        a[len(x) - 2 + j] = finger.free[j] - finger.by[j] * mode.moment
+    return inertia, moment, least, most
+
+
+@expanded
+def hold_key(press, least, most):
+    """Set the finger's moment on a key at rest, and the margins by which friction holds it.
+
+    Args:
+        press: The key does not accelerate.
+        least: N m, of all forces but the finger's, with friction against a rise.
+        most: N m, likewise against a fall.
+    """
+    key, finger = press.key, press.finger
+    if finger.touch and finger.compliance > 0.0:
+        finger.reaction = finger.acceleration / finger.compliance
+    elif finger.touch:  # friction carries as much as it can, the finger the remainder
+        finger.reaction = max(0.0, -most)
+    key.up, key.down = -(least + finger.reaction), most + finger.reaction

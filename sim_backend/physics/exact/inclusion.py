@@ -14,44 +14,50 @@ takes c F from it: x = x_f - c F, with c = 0 if it is ideal. The rail holds x >=
 import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import compiled, entry, inlined
+from sautereau.sim_backend.physics.exact.compile import compiled, entry, expanded, inlined
 from sautereau.sim_backend.physics.exact.fingertip import heading, locate_tip
 from sautereau.sim_backend.physics.exact.forces import (
     accelerate,
     felt_push,
     key_moment,
+    spring_state,
     static_load,
     surface,
 )
-from sautereau.sim_backend.physics.exact.strings import string_range
 
 DEEP = 1e-6
 """rad, largest overlap of fingertip and key."""
 
 
 @inlined
-def pose(press, kept, h):
-    """Set the jacks' terms of the inclusion; return q, t and I of the key.
+def in_contact(kept, h, gap, apart):
+    """Return whether surfaces meet within a time h, or for accelerations stay in contact.
 
     Args:
-        press: Its modes of felt, strings and dampers are set.
-        kept: 1.0 if x is a velocity, 0.0 if it is an acceleration.
-        h: s, for which forces act: 0 for an impact, 1 for an acceleration.
+        kept: As of `solve`, as the next.
+        h: s.
+        gap: m or rad, between them.
+        apart: m/s or rad/s, of the gap.
     """
+    return gap + kept * h * apart <= ix.CLOSE and (kept > 0.0 or abs(apart) <= ix.SLOW)
+
+
+@expanded
+def pose(press, kept, h):
+    """Set the jacks' terms of the inclusion; return q and t of the key. See `solve`."""
     key, x, v = press.key, press.x, press.v
     angle, omega = x[0], v[0]
     for k in range(len(press.jacks)):
-        jack, choir, speed = press.jacks[k], press.choirs[k], v[k + 1]
+        jack, speed = press.jacks[k], v[k + 1]
         rise, slope, curvature = surface(jack.arm, key.height, angle)
         gap, apart = x[k + 1] - rise, speed - slope * omega
-        choir.slope, choir.dry = slope, h * jack.friction
-        choir.push = h * static_load(press, k, x[k + 1]) - kept * jack.mass * speed
-        choir.closed = gap + (h * apart if kept else 0.0) <= ix.CLOSE
+        jack.slope, jack.dry = slope, h * jack.friction
+        jack.push = h * static_load(press, k) - kept * jack.mass * speed
+        jack.closed = in_contact(kept, h, gap, apart)
         if not kept:
-            choir.closed = choir.closed and abs(apart) <= ix.SLOW
-            choir.push += jack.mass * curvature * omega * omega
+            jack.push += jack.mass * curvature * omega * omega
             if speed != 0.0:
-                choir.push, choir.dry = choir.push + math.copysign(jack.friction, speed), 0.0
+                jack.push, jack.dry = jack.push + math.copysign(jack.friction, speed), 0.0
     moment, dry = kept * key.inertia * omega + h * key_moment(press, angle, omega), h * key.dry
     if not kept and omega != 0.0:
         moment, dry = moment - math.copysign(key.dry, omega), 0.0
@@ -59,12 +65,11 @@ def pose(press, kept, h):
 
 
 @inlined
-def jack_push(press, k, x, side):
+def jack_push(jack, x, side):
     """Return P_k(x); the side is the sign of x, or that of a limit at 0."""
-    jack, choir = press.jacks[k], press.choirs[k]
-    if not choir.closed:
+    if not jack.closed:
         return 0.0
-    return max(0.0, jack.mass * choir.slope * x + choir.push + side * choir.dry)
+    return max(0.0, jack.mass * jack.slope * x + jack.push + side * jack.dry)
 
 
 @inlined
@@ -72,7 +77,8 @@ def unbalanced(press, q, t, x, side):
     """Return Phi(x)."""
     total = press.key.inertia * x - q + side * t
     for k in range(len(press.jacks)):
-        total += press.choirs[k].slope * jack_push(press, k, x, side)
+        jack = press.jacks[k]
+        total += jack.slope * jack_push(jack, x, side)
     return total
 
 
@@ -92,10 +98,10 @@ def root(press, q, t, by, pull, target):
     side = 1.0 if above < 0.0 else -1.0
     low, high = (0.0, math.inf) if side > 0 else (-math.inf, 0.0)
     for k in range(len(press.jacks)):
-        choir = press.choirs[k]
-        if not choir.closed:
+        jack = press.jacks[k]
+        if not jack.closed:
             continue
-        end = -(choir.push + side * choir.dry) / (press.jacks[k].mass * choir.slope)
+        end = -(jack.push + side * jack.dry) / (jack.mass * jack.slope)
         if low < end < high:
             if by * unbalanced(press, q, t, end, side) + pull * (end - target) <= 0.0:
                 low = end
@@ -113,38 +119,65 @@ def root(press, q, t, by, pull, target):
 
 
 @compiled
-def solve(press, q, t, target, near, direction, rail):
-    """Solve the inclusion; set the unknown, and whether the finger touches the key.
+def solve(press, kept, h, direction):
+    """Solve the inclusion; return the unknown, and set whether the finger touches the key.
 
     Args:
-        press: Its jacks' terms are set.
-        q: Of Phi.
-        t: Of Phi.
-        target: x_f, of the finger.
-        near: Whether the finger is in contact.
+        press: Its modes of felt, strings and dampers are set.
+        kept: 1.0 if x is a velocity, 0.0 if it is an acceleration.
+        h: s, for which forces act: 0 for an impact, 1 for an acceleration.
         direction: Of an ideal finger that is about to move the key from rest, else 0.
-        rail: Whether the key is on its rail.
     """
-    mode, c = press.mode, press.finger.compliance
+    finger, angle, omega = press.finger, press.x[0], press.v[0]
+    q, t = pose(press, kept, h)
     x = root(press, q, t, 1.0, 0.0, 0.0)
+    c, target = finger.compliance, kept * finger.speed + h * finger.acceleration
+    near = in_contact(kept, h, angle - finger.angle, omega - finger.speed)
     if near and x < target:
         x = root(press, q, t, c, 1.0, target) if c > 0.0 else target
-    if rail:
+    if in_contact(kept, h, angle, omega):  # the rail
         x = max(x, 0.0)
-    mode.x = x
-    mode.touch = near and (x < target or (x == target and direction >= 0))
+    finger.touch = near and (x < target or (x == target and direction >= 0))
+    return x
 
 
 @entry
-def resolve(press, time, h):
+def resolve(press, h):
     """Apply plastic impacts, of the impulses that no surface forbids; return a status.
 
     With h > 0 this is a nonsmooth step (Moreau): the forces act for that time, and the
     contacts that close within it are part of the impact. It is of first order.
     """
-    key, finger, mode, x, v = press.key, press.finger, press.mode, press.x, press.v
-    locate_tip(press, time)
-    if not math.isfinite(x[0] + v[0]):
+    finger, x, v = press.finger, press.x, press.v
+    status = part_surfaces(press)
+    if status != ix.FINE:
+        return status
+    set_forces(press)
+    omega, taken = solve(press, 1.0, h, 0.0), 0.0
+    if finger.touch and finger.compliance > 0.0:
+        taken = (finger.speed + h * finger.acceleration - omega) / finger.compliance
+    for k in range(len(press.jacks)):
+        jack, at = press.jacks[k], k + 1
+        if jack_push(jack, omega, sign(omega)) > 0.0:
+            v[at] = jack.slope * omega
+        elif h > 0.0:
+            free = v[at] - h * static_load(press, k) / jack.mass
+            slow = jack.dry / jack.mass
+            v[at] = free - min(max(free, -slow), slow)
+    for j in range(len(x) - 1 - len(press.jacks)):
+        v[len(x) - 2 + j] += h * finger.free[j] - finger.by[j] * taken
+    v[0] = omega
+    for i in range(len(x)):
+        x[i] += h * v[i]
+    return ix.FINE
+
+
+@expanded
+def part_surfaces(press):
+    """Move the key out of the fingertip and the rail, the jacks out of the key; return a status."""
+    key, finger, x = press.key, press.finger, press.x
+    locate_tip(press, press.run.time)
+    if not math.isfinite(x[0] + press.v[0]):
         return ix.LOST
     if math.isnan(finger.angle):
         return ix.AT_PIN
@@ -154,74 +187,45 @@ def resolve(press, time, h):
     for k in range(len(press.jacks)):
         rise, _, _ = surface(press.jacks[k].arm, key.height, x[0])
         x[k + 1] = max(x[k + 1], rise)
-    set_forces(press)
-    q, t = pose(press, 1.0, h)
-    near, target = False, 0.0
-    if finger.kind != ix.PUSH:
-        target = finger.speed + h * finger.acceleration
-        near = x[0] - finger.angle + h * (v[0] - finger.speed) <= ix.CLOSE
-    solve(press, q, t, target, near, 0.0, x[0] + h * v[0] <= ix.CLOSE)
-    omega, side = mode.x, sign(mode.x)
-    for k in range(len(press.jacks)):
-        jack, choir, at = press.jacks[k], press.choirs[k], k + 1
-        if jack_push(press, k, omega, side) > 0.0:
-            v[at] = choir.slope * omega
-        elif h > 0.0:
-            free = v[at] - h * static_load(press, k, x[at]) / jack.mass
-            slow = choir.dry / jack.mass
-            v[at] = free - min(max(free, -slow), slow)
-    for j in range(len(x) - 1 - len(press.jacks)):
-        taken = (target - omega) / finger.compliance if mode.touch and finger.compliance else 0.0
-        v[len(x) - 2 + j] += h * finger.free[j] - finger.by[j] * taken
-    v[0] = omega
-    for i in range(len(x)):
-        x[i] += h * v[i]
     return ix.FINE
 
 
 @inlined
 def set_forces(press):
     """Set the modes of felt and dampers, and the rises between which no string changes."""
-    key, mode = press.key, press.mode
-    mode.felt = ix.OFF
-    if press.x[0] > key.dip:
-        mode.felt = ix.PRESSED if felt_push(key, press.x[0], press.v[0]) >= 0.0 else ix.SLACK
+    key, angle = press.key, press.x[0]
+    key.felt = spring_state(angle - key.dip, felt_push(key, angle, press.v[0]))
     for k in range(len(press.jacks)):
-        jack, choir = press.jacks[k], press.choirs[k]
-        choir.low, choir.high = string_range(jack, choir)
-        choir.damped = press.x[k + 1] < jack.lift
-        if choir.damped:
-            choir.high = min(choir.high, jack.lift)
+        jack = press.jacks[k]
+        jack.low, jack.high = jack.range[jack.string, 0], jack.range[jack.string, 1]
+        jack.damped = press.x[k + 1] < jack.lift
+        if jack.damped:
+            jack.high = min(jack.high, jack.lift)
         else:
-            choir.low = max(choir.low, jack.lift)
+            jack.low = max(jack.low, jack.lift)
 
 
 @entry
-def select(press, time):
+def select(press):
     """Select the mode that follows after all impacts, by the accelerations."""
-    finger, mode, x, v = press.finger, press.mode, press.x, press.v
+    key, finger, v = press.key, press.finger, press.v
     set_forces(press)
     for i in range(1 + len(press.jacks)):
         if abs(v[i]) <= ix.SLOW:
             v[i] = 0.0
-    direction = heading(press, time) if finger.kind != ix.PUSH and v[0] == 0.0 else 0.0
-    locate_tip(press, time)
-    mode.pad = ix.OFF
-    if finger.overlap > 0.0:
-        mode.pad = ix.PRESSED if finger.push >= 0.0 else ix.SLACK
-    q, t = pose(press, 0.0, 1.0)
-    near = x[0] - finger.angle <= ix.CLOSE and abs(v[0] - finger.speed) <= ix.SLOW
-    solve(press, q, t, finger.acceleration, near, direction, x[0] <= ix.CLOSE and v[0] == 0.0)
-    mode.slip = sign(v[0]) if v[0] != 0.0 else sign(mode.x)
-    if v[0] == 0.0 and mode.touch and direction != 0:
-        mode.slip = direction
-    side = mode.slip if mode.slip != 0.0 else 1.0
+    direction = heading(press) if v[0] == 0.0 else 0.0
+    locate_tip(press, press.run.time)
+    finger.pad = spring_state(finger.overlap, finger.push)
+    turn = solve(press, 0.0, 1.0, direction)
+    key.slip = sign(v[0]) if v[0] != 0.0 else sign(turn)
+    if v[0] == 0.0 and finger.touch and direction != 0:
+        key.slip = direction
+    side = key.slip if key.slip != 0.0 else 1.0
     for k in range(len(press.jacks)):
-        jack, choir = press.jacks[k], press.choirs[k]
-        push = jack.mass * choir.slope * mode.x + choir.push + side * choir.dry
-        choir.stands = choir.closed and push >= 0.0
-        load = static_load(press, k, x[k + 1])
-        choir.sign = sign(v[k + 1])
-        if choir.sign == 0 and abs(load) > jack.friction:
-            choir.sign = -sign(load)
-    accelerate(press, time)
+        jack = press.jacks[k]
+        push = jack.mass * jack.slope * turn + jack.push + side * jack.dry
+        jack.stands, jack.sign = jack.closed and push >= 0.0, sign(v[k + 1])
+        load = static_load(press, k)
+        if jack.sign == 0 and abs(load) > jack.friction:
+            jack.sign = -sign(load)
+    accelerate(press, press.run.time)

@@ -9,7 +9,7 @@ import math
 
 from sautereau.sim_backend.physics.base import LARGEST_ANGLE
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import compiled, entry, expanded, inlined
+from sautereau.sim_backend.physics.exact.compile import compiled, entry, expanded
 from sautereau.sim_backend.physics.exact.fingertip import close_loops, locate_tip
 from sautereau.sim_backend.physics.exact.forces import surface
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
@@ -28,198 +28,189 @@ MOST_STEPS, MORE_STEPS = 200_000, 1000
 one_press = expanded(ix.one_press)
 
 
-@compiled
-def rest(press, time):
+@expanded
+def rest(press):
     """Set a press to rest: the key on its rail, or on a fingertip above that; return a status."""
-    press.x[:] = 0.0
-    press.v[:] = 0.0
-    press.a[:] = 0.0
-    finger, mode, n = press.finger, press.mode, len(press.jacks)
+    press.work[:] = 0.0
+    key, finger, n = press.key, press.finger, len(press.jacks)
     if finger.kind == ix.SERVO:
-        press.x[n + 1], press.x[n + 2] = press.arm.start[0], press.arm.start[1]
-    locate_tip(press, time)
+        press.x[n + 1], press.x[n + 2] = finger.start[0], finger.start[1]
+    locate_tip(press, press.run.time)
     if math.isnan(finger.angle):
         return ix.AT_PIN
     press.x[0] = max(0.0, finger.angle)
     for k in range(n):
-        press.x[k + 1], _, _ = surface(press.jacks[k].arm, press.key.height, press.x[0])
-        choir = press.choirs[k]
-        choir.string = choir.piece = choir.cell = 0
-    mode.slip, mode.touch = 0.0, 0
+        press.x[k + 1], _, _ = surface(press.jacks[k].arm, key.height, press.x[0])
+        press.jacks[k].string = press.jacks[k].cell = 0
+    key.slip, finger.touch = 0.0, 0
     return ix.FINE
 
 
 @compiled
-def change(press, time):
-    """Let the strings, the impacts and the mode follow the state; return a status."""
+def change(press):
+    """Let strings, impacts and mode follow the state, and write a row; return a status."""
     if press.x[0] >= LARGEST_ANGLE:
         return ix.TURNED_OVER
-    update_strings(press, time)
-    status = resolve(press, time, 0.0)
+    update_strings(press)
+    status = resolve(press, 0.0)
     if status == ix.FINE:
-        select(press, time)
+        select(press)
+        write_row(press)
     return status
 
 
-@inlined
-def advance(press, time, end, size, order, tolerance):
-    """Advance within an interval of smooth action of the finger; return a status.
+@expanded
+def rests(press):
+    """Return whether nothing moves until the finger does or its force changes."""
+    key, finger = press.key, press.finger
+    if key.slip != 0 or finger.kind == ix.SERVO or (finger.kind == ix.IDEAL and not finger.touch):
+        return False
+    for k in range(len(press.jacks)):
+        if not press.jacks[k].stands and press.jacks[k].sign != 0:
+            return False
+    return True
 
-    Args:
-        press: Its mode is selected.
-        time: s.
-        end: s.
-        size: s, of an undivided step, which need not be the interval's.
-        order: Of the steps.
-        tolerance: Dimensionless, relative error of a step.
-    """
-    mode, finger, start = press.mode, press.finger, press.work[0:3]
-    step, crowd, repeated, before = end - time, 0, False, 0.0
-    allowed = tolerance ** (1.0 - 2.0 / order)
-    while time < end:
-        if mode.slip == 0 and (finger.kind == ix.PUSH or (finger.kind == ix.IDEAL and mode.touch)):
-            moving = False
-            for k in range(len(press.choirs)):
-                moving = moving or (press.choirs[k].stands == 0 and press.choirs[k].sign != 0)
-            if not moving:
-                return ix.FINE
-        mode.steps -= 1
-        if mode.steps < 0:
-            return ix.LOST
-        step = min(step, end - time)
+
+@expanded
+def pass_event(press, end):
+    """Let the mode change where it ends, or end soon where events are crowded; return a status."""
+    run = press.run
+    write_row(press)
+    run.crowd += 1
+    status = change(press)
+    if status == ix.FINE and run.crowd > CROWDED:
+        h = min(NONSMOOTH * run.step, end - run.time)
+        status = resolve(press, h)
+        run.time, run.crowd = run.time + h, 0
+        if status == ix.FINE:
+            status = change(press)
+    return status
+
+
+@expanded
+def advance(press, end):
+    """Advance to a time [s] of smooth action of the finger until then; return a status."""
+    run, order = press.run, press.run.order
+    status = change(press) if run.changed else ix.FINE
+    step, repeated, before, run.crowd, run.changed = end - run.time, False, 0.0, 0, 0
+    allowed = run.tolerance ** (1.0 - 2.0 / order)
+    while status == ix.FINE and run.time < end and not rests(press):
+        run.left -= 1
+        step = min(step, end - run.time)
         if not repeated:
             before = guard(press)
             for i in range(len(press.x)):
-                start[0, i], start[1, i], start[2, i] = press.x[i], press.v[i], press.a[i]
-        error = try_step(press, start, time, step, order) / allowed
+                for c in range(3):
+                    press.work[3 + c, i] = press.work[c, i]
+        error = try_step(press, step) / allowed
         repeated = not error <= 1.0 and step > SHORTEST
         if repeated:
             step = max(step * max(0.1, 0.8 * error ** (-1.0 / (order - 1))), SHORTEST)
-            continue
-        if guard(press) >= 0.0:
-            time = end if step == end - time else time + step
-            hold_tip(press, time)
-            if not math.isfinite(press.x.sum() + press.v.sum()):
-                return ix.LOST
+        elif guard(press) >= 0.0:
+            run.time = end if step == end - run.time else run.time + step
+            hold_tip(press)
             step *= min(2.0, 0.8 * max(error, 1e-3) ** (-1.0 / (order - 1)))
-            crowd = 0
-            continue
-        time += locate(press, start, time, step, order, before)
-        hold_tip(press, time)
-        write_row(press, time)
-        status = change(press, time)
-        crowd += 1
-        if status == ix.FINE and crowd > CROWDED:
-            h = min(NONSMOOTH * size, end - time)
-            status = resolve(press, time, h)
-            time, crowd = time + h, 0
-            if status == ix.FINE:
-                status = change(press, time)
-        if status != ix.FINE:
-            return status
-        write_row(press, time)
-        step = end - time
-    return ix.FINE
+            run.crowd = 0
+        else:
+            run.time += locate(press, step, before)
+            hold_tip(press)
+            status = pass_event(press, end)
+            step = end - run.time
+        if run.left < 0 or not (repeated or math.isfinite(press.x.sum() + press.v.sum())):
+            status = ix.LOST
+    run.time = end
+    return status
 
 
-@inlined
-def play_sample(press, sample, cubics, powered, timing):
-    """Advance by one controller sample; return a status. For the arguments see `play`."""
-    period, steps, order, tolerance = timing
-    key, finger, mode = press.key, press.finger, press.mode
-    size, start = period / steps, sample * period
-    finger.start, finger.period, finger.still = start, period, 1
+@expanded
+def advance_step(press, end):
+    """Advance to the end [s] of an undivided step, within which a push may end; return a status."""
+    key, finger, run, status = press.key, press.finger, press.run, ix.FINE
+    while status == ix.FINE and run.time < end:
+        until = key.push_end if finger.moment != 0.0 and key.push_end < end else end
+        status = advance(press, until)
+        if status == ix.FINE and until < end:
+            write_row(press)
+            finger.moment, run.changed = 0.0, 1
+    if status == ix.FINE:
+        run.ends -= 1
+        write_row(press)
+    return status
+
+
+@expanded
+def start_sample(press, sample, cubics, powered):
+    """Start a controller sample; return a status. For the arguments see `play`."""
+    key, finger, run, status = press.key, press.finger, press.run, ix.FINE
+    run.start = run.time = sample * run.period
+    finger.still = 1
     for j in range(2):
         for k in range(4):
             finger.cubics[j, k] = cubics[j, k]
             if k > 0 and cubics[j, k] != 0.0:
                 finger.still = 0
     if sample == 0:
-        status = rest(press, start)
-        if status != ix.FINE:
-            return status
+        status = rest(press)
     if finger.kind == ix.SERVO and powered:
         close_loops(press)
-    pushes = finger.kind == ix.PUSH and powered and start < key.push_end
+    pushes = finger.kind == ix.PUSH and powered and run.start < key.push_end
     force = key.force * key.press_arm if pushes else 0.0
-    changed = sample == 0 or finger.kind != ix.PUSH or force != finger.moment
+    run.changed = sample == 0 or finger.kind != ix.PUSH or force != finger.moment
     finger.moment = force
-    for j in range(steps):
-        time, end = start + j * size, start + (j + 1) * size
-        if j == steps - 1:
-            end = (sample + 1) * period
-        while time < end:
-            until = end
-            if finger.moment != 0.0 and key.push_end < end:
-                until = max(key.push_end, time)
-            if changed:
-                status = change(press, time)
-                if status != ix.FINE:
-                    return status
-                write_row(press, time)
-            status = advance(press, time, until, size, order, tolerance)
-            if status != ix.FINE:
-                return status
-            if until < end:
-                write_row(press, until)
-                finger.moment = 0.0
-            changed = until < end
-            time = until
-        mode.ends -= 1
-        write_row(press, end)
-    return ix.FINE
+    return status
+
+
+@expanded
+def play_sample(press, sample, cubics, powered):
+    """Advance by one controller sample; return a status. For the arguments see `play`."""
+    run, status = press.run, start_sample(press, sample, cubics, powered)
+    for j in range(run.steps):
+        if status == ix.FINE:
+            last = j == run.steps - 1
+            end = (sample + 1) * run.period if last else run.start + (j + 1) * run.step
+            status = advance_step(press, end)
+    return status
 
 
 @entry
-def play(presses, number, sample, cubics, powered, timing):
-    """Advance one of many presses by controller samples.
+def play(presses, sample, cubics, samples, powered, found, status):
+    """Advance presses by controller samples, and find each string's first contact and release.
 
     Args:
-        presses: Their state, events and rows are replaced.
-        number: Of the press.
+        presses: Their state is replaced.
         sample: Number of the first one; 0 starts from rest.
         cubics: rad, joints over each sample; shape (samples, 2, 4).
+        samples: Number of them for each press; shape (presses,).
         powered: Whether the motors are on, and a push acts.
-        timing: s, of the controller's period; number of steps in a sample, of equal length; their
-            order, and the relative error of a step.
+        found: Contact and release [s], force at release [N], speed of the jack there [m/s], of the
+            events in these samples; shape (presses, choirs, 4).
+        status: Of each press, which is played if it is fine; shape (presses,).
 
     Returns:
-        Its status, and the numbers of events and of rows.
+        The numbers of events and of rows of the last press.
     """
-    press = one_press(presses, number)
-    mode, status, steps = press.mode, ix.FINE, timing[1]
-    mode.events = mode.rows = 0
-    mode.steps = MOST_STEPS + (MORE_STEPS + 2 * steps) * len(cubics)
-    mode.ends = steps * len(cubics)
-    for i in range(len(cubics)):
-        if status == ix.FINE:
-            status = play_sample(press, sample + i, cubics[i], powered, timing)
-    return status, mode.events, mode.rows
-
-
-@entry
-def play_presses(presses, sample, cubics, samples, powered, timing, found, status):
-    """Play complete presses; record each string's first contact and release.
-
-    Args:
-        presses: As of `play`.
-        sample: As of `play`; an argument, because numba compiles functions again for literals.
-        cubics: rad, joints of an ideal finger over each sample; shape (samples, 2, 4).
-        samples: Controller samples of each press; shape (presses,).
-        powered: As of `play`.
-        timing: As of `play`.
-        found: Contact and release [s], force at release [N], speed of the jack there [m/s];
-            shape (presses, choirs, 4); initially infinite, as it stays without the event.
-        status: Of each press; shape (presses,).
-    """
+    run = presses.run[0]
     for i in range(len(status)):
         if status[i] != ix.FINE:
             continue
-        status[i], events, _ = play(presses, i, sample, cubics[: samples[i]], powered, timing)
-        for e in range(events - 1, -1, -1):
-            event = presses.events[e]
-            row = found[i, int(event[2])]
-            if event[1] == ix.CONTACT:
-                row[0] = event[0]
-            elif event[1] == ix.RELEASE:
-                row[1], row[2], row[3] = event[0], event[3], event[4]
+        press = one_press(presses, i)
+        run.events = run.rows = 0
+        run.left = MOST_STEPS + (MORE_STEPS + 2 * run.steps) * samples[i]
+        run.ends = run.steps * samples[i]
+        for j in range(samples[i]):
+            if status[i] == ix.FINE:
+                status[i] = play_sample(press, sample + j, cubics[j], powered)
+        find_plucks(press, found[i])
+    return run.events, run.rows
+
+
+@expanded
+def find_plucks(press, found):
+    """Find the first contact and release of each string among the events; see `play`."""
+    for e in range(press.run.events - 1, -1, -1):
+        event = press.events[e]
+        pluck = found[int(event[2])]
+        if event[1] == ix.CONTACT:
+            pluck[0] = event[0]
+        elif event[1] == ix.RELEASE:
+            pluck[1], pluck[2], pluck[3] = event[0], event[3], event[4]

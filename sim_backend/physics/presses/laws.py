@@ -1,6 +1,6 @@
 """Force laws S(h) of plucks: piecewise cubics, smooth in pieces; many are solved together."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -17,8 +17,8 @@ from sautereau.analysis.model.pluck.paths import Status, solve_paths
 from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
 from sautereau.rig.instrument import Choir, Plectrum, String
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.exact.parameters import Numbers
-from sautereau.sim_backend.physics.exact.structures import JACK, PIECES
+from sautereau.sim_backend.physics.exact.structures import SLIDING, STUCK
+from sautereau.sim_backend.physics.presses.parameters import Numbers
 from sautereau.trajectory.motion import Floats
 
 POINTS = 65
@@ -42,17 +42,11 @@ class Laws:
 
     cells: Floats
     """Start of each cell [m], and the cubic of the force [N] from there; shape (cells, 5)."""
-    jacks: NDArray[Any]
-    """`JACK`s of which `pieces`, `first` and `border` are set; shape (laws,)."""
-
-
-def choir_law(choir: Choir, level: str) -> Laws:
-    """Return the law of a choir's pluck, with the same cubics as its `force_on_jack`.
-
-    Raises:
-        ModelError: The choir has no pluck.
-    """
-    return _law(choir.plectrum, choir.string, level)  # pyright: ignore[reportArgumentType]
+    first: NDArray[np.int64]
+    """First cells of each law where the string sticks and where it slides, and the end of its
+    last; shape (laws, 3)."""
+    border: Floats
+    """Heights there [m], equal where the string never sticks or never slides; shape (laws, 3)."""
 
 
 def set_laws(
@@ -73,118 +67,124 @@ def set_laws(
     for k, (at, choir) in enumerate(zip(numbers.prefixes, choirs(numbers.rig), strict=True)):
         if level == "none" or not played.any():
             continue
-        if not any(f"{at}{name}" in numbers.given for name in (*PLECTRUM, *STRING, *DERIVED)):
+        names = (*PLECTRUM, *STRING, *DERIVED)
+        given = {n: numbers.given[f"{at}{n}"] for n in names if f"{at}{n}" in numbers.given}
+        if given:
+            different, which = _different(given, played)
+            solve = _elastica if level == "elastica" else _one_by_one
+            laws, good = solve(choir, level, different)
+            plucks &= good[which]
+        else:
             try:
-                laws, which = choir_law(choir, level), 0
+                plectrum, string = choir.plectrum, choir.string
+                laws, which = law_of(plectrum, string, level), 0  # pyright: ignore[reportArgumentType]
             except ModelError as error:
                 raise SceneError(f"rig {numbers.rig.name}: {at}{error}") from error
-        else:
-            values = [numbers(f"{at}{name}") for name in (*PLECTRUM, *STRING)]
-            if level == "elastica":
-                given = [numbers.given.get(f"{at}{name}") for name in DERIVED]
-                different, which = _different(_of_elastica(choir, values, given), played)
-                laws, good = _elastica(different)
-            else:
-                different, which = _different(values, played)
-                laws, good = _one_by_one(choir, level, different)
-            plucks &= good[which]
-        for name in ("pieces", "first", "border"):
-            jacks[name][:, k] = laws.jacks[name][which]
-        jacks["first"][:, k] += cells
+        jack = jacks[:, k]
+        jack["first"], border = laws.first[which] + cells, laws.border[which]
+        jack["range"][:, STUCK] += border[..., :2]
+        jack["range"][:, SLIDING] += border[..., 1:]
         cells += len(laws.cells)
         found.append(laws.cells)
     return np.concatenate(found), plucks
 
 
-def _of_elastica(
-    choir: Choir, values: Sequence[Floats], given: Sequence[Floats | None]
-) -> tuple[Floats, ...]:
-    """Return friction, overlap, length, bending stiffness, static stiffness, and string's offset.
+def _different(
+    values: Mapping[str, Floats], played: NDArray[np.bool_]
+) -> tuple[dict[str, Floats], NDArray[np.int64]]:
+    """Return the different plucks among the valid presses, and the pluck of each press.
 
-    Args:
-        choir: Whose plectrum says where the string lies on it.
-        values: Of `PLECTRUM` and `STRING`.
-        given: `DERIVED`, None where they follow from the values.
+    They are in order of their first value. An invalid press has the first pluck.
     """
-    friction, overlap, length, thick, wide, modulus, tension, span, place, diameter = values
-    bending, stiffness = given
-    with np.errstate(all="ignore"):  # of presses that are not simulated
-        if bending is None:
-            bending = modulus * wide * thick**3 / 12
-        if stiffness is None:
-            stiffness = tension / (place * (1 - place / span))
-    surface = choir.plectrum.contact == "surface"
-    return friction, overlap, length, bending, stiffness, (thick + diameter) / 2 * surface
+    table = np.stack([np.broadcast_to(value, played.shape) for value in values.values()])
+    different, inverse = np.unique(table[:, played], axis=1, return_inverse=True)
+    which = np.zeros(len(played), np.int64)
+    which[played] = inverse
+    return dict(zip(values, different, strict=True)), which
 
 
-def _elastica(columns: Floats) -> tuple[Laws, NDArray[np.bool_]]:
+def _varied(choir: Choir, values: Mapping[str, Any]) -> Choir:
+    """Return a choir with other values of its plectrum and string, numbers or arrays."""
+    parts: dict[str, dict[str, Any]] = {"plectrum": {}, "string": {}}
+    for key, value in values.items():
+        part, name = key.split(".")
+        parts[part][name] = value
+    return choir.model_copy(
+        update={part: getattr(choir, part).model_copy(update=new) for part, new in parts.items()}
+    )
+
+
+def _elastica(
+    choir: Choir, level: str, values: Mapping[str, Floats]
+) -> tuple[Laws, NDArray[np.bool_]]:
     """Return laws of the elastica, and which of them are valid."""
-    friction, overlap, length, bending, stiffness, offset = columns
+    varied = _varied(choir, {n: value for n, value in values.items() if n not in DERIVED})
+    plectrum, string = varied.plectrum, varied.string
+    bending = values.get(DERIVED[0], plectrum.bending_stiffness)
+    stiffness = values.get(DERIVED[1], string.static_stiffness)
+    offset = (plectrum.thickness + string.diameter) / 2 * (plectrum.contact == "surface")
+    parts = (stiffness, plectrum.overlap, bending, plectrum.length, offset, plectrum.friction)
+    count = len(next(iter(values.values())))
+    stiffness, overlap, bending, length, offset, friction = np.stack(
+        [np.broadcast_to(part, count) for part in parts]
+    )
     low, high = STIFFNESS_RANGE
     good = (stiffness >= low) & (stiffness <= high) & (overlap <= OVERLAP_MAX * length)
     stiffness, overlap = np.where(good, (stiffness, overlap), ([[1.0], [0.1]] * length))
     laws, ends = [], np.flatnonzero(np.diff(friction)) + 1
-    for start, end in zip([0, *ends], [*ends, len(friction)], strict=True):
+    for start, end in zip([0, *ends], [*ends, count], strict=True):
         for first in range(start, end, CHUNK):
             part = slice(first, min(first + CHUNK, end))
-            parts = [a[part] for a in (stiffness, overlap, bending, length, offset)]
-            solved, sure = elastica_laws(*parts, friction=float(friction[start]))
+            some = [a[part] for a in (stiffness, overlap, bending, length, offset)]
+            solved, sure = elastica_laws(*some, friction=float(friction[start]))
             good[part] &= sure
             laws.append(solved)
     return _joined(laws), good
 
 
-def _one_by_one(choir: Choir, level: str, columns: Floats) -> tuple[Laws, NDArray[np.bool_]]:
+def _one_by_one(
+    choir: Choir, level: str, values: Mapping[str, Floats]
+) -> tuple[Laws, NDArray[np.bool_]]:
     """Return laws of any level, and which of them are valid."""
-    good, laws = np.ones(columns.shape[1], bool), []
-    for row, values in enumerate(columns.T.tolist()):
-        changed: dict[str, dict[str, float]] = {"plectrum": {}, "string": {}}
-        for key, value in zip((*PLECTRUM, *STRING), values, strict=True):
-            part, name = key.split(".")
-            changed[part][name] = value
-        parts = {p: getattr(choir, p).model_copy(update=new) for p, new in changed.items()}
+    rows = np.column_stack(list(values.values())).tolist()
+    good, laws = np.ones(len(rows), bool), []
+    for i, row in enumerate(rows):
         try:
-            laws.append(choir_law(choir.model_copy(update=parts), level))
+            varied = _varied(choir, dict(zip(values, row, strict=True)))
+            plectrum, string = varied.plectrum, varied.string
+            laws.append(law_of(plectrum, string, level))  # pyright: ignore[reportArgumentType]
         except ModelError:
-            good[row] = False
-            laws.append(Laws(np.zeros((1, 5)), np.zeros(1, JACK)))
+            good[i] = False
+            laws.append(Laws(np.zeros((1, 5)), np.zeros((1, 3), np.int64), np.zeros((1, 3))))
     return _joined(laws), good
 
 
 def _joined(parts: list[Laws]) -> Laws:
     """Return the laws of all parts."""
-    ends = np.cumsum([len(part.cells) for part in parts])
-    jacks = np.concatenate([part.jacks for part in parts])
-    jacks["first"] += np.repeat([0, *ends[:-1]], [len(part.jacks) for part in parts])[:, None]
-    return Laws(np.concatenate([part.cells for part in parts]), jacks)
-
-
-def _different(
-    values: Sequence[Floats], played: NDArray[np.bool_]
-) -> tuple[Floats, NDArray[np.int64]]:
-    """Return the distinct columns among the valid presses, and the column of each press.
-
-    Columns are in order of their first row. An invalid press has the first one.
-    """
-    table = np.stack([np.broadcast_to(value, played.shape) for value in values])
-    different, inverse = np.unique(table[:, played], axis=1, return_inverse=True)
-    which = np.zeros(len(played), np.int64)
-    which[played] = inverse
-    return different, which
+    starts = np.cumsum([0, *(len(part.cells) for part in parts[:-1])])
+    return Laws(
+        np.concatenate([part.cells for part in parts]),
+        np.concatenate([part.first + start for part, start in zip(parts, starts, strict=True)]),
+        np.concatenate([part.border for part in parts]),
+    )
 
 
 @lru_cache(maxsize=256)
-def _law(plectrum: Plectrum, string: String, level: str) -> Laws:
+def law_of(plectrum: Plectrum, string: String, level: str) -> Laws:
+    """Return the law of one pluck, with the same cubics as its `force_on_jack`.
+
+    Raises:
+        ModelError: The plectrum and string have no pluck.
+    """
     pluck = pluck_of(plectrum, string, level)  # pyright: ignore[reportArgumentType]
-    knots, jack = pluck.height, np.zeros(1, JACK)
+    knots = pluck.height
     places = np.array([1, 3, 5, 7]) / 8
     steps = np.diff(knots)[:, None]
     values = pluck.force_on_jack(knots[:-1, None] + steps * places)
     cubics = np.linalg.solve(np.vander(places, 4, increasing=True), values.T).T
     cells = np.column_stack([knots[:-1], cubics / steps ** np.arange(4)])
-    first = [*pluck.stretches, *[len(knots) - 1] * (PIECES + 1 - len(pluck.stretches))]
-    jack["pieces"], jack["first"], jack["border"] = len(pluck.stretches), first, knots[first]
-    return Laws(cells, jack)
+    first = np.array([[0, pluck.stretches[-1], len(cells)]])
+    return Laws(cells, first, knots[first])
 
 
 def elastica_laws(
@@ -218,12 +218,19 @@ def elastica_laws(
         folded = status == Status.RELEASED_AT_FOLD
         cells = np.stack([_cells(c.height, c.lift, folded) for c in paths.curves], axis=1)
         cells[..., 1:] *= stiffness[:, None, None, None]
-    ends = np.array([curve.height[:, [0, -1]] for curve in paths.curves])
-    jacks = _pieces(ends)
-    good = (status <= Status.RELEASED_AT_FOLD) & (jacks["pieces"] > 0)
-    for part, (start, end) in zip(np.moveaxis(cells, 1, 0), np.moveaxis(ends, 2, 1), strict=True):
-        good &= np.isfinite(part).all(axis=(1, 2)) | ~_lasts(start, end)
-    return Laws(cells.reshape(-1, 5), jacks), good
+    start = np.array([curve.height[:, 0] for curve in paths.curves])
+    end = np.array([curve.height[:, -1] for curve in paths.curves])
+    lasts = end - start > 1e-12 * np.abs(end)
+    good = (status <= Status.RELEASED_AT_FOLD) & lasts.any(axis=0)
+    for j, some in enumerate(lasts):
+        good &= np.isfinite(cells[:, j]).all(axis=(1, 2)) | ~some
+    sticks, slides = lasts[0] & (len(lasts) > 1), lasts[-1]
+    first = np.array([0, len(lasts) - 1, 0]) + len(lasts) * np.arange(len(good))[:, None]
+    first[:, 2] = first[:, 1] + slides
+    border = np.where(
+        [sticks, slides, slides], [start[0], start[-1], end[-1]], [start[-1], end[0], end[0]]
+    )
+    return Laws(cells.reshape(-1, 5), first * (POINTS - 1), border.T), good
 
 
 def _cells(height: Floats, force: Floats, folded: NDArray[np.bool_]) -> Floats:
@@ -246,26 +253,3 @@ def _slopes(values: Floats) -> Floats:
     near, far = values[:, 3:-1] - values[:, 1:-3], values[:, 4:] - values[:, :-4]
     start, end = values[:, :5] @ _EDGE, values[:, :-6:-1] @ -_EDGE
     return np.concatenate([start, (8 * near - far) / 12, end[:, ::-1]], axis=1)
-
-
-def _lasts(start: Floats, end: Floats) -> NDArray[np.bool_]:
-    """Return whether pieces have a length: a string may never stick, or never slide."""
-    return end - start > 1e-12 * np.abs(end)
-
-
-def _pieces(ends: Floats) -> NDArray[Any]:
-    """Return the `JACK`s of laws whose pieces extend between given heights.
-
-    Args:
-        ends: m; shape (pieces, laws, 2).
-    """
-    n, cells = ends.shape[1], POINTS - 1
-    jacks = np.zeros(n, JACK)
-    for j, (start, end) in enumerate(np.moveaxis(ends, 2, 1)):
-        rows = np.flatnonzero(_lasts(start, end))
-        at = jacks["pieces"][rows]
-        jacks["pieces"][rows] += 1
-        for k, height in ((0, start), (1, end)):
-            jacks["first"][rows, at + k] = (rows * len(ends) + j + k) * cells
-            jacks["border"][rows, at + k] = height[rows]
-    return jacks

@@ -13,11 +13,11 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.engine import FINGERS, check_scene, timing_of
-from sautereau.sim_backend.physics.exact.laws import DERIVED, PLECTRUM, STRING, set_laws
-from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches
-from sautereau.sim_backend.physics.exact.play import play_presses
+from sautereau.sim_backend.physics.exact.play import play
 from sautereau.sim_backend.physics.finger import joint_cubics
+from sautereau.sim_backend.physics.presses.laws import DERIVED, PLECTRUM, STRING, set_laws
+from sautereau.sim_backend.physics.presses.parameters import Numbers, benches, new_presses
+from sautereau.sim_backend.physics.presses.world import check_scene
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
@@ -122,16 +122,14 @@ def sweep(
     status = np.where(good, np.where(plucks, Ending.PLAYED, Ending.NO_PLUCK), Ending.OUT_OF_RANGE)
     found = np.full((presses, choirs, 4), np.inf)
     samples, cubics, start = _drive(numbers, presses)
-    timing = timing_of(rig, scene)
 
-    def play(first: int) -> None:
-        arm, kind = arm_of(rig, scene, start), FINGERS.index(scene.finger)
+    def play_chunk(first: int) -> None:
         part = slice(first, first + CHUNK)
-        chunk = ix.new_presses(keys[part], jacks[part], cells, arm, kind)
-        play_presses(chunk, 0, cubics, samples[part], True, timing, found[part], status[part])
+        presses = new_presses(numbers, start, keys[part], jacks[part], cells)
+        play(presses, 0, cubics, samples[part], True, found[part], status[part])
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        list(pool.map(play, range(0, presses, CHUNK)))
+        list(pool.map(play_chunk, range(0, presses, CHUNK)))
     contact, release, force, speed = (
         np.ascontiguousarray(part.T).reshape(choirs, *shape) for part in np.moveaxis(found, -1, 0)
     )

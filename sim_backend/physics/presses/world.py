@@ -2,26 +2,27 @@
 
 import numpy as np
 
-from sautereau.rig.schema import Rig
+from sautereau.rig.schema import Arm, Rig
+from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.fingertip import engage
-from sautereau.sim_backend.physics.exact.laws import set_laws
-from sautereau.sim_backend.physics.exact.parameters import Numbers, arm_of, benches
 from sautereau.sim_backend.physics.exact.play import play
 from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
+from sautereau.sim_backend.physics.presses.laws import set_laws
+from sautereau.sim_backend.physics.presses.parameters import (
+    FINGERS,
+    ORDER,
+    Numbers,
+    benches,
+    new_presses,
+)
 from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats
 
-FINGERS = ("push", "ideal", "servo")
-ORDER = 4
-"""Of the steps of a scene."""
-RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
-"""A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
-order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
 SPARE_ROWS = 64
 """Rows for changes of mode, in a call and in every sample; further ones are not kept."""
 
@@ -64,17 +65,18 @@ class ExactWorld(World):
         super().__init__(rig, scene, start)
         rig = self.rig
         check_scene(scene)
-        self._timing = timing_of(rig, scene, order, tolerance)
         numbers = Numbers(rig, scene, {})
         keys, jacks = benches(numbers, 1)
         cells, _ = set_laws(numbers, jacks, np.ones(1, bool))
-        self._kind, self._powered = FINGERS.index(scene.finger), False
-        arm = arm_of(rig, scene, self.start)
-        self._presses = ix.new_presses(keys, jacks, cells, arm, self._kind)
+        self._presses = new_presses(numbers, self.start, keys, jacks, cells, order, tolerance)
+        self._kind = FINGERS.index(scene.finger)
+        self._steps = steps_in_sample(rig, scene.step or rig.controller.sample_period)
+        self.finger = StandingFinger(self.start)
+        if scene.servo:
+            self.finger = ServoFinger(self.press, rig.arm, scene.gravity)
         if not ExactWorld._compiled:  # now, and not while a host waits for an answer
-            play(self._presses, 0, 0, np.zeros((0, 2, 4)), False, self._timing)
+            self._play(np.zeros((1, 2)), np.zeros((1, 2)), False)
             ExactWorld._compiled = True
-        self.finger = ServoFinger(self.press) if scene.servo else StandingFinger(self.start)
 
     @property
     def press(self) -> ix.Press:
@@ -91,81 +93,88 @@ class ExactWorld(World):
 
     def _play(self, counts: Floats, speeds: Floats, powered: bool) -> Motions:
         """Advance through controller samples with a reference at their ends."""
-        presses, kind = self._presses, self._kind
-        if isinstance(self.finger, ServoFinger) and powered != self._powered:
+        kind, samples = self._kind, len(counts) - 1
+        if isinstance(self.finger, ServoFinger):
             self.finger.switch(powered)
-        self._powered = powered
         if kind == ix.PUSH:
-            cubics = np.zeros((len(counts) - 1, 2, 4))
+            cubics = np.zeros((samples, 2, 4))
         else:
             cubics = joint_cubics(self.start, counts, speeds, self.radians_per_count)
-        room = len(cubics) * (self._timing[1] + 2) + SPARE_ROWS
-        if len(presses.rows) < room:
-            self._presses = presses = presses._replace(rows=np.empty((room, 6)))
-        status, events, count = play(presses, 0, self.samples, cubics, powered, self._timing)
-        self.samples += len(cubics)
-        rows = presses.rows[:count]
-        if status == ix.FINE and not np.isfinite(rows).all():
-            status = ix.LOST
-        if status != ix.FINE:
-            reached = rows[-1, 0] if len(rows) else 0.0
-            raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[status]}")
-        self._append_events(presses.events[:events])
+        room = samples * (self._steps + 2) + SPARE_ROWS
+        if len(self._presses.rows) < room:
+            self._presses = self._presses._replace(rows=np.empty((room, 6)))
+        presses, status = self._presses, np.zeros(1, np.int64)
+        plucks, played = np.empty((1, len(presses.x), 4)), np.array([samples])
+        events, last = play(presses, self.samples, cubics, played, powered, plucks, status)
+        self.samples += samples
+        rows, fault = presses.rows[:last], int(status[0])
+        if fault == ix.FINE and not np.isfinite(rows).all():
+            fault = ix.LOST
+        if fault != ix.FINE:
+            reached = rows[-1, 0] if last else 0.0
+            raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[fault]}")
+        lists = self.events.contacts, self.events.releases, self.events.returns
+        for time, event, choir, force, _ in presses.events[:events].tolist():
+            lists[int(event)].append(StringEvent(time, int(choir), force))
         if kind == ix.IDEAL:
             first, second = (np.asarray(self.start) + counts[-1] * self.radians_per_count).tolist()
             self.finger = StandingFinger((first, second))
         return Motions(*rows.T.copy())
 
-    def _append_events(self, found: Floats) -> None:
-        lists = self.events.contacts, self.events.releases, self.events.returns
-        for time, kind, choir, force, _ in found.tolist():
-            lists[int(kind)].append(StringEvent(time, int(choir), force))
-
 
 class ServoFinger:
-    """Two links, their motors under the position loops; see `physics.finger.Finger`."""
+    """Two links, their motors under the position loops; see `physics.finger.Finger`.
 
-    def __init__(self, press):
-        self._press, self._limit = press, float(press.arm.limit[0])
-        self._blocked: set[int] = set()
-        press.x[-2:] = press.arm.start
+    Args:
+        press: Its arm is set to its start.
+        arm: Of the rig.
+        gravity: m/s^2.
+    """
+
+    def __init__(self, press: ix.Press, arm: Arm, gravity: float):
+        self._arm, self._gravity = arm, gravity
+        self._finger, self._joints, self._speeds = press.finger, press.x[-2:], press.v[-2:]
+        self._joints[:] = press.finger.start
+        self._powered, self._blocked = False, np.zeros(2, bool)
 
     def joints(self) -> tuple[float, float]:
         """Return the joint angles [rad]."""
-        return float(self._press.x[-2]), float(self._press.x[-1])
+        return float(self._joints[0]), float(self._joints[1])
 
     def torques(self) -> tuple[float, float]:
         """Return the motors' torques [N m]."""
-        return float(self._press.arm.torque[0]), float(self._press.arm.torque[1])
+        return float(self._finger.torque[0]), float(self._finger.torque[1])
 
     @property
     def settled(self) -> bool:
         """Whether both loops are within `SETTLED` counts, or the motors are off."""
-        arm = self._press.arm
-        return bool(arm.locked[0]) or max(map(abs, arm.lag)) <= SETTLED * arm.radians
+        return (
+            not self._powered or max(map(abs, self._finger.lag)) <= SETTLED * self._finger.radians
+        )
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
         """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
-        self._press.arm.offset[:] = offsets
-        self._press.arm.limit[:] = np.minimum(limits, self._limit)
+        self._finger.offset[:] = offsets
+        self._finger.limit[:] = np.minimum(limits, self._arm.torque_limit)
 
     def block(self, joint: int) -> None:
         """Block the motor of a joint, counted from 0, from now on."""
-        self._blocked.add(joint)
-        self._lock(joint)
+        self._blocked[joint] = True
+        self._lock()
 
     def switch(self, powered: bool) -> None:
-        """Switch the motors on, or off with their brakes on."""
-        if powered:
-            engage(self._press)
-        for joint in self._blocked if powered else (0, 1):
-            self._lock(joint)
-            if not powered:
-                self._press.arm.torque[joint] = 0.0
+        """Switch the motors on at the torques of the arm's weight, or off with their brakes on."""
+        if powered == self._powered:
+            return
+        finger, self._powered = self._finger, powered
+        weight = gravity_torque(self._arm, self._joints) * (self._gravity / GRAVITY)
+        finger.integral[:], finger.lag[:], finger.torque[:] = weight, 0.0, 0.0
+        self._lock()
 
-    def _lock(self, joint: int) -> None:
-        self._press.arm.locked[joint] = 1
-        self._press.v[joint - 2] = 0.0
+    def _lock(self) -> None:
+        locked = self._blocked | (not self._powered)
+        self._finger.locked[:] = locked
+        self._speeds[locked] = 0.0
 
 
 def check_scene(scene: Scene) -> None:
@@ -183,13 +192,3 @@ def check_scene(scene: Scene) -> None:
         )
     if faults:
         raise SceneError("\n".join(faults))
-
-
-def timing_of(
-    rig: Rig, scene: Scene, order: int = ORDER, tolerance: float | None = None
-) -> tuple[float, int, int, float]:
-    """Return the timing of a scene, as `play` takes it."""
-    period = rig.controller.sample_period
-    steps = steps_in_sample(rig, scene.step or period)
-    rated = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
-    return period, steps, order, rated if tolerance is None else tolerance

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,30 @@ from numpy.typing import NDArray
 
 from sautereau.rig.schema import Rig
 from sautereau.rig.section import GRAVITY
-from sautereau.sim_backend.physics.exact.structures import ARM, JACK, KEY
+from sautereau.sim_backend.physics.base import steps_in_sample
+from sautereau.sim_backend.physics.exact.compile import records
+from sautereau.sim_backend.physics.exact.structures import (
+    ABOVE,
+    BELOW,
+    EVENTS,
+    FINGER,
+    JACK,
+    KEY,
+    PASSING,
+    RUN,
+    Press,
+)
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
 from sautereau.trajectory.motion import Floats
+
+FINGERS = ("push", "ideal", "servo")
+"""Kinds of finger, as the structures number them."""
+ORDER = 4
+"""Of the steps of a scene."""
+RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
+"""A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
+order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
 
 _LIMITS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
 
@@ -35,10 +56,10 @@ class Numbers:
 
     def __call__(self, key: str) -> Any:
         """Return the value of a dotted key, a number or of shape (presses,)."""
-        node: Any = self.scene if key.startswith("push.") else self.rig
-        *path, name = key.split(".")
+        *path, name = _parts(key)
+        node: Any = self.scene if path[0] == "push" else self.rig
         for part in path:
-            node = node[int(part)] if part.isdecimal() else getattr(node, part)
+            node = node[part] if isinstance(part, int) else getattr(node, part)
         self.used[key] = type(node), name
         return self.given[key] if key in self.given else getattr(node, name)
 
@@ -58,6 +79,12 @@ class Numbers:
             good &= self(f"{at}plectrum.overlap") < self(f"{at}plectrum.length")
         back = self("jack.mass") * GRAVITY * self("key.jack_arm")
         return good & (self("key.gravity_moment") < back)
+
+
+@cache
+def _parts(key: str) -> tuple[Any, ...]:
+    """Return the parts of a dotted key, and numbers of choirs as numbers."""
+    return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
 
 
 def benches(numbers: Numbers, presses: int) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -92,6 +119,9 @@ def _set_jack(numbers: Numbers, at: str, jack: NDArray[Any]) -> None:
     jack["arm"] = numbers(f"{at or 'key.'}jack_arm")
     mute = scene.plectrum == "none"
     jack["clearance"] = math.inf if mute else numbers(f"{at}jack.string_clearance")
+    jack["range"] = jack["clearance"][:, None, None]
+    jack["range"][:, BELOW, 0] = -math.inf
+    jack["range"][:, ABOVE, 1] = math.inf
     if scene.friction:
         jack["friction"] = numbers(f"{at}jack.register_friction")
     if scene.tongue:
@@ -99,18 +129,19 @@ def _set_jack(numbers: Numbers, at: str, jack: NDArray[Any]) -> None:
         lever = numbers(f"{at}plectrum.length") - overlap
         jack["tongue_force"] = numbers(f"{at}jack.tongue.bristle_moment") / lever
         jack["tongue_stiffness"] = numbers(f"{at}jack.tongue.bristle_stiffness") / lever**2
-        jack["travel"] = lever * overlap / numbers(f"{at}jack.tongue.pivot")
+        jack["range"][:, PASSING, 0] -= lever * overlap / numbers(f"{at}jack.tongue.pivot")
     jack["lift"] = numbers(f"{at}jack.damper.lift") if scene.damper else -math.inf
     if scene.damper:
         jack["damper"] = numbers(f"{at}jack.damper.stiffness")
 
 
-def arm_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
-    """Return one `ARM` with its brakes on, all zero for a push.
+def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
+    """Return one `FINGER` with its brakes on, all zero for a push.
 
     The equations are those of `sautereau.trajectory.dynamics`.
     """
-    arm, found = rig.arm, np.zeros(1, ARM)
+    arm, found = rig.arm, np.zeros(1, FINGER)
+    found["kind"] = FINGERS.index(scene.finger)
     if scene.push:
         return found
     first, second = armature(arm)
@@ -125,10 +156,43 @@ def arm_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
         "radians": arm.radians_per_count, "start": start, "limit": arm.torque_limit, "locked": 1,
     }  # fmt: skip
     if scene.servo:
-        names = ("stiffness", "damping", "feedforward", "integral_time")
-        values |= {name: getattr(scene.servo, name) for name in names}
+        values |= dict(scene.servo)
     if scene.fingertip:
         values |= {f"pad_{name}": value for name, value in scene.fingertip}
     for name, value in values.items():
         found[name] = value
     return found
+
+
+def new_presses(
+    numbers: Numbers,
+    start: tuple[float, float],
+    keys: NDArray,
+    jacks: NDArray,
+    cells: Floats,
+    order: int = ORDER,
+    tolerance: float | None = None,
+) -> Press:
+    """Return presses at time 0 before their first sample, of which one at a time is played.
+
+    Args:
+        numbers: Of a scene with its step.
+        start: rad, joints when power comes on.
+        keys: Of `KEY`; shape (presses,).
+        jacks: Of `JACK`; shape (presses, choirs).
+        cells: Of the force laws.
+        order: Of the steps, even, at most 8.
+        tolerance: Dimensionless, relative error of a step; None for one that suits the step.
+    """
+    rig, scene, run = numbers.rig, numbers.scene, np.zeros(1, RUN)
+    period = rig.controller.sample_period
+    steps = steps_in_sample(rig, scene.step or period)
+    if tolerance is None:
+        tolerance = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
+    run["period"], run["step"], run["steps"] = period, period / steps, steps
+    run["order"], run["tolerance"] = order, tolerance
+    work = np.zeros((16, 1 + jacks.shape[1] + (2 if scene.servo else 0)))
+    return Press(
+        records(keys), records(jacks), cells, records(finger_of(rig, scene, start)), records(run),
+        work[0], work[1], work[2], work, np.zeros((EVENTS, 5)), np.zeros((0, 6)),
+    )  # fmt: skip
