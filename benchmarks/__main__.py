@@ -7,8 +7,12 @@ figure beyond its limit is marked MISSED; the exit status is then 1.
 import argparse
 import ast
 import importlib
+import os
 import sys
 from pathlib import Path
+
+# As the commands do: other threads of BLAS wait in busy loops, which counts as processor time.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from benchmarks.figures import table, write_page
 

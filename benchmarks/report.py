@@ -35,6 +35,6 @@ def run() -> list[Figure]:
         check(result["presses"] == PRESSES, f"the report shows {result['presses']} presses")
         size = Path(result["path"]).stat().st_size
     return [
-        Figure("sautereau report", spent, "s", "limit", 5.0),
+        Figure("sautereau report", spent, "s", "limit", 3.0),
         Figure("its page", size / 1e6, "MB", "limit", 6.0),
     ]

@@ -3,6 +3,7 @@
 import difflib
 import re
 from collections.abc import Iterator
+from functools import cache
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -123,12 +124,23 @@ def unit_of(model: type[BaseModel], location: list[Any], values: Any = None) -> 
         if str(part).isdigit():
             values = values[int(part)] if isinstance(values, list | tuple) else None
             continue
-        field = table.model_fields.get(str(part)) if table else None
-        unit = field and (_find_unit(field.metadata) or _find_unit([field.annotation]))
+        unit, inner = _declared(table, str(part)) if table else (None, None)
         if isinstance(unit, UnitBy) and (name := _value(values, unit.field)) in unit.names():
             unit = unit.unit(name)
-        table, values = field and submodel(field.annotation), _value(values, str(part))
+        table, values = inner, _value(values, str(part))
     return unit.name if unit else None
+
+
+@cache
+def _declared(
+    table: type[BaseModel], name: str
+) -> tuple[Unit | UnitBy | None, type[BaseModel] | None]:
+    """Return the unit of a field of a table, and the table that it allows; None without them."""
+    field = table.model_fields.get(name)
+    if field is None:
+        return None, None
+    unit = _find_unit(field.metadata) or _find_unit([field.annotation])
+    return unit, submodel(field.annotation)
 
 
 def _value(values: Any, name: str) -> Any:

@@ -16,6 +16,8 @@ _NUMBER_AND_UNIT = re.compile(
 
 LONGEST_UNIT = 60
 """Characters of a unit."""
+_PREFIXES = ("p", "n", "µ", "m", "", "k", "M", "G")
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _EXPONENT = re.compile(r"(?:\*\*|\^)\s*([+-]?\d{1,2}(?![\d.eE]|\s*(?:\*\*|\^)))?")
 
 
@@ -87,11 +89,23 @@ def format_quantity(value: float, unit: str) -> str:
 
 
 def readable_quantity(value: float, unit: str) -> str:
-    """Write an SI value with a readable unit, to six digits: 171 mm, 2.9 GPa, 0.0007 kg·m²."""
-    quantity = _registry().Quantity(value, unit)
-    if unit.isidentifier():  # no prefix for a product of units
-        quantity = quantity.to_compact()
-    return f"{quantity:.6g~P}"
+    """Write an SI value with a readable unit, to six digits: 171 mm, 2.9 GPa, 0.0007 kg·m².
+
+    A product of units has no prefix. Pint, which could write it, takes a third of a second to load.
+    """
+    prefix = ""
+    if unit.isidentifier() and value:
+        value, unit = (value * 1e3, "g") if unit == "kg" else (value, unit)
+        thousands = min(max(math.floor(math.log10(abs(value)) / 3), -4), 3)
+        value, prefix = value / 1e3**thousands, _PREFIXES[thousands + 4]
+    digits, _, exponent = f"{value:.6g}".partition("e")
+    if exponent:
+        digits += f"×10**{int(exponent)}"
+    return re.sub(r"\*\*-?\d+", _superscript, f"{digits} {prefix}{unit}").replace("*", "·").strip()
+
+
+def _superscript(power: re.Match[str]) -> str:
+    return power[0].removeprefix("**").translate(_SUPERSCRIPTS)
 
 
 def shown(value: object) -> str:

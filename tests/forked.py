@@ -28,11 +28,10 @@ from typing import Any
 SLOW = (
     "PIL.GifImagePlugin", "PIL.JpegImagePlugin", "PIL.PpmImagePlugin", "contourpy", "filelock",
     "grpc._channel", "grpc._server", "matplotlib.backends.backend_agg", "matplotlib.figure",
-    "nidaqmx._grpc_interpreter", "nidaqmx.stream_readers", "pandas", "plotly.graph_objs._layout",
-    "plotly.graph_objs._scatter", "plotly.io", "pyarrow.dataset", "pyarrow.pandas_compat",
-    "pyarrow.parquet", "pydantic.dataclasses", "pymunk", "scipy.integrate", "scipy.interpolate",
-    "scipy.io.wavfile", "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.stats", "serial",
-    "tzlocal",
+    "nidaqmx._grpc_interpreter", "nidaqmx.stream_readers", "pandas", "pyarrow.dataset",
+    "pyarrow.pandas_compat", "pyarrow.parquet", "pydantic.dataclasses", "pymunk",
+    "scipy.integrate", "scipy.interpolate", "scipy.io.wavfile", "scipy.ndimage", "scipy.optimize",
+    "scipy.signal", "scipy.stats", "serial", "tzlocal",
 )  # fmt: skip
 ROOT = Path(__file__).parents[1]
 

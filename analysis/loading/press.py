@@ -48,7 +48,7 @@ UNITS = {name: quantity.unit for name, quantity in SECTIONS["Samples of a press"
 """Unit of each column of a press."""
 LEAST_ROWS = 16
 """Fewest rows of a press."""
-STRETCH = 4096
+STRETCH = 16384
 """Rows computed at a time: large arrays are allocated and freed by every operation."""
 COARSE = 1e-3
 """Dimensionless, fraction of the fingertip's way up to which the arm's resolution gives no

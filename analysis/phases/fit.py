@@ -128,8 +128,10 @@ class KeyAndString:
             times: s, shape (n,).
             noise: Variance of the noise over that of the rows.
         """
-        bare = self._bare(times)
-        string = self._white(bare.reshape(-1, bare.shape[-1]).T).T.reshape(bare.shape)
+        # There is no string in the rows before the first instant.
+        first = max(0, int((times.min() - self._held.time[0]) / self._held.step) - 1)
+        bare = self._bare(times, first)
+        string = self._white(bare.reshape(-1, bare.shape[-1]).T, first).T.reshape(bare.shape)
         found, inertia = self._fits(bare, string, noise, None)
         bound = _beyond(inertia)
         return found if bound is None else self._fits(bare, string, noise, bound)[0]
@@ -157,20 +159,22 @@ class KeyAndString:
             square += noise * self._fall**2
         return gram, right, float(square)
 
-    def _bare(self, times: Floats) -> Floats:
-        """Return the string's columns, shape (instants, BENDS, rows)."""
+    def _bare(self, times: Floats, first: int) -> Floats:
+        """Return the string's columns from a row on, shape (instants, BENDS, rows)."""
         held, n = self._held, len(times)
         at = np.interp(times, *self._path)
-        columns = np.empty((n, BENDS, len(held.time)))
+        columns = np.empty((n, BENDS, len(held.time) - first))
         line, square, cube = columns[:, 0], columns[:, 1], columns[:, 2]
-        np.maximum(held.rise - at[:, None], 0.0, out=line)
+        np.maximum(held.rise[first:] - at[:, None], 0.0, out=line)
         # The mean of a row over the bend is larger than the bend; it affects the two adjacent rows.
         speed = np.interp(times, held.time, held.speed)
         above = speed * held.step / 6
         place = (times - held.time[0]) / held.step
         row = np.clip(np.floor(place).astype(int), 0, len(held.time) - 2)
         for beside in (row, row + 1):
-            line[np.arange(n), beside] += above * np.maximum(1 - np.abs(place - beside), 0.0) ** 3
+            line[np.arange(n), beside - first] += (
+                above * np.maximum(1 - np.abs(place - beside), 0.0) ** 3
+            )
         line /= np.maximum(held.rise[-1] - at, np.maximum(speed * held.step, LEAST_RISE))[:, None]
         np.multiply(line, line - 1, out=square)
         np.multiply(square, line - 0.5, out=cube)
@@ -184,16 +188,18 @@ class KeyAndString:
         """Return the fits, and the relative error of the inertia in the best one.
 
         Args:
-            bare: The string's columns, shape (instants, BENDS, rows).
+            bare: The string's columns in the last rows, shape (instants, BENDS, last rows).
             string: The same in units of the noise.
             noise: As in `at`.
             inertia: As in `_known`.
         """
         gram, right, square = self._known(noise, inertia, True)
-        mixed = string @ self._key  # (instants, BENDS, key)
+        last = slice(-bare.shape[-1], None)
+        flat = string.reshape(-1, bare.shape[-1])
+        mixed = (flat @ self._key[last]).reshape(*bare.shape[:2], -1)
+        load = (flat @ self._load[last]).reshape(bare.shape[:2])
         own = string @ string.transpose(0, 2, 1)
-        load = string @ self._load
-        own[:, range(BENDS), range(BENDS)] += [RIDGE, *(noise / self._bend_std**2)]
+        own += np.diag([RIDGE, *(noise / self._bend_std**2)])
         # The row of the fall at release: the complete force of the string, and the inertia's part.
         own[:, 0, 0] += noise / self._fall_std**2
         mixed[:, 0, INERTIA] += noise * self._slowed / self._fall_std
@@ -207,9 +213,11 @@ class KeyAndString:
         chi2 = square - float(right @ alone) - (factors * load).sum(1)
         best = int(np.argmin(chi2))
         of_key = alone - factors[best] @ mixed_by_key[best]
-        left = self._load - self._key @ of_key - factors[best] @ string[best]
+        left = self._load - self._key @ of_key
+        left[last] -= factors[best] @ string[best]
         inflation = _inflation(left, len(self._prior) + BENDS)
-        unexplained = self._held.load - self._bare_key @ of_key - factors[best] @ bare[best]
+        unexplained = self._held.load - self._bare_key @ of_key
+        unexplained[last] -= factors[best] @ bare[best]
         rms = math.sqrt(float(unexplained @ unexplained) / len(unexplained))
         found = ContactFits(chi2, np.asarray(factors[:, 0], dtype=float), inflation, rms)
         return found, float(of_key[INERTIA])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.analysis.phases.levenberg import orthonormal
 from sautereau.analysis.phases.signals import BRIDGED, Rows, Signals, rows_of
 from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
@@ -170,7 +171,7 @@ class _Fall:
         self._tau, self._white = tau, rows.whitener()
         self.span = float(np.abs(tau).max())
         u = tau / self.span
-        self._base, _ = np.linalg.qr(self._white(np.stack([np.ones_like(u), u, u**2], 1)))
+        self._base, _ = orthonormal(self._white(np.stack([np.ones_like(u), u, u**2], 1)))
         load = self._white(rows.load)
         self._target = load - self._base @ (self._base.T @ load)
 

@@ -276,9 +276,12 @@ class Whitener:
         band[0], band[1, :-1] = variance, covariance
         self._factor, _ = FACTOR(band, lower=1)
 
-    def __call__(self, columns: Floats) -> Floats:
-        """Return columns, shape (n,) or (n, k), in units of their noise."""
-        found, _ = SOLVE(self._factor, columns, uplo="L")
+    def __call__(self, columns: Floats, first: int = 0) -> Floats:
+        """Return columns, shape (n - first,) or (n - first, k), in units of their noise.
+
+        They start with a row before which they are 0.
+        """
+        found, _ = SOLVE(self._factor[:, first:], columns, uplo="L")
         return found
 
 
@@ -306,7 +309,7 @@ def rows_of(
 
     step = n / rate
     no_force, no_velocity = (
-        at_rows(flags.astype(float)) > 0 if flags.any() else np.zeros(blocks - 1, bool)
+        at_rows(flags.astype(float)) > 0 if flags[first:last].any() else np.zeros(blocks - 1, bool)
         for flags in (signals.no_force, signals.no_velocity)
     )
     inertia = signals.inertial * np.diff(means(signals.velocity)) / step
@@ -317,12 +320,13 @@ def rows_of(
     if no_velocity.any() and not no_velocity.all():
         bridged = _bridged(inertia, ~no_velocity, max(1, round(BRIDGE / step)))
         load, inertia = load + inertia - bridged, bridged
-    shape = np.concatenate([late, 1 - late]) / n
-    of_force = signals.force_noise**2
+    # Sums of the squared weights of a row, late / n and (1 - late) / n, and of those it shares.
+    of_force = signals.force_noise**2 / n
     of_velocity = (signals.inertial * signals.velocity_noise / step) ** 2 / n
     # An interpolated velocity adds the error of the interpolation instead of its noise.
-    variance = of_force * (shape @ shape) + np.where(no_velocity, BRIDGED**2, 2 * of_velocity)
-    shared = of_force * (shape[n:] @ shape[:-n]) - of_velocity
+    variance = of_force * (2 / 3 - 1 / (6 * n**2))
+    variance = variance + np.where(no_velocity, BRIDGED**2, 2 * of_velocity)
+    shared = of_force * (1 / 6 + 1 / (12 * n**2)) - of_velocity
     alone = no_force | no_velocity
     return Rows(
         time=signals.time[first] + (np.arange(1, blocks) * n - 0.5) / rate,

@@ -6,12 +6,12 @@ The work on a string and the deflection start at contact, where the paper aligns
 import math
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
 
 Value = float | int | str | bool | None
 Row = dict[str, Value]
@@ -108,6 +108,11 @@ def gain_stds(rig: Rig) -> dict[str, float]:
     return stds
 
 
+def work_along(travel: Floats, force: Floats) -> float:
+    """Return the work [J] of a force [N] on its travel [m], both of shape (n,), by trapezia."""
+    return float(np.diff(travel) @ (force[1:] + force[:-1]) / 2)
+
+
 def features(press: Press, phases: Phases) -> Row:
     """Return the features of a press: the columns of `UNITS`, and those of further plucks.
 
@@ -129,7 +134,7 @@ def features(press: Press, phases: Phases) -> Row:
     def work(start: float, stop: float) -> float:
         """Return the finger's work [J] between two instants [s]: the integral of F a_p da."""
         inside = slice(*np.searchsorted(time, (start, stop)))
-        return float(trapezoid(force[inside], press.rig.key.press_arm * angle[inside]))
+        return work_along(press.rig.key.press_arm * angle[inside], force[inside])
 
     row: Row = {
         "path": str(press.path),

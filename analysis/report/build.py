@@ -9,7 +9,6 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
-from plotly.offline import get_plotlyjs
 
 from sautereau.analysis.report import facts, figures, tables
 from sautereau.analysis.report.contents import Contents
@@ -57,7 +56,7 @@ def build_report(contents: Contents, about: About) -> str:
     presses, conditions = contents.presses, contents.conditions
     many = len(conditions) > 1
     names = [f"condition {number}" if many else "" for number in range(1, len(conditions) + 1)]
-    plotly, script = Markup(get_plotlyjs()), Markup(_part("page.js"))
+    plotly, script = Markup(_part("package_data/plotly.min.js", "plotly")), Markup(_part("page.js"))
     shown = moving(contents.slow_motion) if contents.slow_motion else None
     simulated = sum(record.press.simulated for record in presses)
     return _template().render(
@@ -124,7 +123,7 @@ def _data(contents: Contents, shown: dict[str, Any] | None) -> dict[str, Markup]
     }
     if len(contents.presses) > 1:
         drawn["over-session"] = figures.over_session(contents, tables.course(contents.presses))
-    data = {name: figure.to_json(validate=False) or "" for name, figure in drawn.items()}
+    data = {name: plot.to_json() for name, plot in drawn.items()}
     if shown:
         data["slow-motion"] = shown["data"]
     return {name: _embedded(text) for name, text in data.items()}
@@ -147,8 +146,8 @@ def _template() -> Template:
     return environment.from_string(_part("page.html.jinja"))
 
 
-def _part(name: str) -> str:
-    return resources.files("sautereau.analysis.report").joinpath(name).read_text(encoding="utf-8")
+def _part(name: str, package: str = "sautereau.analysis.report") -> str:
+    return resources.files(package).joinpath(name).read_text(encoding="utf-8")
 
 
 def _policy(*scripts: str) -> Markup:

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from plotly.graph_objects import Figure
-from plotly.subplots import make_subplots
 
 from sautereau.analysis.figures.palette import SERIES
 from sautereau.analysis.phases import HeldString
@@ -21,6 +19,7 @@ from sautereau.analysis.report.contents import (
     PressRecord,
     Trace,
 )
+from sautereau.analysis.report.plot import Plot
 from sautereau.rig.quantities import QUANTITIES
 
 COLOURS = SERIES
@@ -34,71 +33,66 @@ HEIGHT = 240
 """px, of one row."""
 
 
-def over_time(contents: Contents) -> Figure:
+def over_time(contents: Contents) -> Plot:
     """Draw deflection, speed and force of all presses over the time after the trigger."""
-    figure = make_subplots(len(COLUMNS), 1, shared_xaxes=True, vertical_spacing=0.03)
+    titles = [_axis_title(column) for column in COLUMNS]
+    plot = Plot(titles, "time after the trigger (ms)", HEIGHT * len(COLUMNS), spacing=0.03)
     for index, condition in enumerate(contents.conditions):
         first = True
         for record in condition.presses:
-            for row, (column, trace) in enumerate(record.traces.items(), 1):
-                figure.add_scatter(
+            for row, (column, trace) in enumerate(record.traces.items()):
+                plot.add(
                     **_press_line(contents, index, record, trace, QUANTITIES[column].displayed[0]),
                     showlegend=first and len(contents.conditions) > 1,
                     hovertemplate=_hover(record, "%{x:.3f} ms, %{y:.4g}"),
                     row=row,
-                    col=1,
                 )
                 first = False
-            _mark_plucks(figure, record, _colour(contents, index, record))
+            _mark_plucks(plot, record, _colour(contents, index, record))
     if len(contents.conditions) == 1:
-        _shade(figure, contents.conditions[0])
-    for row, column in enumerate(COLUMNS, 1):
-        figure.update_yaxes(title_text=_axis_title(column), row=row, col=1)
+        _shade(plot, contents.conditions[0])
     end = max(record.phases.bottom for record in contents.presses) * 1e3
-    figure.update_xaxes(title_text="time after the trigger (ms)", row=len(COLUMNS), col=1)
     if end > 0:
-        figure.update_xaxes(range=[0, end])
-    return _finished(figure, HEIGHT * len(COLUMNS))
+        plot.set_x(range=[0, end])
+    return plot
 
 
-def force_on_deflection(contents: Contents) -> Figure:
+def force_on_deflection(contents: Contents) -> Plot:
     """Draw force over deflection from contact, of the presses and of the model."""
-    figure = Figure()
+    plot = Plot([_axis_title("force")], "key deflection from contact (mm)", 420)
     for index, condition in enumerate(contents.conditions):
         first = True
         for record in condition.presses:
             if record.held is None:
                 continue
-            figure.add_scatter(
+            plot.add(
                 **_press_line(contents, index, record, record.held, 1.0),
                 showlegend=first,
                 hovertemplate=_hover(record, "%{x:.4f} mm, %{y:.4g} N"),
             )
             first = False
         if condition.prediction is not None:
-            figure.add_scatter(
+            plot.add(
                 **_line(Trace(*condition.prediction.from_contact(BESIDE)), 1e3, 1.0),
                 line={"color": MODEL, "width": 4, "dash": "dash"},
                 name=f"model, condition {index + 1}" if len(contents.conditions) > 1 else "model",
                 legendgroup=f"model {index}",
                 hovertemplate="model: %{x:.4f} mm, %{y:.4g} N<extra></extra>",
             )
-    figure.update_xaxes(title_text="key deflection from contact (mm)")
-    figure.update_yaxes(title_text=_axis_title("force"))
-    return _finished(figure, 420)
+    return plot
 
 
-def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -> Figure:
+def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -> Plot:
     """Draw a few features from press to press.
 
     Args:
         contents: The presses.
         columns: Title of each axis, and a value or None for every press.
     """
-    figure = make_subplots(len(columns), 1, shared_xaxes=True, vertical_spacing=0.06)
+    plot = Plot([label for label, _ in columns], "press", 190 * len(columns), spacing=0.06)
     numbers = [record.number for record in contents.presses]
-    for row, (label, values) in enumerate(columns, 1):
-        figure.add_scatter(
+    for row, (_, values) in enumerate(columns):
+        plot.add(
             x=numbers,
             y=values,
             mode="markers",
@@ -106,12 +100,9 @@ def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -
             showlegend=False,
             hovertemplate="press %{x}: %{y:.6g}<extra></extra>",
             row=row,
-            col=1,
         )
-        figure.update_yaxes(title_text=label, row=row, col=1)
-    figure.update_xaxes(tick0=numbers[0], dtick=-(-len(numbers) // 10))  # integers
-    figure.update_xaxes(title_text="press", row=len(columns), col=1)
-    return _finished(figure, 190 * len(columns))
+    plot.set_x(tick0=numbers[0], dtick=-(-len(numbers) // 10))  # integers
+    return plot
 
 
 def _axis_title(column: str) -> str:
@@ -153,14 +144,14 @@ def _line(trace: Trace, x_scale: float, y_scale: float) -> dict[str, Any]:
     }
 
 
-def _mark_plucks(figure: Figure, record: PressRecord, colour: str) -> None:
+def _mark_plucks(plot: Plot, record: PressRecord, colour: str) -> None:
     """Mark contacts and releases of a press on its force."""
     if "force" not in record.traces or not record.phases.plucks:
         return
     force = record.traces["force"]
     plucks = record.phases.plucks
     times = [time for held in plucks for time in (held.contact, held.release)]
-    figure.add_scatter(
+    plot.add(
         x=[time * 1e3 for time in times],
         y=np.interp(times, force.x, force.y),
         mode="markers",
@@ -174,12 +165,11 @@ def _mark_plucks(figure: Figure, record: PressRecord, colour: str) -> None:
         meta=record.number,
         showlegend=False,
         hovertemplate=_hover(record, "%{text} at %{x:.3f} ms"),
-        row=len(COLUMNS),
-        col=1,
+        row=COLUMNS.index("force"),
     )
 
 
-def _shade(figure: Figure, condition: Condition) -> None:
+def _shade(plot: Plot, condition: Condition) -> None:
     """Shade the three phases between the mean contact and release of all presses."""
     held = _first_plucks(condition.presses)
     if not held:
@@ -188,13 +178,7 @@ def _shade(figure: Figure, condition: Condition) -> None:
     edges = [0.0, *_mean_times(held), end]
     names = ("free", "string held", "string released")
     for start, stop, colour, name in zip(edges[:-1], edges[1:], SHADES, names, strict=True):
-        figure.add_vrect(
-            x0=start * 1e3, x1=stop * 1e3, fillcolor=colour, line_width=0, layer="below"
-        )
-        figure.add_annotation(
-            x=(start + stop) / 2 * 1e3, y=1.0, yref="y domain", yanchor="bottom", text=name,
-            showarrow=False, row=1, col=1,
-        )  # fmt: skip
+        plot.shade(start * 1e3, stop * 1e3, colour, name)
 
 
 def _first_plucks(presses: Sequence[PressRecord]) -> list[HeldString]:
@@ -204,20 +188,6 @@ def _first_plucks(presses: Sequence[PressRecord]) -> list[HeldString]:
 def _mean_times(held: Sequence[HeldString]) -> tuple[float, float]:
     """Return mean contact and mean release, s after the trigger."""
     return float(np.mean([h.contact for h in held])), float(np.mean([h.release for h in held]))
-
-
-def _finished(figure: Figure, height: int) -> Figure:
-    figure.update_layout(
-        template="none",
-        height=height,
-        margin={"l": 70, "r": 20, "t": 30, "b": 50},
-        paper_bgcolor="rgba(0,0,0,0)",
-        plot_bgcolor="rgba(0,0,0,0)",
-        hovermode="closest",
-        dragmode="zoom",
-        legend={"orientation": "h", "y": 1.08},
-    )
-    return figure
 
 
 def zooms(contents: Contents) -> list[tuple[str, str]]:

@@ -104,7 +104,7 @@ def difference(first: PooledFeature, second: PooledFeature) -> Difference:
 
     B. L. Welch, Biometrika 34 (1947): the variances of the two sets need not be equal.
     """
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     value, low, high = first.measured.value - second.measured.value, None, None
     if min(first.presses, second.presses) > 1:
@@ -113,6 +113,6 @@ def difference(first: PooledFeature, second: PooledFeature) -> Difference:
         reach = 0.0
         if total > 0:
             freedom = total**2 / sum(v**2 / n for v, n in zip(variances, free, strict=True))
-            reach = float(t.ppf((1 + COVERAGE) / 2, freedom) * np.sqrt(total))
+            reach = float(stdtrit(freedom, (1 + COVERAGE) / 2) * np.sqrt(total))
         low, high = value - reach, value + reach
     return Difference(first.name, first.unit, first, second, value, low, high)

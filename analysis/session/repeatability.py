@@ -126,12 +126,12 @@ def _smooth_speed(press: Press, time: Floats) -> Floats:
 
 def _spread(values: Floats) -> Spread:
     """Return three standard deviations, with the chi-squared interval of normal values."""
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     free = len(values) - 1
     sigma = float(values.std(ddof=1))
     tail = (1 - COVERAGE) / 2
-    low, high = (np.sqrt(free / chi2.ppf(p, free)) for p in (1 - tail, tail))
+    low, high = (np.sqrt(free / 2 / gammaincinv(free / 2, p)) for p in (1 - tail, tail))
     return Spread(3 * sigma, float(3 * sigma * low), float(3 * sigma * high))
 
 
@@ -141,11 +141,11 @@ def trend_of(values: Floats) -> Trend:
     Args:
         values: Of three or more presses in their order, shape (presses,).
     """
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     number = np.arange(len(values)) - (len(values) - 1) / 2
     slope = float(number @ values / (number @ number))
     left = values - values.mean() - slope * number
     error = np.sqrt(left @ left / (len(values) - 2) / (number @ number))
-    reach = float(t.ppf((1 + COVERAGE) / 2, len(values) - 2) * error)
+    reach = float(stdtrit(len(values) - 2, (1 + COVERAGE) / 2) * error)
     return Trend(slope, slope - reach, slope + reach)

@@ -127,10 +127,8 @@ class LogOrder:
     def _write_views(self, writer: McapWriter, stop: int | None) -> None:
         """Write the previews and what waits up to a sample, or all of it."""
         n = len(self._places) if stop is None else int(self._places.searchsorted(stop))
-        rows, since_trigger = (
-            encode_rows(self._values[:, :n]),
-            self._places[:n] * (1e9 / self._rate),
-        )
+        rows = encode_rows(self._values[:, :n])
+        since_trigger = self._places[:n] * (1e9 / self._rate)
         self._places, self._values = self._places[n:], self._values[:, n:]
         times = np.maximum(0, (self.t0 or 0) + np.rint(since_trigger).astype(np.int64))
         preview, at = self.topics["/preview"], 0

@@ -108,11 +108,10 @@ class Recording:
             self._path, compress=self._compress, seconds=self._clock.seconds, ending=self._ending
         )
         try:
-            with file.writing() as writer:
+            with file.flushing() as writer:
                 self._order.topics = write_head(
                     writer, self._rig, self._session, self._rate, self._layout
                 )
-            file.flush()
         except BaseException as error:
             self.__exit__(type(error), error, None)
             raise
@@ -128,7 +127,10 @@ class Recording:
             self._close(file)
             file.publish()
             return
-        error.add_note(f"the samples recorded before are in {self.part_path}")
+        if self._first is None:
+            error.add_note(f"no sample was recorded; delete {self.part_path}")
+        else:
+            error.add_note(f"the samples recorded before are in {self.part_path}")
         try:
             if not file.broken:
                 t0 = self.t0_ns
@@ -156,12 +158,12 @@ class Recording:
             self._first = self._next = first
         if self._order.t0 is None:
             self._date(block)
-        at = 0
-        while at < samples.shape[1]:
-            n = min(samples.shape[1] - at, self._held.shape[1] - self._fill)
+        at, size, room = 0, samples.shape[1], self._held.shape[1]
+        while at < size:
+            n = min(size - at, room - self._fill)
             self._held[:, self._fill : self._fill + n] = samples[:, at : at + n]
             at, self._fill, self._next = at + n, self._fill + n, self._next + n
-            if self._fill == self._held.shape[1]:
+            if self._fill == room:
                 self._write_held(file)
         if self._fill > self._order.margin and file.flush_due:
             self._write_held(file)
@@ -205,9 +207,8 @@ class Recording:
         file = self._file()
         if self._fill:
             self._write_held(file)
-        with file.writing() as writer:
+        with file.flushing() as writer:
             self._order.write_rest(writer)
-        file.flush()
 
     def _refuse(self, block: Block) -> None:
         """Refuse a block that does not fit, or does not follow the last one."""
@@ -248,9 +249,8 @@ class Recording:
         if self._order.t0 is None:
             self._order.start(self._dated()[0], first)
         self._fill = 0
-        with file.writing() as writer:
+        with file.flushing() as writer:
             self._order.write_block(writer, first, samples)
-        file.flush()
 
     def _series(self, message: str, **arrays: ArrayLike) -> None:
         columns = {name: np.asarray(column, dtype=float) for name, column in arrays.items()}

@@ -55,17 +55,13 @@ def read_block(data: memoryview) -> WireBlock:
     Raises:
         ValueError: It is not one that `block_head` starts.
     """
-    if len(data) <= _HEAD.size or (found := _HEAD.unpack_from(data))[::2] != _TAGS:
+    start = _HEAD.size + _LENGTH
+    if len(data) < start or (found := _HEAD.unpack_from(data))[::2] != _TAGS:
         raise ValueError("a block has other fields than those of its message")
-    length, start = 0, _HEAD.size
-    for byte in data[start : start + _LENGTH]:
-        length |= (byte & 127) << 7 * (start - _HEAD.size)
-        start += 1
-        if byte < 128:
-            break
-    if start + length != len(data):
-        raise ValueError(f"a block has {len(data) - start} bytes of samples instead of {length}")
-    return WireBlock(*found[1::2], data=data[start:])
+    if data[_HEAD.size : start] != _length(len(data) - start):
+        raise ValueError(f"a block has another length than that of its {len(data) - start} bytes")
+    _, t0, _, first_sample, _, rate, _, begin, _ = found
+    return WireBlock(t0, first_sample, rate, begin, data[start:])
 
 
 @dataclass(frozen=True)

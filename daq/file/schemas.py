@@ -76,26 +76,27 @@ def encode_transforms(date: int, frames: Mapping[str, NDArray[np.float64]]) -> b
     return message.SerializeToString()
 
 
-def encode_rows(columns: ArrayLike) -> NDArray[np.uint8]:
+def encode_rows(columns: ArrayLike) -> NDArray[np.void]:
     """Return the wire bytes of messages with one row of a table each.
 
     Args:
         columns: Values of each field, in the order of their numbers, shape (n_fields, n).
 
     Returns:
-        Shape (n, length of a message).
+        Shape (n,), each item a message.
     """
     with np.errstate(over="ignore"):  # samples may be any double
         values = np.asarray(columns, "<f4")
-    data = _row_of(len(values)).repeat(values.shape[1])
+    kind, row = _row_of(len(values))
+    data = np.frombuffer(bytearray(row * values.shape[1]), kind)
     for number, column in enumerate(values, 1):
         data[f"value {number}"] = column
-    return data.view(np.uint8).reshape(len(data), data.itemsize)
+    return data
 
 
 @cache
-def _row_of(n_fields: int) -> NDArray[Any]:
-    """Return a message of so many zeros of 32 bits, shape (1,)."""
+def _row_of(n_fields: int) -> tuple[np.dtype[np.void], bytes]:
+    """Return the type of a message of so many numbers of 32 bits, and one of zeros."""
     tags = {number: _varint(number << 3 | 5) for number in range(1, n_fields + 1)}  # 5: 32 bits
     fields = []
     for number, tag in tags.items():
@@ -103,7 +104,7 @@ def _row_of(n_fields: int) -> NDArray[Any]:
     row = np.zeros(1, fields)
     for number, tag in tags.items():
         row[f"tag {number}"] = tag
-    return row
+    return row.dtype, row.tobytes()
 
 
 def _varint(value: int) -> bytes:

@@ -49,6 +49,12 @@ def acquire(
 
     if out is None and not dry_run:
         return output.fail("Missing option: --out FILE, or --dry-run", 2)
+    if triggered and simulation.requested and not dry_run:
+        return output.fail(
+            "--triggered: nothing presses the key of the stand-in, so that its trigger has no edge;"
+            " record without --triggered, or make a press with `sautereau press --sim`",
+            2,
+        )
     served = common.bench(load_rig_to_acquire(rig), simulation, moves=False)
     with _asked_to_stop() as asked, served.connected() as bench:
         if dry_run or out is None:

@@ -61,7 +61,10 @@ class Quantity(float):
 def _seconds(_: object, tokens: Sequence[Token]) -> Quantity:
     from sautereau.rig.units import parse_quantity
 
-    return Quantity(parse_quantity(tokens[0].value, "s"))
+    try:
+        return Quantity(parse_quantity(tokens[0].value, "s"))
+    except ValueError as error:
+        raise ValueError(f'{error}; write it like "1.5 s"') from error
 
 
 def _check_duration(_: object, value: float | None) -> None:

@@ -127,17 +127,20 @@ class FileOutput(Output):
             yield
 
     def refuse(self, *paths: Path | None) -> list[Path]:
-        """Refuse existing files unless `force` is given; then return them.
+        """Refuse folders, and existing files unless `force` is given; then return them.
 
         Raises:
-            SautereauError: Lists the files that exist.
+            SautereauError: Lists the folders, and the files that exist.
         """
         from sautereau.rig.errors import SautereauError
 
-        there = [path for path in dict.fromkeys(paths) if path and _is_file(path)]
-        if there and not self.force:
-            what = (f"{path} already exists; give another name, or --force" for path in there)
-            raise SautereauError("\n".join(what))
+        given = [path for path in dict.fromkeys(paths) if path]
+        there = [path for path in given if _is_file(path)]
+        faults = [f"{p} is a folder; give the name of a file in it" for p in given if p.is_dir()]
+        if not self.force:
+            faults += [f"{path} already exists; give another name, or --force" for path in there]
+        if faults:
+            raise SautereauError("\n".join(faults))
         return there
 
 

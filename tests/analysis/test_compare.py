@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import bootstrap
 
 from benchmarks.simulated import simulated_press
 from sautereau.analysis.errors import AnalysisError
@@ -134,11 +135,13 @@ def test_equal_presses_have_an_interval_of_zero_width(n):
 
 
 def test_a_skewed_feature_has_a_skewed_interval():
-    """BCa reaches further to the side of the long tail, unlike Student's t."""
+    """BCa reaches further to the side of the long tail, unlike Student's t; as SciPy has it."""
     values = list(np.random.default_rng(1).exponential(1.0, 30))
     found = mean_of(values)
     assert found.interval == "bootstrap"
     assert found.high - found.value > found.value - found.low
+    scipy = bootstrap((values,), np.mean, method="BCa", rng=np.random.default_rng(0))
+    assert (found.low, found.high) == pytest.approx(scipy.confidence_interval, rel=1e-12)
 
 
 def pooled(rows, rig, predictions):

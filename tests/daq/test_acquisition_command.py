@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from importlib import resources
+from pathlib import Path
 
 import pytest
 from cyclopts import CycloptsError
@@ -93,8 +94,16 @@ def test_an_interrupted_recording_is_complete(tmp_path, capsys):
 def test_wrong_usage_ends_with_two(capsys):
     assert acquire(simulation=IDEAL) == 2
     assert "--dry-run" in capsys.readouterr().err
-    with pytest.raises(CycloptsError, match="has no unit"):
+    assert acquire(out=Path("a.mcap"), triggered=True, simulation=IDEAL) == 2
+    assert "--triggered: nothing presses" in capsys.readouterr().err
+    with pytest.raises(CycloptsError, match=r'has no unit; write it like "1\.5 s"'):
         app(["acquire", "--sim", "--duration", "10"], exit_on_error=False, print_error=False)
+
+
+def test_a_folder_is_no_file_to_write(tmp_path):
+    words = ["acquire", "--sim", "--duration", "1 s", "--out", str(tmp_path), "--force"]
+    with pytest.raises(SautereauError, match="is a folder; give the name of a file in it"):
+        app(words, exit_on_error=False, print_error=False)
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, math.inf, math.nan])

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
+from sautereau.daq.signals.quality_flags import (
+    FLAT,
+    QualityFlag,
+    find_quality_flags,
+    quality_warnings,
+)
 
 RATE = 51_200.0
 NOISE = {"velocity": 0.002, "force": 0.005}
@@ -143,6 +148,13 @@ def test_quiet_data_of_16_bits_are_no_overload(force):
     volts = 4 + np.sin(2 * np.pi * 2 * np.arange(51_200) / RATE)
     volts = volts + 0.6 * count * np.random.default_rng(0).standard_normal(len(volts))
     assert find_quality_flags(np.round(volts / count) * count, force, RATE) == []
+
+
+@pytest.mark.parametrize(("samples", "flags"), [(FLAT - 1, 0), (FLAT, 1), (FLAT + 1, 1)])
+def test_the_shortest_saturation(force, samples, flags):
+    volts = 3 + press(2000)
+    volts[900 : 900 + samples] = 3.5
+    assert len(find_quality_flags(volts, force, RATE)) == flags
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 50, 153, 154])

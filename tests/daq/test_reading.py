@@ -178,8 +178,9 @@ def test_the_simulated_flag_has_two_values_only(tmp_path, paper, session):
 def test_a_recording_without_samples(tmp_path, paper, session):
     path = tmp_path / "press.mcap"
     recording = Recording(path, paper, session=session)
-    with pytest.raises(TimeoutError), recording:
+    with pytest.raises(TimeoutError) as failed, recording:
         raise TimeoutError("no edge")
+    assert failed.value.__notes__ == [f"no sample was recorded; delete {recording.part_path}"]
     with pytest.raises(RecordingError, match="holds no samples"):
         read_recording(recording.part_path)
     found = describe(recording.part_path)

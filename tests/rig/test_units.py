@@ -98,7 +98,11 @@ def test_any_text_is_a_finite_quantity_or_a_value_error(text, unit):
         (7e-4, "kg*m**2", "0.0007 kg·m²"),
         (0.072, "m/s", "0.072 m/s"),
         (0.25, "", "0.25"),
-        (1.7e308, "N", "1.7×10²⁷⁸ QN"),
+        (0.0123, "kg", "12.3 g"),
+        (0.2, "N*m", "0.2 N·m"),
+        (-1e-13, "N*s/m", "-1×10⁻¹³ N·s/m"),
+        (1.7e308, "N", "1.7×10²⁹⁹ GN"),
+        (5e-324, "m", "4.94066×10⁻³¹² pm"),
     ],
 )
 def test_a_quantity_that_people_read(value, unit, text):

@@ -19,9 +19,10 @@ from sautereau.sim_backend.physics.exact.compile import Announcement
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.structures import JACK, KEY, one_press
 from sautereau.sim_backend.physics.observation import errors, observe, reference
-from sautereau.sim_backend.physics.presses.parameters import finger_of, new_presses, run_of
+from sautereau.sim_backend.physics.presses.parameters import Numbers, new_presses
 from sautereau.sim_backend.physics.presses.world import ExactWorld
 from sautereau.sim_backend.physics.servo import PositionLoops
+from sautereau.sim_backend.trade.random_cases import random_cases
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.key import (
     angle_of_rise,
@@ -227,6 +228,15 @@ def test_events_converge(name):
         assert errors(found, true).time < time
 
 
+def test_the_reference_is_exact_where_a_light_jack_crosses_many_cells_of_its_force_law():
+    """A random case whose jack of 0.3 g plucks a string of 1300 N without friction and gravity."""
+    case = list(random_cases(RIG, 12, seed=424242))[11]
+    rig = with_values(RIG, case.values)
+    drive = drive_of(rig, case.scene)
+    found, finer = (reference(rig, case.scene, drive, step=step) for step in (50e-6, 20e-6))
+    assert errors(found, finer).time < 1e-12
+
+
 # The ideal finger.
 
 
@@ -321,8 +331,8 @@ def bench(*jacks, dry=0.0, friction=0.0):
         ("mass", "arm", "lift", "damper"), zip(*jacks, strict=True), strict=True
     ):
         found[name] = values
-    finger, run = finger_of(RIG, pushed(), (0.0, 0.0)), run_of(RIG, pushed())
-    return one_press(new_presses(key, found[None], np.zeros((1, 5)), finger, run), 0)
+    numbers = Numbers(RIG, pushed(), {})
+    return one_press(new_presses(numbers, (0.0, 0.0), key, found[None], np.zeros((1, 5))), 0)
 
 
 def surfaces(press, angle):

@@ -153,7 +153,7 @@ def test_a_damper_too_strong_for_any_step_is_refused():
         new_world(RIG, scene)
 
 
-def test_a_jump_of_the_force_at_another_time_is_no_error_of_the_force():
+def test_a_jump_of_the_force_at_another_time_is_an_error_of_time_and_not_of_force():
     def seen(jump, height=0.2):
         time = np.sort([*np.linspace(0.0, 0.1, 2001), jump, jump])
         force = np.where(time < jump, 0.0, height + time)
@@ -163,6 +163,14 @@ def test_a_jump_of_the_force_at_another_time_is_no_error_of_the_force():
         return Observation(motions, PluckEvents(contacts, releases))
 
     true = seen(0.05003)
-    assert errors(seen(0.05013), true).force == pytest.approx(0.0, abs=1e-12)
+    late = errors(seen(0.05013), true)
+    assert late.force == pytest.approx(0.0, abs=1e-12)
+    assert late.time == pytest.approx(1e-4)
+    small = errors(seen(0.05013, -0.05), seen(0.05003, -0.05))  # jumps by 0.1 mN
+    assert small.time == 0.0
+    assert 0.0 < small.force < 1e-3
     assert errors(seen(0.05013, 0.21), true).force > 1e-2
     assert errors(seen(0.07), true).force > 0.1  # another event
+    other = errors(seen(0.05013, 0.6), true)  # likewise, by its size
+    assert other.time == 0.0
+    assert other.force > 0.1

@@ -18,7 +18,7 @@ DRAWN = ("key.", "jack.", "plectrum.")
 """Tables of the rig from whose assumed ranges values are drawn."""
 PLANNED = ("key.dip", "key.neighbour_height", "key.surface_height")
 """Quantities that the planned press depends on; they are kept."""
-TIGHT = 1e-12
+TIGHT = 1e-19
 """Dimensionless tolerance of a reference solution that was not used for the choice."""
 
 

@@ -7,7 +7,7 @@ from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.presses.laws import choir_law, elastica_laws
+from sautereau.sim_backend.physics.presses.laws import elastica_laws, law_of
 from sautereau.sim_backend.physics.presses.sweep import Ending, sweep
 from sautereau.sim_backend.physics.presses.world import ExactWorld
 from tests.sim_backend.scenes import RETURNING, RIG, choir, pressed, pushed
@@ -165,7 +165,7 @@ def test_laws_solved_together_are_those_of_the_model(friction, overlap, contact)
     height = np.linspace(0, pluck.release_height, 3001)[:-1]
     for law, error in (
         (laws, 1e-7),
-        (choir_law(choir.model_copy(update={"plectrum": plectrum}), "elastica"), 1e-14),
+        (law_of(plectrum, choir.string, "elastica"), 1e-14),
     ):
         border = law.border[0]
         assert np.count_nonzero(np.diff(border)) == len(pluck.stretches)

@@ -201,10 +201,12 @@ class RecordingFile:
             with self.writing():
                 self._file.sync()
 
-    def flush(self) -> None:
-        """Flush everything written to the operating system."""
+    @contextmanager
+    def flushing(self) -> Iterator[McapWriter]:
+        """Yield the writer as `writing`, then flush everything to the operating system."""
         self._flushed = self._seconds()
         with self.writing() as writer:
+            yield writer
             writer.close_chunk(least=0)
             self._file.stream.flush()
 

@@ -2,7 +2,6 @@
 
 import struct
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,23 +36,25 @@ class OpenChunk:
         head = PREFIX.pack(Opcode.MESSAGE, MESSAGE.size + sum(map(len, data)))
         self.put(head + MESSAGE.pack(channel, 0, log_time, log_time), *data)
 
-    def add_run(self, channel: int, log_times: NDArray[np.int64], data: NDArray[np.uint8]) -> None:
+    def add_run(self, channel: int, log_times: NDArray[np.int64], data: NDArray[np.void]) -> None:
         """Add messages of equal length at once.
 
         Args:
             channel: Channel of all of them.
             log_times: ns since 1970, ascending, shape (n,).
-            data: Shape (n, length).
+            data: Shape (n,), each item a message.
         """
-        run = _message_of(channel, data.shape[1]).repeat(len(data))
+        kind, message = _message_of(channel, data.itemsize)
+        records = bytearray(message * len(data))
+        run = np.frombuffer(records, kind)
         run["log_time"] = run["publish_time"] = log_times
-        run["data"] = data
+        run["data"] = data.view(kind["data"])
         entries = np.empty((len(data), 2), "<u8")
         entries[:, 0] = log_times
-        entries[:, 1] = np.arange(self.size, self.size + run.nbytes, run.itemsize)
-        self.index.setdefault(channel, bytearray()).extend(entries.tobytes())
+        entries[:, 1] = np.arange(self.size, self.size + len(records), run.itemsize)
+        self.index.setdefault(channel, bytearray()).extend(entries.data.cast("B"))
         self.times += int(log_times[0]), int(log_times[-1])
-        self.put(run.tobytes())
+        self.put(records)
 
     def index_message(self, channel: int, log_time: int, offset: int) -> None:
         """Add the message at ``offset`` to the index."""
@@ -73,8 +74,8 @@ def indexed(records: Bytes) -> OpenChunk:
 
 
 @cache
-def _message_of(channel: int, length: int) -> NDArray[Any]:
-    """Return a message record with ``length`` bytes of data, shape (1,), without its times."""
+def _message_of(channel: int, length: int) -> tuple[np.dtype[np.void], bytes]:
+    """Return the type of message records with ``length`` bytes, and one without data and times."""
     record = np.zeros(
         1,
         [
@@ -84,9 +85,9 @@ def _message_of(channel: int, length: int) -> NDArray[Any]:
             ("sequence", "<u4"),
             ("log_time", "<u8"),
             ("publish_time", "<u8"),
-            ("data", "u1", (length,)),
+            ("data", f"V{length}"),
         ],
     )
     record["opcode"], record["length"] = Opcode.MESSAGE, MESSAGE.size + length
     record["channel"] = channel
-    return record
+    return record.dtype, record.tobytes()

@@ -38,7 +38,7 @@ CRC_KEY = _CRC.encode()
 """Bytes that the Metadata records of a recording with checksums contain."""
 
 
-Bytes = bytes | memoryview
+Bytes = bytes | bytearray | memoryview
 
 
 class DamageError(RecordingError):
@@ -80,8 +80,9 @@ def records_within(
 def _run_length(chunk: Bytes, at: int, size: int) -> int:
     """Return how many consecutive records share opcode, length and channel, or fewer."""
     n = min(_LONGEST_RUN, (len(chunk) - at) // size)
-    heads = np.ndarray(n, f"V{_HEAD}", chunk, at, size)
-    return int((heads != heads[0]).argmax()) or n
+    # The first and the last 8 bytes of each head: numbers are compared faster than texts.
+    heads = np.ndarray((n, 2), "<u8", chunk, at, (size, _HEAD - 8))
+    return int((heads != heads[0]).argmax()) // 2 or n
 
 
 def record_bytes(record: McapRecord) -> bytes:

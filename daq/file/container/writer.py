@@ -123,7 +123,7 @@ class McapWriter:
             self.close_chunk(least=0)
         self._open.add(channel, log_time, *data)
 
-    def add_run(self, channel: int, log_times: NDArray[np.int64], data: NDArray[np.uint8]) -> None:
+    def add_run(self, channel: int, log_times: NDArray[np.int64], data: NDArray[np.void]) -> None:
         """Add messages of equal length at once; see `OpenChunk.add_run`."""
         if len(data):
             self._open.add_run(channel, log_times, data)

@@ -49,15 +49,6 @@ class Laws:
     """Heights there [m], equal where the string never sticks or never slides; shape (laws, 3)."""
 
 
-def choir_law(choir: Choir, level: str) -> Laws:
-    """Return the law of a choir's pluck, with the same cubics as its `force_on_jack`.
-
-    Raises:
-        ModelError: The choir has no pluck.
-    """
-    return _law(choir.plectrum, choir.string, level)  # pyright: ignore[reportArgumentType]
-
-
 def set_laws(
     numbers: Numbers, jacks: NDArray[Any], played: NDArray[np.bool_]
 ) -> tuple[Floats, NDArray[np.bool_]]:
@@ -85,7 +76,8 @@ def set_laws(
             plucks &= good[which]
         else:
             try:
-                laws, which = choir_law(choir, level), 0
+                plectrum, string = choir.plectrum, choir.string
+                laws, which = law_of(plectrum, string, level), 0  # pyright: ignore[reportArgumentType]
             except ModelError as error:
                 raise SceneError(f"rig {numbers.rig.name}: {at}{error}") from error
         jack = jacks[:, k]
@@ -158,7 +150,9 @@ def _one_by_one(
     good, laws = np.ones(len(rows), bool), []
     for i, row in enumerate(rows):
         try:
-            laws.append(choir_law(_varied(choir, dict(zip(values, row, strict=True))), level))
+            varied = _varied(choir, dict(zip(values, row, strict=True)))
+            plectrum, string = varied.plectrum, varied.string
+            laws.append(law_of(plectrum, string, level))  # pyright: ignore[reportArgumentType]
         except ModelError:
             good[i] = False
             laws.append(Laws(np.zeros((1, 5)), np.zeros((1, 3), np.int64), np.zeros((1, 3))))
@@ -176,7 +170,12 @@ def _joined(parts: list[Laws]) -> Laws:
 
 
 @lru_cache(maxsize=256)
-def _law(plectrum: Plectrum, string: String, level: str) -> Laws:
+def law_of(plectrum: Plectrum, string: String, level: str) -> Laws:
+    """Return the law of one pluck, with the same cubics as its `force_on_jack`.
+
+    Raises:
+        ModelError: The plectrum and string have no pluck.
+    """
     pluck = pluck_of(plectrum, string, level)  # pyright: ignore[reportArgumentType]
     knots = pluck.height
     places = np.array([1, 3, 5, 7]) / 8

@@ -21,7 +21,6 @@ from sautereau.sim_backend.physics.exact.structures import (
     KEY,
     PASSING,
     RUN,
-    SERVO,
     Press,
 )
 from sautereau.sim_backend.scene import Scene
@@ -165,44 +164,35 @@ def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any
     return found
 
 
-def run_of(
-    rig: Rig, scene: Scene, order: int = ORDER, tolerance: float | None = None
-) -> NDArray[Any]:
-    """Return one `RUN` before the first sample, with the steps of a scene.
-
-    Args:
-        rig: The true bench.
-        scene: With its step.
-        order: Of the steps, even, at most 8.
-        tolerance: Dimensionless, relative error of a step; None for one that suits the step.
-    """
-    found, period = np.zeros(1, RUN), rig.controller.sample_period
-    steps = steps_in_sample(rig, scene.step or period)
-    if tolerance is None:
-        tolerance = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
-    for name, value in {
-        "period": period, "step": period / steps, "steps": steps, "order": order,
-        "tolerance": tolerance,
-    }.items():  # fmt: skip
-        found[name] = value
-    return found
-
-
 def new_presses(
-    keys: NDArray, jacks: NDArray, cells: Floats, finger: NDArray, run: NDArray
+    numbers: Numbers,
+    start: tuple[float, float],
+    keys: NDArray,
+    jacks: NDArray,
+    cells: Floats,
+    order: int = ORDER,
+    tolerance: float | None = None,
 ) -> Press:
     """Return presses at time 0 before their first sample, of which one at a time is played.
 
     Args:
+        numbers: Of a scene with its step.
+        start: rad, joints when power comes on.
         keys: Of `KEY`; shape (presses,).
         jacks: Of `JACK`; shape (presses, choirs).
         cells: Of the force laws.
-        finger: Array of one `FINGER`.
-        run: Array of one `RUN`.
+        order: Of the steps, even, at most 8.
+        tolerance: Dimensionless, relative error of a step; None for one that suits the step.
     """
-    n = 1 + jacks.shape[1] + (2 if finger["kind"][0] == SERVO else 0)
-    work = np.zeros((16, n))
+    rig, scene, run = numbers.rig, numbers.scene, np.zeros(1, RUN)
+    period = rig.controller.sample_period
+    steps = steps_in_sample(rig, scene.step or period)
+    if tolerance is None:
+        tolerance = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
+    run["period"], run["step"], run["steps"] = period, period / steps, steps
+    run["order"], run["tolerance"] = order, tolerance
+    work = np.zeros((16, 1 + jacks.shape[1] + (2 if scene.servo else 0)))
     return Press(
-        records(keys), records(jacks), cells, records(finger), records(run), work[0],
-        work[1], work[2], work, np.zeros((EVENTS, 5)), np.zeros((0, 6)),
+        records(keys), records(jacks), cells, records(finger_of(rig, scene, start)), records(run),
+        work[0], work[1], work[2], work, np.zeros((EVENTS, 5)), np.zeros((0, 6)),
     )  # fmt: skip

@@ -16,13 +16,7 @@ from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.play import play
 from sautereau.sim_backend.physics.finger import joint_cubics
 from sautereau.sim_backend.physics.presses.laws import DERIVED, PLECTRUM, STRING, set_laws
-from sautereau.sim_backend.physics.presses.parameters import (
-    Numbers,
-    benches,
-    finger_of,
-    new_presses,
-    run_of,
-)
+from sautereau.sim_backend.physics.presses.parameters import Numbers, benches, new_presses
 from sautereau.sim_backend.physics.presses.world import check_scene
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
@@ -131,8 +125,7 @@ def sweep(
 
     def play_chunk(first: int) -> None:
         part = slice(first, first + CHUNK)
-        finger, run = finger_of(rig, scene, start), run_of(rig, scene)
-        presses = new_presses(keys[part], jacks[part], cells, finger, run)
+        presses = new_presses(numbers, start, keys[part], jacks[part], cells)
         play(presses, 0, cubics, samples[part], True, found[part], status[part])
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:

@@ -5,7 +5,7 @@ import numpy as np
 from sautereau.rig.schema import Arm, Rig
 from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.base import TURNED_OVER, World
+from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
@@ -13,12 +13,11 @@ from sautereau.sim_backend.physics.exact.play import play
 from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
 from sautereau.sim_backend.physics.presses.laws import set_laws
 from sautereau.sim_backend.physics.presses.parameters import (
+    FINGERS,
     ORDER,
     Numbers,
     benches,
-    finger_of,
     new_presses,
-    run_of,
 )
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import gravity_torque
@@ -69,9 +68,9 @@ class ExactWorld(World):
         numbers = Numbers(rig, scene, {})
         keys, jacks = benches(numbers, 1)
         cells, _ = set_laws(numbers, jacks, np.ones(1, bool))
-        finger, run = finger_of(rig, scene, self.start), run_of(rig, scene, order, tolerance)
-        self._kind, self._steps = int(finger["kind"][0]), int(run["steps"][0])
-        self._presses = new_presses(keys, jacks, cells, finger, run)
+        self._presses = new_presses(numbers, self.start, keys, jacks, cells, order, tolerance)
+        self._kind = FINGERS.index(scene.finger)
+        self._steps = steps_in_sample(rig, scene.step or rig.controller.sample_period)
         self.finger = StandingFinger(self.start)
         if scene.servo:
             self.finger = ServoFinger(self.press, rig.arm, scene.gravity)
