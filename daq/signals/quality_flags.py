@@ -182,10 +182,13 @@ def _drop_outs(
     from scipy.ndimage import median_filter
 
     deviation = volts - median_filter(volts, window, mode="nearest")
+    magnitude = np.abs(deviation)
+    runs = np.array(_runs(magnitude > DROP_OUT_EDGE * unit), int).reshape(-1, 2)
+    depths = np.maximum.reduceat(np.append(magnitude, 0.0), runs.ravel())[::2]
+    deep = depths > DROP_OUT_SEED * unit
     found = []
-    for start, stop in _runs(np.abs(deviation) > DROP_OUT_EDGE * unit):
-        depth = np.abs(deviation[start:stop]).max()
-        away = np.sign(deviation[start + int(np.argmax(np.abs(deviation[start:stop])))])
+    for (start, stop), depth in zip(runs[deep].tolist(), depths[deep].tolist(), strict=True):
+        away = np.sign(deviation[start + int(np.argmax(magnitude[start:stop]))])
         inside = away * jumps[max(0, start - step) : stop]
         starts, ends = int(np.argmax(inside)), int(np.argmin(inside))
         # Beside another drop-out the median is not that of the motion.
@@ -196,7 +199,7 @@ def _drop_outs(
         beside = np.concatenate([deviation[max(0, start - wide) : start], deviation[stop:][:wide]])
         slower = stop - start > LONG * rate > 4 * step
         sudden &= slower or np.abs(beside).max(initial=0.0) < BESIDE * depth
-        if depth > DROP_OUT_SEED * unit and sudden and not known[start:stop].any():
+        if sudden and not known[start:stop].any():
             found.append((start, stop))
     return found
 
