@@ -16,6 +16,12 @@ from sautereau.analysis.phases.slow import Slow
 
 HIGH = 0.7
 """Rise of the jack over the full one, from which on the key may meet its front felt."""
+BEYOND = 3e-3
+"""m, rise of the jack above the last release that the rig expects, up to which that may be."""
+EDGE = 3.0
+"""Widths from there at which a release must be seen completely."""
+SIGNIFICANT, CLEARLY = 12.0, 30.0
+"""Least significance of a pluck, and of one that only a shorter way shows."""
 SHORTEST = 0.5e-3
 """s, shortest pluck."""
 NEAR, LEAST_NEAR, MOST_NEAR = 2.0, 0.25e-3, 1.0e-3
@@ -44,8 +50,7 @@ def compliant_plucks(
     """
     way = way[0], _turn(signals, *way)
     start, last = (float(signals.time[sample]) for sample in way)
-    slow = Slow(signals, *way)
-    searched = search(slow, strings)
+    slow, searched = _searched(strings, signals, way)
     growths = searched.growths
     nears = [min(max(NEAR * g.release_std, LEAST_NEAR), MOST_NEAR) for g in growths]
     releases = [
@@ -72,6 +77,31 @@ def compliant_plucks(
         std *= BESIDE if len(growths) > 1 else 1.0
         found.append((contact, replace(release, std=std)))
     return found, searched
+
+
+def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tuple[Slow, Searched]:
+    """Return the smoothed way down, and what was found in it.
+
+    Where a string is missing, the last part is left out, as the key's impact on its front felt
+    spoils the fit of what was before; of a key that only moves on it improves it.
+    """
+    slow = Slow(signals, *way)
+    searched = search(slow, strings)
+    highest = float((strings.contacts + strings.climbs).max()) + BEYOND
+    end = way[0] + int(np.argmax(signals.rise[slice(*way)] > highest))
+    last = float(signals.time[end]) - EDGE * slow.width
+    found = _until(last, searched, SIGNIFICANT)
+    if end == way[0] or found >= len(strings.contacts):
+        return slow, searched
+    shorter = Slow(signals, way[0], end)
+    again = search(shorter, strings)
+    more = _until(last, again, CLEARLY) > found
+    return (shorter, again) if more else (slow, searched)
+
+
+def _until(last: float, searched: Searched, least: float) -> int:
+    """Return the number of growths of a least significance that end before an instant [s]."""
+    return sum(growth.release < last for growth in searched.significant(least))
 
 
 def _turn(signals: Signals, begin: int, end: int) -> int:

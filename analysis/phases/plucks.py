@@ -9,6 +9,7 @@ from sautereau.analysis.phases.compliant import (
     CONTACT_PART,
     LEAST_STD,
     RELEASE_PART,
+    SIGNIFICANT,
     compliant_plucks,
 )
 from sautereau.analysis.phases.contact import Contact, find_contact
@@ -46,11 +47,11 @@ RINGING, NEAR = 8.0, 0.7e-3
 standard uncertainty of a release before that."""
 BENT = 300.0
 """The same, from which on what looks like a pluck of a rigid key is none."""
-SIGNIFICANT, DOUBTFUL = 12.0, 6.0
-"""Least significance of the plucks on a compliant key, and of a warning about another growth."""
-LEAST_GROWTH, SLIGHT = 0.2, 0.01
-"""Least force of a pluck on a compliant key: over the rms of the load that is not explained, and
-over the range of the smoothed force, or of the inertia if that is larger, on the way down."""
+REACHED = 0.5
+"""Part of the rise from contact to release that the rig expects, which the jack must exceed for a
+pluck on a compliant key."""
+DOUBTFUL = 6.0
+"""Least significance of a warning about a growth that is no pluck."""
 DISPLACED, CERTAIN = 1.5e-3, 3.0
 """m, of all contacts from those of the rig, beyond which a rigid key must explain the load with
 this variance instead of `RIGID_NOISE`."""
@@ -72,7 +73,9 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
 
     The load of a rigid key is tried first. Where the key bends or rings, its residuals exceed the
     noise, and the load of a compliant key is fitted; also where a rigid key shows fewer plucks than
-    the rig has strings, of which a compliant key may show more.
+    the rig has strings, of which a compliant key may show more, or where it does not explain every
+    contact, as that of a string which is held together with the next one; and where a jack that
+    rose beyond all strings shows none.
 
     Args:
         rig: The bench.
@@ -88,25 +91,40 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     before = _place(signals, min(begin, last + int(REST_MARGIN * signals.rate)))
     found = _rigid_plucks(strings, signals, rows, rest, begin, before)
     rigid = _explained(found, signals, strings, begin, end)
-    if rigid is not None and len(found) >= len(strings.contacts):
+    clear = rigid is not None and all(
+        contact.noise < RIGID_NOISE or contact.std < LEAST_STD for contact, _ in rigid.plucks
+    )
+    if rigid is not None and clear and len(found) >= len(strings.contacts):
         return rigid
     left, rms, missed = unexplained(strings, rest, rows, before)
-    if not found and left < RIGID_NOISE:
+    reached = strings.contacts + REACHED * strings.climbs < signals.rise[end]
+    if not found and left < (GOOD if reached.all() else RIGID_NOISE):
         return Found([], Fit("rigid", left))
-    plucks, searched = compliant_plucks(strings, signals, (begin, end))
-    least = max(LEAST_GROWTH * searched.residual, SLIGHT * searched.moved)
-    growths = (*searched.growths, *([searched.further] if searched.further else []))
-    doubtful = tuple(g for g in growths if g.significance > DOUBTFUL and g.force > least)
-    certain = [g for g in searched.growths if g in doubtful and g.significance > SIGNIFICANT]
-    if plucks and (len(certain) > len(found) if rigid is not None else certain):
-        noise = max(contact.noise for contact, _ in plucks)
-        fit = Fit("compliant", noise, searched.compliance, searched.residual)
-        return Found(plucks, fit, tuple(g for g in doubtful if g not in searched.growths))
+    doubtful: tuple[Growth, ...] = ()
+    if rigid is not None or reached.any():
+        least = len(found) + clear if rigid is not None else 1
+        compliant, doubtful = _compliant(strings, signals, (begin, end), least)
+        if compliant is not None:
+            return compliant
     if rigid is not None:
         return rigid
     if found and _noise(found) < BENT:
         return Found([_with_residual(c, r) for c, r in found], Fit("rigid", _noise(found)))
     return Found([], Fit("rigid", left, 0.0, rms), doubtful or (missed,))
+
+
+def _compliant(
+    strings: Expected, signals: Signals, way: tuple[int, int], least: int
+) -> tuple[Found | None, tuple[Growth, ...]]:
+    """Return the plucks of a compliant key, if there are as many as least; and all growths."""
+    plucks, searched = compliant_plucks(strings, signals, way)
+    growths = searched.significant(DOUBTFUL)
+    certain = [g for g in searched.significant(SIGNIFICANT) if g in searched.growths]
+    if not plucks or len(certain) < least:
+        return None, growths
+    noise = max(contact.noise for contact, _ in plucks)
+    fit = Fit("compliant", noise, searched.compliance, searched.residual)
+    return Found(plucks, fit, tuple(g for g in growths if g not in searched.growths)), growths
 
 
 def _rigid_plucks(

@@ -42,6 +42,9 @@ SLOWEST = 0.1
 """Speed of the jack over the largest one, below which it holds its string."""
 LEAST_FORCE = 3e-3
 """N, below which there is no pluck."""
+LEAST_GROWTH, SLIGHT = 0.2, 0.01
+"""Least force of a significant growth: over the rms of the load that is not explained, and over the
+range of the smoothed force, or of the inertia if that is larger, on the way down."""
 STARTS, BETWEEN = 2, 4.0
 """Pairs that are refined, and widths between their releases."""
 ROUNDS, QUICK = 3, 1
@@ -83,6 +86,12 @@ class Searched:
     """N, rms of the load that is not explained."""
     moved: float = 0.0
     """N, range of the smoothed force, or of the inertia if that is larger."""
+
+    def significant(self, least: float) -> tuple[Growth, ...]:
+        """Return the growths, and the further one, of more than a significance and enough force."""
+        every = (*self.growths, *([self.further] if self.further else []))
+        force = max(LEAST_GROWTH * self.residual, SLIGHT * self.moved)
+        return tuple(g for g in every if g.significance > least and g.force > force)
 
 
 def search(slow: Slow, strings: Expected) -> Searched:
