@@ -128,6 +128,7 @@ def _resampled(values: Floats) -> tuple[float, float]:
 
     B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993), section 14.3. The
     means without one value each, of the acceleration there, differ as the values themselves.
+    `scipy.stats.bootstrap` gives the same, but takes 0.5 s to load.
     """
     from scipy.special import ndtr, ndtri
 

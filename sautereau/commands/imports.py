@@ -27,7 +27,7 @@ def import_(
     /,
     *,
     rig: str | None = None,
-    out: Annotated[Path, "FILE"],
+    out: Annotated[Path, "FILE or FOLDER"],
     notes: str = "",
     profile: Path | None = None,
     save_profile: common.OutFile | None = None,

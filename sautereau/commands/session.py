@@ -29,7 +29,7 @@ class SessionReport(Observer):
         self._warnings = pressing.planner.warnings
         self._presses: dict[int, PressFile] = {}
         self._reached = ""
-        self._headed = False
+        self._announced = False
 
     def begin(self, folder: SessionFolder) -> None:
         """Print what the folder holds."""
@@ -51,17 +51,19 @@ class SessionReport(Observer):
     def on(self, bench: Connected) -> None:
         """Print the bench of the next presses."""
         self._reached = bench.reached
-        if not self._headed:
+        if not self._announced:
             self._output.say(f"rig {bench.rig.name} on {bench.where}")
             if bench.reached:
                 self._output.say(bench.reached)
-            self._output.say(HEADER)
-            self._headed = True
+            self._announced = True
 
     def pressed(self, place: Place, path: Path) -> None:
         """Analyse a press, and print its results."""
+        first = not self._presses
         press = self._presses[place.number] = PressFile(path)
         analysed = press.analysed
+        if first:
+            self._output.say(HEADER)
         self._output.say(press_line(analysed.press, analysed.phases) + "  warm-up" * place.warm_up)
         if total := self._pressing.plan.total:
             self._show(len(self._pressing.folder.done) / total)

@@ -228,13 +228,15 @@ def test_events_converge(name):
         assert errors(found, true).time < time
 
 
-def test_the_reference_is_exact_where_a_light_jack_crosses_many_cells_of_its_force_law():
-    """A random case whose jack of 0.3 g plucks a string of 1300 N without friction and gravity."""
-    case = list(random_cases(RIG, 12, seed=424242))[11]
-    rig = with_values(RIG, case.values)
-    drive = drive_of(rig, case.scene)
-    found, finer = (reference(rig, case.scene, drive, step=step) for step in (50e-6, 20e-6))
-    assert errors(found, finer).time < 1e-12
+@pytest.mark.parametrize("part", [slice(11, 12), slow(slice(100))], ids=["one", "all"])
+def test_the_reference_agrees_with_finer_steps(part):
+    """In case 11 a jack of 0.3 g crosses many cells of the force law of a string of 1300 N."""
+    for case in list(random_cases(RIG, 100, seed=424242))[part]:
+        rig = with_values(RIG, case.values)
+        if case.scene.solvable and case.scene.finger != "push":
+            drive = drive_of(rig, case.scene)
+            found, finer = (reference(rig, case.scene, drive, step=h) for h in (50e-6, 10e-6))
+            assert errors(found, finer).time < (1e-7 if case.scene.servo else 1e-9), case
 
 
 # The ideal finger.

@@ -3,7 +3,7 @@
 The unknown x is the key's velocity after an impact or a nonsmooth step of length h, or its
 acceleration. A jack k in contact with the key pushes back with
 
-    P_k(x) = max(0, m s^2 x / s + p_k + f_k Sgn x),    Phi(x) = I x - q + t Sgn x + sum s_k P_k(x),
+    P_k(x) = max(0, m s x + p_k + f_k Sgn x),    Phi(x) = I x - q + t Sgn x + sum s_k P_k(x),
 
 where s is the slope of the key under it: m (s x - v) is its change of momentum, zero as long as it
 is faster than the key. Phi rises, piecewise linearly, with a jump at 0 by dry friction. Without a

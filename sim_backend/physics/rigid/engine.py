@@ -11,7 +11,6 @@ impulses of the old step and does not count the difference.
 """
 
 import math
-from dataclasses import fields
 
 import numpy as np
 
@@ -28,6 +27,9 @@ from sautereau.sim_backend.scene import Scene
 
 MOST_EVENTS = 1000
 """Events in one controller sample above which the simulation counts as diverged."""
+
+Row = tuple[float, float, float, float, float, float]
+"""Quantities of `Motions`, with the time in ms into the controller sample."""
 
 
 class RigidWorld(World):
@@ -60,19 +62,37 @@ class RigidWorld(World):
         self._state: tuple[float, ...] = ()
         self._still = False
         self._elapsed = 0.0
-        self._rows: list[tuple[float, float, float, float, float, float]] = []
+        self._rows: list[Row] = []
         self._before = [(-2 * self._period, *[0.0] * 5), (-self._period, *[0.0] * 5)]
         self.worst_gap = 0.0
         """m, largest error of a joint or a contact at the end of a controller sample so far."""
 
     def advance(self, reference: Reference, powered: bool) -> Motions:
         """Advance by one controller sample; see `World.advance`."""
-        finger, loads, time = self._finger, self._pushed, self.time
+        return self._motions([self._sample(reference, powered)])
+
+    def play(self, drive: Drive) -> Motions:
+        """Advance through a complete drive; see `World.play`."""
+        return self._motions([self._sample(drive.reference(i), True) for i in range(drive.samples)])
+
+    def _motions(self, samples: list[list[Row]]) -> Motions:
+        """Return the motion over the last controller samples, by the rows of each."""
+        counts = [len(rows) for rows in samples]
+        first, period = self.samples - len(samples), self.rig.controller.sample_period
+        numbers = np.arange(first, self.samples)
+        table = np.array([row for rows in samples for row in rows]).T
+        table[0] = np.repeat(numbers * period, counts) + table[0] / MM
+        table[0, np.cumsum(counts) - 1] = (numbers + 1) * period
+        return Motions(*table)
+
+    def _sample(self, reference: Reference, powered: bool) -> list[Row]:
+        """Advance by one controller sample; return its rows, from its start on."""
+        finger, loads = self._finger, self._pushed
         kept = [*self._before, *self._rows][-2:]
         self._before = [(row[0] - self._period, *row[1:]) for row in kept]
         self._rows = []
         self._elapsed = 0.0
-        if finger.begin_sample(reference, powered, time) or not self.samples:
+        if finger.begin_sample(reference, powered, self.time) or not self.samples:
             loads.steady = loads.weight + finger.moment
             self._split(0.0, None, self._period)
         if finger.push_end < self._period:
@@ -87,24 +107,15 @@ class RigidWorld(World):
             self._run(self._period)
             self._end_sample()
         self.samples += 1
-        table = np.array(self._rows).T
         if not math.isfinite(sum(self._rows[-1])):
             raise self._diverged()
-        table[0] = time + table[0] / MM
-        table[0, -1] = self.time
-        return Motions(*table)
+        return self._rows
 
     @property
     def _seen_angle(self) -> float:
         """Angle [rad] of the key that the laser sees."""
         front = self._front
         return self._angle if front is None else front.seen(self._angle, front.value)
-
-    def play(self, drive: Drive) -> Motions:
-        """Advance through a complete drive; see `World.play`."""
-        parts = [self.advance(drive.reference(i), True) for i in range(drive.samples)]
-        joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Motions))
-        return Motions(*joined)
 
     def _run(self, end: float) -> None:
         """Advance to a time [ms] within the controller sample."""
