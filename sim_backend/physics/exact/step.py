@@ -72,7 +72,7 @@ def hold_tip(press):
         accelerate(press, press.run.time)
 
 
-@compiled
+@inlined
 def guard(press):
     """Return the least guard of the mode, negative where the mode has ended.
 
