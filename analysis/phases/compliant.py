@@ -82,7 +82,7 @@ def compliant_plucks(
 def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tuple[Slow, Searched]:
     """Return the smoothed way down, and what was found in it.
 
-    Where a string is missing, the last part is left out, as the key's impact on its front felt
+    Where a string is missing, the last part is omitted, as the key's impact on its front felt
     spoils the fit of what was before; of a key that only moves on it improves it.
     """
     slow = Slow(signals, *way)

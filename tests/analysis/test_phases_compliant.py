@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.independent import ONE_FACTOR
 from benchmarks.independent.conditions import Choir
-from benchmarks.independent_phases import judge
+from benchmarks.independent_phases import judge, random_presses
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.response import Response, pole
 from sautereau.analysis.phases.signals import Signals
@@ -118,3 +118,10 @@ def test_two_strings_that_hide_each_other():
     found = judge(replace(heaving, choirs=both, speed=0.086), 0)
     assert found.right
     assert np.abs(found.errors[:, :2]).max() < 0.5e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [10153, 10237], ids=["impact on the felt", "short press"])
+def test_an_impact_hides_no_pluck_and_a_press_that_reaches_no_string_has_none(seed):
+    (found,) = random_presses(range(seed, seed + 1))
+    assert found.right
