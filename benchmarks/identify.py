@@ -132,7 +132,7 @@ def identified(pressed: Sequence[Press], phases: Sequence[Phases]) -> tuple[Iden
     free: list[str] = list(FREE)
     spent, found = timed(identify, pressed, phases, free, starts=1)
     for _ in range(ROUNDS - 1):
-        # Of a string that may lie on the surface, nothing is freed.
+        # What is suggested of another kind, as where the string lies, cannot be freed.
         if not found.suggested or found.suggested[0].name not in NAMES:
             break
         free.append(found.suggested[0].name)
@@ -192,8 +192,7 @@ def _stated(pressed: Pressed) -> dict[str, str | float]:
         key.replace(".delay", ".delay_std").replace(".scale", ".gain_std"): value
         for key, value in pressed.rig_uncertainties.items()
     }
-    on_surface = pressed.conditions.choirs[0].on_surface
-    return {"plectrum.contact": "surface" if on_surface else "mid-line", **stated}
+    return {"plectrum.contact": "surface", **stated}
 
 
 def outcomes(cases: Iterator[Case]) -> Outcomes:
