@@ -146,7 +146,7 @@ def find_touch(campaign: Campaign) -> Touch:
 def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
     """Return the presses that can be compared, and notes on those that cannot."""
     data = campaign.data
-    missing = [name for name in ("plucks", *FELT) if name not in data]
+    missing = [name for name in ("warm_up", "plucks", *FELT) if name not in data]
     if missing:
         raise AnalysisError(
             f"touch of {campaign.path}: no column {', '.join(missing)}, so no press with a pluck;"
