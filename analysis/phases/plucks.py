@@ -164,7 +164,7 @@ def _explained(
     typical = max if surplus else min
     if found and typical(c.noise for c, _ in found) < most:
         ends = float(signals.time[begin]), float(signals.time[end])
-        sharp = [(contact, _with_modes(signals, release, ends)) for contact, release in found]
+        sharp = [(c, _with_modes(signals, r, c.noise, ends)) for c, r in found]
         sharp = [_with_residual(c, r) if c.noise > GOOD else (c, r) for c, r in sharp]
         return Found(sharp, Fit("rigid", _noise(sharp)))
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
@@ -174,9 +174,15 @@ def _explained(
     return None
 
 
-def _with_modes(signals: Signals, release: Release, ends: tuple[float, float]) -> Release:
-    """Return a release that is no mere step of the load, fitted with the modes that it excites."""
-    if release.noise < (STEP if resolved(signals, release.time) else RINGING):
+def _with_modes(
+    signals: Signals, release: Release, noise: float, ends: tuple[float, float]
+) -> Release:
+    """Return a release that is no mere step of the load, fitted with the modes that it excites.
+
+    Its residuals must exceed those at the contact, where nothing rings.
+    """
+    least = min(RINGING, max(STEP, noise)) if resolved(signals, release.time) else RINGING
+    if release.noise < least:
         return release
     found = refine_event(signals, release.time, NEAR, release.fall, *ends, begins=(SMOOTH, SUDDEN))
     # In the load what a rigid key's inertia explains is no residual, as it is in both signals.
