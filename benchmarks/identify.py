@@ -26,7 +26,7 @@ from benchmarks.judged import judged_press
 from benchmarks.simulated import acquired
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.identified import Identified, identify
-from sautereau.analysis.identify.parameters import value_of
+from sautereau.analysis.identify.parameters import NAMES, value_of
 from sautereau.analysis.loading.press import Press, press_of
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.rig.load import load_rig, with_values
@@ -132,7 +132,8 @@ def identified(pressed: Sequence[Press], phases: Sequence[Phases]) -> tuple[Iden
     free: list[str] = list(FREE)
     spent, found = timed(identify, pressed, phases, free, starts=1)
     for _ in range(ROUNDS - 1):
-        if not found.suggested:
+        # What is suggested of another kind, as where the string lies, cannot be freed.
+        if not found.suggested or found.suggested[0].name not in NAMES:
             break
         free.append(found.suggested[0].name)
         spent, found = timed(identify, pressed, phases, free, starts=1)

@@ -10,6 +10,7 @@ from sautereau.analysis.identify.elastic import (
     MOST,
     SHAPES,
     Mode,
+    close_modes,
     foot_parameter,
     mode_parameters,
     modes_of,
@@ -20,9 +21,9 @@ from sautereau.analysis.identify.fit import (
     fit,
     inverse_dynamics,
     problem_at,
+    refined,
     scatter,
     spread,
-    whitened,
 )
 from sautereau.analysis.identify.fixed import ScoreTest
 from sautereau.analysis.identify.observed import LEAST, Observed
@@ -75,10 +76,10 @@ def fit_presses(
             break
         made = fit(dynamics, 1, robust, levelled=best.levelled)
         found = quality(made)
-        if found.free_residual > LEAST_GAIN * good.free_residual:
+        if found.free_residual > LEAST_GAIN * good.free_residual or close_modes(_named(made)):
             break
         best, good = made, found
-    return replace(whitened(best, robust), residual_before=before)
+    return replace(refined(best, robust), residual_before=before)
 
 
 def _named(made: Fit) -> dict[str, float]:

@@ -22,6 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from sautereau.analysis.identify.noise import WINDOW
 from sautereau.analysis.identify.observed import PARTS, Observed
 from sautereau.analysis.identify.parameters import FOOT, MODE, Parameter
 from sautereau.trajectory.motion import Floats
@@ -40,12 +41,17 @@ FOOT_STD = 1e-5
 """m/N, of the compliance under the jack, where the key is compliant."""
 LOWEST, HIGHEST = 60.0, 3000.0
 """Hz, bounds of the frequencies."""
+LEAST_DAMPING = 5e-3
+"""Dimensionless, bound of the dampings: that of wood without felt."""
 LARGEST_STEP = 0.45 * np.pi
 """Half the angle of a mode in one step, above which its frequency is not exact."""
 LEAST_PERIODS, CLOSE = 4.0, 1.15
 """Fewest periods of a mode in a press, and least ratio of two frequencies."""
 MOST = 3
 """Largest number of modes."""
+BAND, POINTS = 2.0, 400
+"""Dimensionless, highest frequency that the smoothing leaves times its window; and number of
+frequencies up to it."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +90,7 @@ def mode_parameters(
     known = stds or (frequency / 2, 0.2)
     bounds = {
         "frequency": (max(LOWEST, frequency / 2), min(HIGHEST, frequency * 2), frequency, known[0]),
-        "damping": (1e-3, 0.9, damping, known[1]),
+        "damping": (LEAST_DAMPING, 0.9, damping, known[1]),
         "weight": (-10.0, 10.0, 0.0, WEIGHT_STD),
         "jack_by_finger": (-12.0, 12.0, start.jack_by_finger, SHAPE_STD),
         "jack_by_laser": (-12.0, 12.0, start.jack_by_laser, SHAPE_STD),
@@ -101,9 +107,34 @@ def mode_parameters(
     return found
 
 
+def noise_gain(modes: Sequence[Mode], record: float) -> float:
+    """Return the RMS of a smoothed force residual over that of the white noise of the force.
+
+    The modes are computed from the measured force, whose noise they amplify as far as they ring
+    up in the record [s].
+    """
+    if not modes:
+        return 1.0
+    turn = np.linspace(0.0, 2 * np.pi * BAND / WINDOW, POINTS)[1:]
+    x = turn * WINDOW / 2
+    smoothing = (3 * (np.sin(x) - x * np.cos(x)) / x**3) ** 2
+    gain = np.ones(len(turn), complex)
+    for mode in modes:
+        own = 2 * np.pi * mode.frequency
+        damping = max(mode.damping, 1 / (own * record))
+        gain -= mode.weight * turn**2 / (own**2 - turn**2 + 2j * damping * own * turn)
+    return float(np.sqrt(np.abs(gain) ** 2 @ smoothing / smoothing.sum()))
+
+
 def shortest_record(presses: Sequence[Observed]) -> float:
     """Return the shortest time [s] between the first and the last fitted instant of a press."""
     return min(float(np.ptp(press.time[press.used])) for press in presses)
+
+
+def close_modes(values: Mapping[str, float]) -> bool:
+    """Return whether two modes among the values are too close to be separated."""
+    frequencies = sorted(mode.frequency for mode in modes_of(values))
+    return any(high < CLOSE * low for low, high in pairwise(frequencies))
 
 
 def doubtful_modes(
@@ -111,20 +142,18 @@ def doubtful_modes(
 ) -> list[str]:
     """Return why modes may imitate what else the model lacks; empty where nothing says so."""
     named = dict(zip((p.name for p in free), values.tolist(), strict=True))
-    frequencies = sorted(mode.frequency for mode in modes_of(named))
-    if not frequencies:
-        return []
+    lowest = min((mode.frequency for mode in modes_of(named)), default=np.inf)
     shortest, reasons = shortest_record(presses), []
-    if shortest * frequencies[0] < LEAST_PERIODS:
+    if shortest * lowest < LEAST_PERIODS:
         reasons.append(
-            f"the key's mode at {frequencies[0]:.3g} Hz has {shortest * frequencies[0]:.2g} periods"
+            f"the key's mode at {lowest:.3g} Hz has {shortest * lowest:.2g} periods"
             f" before the release, and {LEAST_PERIODS:g} are needed: press more slowly"
         )
-    reasons += [
-        f"the key's modes at {low:.3g} and {high:.3g} Hz are too close to be separated"
-        for low, high in pairwise(frequencies)
-        if high < CLOSE * low
-    ]
+    if close_modes(named):
+        reasons.append(
+            "two of the key's modes are too close to be separated: tap the key, so that the rig"
+            " states them (sautereau setup tap)"
+        )
     return reasons
 
 

@@ -24,6 +24,7 @@ from sautereau.analysis.identify.parameters import (
     FORCE_GAIN,
     FRICTION,
     LATE_SLIDING,
+    MODE,
     MODULUS,
     OVERLAP,
     RELEASE,
@@ -38,6 +39,7 @@ from sautereau.analysis.identify.parameters import (
 )
 from sautereau.analysis.identify.problem import (
     COARSE,
+    FLOOR,
     TOLERANCE,
     Problem,
     Whitening,
@@ -72,6 +74,10 @@ CHOIR_STD = 0.3
 """Dimensionless, of stiffness and overlap of the plectra of further choirs in the rig."""
 FAR = 10
 """Bounds of these errors, in their standard uncertainties."""
+DEPENDENT = 2.4
+"""Dimensionless, instants per independent value of the smoothed force."""
+COMPLIANT_FLOOR = 0.3
+"""Dimensionless, `FLOOR` of a compliant key."""
 ROUNDS = 3
 """Number of fits, from the second on whitened by the residuals of the one before."""
 
@@ -87,14 +93,20 @@ class Fit:
     """N, RMS force residual with the values of the rig."""
     levelled: bool
     """Whether the zero of each force was free."""
+    moved: Floats | None = None
+    """How far whitening moved the scaled values of a compliant key; None of a rigid one."""
 
     @property
     def excess(self) -> float:
         """Mean square of the whitened residuals: 1 for a correct covariance; at least 1."""
         residuals = self.problem.data(self.values / self.problem.scales)
-        spent = len(self.values) + sum(w.trends.shape[1] for w in self.problem.whitenings)
         # The covariance of the noise is an estimate, so a larger scatter of the residuals counts.
-        return max(1.0, float(residuals @ residuals) / max(1, len(residuals) - spent))
+        return max(1.0, float(residuals @ residuals) / max(1, len(residuals) - self.spent))
+
+    @property
+    def spent(self) -> int:
+        """Number of fitted values: parameters and trends."""
+        return len(self.values) + sum(w.trends.shape[1] for w in self.problem.whitenings)
 
 
 def inverse_dynamics(
@@ -135,7 +147,9 @@ def fit(
     levelled = levelled or coupled_force(dynamics.rig) is not None
     values = np.array([p.start for p in free])
     before, rises = dynamics.residuals(values)
-    noise = white(dynamics, spread(dynamics, before, levelled), levelled)
+    # Correlated residuals count less beside the priors.
+    size = spread(dynamics, before, levelled) * np.sqrt(DEPENDENT)
+    noise = white(dynamics, size, levelled)
     residual_before = rms([f - w.trend(f) for f, w in zip(before, noise, strict=True)])
     tried = _starts(free, starts)
     factor = scatter(rises)
@@ -147,19 +161,52 @@ def fit(
     return Fit(problem_at(dynamics, values, noise, factor), values, residual_before, levelled)
 
 
-def whitened(made: Fit, robust: bool = False) -> Fit:
-    """Return a fit with the correlation of its residuals.
+def refined(made: Fit, robust: bool = False) -> Fit:
+    """Return a fit to the tolerance of a result, for the correlation of its residuals.
 
-    That would hide what the model lacks: a mode of the key that rings through all residuals.
+    Whitening gives most weight to what is rare in the residuals, which a model of few modes
+    describes worst. A compliant key's residuals are whitened in part, and how far this moves the
+    values is part of their uncertainty, as another weight would not move those of a correct model
+    (Hausman 1978).
     """
     dynamics, values, problem = made.problem.dynamics, made.values, made.problem
+    compliant = any(p.name.startswith(MODE) for p in dynamics.free)
+    floor = COMPLIANT_FLOOR if compliant else FLOOR
     for tolerance in [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
         forces, rises = dynamics.residuals(values)
-        noise = _coloured(dynamics, forces, problem.whitenings, made.levelled)
+        left = [f - w.trend(f) for f, w in zip(forces, problem.whitenings, strict=True)]
+        noise = _noise(dynamics, left, dynamics.floor, made.spent, made.levelled, floor)
         problem = problem_at(dynamics, values, noise, scatter(rises))
         _, values = descend(problem, values, robust, tolerance=tolerance)
     problem = problem_at(dynamics, values, problem.whitenings, problem.rise_factor)
-    return replace(made, problem=problem, values=values)
+    moved = (values - made.values) / problem.scales if compliant else None
+    return replace(made, problem=problem, values=values, moved=moved)
+
+
+def informative(made: Fit, jacobian: Floats) -> Floats:
+    """Return rows with the information of data whose residuals are correlated.
+
+    Least squares with a Jacobian J, of residuals with the covariance S, has the information
+    J'J (J'SJ)^-1 J'J on the parameters, whatever their weights (White 1980, Newey and West 1987).
+
+    Args:
+        made: The fit.
+        jacobian: Derivatives of its weighted residuals, shape (n, parameters).
+
+    Returns:
+        Shape (parameters, parameters).
+    """
+    from scipy.linalg import solve_triangular
+
+    dynamics, problem = made.problem.dynamics, made.problem
+    forces, _ = dynamics.residuals(made.values)
+    left = [w(f) for f, w in zip(forces, problem.whitenings, strict=True)]
+    noise = _noise(dynamics, left, DEPENDENT**-0.5, made.spent, levelled=False)
+    basis, mixing = np.linalg.qr(jacobian)
+    parts = np.split(basis, np.cumsum([len(f) for f in left]))
+    shaped = [w.coloured(rows) for w, rows in zip(noise, parts[:-1], strict=True)]
+    variance = sum(rows.T @ rows for rows in [*shaped, parts[-1]])
+    return solve_triangular(np.linalg.cholesky(variance), mixing, lower=True)
 
 
 def _errors(rig: Rig, names: Sequence[str]) -> list[Parameter]:
@@ -234,28 +281,34 @@ def spread(dynamics: InverseDynamics, forces: Sequence[Floats], levelled: bool) 
     return max(rms([f - f.mean() * levelled for f in forces]), dynamics.floor)
 
 
-def _coloured(
-    dynamics: InverseDynamics, forces: Sequence[Floats], noise: Sequence[Whitening], levelled: bool
+def _noise(
+    dynamics: InverseDynamics,
+    left: Sequence[Floats],
+    floor: float,
+    spent: int,
+    levelled: bool,
+    least: float = FLOOR,
 ) -> tuple[Whitening, ...]:
-    """Return whitenings for scale and autocovariance of the residuals.
+    """Return whitenings of residuals without trends, of which `spent` values are fitted.
 
-    Each part of the press has its own scale: an error of the pluck's model is in one only, and on
-    the way back the finger may lose the key and catch it again.
+    The spectrum of the noise is at least the fraction `least` of its mean.
+
+    Each part of the press has its own scale, at least `floor`: an error of the pluck's model is in
+    one only, and on the way back the finger may lose the key and catch it again.
     """
-    left = [f - w.trend(f) for f, w in zip(forces, noise, strict=True)]
-    spent = len(dynamics.free) + sum(w.trends.shape[1] for w in noise)
     parts = [p.part[p.used] for p in dynamics.presses]
-    scales = [np.full(len(f), max(rms(left), dynamics.floor)) for f in left]
+    scales = [np.full(len(f), max(rms(left), floor)) for f in left]
     for part in (FREE, HELD, BACK):
         own = [f[p == part] for f, p in zip(left, parts, strict=True)]
         if sum(map(len, own)) >= LEAST:
             for scale, p in zip(scales, parts, strict=True):
-                scale[p == part] = max(rms(own), dynamics.floor)
+                scale[p == part] = max(rms(own), floor)
     covariance = autocovariance(
         [f / s for f, s in zip(left, scales, strict=True)],
         [p.used for p in dynamics.presses],
         dynamics.presses[0].step,
         spent,
+        least,
     )
     return tuple(
         whitening(p.used, covariance, levelled, s, p.step)

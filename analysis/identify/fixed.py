@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sautereau.analysis.identify.fit import Fit, assumed_std
+from sautereau.analysis.identify.fit import DEPENDENT, Fit, assumed_std
 from sautereau.analysis.identify.parameters import (
     ENDS,
     FORCE,
@@ -44,8 +44,6 @@ CONTACT, LIKELY = "plectrum.contact", 0.4
 this fraction of that on the surface."""
 SUGGESTED = 16.0
 """Reduction of the sum of squares from which freeing is suggested: 4 standard deviations."""
-DEPENDENT = 2.4
-"""Dimensionless, instants per independent value of the smoothed force."""
 
 
 @dataclass(frozen=True)

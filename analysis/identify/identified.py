@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.identify.compliant import fit_presses
+from sautereau.analysis.identify.compliant import INERTIA, fit_presses
 from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
-from sautereau.analysis.identify.fit import Fit, rms
+from sautereau.analysis.identify.fit import Fit, informative, rms
 from sautereau.analysis.identify.fixed import (
     CONTACT,
     SUGGESTED,
@@ -44,6 +44,8 @@ IDENTIFIABLE = 0.025
 its 95 % interval is at most 5 % of the scale either way."""
 SIGNIFICANT = 3.0
 """Standard uncertainties from the rig's value from which a hidden friction is a result."""
+NEAR_BOUND = 1.02
+"""Ratio to a bound of a compliant key's inertia that counts as being at it."""
 LEAST_WEIGHT = 0.1
 """Dimensionless, smallest weight of a parameter that a combination lists."""
 
@@ -166,18 +168,24 @@ def identify(
 def evaluate(made: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
     found, values, good = made.problem, made.values, quality(made)
-    point, excess = values / found.scales, made.excess * good.repetition
-    data = found.jacobian(point, found.data)
-    prior = found.prior_jacobian(point)
-    covariance, known = _covariance(np.vstack([data / np.sqrt(excess), prior]))
+    point = values / found.scales
+    data, prior = found.jacobian(point, found.data), found.prior_jacobian(point)
+    rows = informative(made, data) / np.sqrt(good.repetition)
+    lacking = np.zeros((len(values), len(values)))
+    if made.moved is not None:
+        lacking = np.outer(made.moved, made.moved)
+    covariance, known = _covariance(np.vstack([rows, prior]))
+    covariance += lacking
     stds = np.where(known, np.sqrt(np.diag(covariance)), np.inf)
     made = _with_found_friction(made, stds * found.scales)
     found, dynamics = made.problem, made.problem.dynamics
     suggested = suggestions(made, good.scale)
     doubts = (*_hidden_by_fit(suggested), *doubtful_modes(found.free, values, dynamics.presses))
+    if made.moved is not None:
+        doubts += tuple(_inertia_at_bound(found.free, values))
     good = replace(good, reasons=(*good.reasons, *doubts))
-    alone, seen = _covariance(np.vstack([data / np.sqrt(excess), prior[found.nuisances]]))
-    seen &= np.sqrt(np.diag(alone)) < IDENTIFIABLE
+    alone, seen = _covariance(np.vstack([rows, prior[found.nuisances]]))
+    seen &= np.sqrt(np.diag(alone + lacking)) < IDENTIFIABLE
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
     free = [found.free[k] for k in shown]
     estimates = [
@@ -199,9 +207,7 @@ def evaluate(made: Fit) -> Identified:
         rig=with_parameters(dynamics.rig, {e.name: e.value for e in estimates}),
         estimates=tuple(estimates),
         correlation=correlation[np.ix_(shown, shown)],
-        combinations=tuple(
-            combinations(_apart(data, found, shown) / np.sqrt(excess), [p.name for p in free])
-        ),
+        combinations=tuple(combinations(_apart(rows, found, shown), [p.name for p in free])),
         presses=tuple(press.name for press in dynamics.presses),
         releases=len(rises),
         level=dynamics.level,
@@ -211,7 +217,7 @@ def evaluate(made: Fit) -> Identified:
         force_offsets=tuple(offsets),
         modes=_modes(found, values, stds),
         quality=good,
-        sensitivity=sensitivities(made, data, excess),
+        sensitivity=sensitivities(made, data, made.excess * good.repetition),
         suggested=() if good.fits else suggested,
         warnings=_warnings(estimates, dynamics),
     )
@@ -249,6 +255,17 @@ def _hidden_by_fit(suggested: Sequence[Suggestion]) -> list[str]:
         f" {SUGGESTED:.0f} are allowed: the other parameters imitate it"
         for s in suggested
         if s.name in (FRICTION, CONTACT)
+    ]
+
+
+def _inertia_at_bound(free: Sequence[Parameter], values: Floats) -> list[str]:
+    """Return why modes may imitate the inertia of a compliant key."""
+    return [
+        f"{INERTIA}: the fit reached a bound at {value:.4g} kg m^2, so that the modes imitate it:"
+        " give its range by a prior, or press more slowly"
+        for parameter, value in zip(free, values.tolist(), strict=True)
+        if parameter.name == INERTIA
+        and min(value / parameter.low, parameter.high / value) < NEAR_BOUND
     ]
 
 
@@ -300,6 +317,12 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
                 f" {p.low:.4g} to {p.high:.4g} {p.unit}; widen the range by a prior, or look for"
                 " other errors in the rig"
             )
+    if thrown := sum(press.thrown for press in dynamics.presses):
+        found.append(
+            f"in {thrown} of {len(dynamics.presses)} presses the finger struck the key and threw"
+            " its jack; what precedes the landing is excluded: let the finger rest on the key"
+            " before it presses"
+        )
     if not any(len(press.releases) for press in dynamics.presses):
         found.append("no press has a pluck: plectrum, string and clearance are not identifiable")
     return tuple(found)

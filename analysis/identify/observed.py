@@ -11,25 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.noise import BESIDE_TURN, SLOW, WINDOW, Noise, noise_at_rest
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.acquisition import Channel
+from sautereau.rig.instrument import Key
 from sautereau.rig.schema import Rig
+from sautereau.rig.section import GRAVITY
 from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
 
-WINDOW = 2e-3
-"""s, of the smoothing window."""
 STEP = 0.5e-3
 """s, approximate time between fitted instants."""
 PARTS = 4
 """Instants per step at which the force of the string is evaluated before smoothing."""
 BESIDE_RELEASE = 1.5e-3
 """s, excluded on either side of a release, over which filters spread the force drop."""
-BESIDE_TURN = 4e-3
-"""s, excluded on either side of a reversal or rest of the key, where friction is indeterminate."""
-SLOW = 0.03
-"""Dimensionless, fraction of the largest speed below which the key counts as at rest."""
 BESIDE_DIP = 0.1e-3
 """m, path of the pressing point before the front felt that is excluded as well."""
 CAUGHT = 4.0
@@ -46,8 +43,6 @@ LIFTED = 2.5e-5
 """rad, angle of a key that has left its back rail; at rest, noise moves it by less."""
 RISE_STD = 1e-6
 """m, uncertainty of the rise of a jack, without that of the instant of release."""
-LEAST_REST, AFTER_RETURN = 10e-3, 10e-3
-"""s, shortest rest from which the noise is estimated, and the time after the return before it."""
 FREE, HELD, BACK = range(3)
 """Parts of a press: down without a string, with one, and the way back."""
 LEAST = 20
@@ -91,12 +86,13 @@ class Observed:
     light_force: Floats
     """N, finger force smoothed over a part, without that at rest; shape (samples,)."""
     lifted: float
-    """s after the trigger, at which the key leaves its back rail."""
+    """s after the trigger, at which the key leaves its back rail, or its jack the last flight."""
+    thrown: bool
+    """Whether an impact of the finger threw the jack before."""
     part: NDArray[np.int8]
     """Part of the press at the instants: `FREE`, `HELD` or `BACK`; shape (n,)."""
-    noise: float | None
-    """N, RMS of the smoothed force with that of the acceleration, while the key is at rest; None
-    without a rest."""
+    noise: Noise | None
+    """Of the smoothed force and acceleration, while the key is at rest; None without a rest."""
 
     def force(self, lag: float = 0.0) -> Floats:
         """Return the force [N] at the instants, for a delay `lag` [s] of the force."""
@@ -170,12 +166,17 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     # In rows of the recording, of which `half` come before the first instant.
     first = half - half // part * part
     rows = first + part * np.arange(PARTS * (count - 1) + 2 * (half // part) + 1)
-    motion = Motion(smooth(angle)[at], smooth(velocity)[at] / arm, slope[at] / arm)
+    every, pushed = Motion(smooth(angle), smooth(velocity) / arm, slope / arm), smooth(force)
+    motion = Motion(*(values[at] for values in every))
     releases = np.array([p.release for p in phases.plucks], float)
     stds = np.array([p.release_std for p in phases.plucks], float)
     angles = np.interp(releases, data.index, data["angle"])
     speeds = np.interp(releases, time, smooth(data["jack_speed"].to_numpy()))
     used = _used(press, phases, time[at], motion, shift)
+    contact = min((p.contact for p in phases.plucks), default=time[0])
+    landed = landing(press.rig.key, time[at], motion, contact)
+    if landed is not None:
+        used &= time[at] > landed + WINDOW / 2 + shift
     if used.sum() < LEAST:
         raise AnalysisError(
             f"press {press.path}: the key moves freely in only {int(used.sum())} steps of"
@@ -193,17 +194,16 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         release_stds=np.hypot(stds * speeds, RISE_STD),
         release_speeds=speeds,
         every_time=time,
-        every_force=smooth(force),
-        late_force=_late(smooth(force), press.rate)[at],
+        every_force=pushed,
+        late_force=_late(pushed, press.rate)[at],
         part_time=data.index.to_numpy()[rows],
         part_angle=angle[rows],
         light_time=data.index.to_numpy(),
         light_force=_light(force, part, press.rate),
-        lifted=_lifted(data.index.to_numpy(), angle),
+        lifted=_lifted(data.index.to_numpy(), angle) if landed is None else landed,
+        thrown=landed is not None,
         part=_part(phases, time[at], motion),
-        noise=_noise(
-            press, time, smooth(force), Motion(smooth(angle), smooth(velocity) / arm, slope / arm)
-        ),
+        noise=noise_at_rest(press.rate, time, pushed, every, _clean(press, time, WINDOW / 2)),
     )
 
 
@@ -222,6 +222,30 @@ def _lifted(time: Floats, angle: Floats) -> float:
     return float(max(time[0], 2 * time[first] - time[second]))
 
 
+def landing(key: Key, time: Floats, motion: Motion, contact: float) -> float | None:
+    """Return when the jack that the finger's impact has thrown lands; None without a flight.
+
+    A key that decelerates faster than its jack falls loses it. Until the jack is back, the key has
+    another inertia and other modes.
+
+    Args:
+        key: The key.
+        time: s, shape (n,).
+        motion: Of the key [rad], arrays of shape (n,).
+        contact: s, first contact of a string, which ends the search.
+    """
+    rise, speed = rise_of_angle(key, motion.position), key.jack_arm * motion.velocity
+    thrown = (key.jack_arm * motion.acceleration < -GRAVITY) & (time < contact)
+    landed = None
+    for start in np.flatnonzero(thrown):
+        if landed is None or time[start] >= landed:
+            flown = time[start:] - time[start]
+            flight = rise[start] + speed[start] * flown - GRAVITY / 2 * flown**2
+            down = np.flatnonzero(flight[1:] < rise[start + 1 :])
+            landed = float(time[start + 1 + down[0]]) if len(down) else landed
+    return landed
+
+
 def _light(force: Floats, width: int, rate: float) -> Floats:
     from scipy.ndimage import uniform_filter1d
 
@@ -234,33 +258,6 @@ def _part(phases: Phases, time: Floats, motion: Motion) -> NDArray[np.int8]:
     for pluck in phases.plucks:
         found[(time > pluck.contact) & (time < pluck.release)] = HELD
     return found
-
-
-def _noise(press: Press, time: Floats, force: Floats, motion: Motion) -> float | None:
-    """Return the RMS [N] of the load on a key at rest, without its mean and trend.
-
-    Args:
-        press: The recording.
-        time: s, shape (n,).
-        force: N, smoothed, shape (n,).
-        motion: Smoothed motion of the key, arrays of shape (n,).
-    """
-    key, jack = press.rig.key, press.rig.jack
-    inertia = key.inertia + jack.mass * key.jack_arm**2
-    load = force - inertia / key.press_arm * motion.acceleration
-    speed = np.abs(motion.velocity)
-    moving = time[speed > SLOW * speed.max(initial=0.0)]
-    found = []
-    for rest in (time < moving[0] - BESIDE_TURN, time > moving[-1] + AFTER_RETURN):
-        count = np.count_nonzero(rest)
-        if count < LEAST_REST * press.rate:
-            continue
-        at, left = time[rest] - time[rest].mean(), load[rest] - load[rest].mean()
-        left -= at * (at @ left) / (at @ at)
-        # The smoothing leaves about one independent value in half a window.
-        found.append(float(np.sqrt(left @ left / (count - WINDOW * press.rate))))
-    # After a return the arm may still vibrate.
-    return min(found, default=None)
 
 
 def _used(
@@ -278,9 +275,9 @@ def _used(
     used &= ~_beside(caught, edge / step)
     for pluck in phases.plucks:
         used &= np.abs(time - pluck.release) > BESIDE_RELEASE + edge
+    used &= _clean(press, time, edge)
     coupled, stretch = coupled_force(rig), np.zeros(len(time), int)
     for mark in press.quality_flags:
-        used &= (time < mark.start - edge) | (time > mark.stop + edge)
         if coupled and mark.channel == coupled.name and mark.kind != "drop-out":
             stretch += time > mark.stop
     used &= rig.key.press_arm * motion.position < rig.key.dip - BESIDE_DIP
@@ -288,6 +285,14 @@ def _used(
     used &= ~(down & (rise_of_angle(rig.key, motion.position) < _highest_string(rig)))
     # An AC-coupled force has another level after an overload.
     return used & (stretch == np.argmax(np.bincount(stretch, used)))
+
+
+def _clean(press: Press, time: Floats, edge: float) -> NDArray[np.bool_]:
+    """Return which times are farther than `edge` [s] from every drop-out and overload."""
+    clean = np.ones(len(time), bool)
+    for mark in press.quality_flags:
+        clean &= (time < mark.start - edge) | (time > mark.stop + edge)
+    return clean
 
 
 def coupled_force(rig: Rig) -> Channel | None:

@@ -51,6 +51,18 @@ class Whitening:
         white = _solved(self.factor, residual / self.scale)
         return white - self.trends @ (self.trends.T @ white)
 
+    def coloured(self, columns: Floats) -> Floats:
+        """Return columns whose squares have the sum x' S x, for the covariance S of residuals.
+
+        Args:
+            columns: Of the residuals' unit, shape (n, columns).
+        """
+        scaled, found = columns * self.scale[:, None], np.zeros_like(columns)
+        for row, diagonal in enumerate(self.factor):
+            count = len(scaled) - row
+            found[:count] += diagonal[:count, None] * scaled[row:]
+        return found
+
     def trend(self, residual: Floats) -> Floats:
         """Return the trend [N] in residuals [N], shape (n,)."""
         return self.shapes @ (self.trends.T @ _solved(self.factor, residual / self.scale))
@@ -105,7 +117,11 @@ def _solved(factor: Floats, values: Floats) -> Floats:
 
 
 def autocovariance(
-    residuals: Sequence[Floats], used: Sequence[NDArray[np.bool_]], step: float, spent: int
+    residuals: Sequence[Floats],
+    used: Sequence[NDArray[np.bool_]],
+    step: float,
+    spent: int,
+    floor: float = FLOOR,
 ) -> Floats:
     """Return a positive definite autocovariance of the residuals over the lag in instants.
 
@@ -114,6 +130,7 @@ def autocovariance(
         used: Which of the equidistant instants of each press those are.
         step: s, between instants.
         spent: Number of fitted parameters.
+        floor: Dimensionless, smallest value of the spectrum over its mean.
     """
     from scipy.signal.windows import parzen
 
@@ -132,7 +149,7 @@ def autocovariance(
     means *= total / max(total - spent, 1) * parzen(2 * count - 1)[count - 1 :]
     # With missing pairs the sum may not be positive definite: add white noise.
     spectrum = np.fft.hfft(means, 16 * count)
-    least = FLOOR * float(spectrum.mean())
+    least = floor * float(spectrum.mean())
     means[0] = max(QUIET, float(means[0]) + max(0.0, least - float(spectrum.min())))
     return means
 

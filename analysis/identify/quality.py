@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.identify.fit import Fit, rms
-from sautereau.analysis.identify.observed import BACK, FREE, HELD, WINDOW, Observed
+from sautereau.analysis.identify.noise import WINDOW
+from sautereau.analysis.identify.observed import BACK, FREE, HELD, Observed
 from sautereau.analysis.identify.parameters import FORCE_GAIN, TIME, VELOCITY_GAIN
 from sautereau.trajectory.motion import Floats
 
@@ -22,8 +23,8 @@ HELD_MAX, HELD_STDS = 1.1, 2.0
 of that ratio which are allowed besides; at least the noise at rest is allowed, as the held string
 vibrates: a friction that this hides is found by its own test."""
 REPEATED_MAX, REPEATED_STDS = 0.5, 3.0
-"""Dimensionless, largest repeated part of the residual over the rest of it, and the standard
-deviations of it which are allowed besides."""
+"""Dimensionless, largest repeated part of the residual over the rest of it or over the noise at
+rest, and the standard deviations of it which are allowed besides. It widens the intervals."""
 PRIOR_MAX = 3.0
 """Standard uncertainties by which a calibration may differ from the rig."""
 LONGEST = 9
@@ -81,14 +82,14 @@ def quality(made: Fit) -> Quality:
         for which in (HELD, FREE)
     )
     free = rms(outside)
-    noises = [p.noise for p in dynamics.presses if p.noise is not None]
-    noise = rms([np.array(noises)]) if noises else None
+    noise = dynamics.noise
     reasons = []
     quiet = noise is None or free <= NOISE_MAX * float(np.hypot(noise, dynamics.floor))
     if noise is not None and not quiet:
         reasons.append(
             f"the residual without a string is {free * 1e3:.3g} mN, and the noise at rest"
-            f" {noise * 1e3:.3g} mN: look at the key, such as its bending, and at its frictions"
+            f" {noise * 1e3:.3g} mN: free the key's frictions, and tap the key for its"
+            " modes (sautereau setup tap)"
         )
     instants = sum(map(len, inside))
     held_residual = rms(inside) if instants else None
@@ -98,15 +99,16 @@ def quality(made: Fit) -> Quality:
         if held_residual > max(allowed, noise or 0.0):
             reasons.append(
                 f"the residual while a string is held is {held_residual * 1e3:.3g} mN, and"
-                f" {free * 1e3:.3g} mN without a string: look at plectrum and string"
+                f" {free * 1e3:.3g} mN without a string: free plectrum.friction, and"
+                " measure the string's tension, length and plucking point"
             )
     repeated = _repeated(dynamics.presses, slow, dynamics.floor, period)
     if repeated is not None:
         size, allowed, _ = repeated
-        if size > allowed:
+        if size > max(allowed, REPEATED_MAX * (noise or 0.0)):
             reasons.append(
                 f"{size * 1e3:.3g} mN of the residual repeat from press to press, and noise would"
-                f" leave up to {allowed * 1e3:.3g} mN: the model lacks something"
+                f" leave up to {allowed * 1e3:.3g} mN: free what is suggested"
             )
     offsets = {
         p.name: float((value - p.mean) / p.std)

@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from sautereau.analysis.identify.elastic import Bending, modes_of
+from sautereau.analysis.identify.elastic import Bending, modes_of, noise_gain, shortest_record
 from sautereau.analysis.identify.observed import Observed
 from sautereau.analysis.identify.parameters import (
     CHOIR,
@@ -62,15 +63,22 @@ class InverseDynamics:
     ):
         self.rig, self.free, self.presses, self.level = rig, tuple(free), tuple(presses), level
         self._held: dict[tuple[float, ...], list[_Held]] = {}
+        self._nominal, self._record = _inertia_over_arm(rig), shortest_record(presses)
 
     def with_free(self, free: Sequence[Parameter]) -> "InverseDynamics":
         """Return the same dynamics with other free parameters."""
         return InverseDynamics(self.rig, free, self.presses, self.level)
 
-    @property
+    @cached_property
     def floor(self) -> float:
         """N, smallest scale of the force residuals: the accuracy of the model, not of the data."""
         return MODEL_STD * max(float(np.abs(p.force()[p.used]).max()) for p in self.presses)
+
+    @property
+    def noise(self) -> float | None:
+        """N, RMS of the load on the key at rest, with the rig's inertia; None without a rest."""
+        noises = [p.noise.of_load(self._nominal) for p in self.presses if p.noise is not None]
+        return float(np.sqrt(np.mean(np.square(noises)))) if noises else None
 
     @property
     def rise_stds(self) -> Floats:
@@ -85,8 +93,9 @@ class InverseDynamics:
             point: Values of the parameters [SI].
 
         Returns:
-            Forces [N] at the fitted instants of each press, and the rises at all releases in
-            units of their standard uncertainties.
+            Forces [N] at the fitted instants of each press, of a compliant key scaled so that
+            their noise is that of the rig's rigid one; and the rises at all releases in units of
+            their standard uncertainties.
 
         Raises:
             ModelError: The model has no solution there.
@@ -98,6 +107,8 @@ class InverseDynamics:
         strings = _strings(
             rig, self.level, values, rig.plectrum.friction - self.rig.plectrum.friction
         )
+        modes = modes_of(values)
+        inertia, amplified = _inertia_over_arm(rig), noise_gain(modes, self._record)
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
         forces, rises = [], []
         for press, held in zip(self.presses, self._all_held(rig, strings, values), strict=True):
@@ -110,7 +121,13 @@ class InverseDynamics:
             # In units of the measured force, whose noise is the same for every gain.
             force, seen = finger_force(rig, motion, held.forces), held.seen
             slid = seen * (sliding[0] * seen + sliding[1] * press.late_force)
-            forces.append((seen + slid - force / force_gain)[press.used])
+            residual = (seen + slid - force / force_gain)[press.used]
+            if modes and press.noise is not None:
+                # Otherwise the parameters that hide the noise fit best: a small inertia.
+                noises = press.noise.of_load(self._nominal), press.noise.of_load(inertia, amplified)
+                stated, own = np.hypot(noises, self.floor)
+                residual *= stated / own
+            forces.append(residual)
             rises.append((measured - modelled[:count]) / press.release_stds[:count])
         return forces, np.concatenate(rises)
 
@@ -128,6 +145,12 @@ class InverseDynamics:
         if len(self._held) > KEPT:
             self._held.pop(next(iter(self._held)))
         return found
+
+
+def _inertia_over_arm(rig: Rig) -> float:
+    """Return the inertia [kg m] of the key with its jacks over the lever arm of the finger."""
+    jacks = sum(choir.jack.mass * choir.jack_arm**2 for choir in choirs(rig))
+    return (rig.key.inertia + jacks) / rig.key.press_arm
 
 
 @dataclass(frozen=True)
@@ -235,7 +258,7 @@ def _held(
         return _Held(press.force(lag), smooth, *still)
     every = choirs(rig)
     arms = np.array([choir.jack_arm for choir in every])
-    inertia = key.inertia + float(arms**2 @ [choir.jack.mass for choir in every])
+    inertia = _inertia_over_arm(rig) * key.press_arm
     gain = values.get(FORCE_GAIN, 1.0)
     bending = Bending(modes, press, lag, gain, key.press_arm, inertia)
     # The strings' forces hardly depend on the bending.

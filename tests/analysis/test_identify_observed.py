@@ -8,12 +8,13 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.elastic import Mode, foot_parameter, mode_parameters
 from sautereau.analysis.identify.fit import inverse_dynamics
-from sautereau.analysis.identify.observed import LEAST, observed
+from sautereau.analysis.identify.observed import LEAST, landing, observed
 from sautereau.analysis.identify.parameters import FORCE, MODULUS, NAMES, parameters
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.phases import find_phases
 from sautereau.daq.signals.quality_flags import QualityFlag
+from sautereau.rig.load import load_rig
 from sautereau.trajectory.motion import Motion
 
 
@@ -143,3 +144,16 @@ def test_a_press_until_an_instant_has_the_same_residuals_up_to_it(press):
     forces = dynamics.residuals(point)[0][0]
     count = np.count_nonzero(taken.used[:end])
     np.testing.assert_allclose(until.residuals(point)[0][0], forces[:count], rtol=0, atol=1e-12)
+
+
+def test_a_thrown_jack_lands_after_its_ballistic_flight():
+    """A key that stops at a speed v of its jack gets it back after 2 v / g."""
+    key, speed, stop = load_rig().key, 0.15, 0.02
+    time = np.arange(0, 0.1, 1e-5)
+    rate, halt = speed / key.jack_arm, 5e-4
+    velocity = rate * np.clip((stop - time) / (2 * halt) + 0.5, 0, 1)
+    slope = np.where(np.abs(time - stop) < halt, -rate / (2 * halt), 0.0)
+    motion = Motion(np.cumsum(velocity) * 1e-5, velocity, slope)
+    found = landing(key, time, motion, contact=1.0)
+    assert found == pytest.approx(stop + 2 * speed / 9.81, abs=1.5e-3)
+    assert landing(key, time, motion, contact=stop / 2) is None
