@@ -7,7 +7,8 @@ import numpy as np
 
 from sautereau.analysis.phases.event_fit import EventFit, Fitted
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.signals import Signals
+from sautereau.analysis.phases.response import Orders
+from sautereau.analysis.phases.signals import FORCE_FLOOR, VELOCITY_FLOOR, Signals
 from sautereau.trajectory.motion import Floats
 
 BEFORE, AFTER = 4e-3, 2.5e-3
@@ -26,6 +27,10 @@ presses of the independent simulator, and tested on others."""
 REACH, TRIED, STARTS = 3.0, 20, 4
 """Standard deviations up to which instants are tried; their number; and that of parts of this
 range, in each of which a search starts from the best one."""
+SMOOTH: Orders = (2,)
+SUDDEN: Orders = (2, 1)
+"""Powers of time with which force and velocity begin: both of any key; and of one that hardly
+bends, whose jack stands on a hard cloth."""
 SAME, UNLIKELY = 2e-6, 25.0
 """s, difference of equal instants; and of twice the logarithm of a probability that is ignored."""
 
@@ -38,6 +43,7 @@ def refine_event(
     after: float,
     until: float,
     others: Sequence[float] = (),
+    begins: Sequence[Orders] = (SMOOTH,),
 ) -> Release:
     """Return the instant of a release, fitted to the samples around it.
 
@@ -54,6 +60,7 @@ def refine_event(
         after: s after the trigger, before which nothing is used.
         until: s after the trigger, after which nothing is used.
         others: s after the trigger, approximate instants of other releases.
+        begins: Powers of time with which the signals may begin.
     """
     samples = max(1, round(ROW * signals.rate))
     begin, end = max(after, near - BEFORE), min(until, near + AFTER)
@@ -64,15 +71,19 @@ def refine_event(
     fit = EventFit(signals, stretch, samples, events, np.full(len(events), std))
     tried = np.tile(events - near, (TRIED, 1))
     tried[:, 0] = np.linspace(-REACH, REACH, TRIED) * std
-    chi2, poles = fit.scan(tried, np.zeros(0, complex))
-    best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(TRIED), STARTS)]
-    chains = _different([fit.refine(tried[i], poles[i : i + 1]) for i in best])
+    chains: list[Fitted] = []
+    for orders in begins:
+        chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
+        best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(TRIED), STARTS)]
+        chains += _different([fit.refine(tried[i], poles[i : i + 1], orders) for i in best])
     fits = [*chains]
     for _ in range(MOST_MODES - 1):
         fit.weigh(min(chains, key=fit.chi2))
-        further = [fit.scan(f.instants[None], f.poles)[1] for f in chains]
+        further = [fit.scan(f.instants[None], f.poles, f.orders)[1] for f in chains]
         pairs = zip(chains, further, strict=True)
-        chains = _different([fit.refine(f.instants, np.append(f.poles, p)) for f, p in pairs])
+        chains = _different(
+            [fit.refine(f.instants, np.append(f.poles, p), f.orders) for f, p in pairs]
+        )
         fits += chains
     fit.weigh(min(chains, key=fit.chi2))
 
@@ -81,7 +92,7 @@ def refine_event(
 
     score = scores()
     fits = [
-        fit.refine(fits[i].instants, fits[i].poles)
+        fit.refine(fits[i].instants, fits[i].poles, fits[i].orders)
         for i in np.argsort(score)
         if score[i] < score.min() + UNLIKELY
     ]
@@ -103,10 +114,30 @@ def refine_event(
     )
 
 
+def resolved(signals: Signals, near: float) -> bool:
+    """Return whether small residuals of a release near a time [s] show modes.
+
+    They do not where a signal is missing or interpolated; where the noise is below its floor, so
+    that they are errors of the model; nor where samples are longer than a block, so that they are
+    the converter's filter.
+    """
+    around = slice(max(0, signals.sample(near - BEFORE)), signals.sample(near + AFTER))
+    return (
+        signals.missing is None
+        and signals.rate * ROW >= 1
+        and signals.force_noise > FORCE_FLOOR
+        and signals.velocity_noise > VELOCITY_FLOOR
+        and not (signals.no_force[around] | signals.no_velocity[around]).any()
+    )
+
+
 def _different(fits: list[Fitted]) -> list[Fitted]:
-    """Return fits without those that end at the same instants."""
+    """Return fits without those that begin alike and end at the same instants."""
     found: list[Fitted] = []
     for fitted in fits:
-        if all(np.abs(fitted.instants - other.instants).max() > SAME for other in found):
+        if all(
+            fitted.orders != other.orders or np.abs(fitted.instants - other.instants).max() > SAME
+            for other in found
+        ):
             found.append(fitted)
     return found

@@ -7,12 +7,12 @@ for these, for which a search starts (`levenberg`), after elimination of the lin
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 from sautereau.analysis.phases.levenberg import minimise, orthonormal
-from sautereau.analysis.phases.response import Poles, Response, pole
+from sautereau.analysis.phases.response import Orders, Poles, Response, curves, pole
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
@@ -44,6 +44,8 @@ class Fitted:
     """s, of the events after the origin."""
     poles: Poles
     """1/s, of the modes."""
+    orders: Orders
+    """Powers with which the signals begin."""
     left: Floats
     """Residuals over the ranges of the signals, shape (2, n)."""
     far: float
@@ -130,21 +132,22 @@ class EventFit:
         """Dimensionless, largest variance of the residuals over that of the white noise."""
         return float(((self._noise / self._white) ** 2).max())
 
-    def scan(self, instants: Floats, poles: Poles) -> tuple[Floats, Poles]:
+    def scan(self, instants: Floats, poles: Poles, orders: Orders) -> tuple[Floats, Poles]:
         """Return chi2 and the best further pole of the table [1/s].
 
         Args:
             instants: s, of the events; shape (k, events).
             poles: 1/s.
+            orders: Powers with which force and velocity begin.
 
         Returns:
             Both of shape (k,).
         """
         n = self.load.shape[1]
-        solved = self._solved(instants, poles)
+        solved = self._solved(instants, poles, orders)
         base = solved.base[..., :n, :]
-        white = self._weight[..., None] * self._columns(instants, self._table)[:, None]
-        white = white.reshape(*white.shape[:3], instants.shape[1], -1)[..., 0, 1:]
+        white = self._weight[..., None] * self._columns(instants, self._table, orders)
+        white = white.reshape(*white.shape[:3], instants.shape[1], -1)[..., 0, curves(orders) :]
         white = white - base @ (base.swapaxes(-1, -2) @ white)
         a, b = np.split(white, 2, axis=-1)
         left = solved.left[..., :n, None]
@@ -158,8 +161,8 @@ class EventFit:
         chi2 = (solved.left**2).sum((1, 2)) + far.sum(1) - gain.max(1)
         return chi2, self._table[np.argmax(gain, 1)]
 
-    def refine(self, instants: Floats, poles: Poles) -> Fitted:
-        """Return the best fit near instants [s] of the events and poles [1/s]."""
+    def refine(self, instants: Floats, poles: Poles, orders: Orders) -> Fitted:
+        """Return the best fit near instants [s] and poles [1/s], with the orders of `scan`."""
         events, modes, turn = len(instants), len(poles), np.abs(poles)
         state = np.concatenate([instants, np.log(turn), np.log(-poles.real / turn)])
         highest = 2 * math.pi * HIGHEST_REFINED / self._response.step
@@ -168,7 +171,7 @@ class EventFit:
 
         def evaluate(state: Floats) -> tuple[Floats, _Solved]:
             instants, poles = self._split(state)
-            solved = self._solved(instants, poles)
+            solved = self._solved(instants, poles, orders)
             far = (instants - self._expected) / self._stds
             return np.concatenate([solved.left.ravel(), far]), solved
 
@@ -176,14 +179,14 @@ class EventFit:
             return np.append(state[:events], np.clip(state[events:], low, high))
 
         longest = np.repeat(LONGEST, [events, modes, modes])
-        found = minimise(
-            state, evaluate, self._slopes, lambda *_: True, bounded, longest, CONVERGED
-        )
+        slopes = partial(self._slopes, orders)
+        found = minimise(state, evaluate, slopes, lambda *_: True, bounded, longest, CONVERGED)
         normal = found.normal
         inverse = np.linalg.inv(normal + np.diag(RIDGE * np.diag(normal) + RIDGE))
         left = found.found.left[:, : self.load.shape[1]]
         return Fitted(
             *self._split(found.state),
+            orders,
             left * self._noise,
             found.chi2 - float((left**2).sum()),
             float(inverse[0, 0]),
@@ -196,18 +199,18 @@ class EventFit:
         turn, damping = np.exp(state[events:]).reshape(2, -1)
         return state[:events], turn * (-damping + 1j * np.sqrt(1 - damping**2))
 
-    def _columns(self, instants: Floats, poles: Poles) -> Floats:
-        """Return the columns of all events, shape (..., n, events (1 + 2 modes))."""
-        event = self._response.event(instants, poles).swapaxes(-2, -3)
+    def _columns(self, instants: Floats, poles: Poles, orders: Orders) -> Floats:
+        """Return the columns of all events, shape (..., orders, n, events (curves + 2 modes))."""
+        event = np.moveaxis(self._response.event(instants, poles, orders), -4, -2)
         return event.reshape(*event.shape[:-2], -1)
 
-    def _solved(self, instants: Floats, poles: Poles) -> _Solved:
+    def _solved(self, instants: Floats, poles: Poles, orders: Orders) -> _Solved:
         """Return the fits with instants [s], shape (..., events), and poles [1/s]."""
-        event, before = self._columns(instants, poles), self._response.before(poles)
-        n, known, rows = *before.shape, _prior(instants.shape[-1], len(poles))
-        columns = np.empty((*event.shape[:-2], len(self.load), n + len(rows), len(rows)))
+        event, before = self._columns(instants, poles, orders), self._response.before(poles)
+        n, known, rows = *before.shape, _prior(instants.shape[-1], len(poles), curves(orders))
+        columns = np.empty((*event.shape[:-3], len(self.load), n + len(rows), len(rows)))
         columns[..., :n, :known] = before
-        columns[..., :n, known:] = event[..., None, :, :]
+        columns[..., :n, known:] = event
         columns[..., :n, :] *= self._weight[..., None]
         columns[..., n:, :] = rows
         target = np.zeros(columns.shape[:-1])
@@ -217,16 +220,16 @@ class EventFit:
         left = target - (base @ of)[..., 0]
         return _Solved(left, (inverse @ of)[..., 0], base)
 
-    def _slopes(self, state: Floats, solved: _Solved) -> Floats:
+    def _slopes(self, orders: Orders, state: Floats, solved: _Solved) -> Floats:
         """Return the derivatives of the residuals by the state (Kaufman's approximation)."""
         instants, poles = self._split(state)
-        events, m = len(instants), len(poles)
-        by_instant, by_pole, early = self._response.slopes(instants, poles)
+        events, m, curve = len(instants), len(poles), curves(orders)
+        by_instant, by_pole, early = self._response.slopes(instants, poles, orders)
         before, event = solved.factors[:, : 3 + 2 * m], solved.factors[:, 3 + 2 * m :]
         event = event.reshape(2, events, -1)
-        of_instants = np.einsum("enk,sek->sne", by_instant, event)
-        modes = event[..., 1 : 1 + m] - 1j * event[..., 1 + m :]
-        change = np.einsum("enm,sem->snm", by_pole, modes)
+        of_instants = (by_instant @ event.swapaxes(0, 1)[..., None])[..., 0].transpose(1, 2, 0)
+        modes = event[..., curve : curve + m] - 1j * event[..., curve + m :]
+        change = (by_pole * modes.swapaxes(0, 1)[:, :, None]).sum(0)
         change = change + early * (before[:, None, 3 : 3 + m] - 1j * before[:, None, 3 + m :])
         turn = np.abs(poles)
         damping = -poles.real / turn
@@ -242,8 +245,8 @@ class EventFit:
 
 
 @lru_cache
-def _prior(events: int, modes: int) -> Floats:
+def _prior(events: int, modes: int, curves: int) -> Floats:
     """Return the rows of the priors of linear factors, shape (columns, columns)."""
-    of_event = np.repeat([CURVE_STD, RING_STD], [1, 2 * modes])
+    of_event = np.repeat([CURVE_STD, RING_STD], [curves, 2 * modes])
     of_before = np.repeat([PARABOLA_STD, BEFORE_STD], [3, 2 * modes])
     return np.diag(1 / np.concatenate([of_before, *[of_event] * events]))

@@ -13,7 +13,7 @@ from sautereau.analysis.phases.compliant import (
     compliant_plucks,
 )
 from sautereau.analysis.phases.contact import Contact, find_contact
-from sautereau.analysis.phases.event import refine_event
+from sautereau.analysis.phases.event import SMOOTH, SUDDEN, refine_event, resolved
 from sautereau.analysis.phases.expected import Expected, expected
 from sautereau.analysis.phases.found import GOOD, Fit
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
@@ -42,9 +42,10 @@ SETTLED = 3
 """Rows from a release to the earliest contact with the next string."""
 RIGID_NOISE = 10.0
 """Variance of the residuals over the noise below which a rigid key explains the load."""
-RINGING, NEAR = 8.0, 0.7e-3
-"""The same at a release, where a key rings most, and beyond which its modes are fitted; and s,
-standard uncertainty of a release before that."""
+RINGING, STEP, NEAR = 8.0, 1.8, 0.7e-3
+"""The same at a release, where a key rings most, and beyond which its modes are fitted; 6 standard
+deviations above 1, beyond which they are where `resolved`; and s, standard uncertainty of a release
+before that."""
 BENT = 300.0
 """The same, from which on what looks like a pluck of a rigid key is none."""
 REACHED = 0.5
@@ -163,10 +164,7 @@ def _explained(
     typical = max if surplus else min
     if found and typical(c.noise for c, _ in found) < most:
         ends = float(signals.time[begin]), float(signals.time[end])
-        sharp = [
-            (c, r if r.noise < RINGING else refine_event(signals, r.time, NEAR, r.fall, *ends))
-            for c, r in found
-        ]
+        sharp = [(c, _with_modes(signals, r, c.noise, ends)) for c, r in found]
         sharp = [_with_residual(c, r) if c.noise > GOOD else (c, r) for c, r in sharp]
         return Found(sharp, Fit("rigid", _noise(sharp)))
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
@@ -174,6 +172,21 @@ def _explained(
     if found and not far and all(c.std < LEAST_STD and r.noise < RINGING for c, r in exact):
         return Found(exact, Fit("rigid", _noise(found), negligible=True))
     return None
+
+
+def _with_modes(
+    signals: Signals, release: Release, noise: float, ends: tuple[float, float]
+) -> Release:
+    """Return a release that is no mere step of the load, fitted with the modes that it excites.
+
+    Its residuals must exceed those at the contact, where nothing rings.
+    """
+    least = min(RINGING, max(STEP, noise)) if resolved(signals, release.time) else RINGING
+    if release.noise < least:
+        return release
+    found = refine_event(signals, release.time, NEAR, release.fall, *ends, begins=(SMOOTH, SUDDEN))
+    # In the load what a rigid key's inertia explains is no residual, as it is in both signals.
+    return replace(found, noise=min(found.noise, release.noise))
 
 
 def _noise(found: list[tuple[Contact, Release]]) -> float:

@@ -3,7 +3,8 @@
 A key bends and heaves, its jack stands on cloth, the transducer resonates: what the laser and the
 transducer show of a release is the step of the string's force, convolved with the response of all
 these. It is a sum of exponentials exp(p t) with poles p, which are found together with the instant
-of the event. All these have inertia, so that neither the signals nor their slopes jump.
+of the event. All these have inertia, so that neither the signals nor their slopes jump: they begin
+with t^2. Only the velocity of a key that hardly bends, with a jack on a hard cloth, begins with t.
 """
 
 import math
@@ -16,9 +17,13 @@ from numpy.typing import NDArray
 from sautereau.trajectory.motion import Floats
 
 Poles = NDArray[np.complex128]
+Orders = tuple[int, ...]
+"""Powers of time with which signals begin: one for all, or one for each."""
 
 SCALE = 1e-2
 """s, after which a curve of coefficient 1 has reached 1."""
+CURVE = 2
+"""Power of the curve of an event."""
 
 
 def pole(frequency: float, damping: float) -> complex:
@@ -60,45 +65,76 @@ class Response:
         waves = np.exp((self.time - self.time[0])[:, None] * poles)
         return np.concatenate([u**0, u, u**2, _pairs(waves)], 1)
 
-    def event(self, instants: Floats, poles: Poles) -> Floats:
-        """Return the curve and the modes from each instant on.
+    def event(self, instants: Floats, poles: Poles, orders: Orders) -> Floats:
+        """Return the curves and the modes from each instant on, which grow as a power of time.
 
-        A mode is exp(p t) - 1 - p t, of which a column holds the real, another the imaginary part.
+        A mode is exp(p t) less the terms of its power series below that power, of which a column
+        holds the real, another the imaginary part.
 
         Args:
             instants: s, any shape.
             poles: 1/s, shape (modes,).
+            orders: The powers.
 
         Returns:
-            Shape (..., n, 1 + 2 modes).
+            Shape (..., orders, n, curves + 2 modes), curves as of `curves`.
         """
         t = self._since(instants)[..., None]
-        waves = (self._waves(instants, poles) - 1) / poles - t * (1 + poles / 2 * t)
-        curve = t**3 / (3 * SCALE**2)
-        return np.diff(np.concatenate([curve, _pairs(waves)], -1), axis=-2) / self.step
+        waves, powers = self._waves(instants, poles), _powers(orders)
+        each = []
+        for order in orders:
+            curve = SCALE * (powers >= order) * (t / SCALE) ** (powers + 1) / (powers + 1)
+            mode = _without(order + 1, waves, poles * t) / poles
+            each.append(np.concatenate([curve, _pairs(mode)], -1))
+        ends: Floats = np.stack(each, -3)
+        return np.diff(ends, axis=-2) / self.step
 
-    def slopes(self, instants: Floats, poles: Poles) -> tuple[Floats, Poles, Poles]:
+    def slopes(self, instants: Floats, poles: Poles, orders: Orders) -> tuple[Floats, Poles, Poles]:
         """Return the derivatives of the columns of events, and of ringing from before.
 
         Args:
             instants: s, shape (events,).
             poles: 1/s, shape (modes,).
+            orders: As of `event`.
 
         Returns:
-            Of each event by its instant, shape (events, n, 1 + 2 modes); of its complex modes
-            by their poles, shape (events, n, modes); of those from before, shape (n, modes).
+            Of each event by its instant, shape (events, orders, n, curves + 2 modes); of its
+            complex modes by their poles, shape (events, orders, n, modes); of those from before,
+            shape (n, modes).
         """
         t = self._since(instants)[..., None]
-        waves = self._waves(instants, poles)
-        curve = t**2 / SCALE**2
-        by_instant = np.concatenate([curve, _pairs(waves - 1 - poles * t)], -1)
-        by_pole = (t * waves - (waves - 1) / poles) / poles - t**2 / 2
+        waves, powers = self._waves(instants, poles), _powers(orders)
+        by_instant, by_pole = [], []
+        for order in orders:
+            curve = (powers >= order) * (t / SCALE) ** powers
+            mode = _without(order, waves, poles * t)
+            by_instant.append(np.concatenate([curve, _pairs(mode)], -1))
+            by_pole.append((t * mode - _without(order + 1, waves, poles * t) / poles) / poles)
         early = (self.time - self.time[0])[:, None]
+        instant_ends: Floats = np.stack(by_instant, -3)
+        pole_ends: Poles = np.stack(by_pole, -3)
         return (
-            -np.diff(by_instant, axis=-2) / self.step,
-            np.diff(by_pole, axis=-2) / self.step,
+            -np.diff(instant_ends, axis=-2) / self.step,
+            np.diff(pole_ends, axis=-2) / self.step,
             early * np.exp(early * poles),
         )
+
+
+def curves(orders: Orders) -> int:
+    """Return the number of curves of an event: t^2, and t if a signal begins with that."""
+    return len(_powers(orders))
+
+
+def _powers(orders: Orders) -> NDArray[np.int64]:
+    return np.arange(min(orders), CURVE + 1)
+
+
+def _without(terms: int, waves: Poles, z: Poles) -> Poles:
+    """Return waves = exp(z) less the first terms of its power series, at least one."""
+    series = np.ones_like(z)
+    for k in range(terms - 1, 0, -1):
+        series = 1 + z / k * series
+    return waves - series
 
 
 def _pairs(waves: Poles) -> Floats:
