@@ -1,9 +1,9 @@
 """Search for plucks: from contact to release the load grows with the jack's rise, then collapses.
 
 Every pair of a contact and a release is tried against the load that a key without a string leaves,
-by cumulative sums of products with saw-teeth. Ringing of key, jack and transducer hardly changes
-these sums, as it changes sign while the string is held. The best pair is added, all instants are
-refined, and the search is repeated for as many strings as the rig has.
+by cumulative sums of products with saw-teeth (`pairs`). Ringing of key, jack and transducer hardly
+changes these sums, as it changes sign while the string is held. The best pair is added, all
+instants are refined, and the search is repeated for as many strings as the rig has.
 """
 
 from dataclasses import dataclass
@@ -11,28 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.phases.expected import Expected
-from sautereau.analysis.phases.saw_teeth import (
-    CLIMB_STD,
-    CONTACT_STD,
-    DOUBT,
-    SawTeeth,
-    Solved,
-    noise_around,
-)
+from sautereau.analysis.phases.pairs import APART, LEAST_RISE, pair_gains
+from sautereau.analysis.phases.saw_teeth import DOUBT, SawTeeth, Solved, noise_around
 from sautereau.analysis.phases.slow import MOST_COMPLIANT, Slow
 from sautereau.trajectory.motion import Floats
 
 NOISE, LEAST_NOISE, CORRELATED = 0.015, 2e-3, 2.0
 """N, of a smoothed row, of unmodelled vibration, at first and at least; it weights the priors.
 Later it is the rms of the residuals, times this factor as neighbouring rows are correlated."""
-LEAST_RISE = 0.25e-3
-"""m, least rise of the jack from contact to release."""
-MOST_ROWS = 300
-"""Rows in which pairs are tried."""
-APART = 0.5
-"""Least widths between two releases."""
-ANYWHERE = 0.1
-"""Weight of a pair that is far from what the rig says."""
 SIGNIFICANCE = 6.0
 """Least reduction of chi2 by a pluck over the noise around it, and over its deviation from the
 rig."""
@@ -236,57 +222,12 @@ class _Search:
         that the rig says.
         """
         fit, slow, strings = self._fit, self._fit.slow, self._fit.strings
-        left, rows = solved.load, len(solved.load)
-        base = np.concatenate([fit.base[:rows], solved.base[:rows]], 1)
-        size = max(1, -(-len(left) // MOST_ROWS))
-        n = len(left) // size
-
-        def sums(column: Floats) -> Floats:
-            return column[: n * size].reshape(n, size, *column.shape[1:]).sum(1)
-
-        time, rise = sums(slow.time) / size, sums(fit.at) / size
-        low, high = np.arange(n)[:, None], np.arange(n)[None, :]
-        weight = fit.weight
-        climbed = rise[None, :] - rise[:, None]
-
-        def product(column: Floats) -> Floats:
-            """Return the products of a column with every saw-tooth, shape (contacts, releases)."""
-            alone, risen = _before(column), _before(column * rise)
-            return (
-                risen[None, :] - risen[:, None] - rise[:, None] * (alone[None, :] - alone[:, None])
-            )
-
-        heavy = sums(weight**2)
-        alone, squared, count = (_before(heavy * rise**k) for k in (1, 2, 0))
-        square = (
-            squared[None, :]
-            - squared[:, None]
-            - 2 * rise[:, None] * (alone[None, :] - alone[:, None])
-        )
-        square = square + rise[:, None] ** 2 * (count[None, :] - count[:, None])
-        least = 1e-2 * square
-        # The sum over the columns of the base of their squared products, which is most of the work.
-        columns, at = sums(weight[:, None] * base), rise[:, None]
-        alone, risen = _before(columns), _before(columns * at)
-        own = risen - at * alone
-        square -= (own**2).sum(1)[:, None] - 2 * (own @ risen.T - at * (own @ alone.T))
-        square -= (risen**2).sum(1) - 2 * at * (risen * alone).sum(1) + at**2 * (alone**2).sum(1)
-        of_load = product(sums(weight * left))
-        possible = (high > low + 3) & (climbed > LEAST_RISE) & (of_load > 0) & (square > least)
-        possible &= time < time[-1] - slow.width
-        for release in found[:, 1]:
-            possible &= np.abs(time[None, :] - release) > APART * slow.width
-        gain = np.where(possible, of_load**2 / np.where(possible, square, 1.0), 0.0)
-        weight = np.zeros_like(gain)
-        for contact, climb in zip(strings.contacts, strings.climbs, strict=True):
-            far = ((rise - contact)[:, None] / CONTACT_STD) ** 2
-            far = far + (np.log(np.maximum(climbed, 1e-5) / climb) / CLIMB_STD) ** 2
-            weight = np.maximum(weight, np.exp(-far / 2))
-        gain *= ANYWHERE + (1 - ANYWHERE) * weight
+        every = pair_gains(fit, found, solved)
+        time, rise, gain = every.time, every.rise, every.gain.copy()
         pairs: list[tuple[int, int]] = []
         for contact in strings.contacts if len(found) < len(strings.contacts) else ():
             row = int(np.searchsorted(rise, contact))
-            if row < n and gain[row].max() > 0:
+            if row < len(rise) and gain[row].max() > 0:
                 pairs.append((row, int(np.argmax(gain[row]))))
         for _ in range(STARTS):
             first, last = np.unravel_index(int(np.argmax(gain)), gain.shape)
@@ -310,8 +251,3 @@ class _Search:
             split[[strongest, -1], 1] += np.array([-1, 1]) * slow.width
             starts.append(split)
         return starts
-
-
-def _before(column: Floats) -> Floats:
-    """Return the sums of all rows before each row."""
-    return np.cumsum(column, axis=0) - column
