@@ -75,6 +75,7 @@ class SawTeeth:
         strings: Of the rig.
         releases: s, of the plucks with their standard uncertainties, shape (plucks, 2), where they
             are known from elsewhere.
+        unexplained: N, further error of each row, shape (rows,).
     """
 
     def __init__(
@@ -84,12 +85,13 @@ class SawTeeth:
         noise: float,
         strings: Expected,
         releases: Floats | None = None,
+        unexplained: Floats | float = 0.0,
     ):
         self.slow, self.compliance, self.strings = slow, compliance, strings
         self._noise, self._releases = noise, releases
         self.rise = slow.rise(compliance)
         """m, of the jack at the blocks."""
-        self.weight = noise / np.hypot(noise, slow.error(slow.time))
+        self.weight = noise / np.hypot(np.hypot(noise, unexplained), slow.error(slow.time))
         """Of the rows, less where there are impacts and ringing."""
         self.load = self.weight * slow.load(compliance)
         """N, weighted."""
@@ -241,22 +243,33 @@ class SawTeeth:
         if not len(plucks):
             return [], []
         slopes, rig = self._slopes(plucks, solved)
-        rows = np.searchsorted(self.slow.time, plucks)
-        noises = [noise_around(solved.load, *pair) for pair in rows.tolist()]
+        noises = self.noises(plucks, solved)
         inverse = np.linalg.pinv(slopes.T @ slopes / max(noises) + rig.T @ rig, hermitian=True)
         return np.sqrt(np.maximum(np.diag(inverse), 0.0)).reshape(-1, 2).tolist(), [
             n / self._noise**2 for n in noises
         ]
 
-    def refined(self, plucks: Floats) -> tuple[Floats, Solved, float]:
-        """Return better instants near those of plucks, shape (plucks, 2), their fit, its chi2."""
+    def noises(self, plucks: Floats, solved: Solved) -> list[float]:
+        """Return the variance [N^2] of the residuals around each pluck."""
+        rows = np.searchsorted(self.slow.time, plucks)
+        return [noise_around(solved.load, *pair) for pair in rows.tolist()]
+
+    def refined(
+        self, plucks: Floats, variance: float | None = None
+    ) -> tuple[Floats, Solved, float]:
+        """Return better instants near those of plucks, shape (plucks, 2), their fit, its chi2.
+
+        Args:
+            plucks: s, contacts and releases, shape (plucks, 2).
+            variance: N^2, in units of which the squared deviations from the rig count; that of the
+                residuals around the last pluck if it is not given.
+        """
         solved = self.solved(plucks)
         if not len(plucks):
             return plucks, solved, solved.chi2
-        rows = np.searchsorted(self.slow.time, plucks[-1])
-        weight = math.sqrt(noise_around(solved.load, *rows.tolist()))
-
-        start = plucks.ravel()
+        if variance is None:
+            variance = self.noises(plucks[-1:], solved)[0]
+        weight, start = math.sqrt(variance), plucks.ravel()
 
         def evaluate(state: Floats) -> tuple[Floats, Solved]:
             trial = state.reshape(-1, 2)
