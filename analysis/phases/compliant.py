@@ -147,9 +147,9 @@ def _with_releases(
 
     An error of a release in the smoothed load causes an error of its contact. The load is not
     explained equally well everywhere, so it is fitted several times: each fit after the first one
-    weights the rows by the local rms of the residuals of the fit before. A contact is the mean of
-    all fits, and its uncertainty contains their scatter. Strings that are held at once are fitted
-    once, since rows that show a wrong contact of one of them would lose their weight.
+    weights the rows by the local rms of the residuals of the fit before. Strings that are held at
+    once are fitted once, since rows that show a wrong contact of one of them would lose their
+    weight.
     """
     growths = searched.growths
     short = any(r.time - g.contact < SHORTEST for g, r in zip(growths, releases, strict=True))
@@ -160,18 +160,15 @@ def _with_releases(
     fit = SawTeeth(slow, searched.compliance, noise, strings, known)
     start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
     plucks, solved = _with_better_contacts(fit, *fit.refined(start)[:2])
-    fits = [(plucks[:, 0], fit.stds(plucks, solved)[0])]
     together = (plucks[1:, 0] < plucks[:-1, 1]).any()
     for _ in range(0 if together else REWEIGHTED):
         square = uniform_filter1d((solved.row_residuals / fit.weight) ** 2, AROUND, mode="nearest")
         error = UNEXPLAINED * np.sqrt(np.maximum(square, 0.0))
         fit = SawTeeth(slow, searched.compliance, noise, strings, known, error)
         plucks, solved, _ = fit.refined(plucks)
-        fits.append((plucks[:, 0], fit.stds(plucks, solved)[0]))
-    contacts = np.array([contact for contact, _ in fits])
-    stds = np.hypot(np.array([std for _, std in fits])[..., 0].mean(0), contacts.std(0))
-    each = zip(growths, contacts.mean(0).tolist(), stds.tolist(), strict=True)
-    return tuple(replace(g, contact=contact, contact_std=std) for g, contact, std in each)
+    stds, _ = fit.stds(plucks, solved)
+    contacts = zip(growths, plucks[:, 0].tolist(), stds, strict=True)
+    return tuple(replace(g, contact=contact, contact_std=std) for g, contact, (std, _) in contacts)
 
 
 def _with_better_contacts(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
