@@ -62,7 +62,7 @@ class Input:
     def limits(self) -> tuple[float, float]:
         """Requested lowest and highest value, V."""
         if math.isnan(self.low + self.high):
-            raise DaqmxError(-200695, f"Set AI.Min and AI.Max of {self.terminal}, which were reset.")
+            raise DaqmxError(-200695, f"Set the limits of {self.terminal}, which were reset.")
         low, high = ((limit - self.zero) * self.volts_per_unit for limit in (self.low, self.high))
         return min(low, high), max(low, high)
 
