@@ -7,7 +7,7 @@ import pymunk
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.finger import Reference, StandingFinger
+from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver, impulse_of
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.key import StiffKey
@@ -35,7 +35,7 @@ def touching_angle(rig: Rig, centre: Floats) -> Floats:
     return contact_angle(height, centre)
 
 
-class IdealFinger(StandingFinger, SteppedFinger):
+class IdealFinger(SteppedFinger):
     """A fingertip of prescribed motion.
 
     The key's angle is never below that of contact with the fingertip. In each step a kinematic
