@@ -46,25 +46,6 @@ class Imported:
     """What is doubtful about the samples, and how to fix it."""
 
 
-def targets(files: list[Path], out: Path) -> list[tuple[Path, Path]]:
-    """Return each file with the recording to write.
-
-    Args:
-        files: Files of other programs.
-        out: Recording, or existing folder.
-
-    Raises:
-        RecordingError: Several files would become one recording.
-    """
-    pairs = [(file, out / f"{file.stem}.mcap" if out.is_dir() else out) for file in files]
-    if len({target for _, target in pairs}) < len(pairs):
-        raise RecordingError(
-            f"import into {out}: several of the {len(files)} files would become one recording; give"
-            " an existing folder, and files with different names"
-        )
-    return pairs
-
-
 def import_file(
     path: Path, out: Path, *, rig: Rig | None, options: ImportOptions, notes: str = ""
 ) -> Imported:
@@ -231,18 +212,13 @@ def _recording(
     try:
         with recording:
             opened = True
-            _write_volts(recording, volts, first, rig.daq.block)
+            for at in range(0, volts.shape[1], rig.daq.block):
+                recording.write_block(Block(first + at, volts[:, at : at + rig.daq.block]))
             yield recording
     except BaseException:
         if opened:  # the samples are in the imported file
             recording.part_path.unlink(missing_ok=True)
         raise
-
-
-def _write_volts(recording: Recording, volts: Signal, first: int, size: int) -> None:
-    """Write volts of shape (n_channels, n) in blocks; ``first`` is the index of their first."""
-    for at in range(0, volts.shape[1], size):
-        recording.write_block(Block(first + at, volts[:, at : at + size]))
 
 
 def _volts(values: Signal, column: ChannelColumn, rate: float) -> Signal:

@@ -11,6 +11,8 @@ from typing import NamedTuple
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.checksum import crc32
 from sautereau.daq.file.container.records import (
+    CHUNK_INDEX,
+    INDEX_OFFSET,
     LARGEST_CHUNK,
     MAGIC,
     PREFIX,
@@ -22,8 +24,6 @@ from sautereau.daq.file.provenance import PROFILE
 
 _FOOTER = struct.Struct("<BQQQI")  # prefix, summary start, summary offset start, CRC
 _DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before
-_CHUNK_INDEX = struct.Struct("<QQQQI")  # start, end, offset, length, size of the offsets
-_OFFSET = struct.Struct("<HQ")  # channel, offset of its MessageIndex
 _CRC_SIZE = 4
 PIECE = 128 * 1024
 """Bytes read at a time; a longer record as one piece, so that it is still in the processor's cache
@@ -130,8 +130,8 @@ def chunk_index(file: BufferedReader) -> list[IndexedChunk]:
     for opcode, body in records(file, summary, footer):
         if opcode == Opcode.CHUNK_INDEX:
             try:
-                _, end, at, length, size = _CHUNK_INDEX.unpack_from(body)
-                offsets = _OFFSET.iter_unpack(body[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size])
+                _, end, at, length, size = CHUNK_INDEX.unpack_from(body)
+                offsets = INDEX_OFFSET.iter_unpack(body[CHUNK_INDEX.size : CHUNK_INDEX.size + size])
             except struct.error as error:
                 raise RecordingError(f"a record of its index is too short; {FOREIGN}") from error
             channels = frozenset(channel for channel, _ in offsets)

@@ -105,7 +105,7 @@ class Recording:
 
     def __enter__(self) -> "Recording":
         file = self._opened = RecordingFile(
-            self._path, compress=self._compress, seconds=self._clock.seconds, ending=self._ending
+            self._path, compress=self._compress, seconds=self._monotonic, ending=self._ending
         )
         try:
             with file.flushing() as writer:

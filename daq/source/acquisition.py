@@ -16,8 +16,7 @@ from sautereau.daq.source.driver_faults import NOT_YET_AVAILABLE, driver_errors
 from sautereau.daq.source.inputs import read_inputs, read_scaling
 from sautereau.daq.source.server_session import create_task
 from sautereau.daq.source.source import InputSettings, SourceSettings
-from sautereau.daq.source.task import build_task, plan_task
-from sautereau.daq.source.terminals import trigger_terminal
+from sautereau.daq.source.task import build_task, plan_task, trigger_terminal
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 

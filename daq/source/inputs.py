@@ -5,8 +5,8 @@ names given here. A device that does not have one refuses it with a code of `NOT
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -24,8 +24,6 @@ COUNTS = {16: "int16", 32: "int32"}
 """Type of the counts, by their bits."""
 COUNTS_REACH = (0.9, 1.5)
 """Dimensionless, what the largest counts reach, as a fraction of the input's range."""
-
-Value = TypeVar("Value")
 
 
 def add_input(task: Any, device: str, channel: Channel) -> None:
@@ -83,10 +81,13 @@ def read_scaling(task: Any, inputs: Sequence[InputSettings]) -> Scaling | None:
 
     sizes, rows = set(), []
     for settings in inputs:
-        size, bits, justification, coefficients = _counts(task.ai_channels[settings.name])
+        channel = task.ai_channels[settings.name]
+        size = _optional(channel, "ai_raw_samp_size")
+        bits = _optional(channel, "ai_resolution")
+        coefficients = list(_optional(channel, "ai_dev_scaling_coeff") or ())
         if size not in COUNTS or not bits or not coefficients:
             return None
-        left = justification == DataJustification.LEFT
+        left = _optional(channel, "ai_raw_samp_justification") == DataJustification.LEFT
         ends = np.array([-1.0, 1.0]) * 2.0 ** ((size if left else bits) - 1)
         reached = np.polynomial.polynomial.polyval(ends, coefficients)
         ratios = reached / [settings.device_low, settings.device_high]
@@ -101,20 +102,10 @@ def read_scaling(task: Any, inputs: Sequence[InputSettings]) -> Scaling | None:
     return Scaling(COUNTS[sizes.pop()], padded)
 
 
-def _counts(channel: Any) -> tuple[Any, Any, Any, Any]:
-    """Return bits of a count as it is read, and of the converter; justification; coefficients."""
-    return (
-        _optional(lambda: channel.ai_raw_samp_size),
-        _optional(lambda: channel.ai_resolution),
-        _optional(lambda: channel.ai_raw_samp_justification),
-        _optional(lambda: list(channel.ai_dev_scaling_coeff)),
-    )
-
-
 def _read_input(task: Any, channel: Channel, skew: float) -> InputSettings:
     actual = task.ai_channels[channel.name]
-    configuration = _optional(lambda: actual.ai_term_cfg)
-    coupling = _optional(lambda: actual.ai_coupling)
+    configuration = _optional(actual, "ai_term_cfg")
+    coupling = _optional(actual, "ai_coupling")
     return InputSettings(
         name=channel.name,
         terminal=actual.physical_channel.name,
@@ -124,7 +115,7 @@ def _read_input(task: Any, channel: Channel, skew: float) -> InputSettings:
         device_high=actual.ai_rng_high,
         terminal_configuration=configuration and configuration.name.lower(),
         coupling=coupling and coupling.name.lower(),
-        excitation=_optional(lambda: actual.ai_excit_val) if channel.excitation else None,
+        excitation=_optional(actual, "ai_excit_val") if channel.excitation else None,
         delay=_filter_delay(task, actual) - skew,
     )
 
@@ -136,10 +127,10 @@ def _filter_delay(task: Any, channel: Any) -> float:
     """
     from nidaqmx.constants import DigitalWidthUnits
 
-    delay = _optional(lambda: channel.ai_filter_delay)
-    if not delay or _optional(lambda: channel.ai_remove_filter_delay):
+    delay = _optional(channel, "ai_filter_delay")
+    if not delay or _optional(channel, "ai_remove_filter_delay"):
         return 0.0
-    unit = _optional(lambda: channel.ai_filter_delay_units)
+    unit = _optional(channel, "ai_filter_delay_units")
     if unit == DigitalWidthUnits.SAMPLE_CLOCK_PERIODS:
         return delay / task.timing.samp_clk_rate
     return delay
@@ -151,9 +142,9 @@ def _skew(task: Any) -> float:
     Inputs are converted in the order of the task, at ``AIConv.Rate``.
     """
     (device,) = task.devices
-    if _optional(lambda: device.ai_simultaneous_sampling_supported) in (None, True):
+    if _optional(device, "ai_simultaneous_sampling_supported") in (None, True):
         return 0.0
-    rate = _optional(lambda: task.timing.ai_conv_rate)
+    rate = _optional(task.timing, "ai_conv_rate")
     return 1 / rate if rate else 0.0
 
 
@@ -190,12 +181,12 @@ def _differences(channel: Channel, actual: InputSettings) -> list[str]:
     return found
 
 
-def _optional(read: Callable[[], Value]) -> Value | None:
-    """Return a property; None if the device does not have it."""
+def _optional(owner: Any, name: str) -> Any:
+    """Return a property of a nidaqmx object; None if the device does not have it."""
     from nidaqmx.errors import DaqError as DriverError
 
     try:
-        return read()
+        return getattr(owner, name)
     except DriverError as error:
         if error.error_code not in NOT_SUPPORTED:
             raise

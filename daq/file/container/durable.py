@@ -131,10 +131,6 @@ class SteadyClock:
         self._start = monotonic()
         self._start_ns = clock()
 
-    def seconds(self) -> float:
-        """Return the time since that reading, s."""
-        return self._monotonic() - self._start
-
     def now_ns(self) -> int:
         """Return the date, ns since 1970."""
         return self.date_ns(self._monotonic())
@@ -144,8 +140,8 @@ class SteadyClock:
         return self._start_ns + round((time_s - self._start) * 1e9)
 
 
-class RecordingFile:
-    """An MCAP file that gets its name when it is finished; after a fault it accepts no more."""
+class RecordingFile(DurableFile):
+    """A `DurableFile` with MCAP records; after a fault it accepts no more."""
 
     def __init__(
         self,
@@ -159,28 +155,28 @@ class RecordingFile:
 
         Args:
             path: Path of the finished file.
-            ending: Appended to its name until then; see `DurableFile`.
             compress: Whether to compress chunks with zstd.
             seconds: Time in s of a clock that is never set.
+            ending: Appended to its name until it is finished; see `DurableFile`.
         """
-        self._file = DurableFile(path, ending=ending)
-        self._writer = McapWriter(self._file.stream, path.parent, compress=compress)
-        self._seconds = seconds
-        self._flushed = self._synced = seconds()
         self.broken = False
         """Whether something could not be written completely."""
+        super().__init__(path, ending=ending)
+        self._writer = McapWriter(self.stream, path.parent, compress=compress)
+        self._seconds = seconds
+        self._flushed = self._synced = seconds()
 
     @contextmanager
-    def writing(self) -> Iterator[McapWriter]:
-        """Yield the writer; an error while writing marks the file as broken."""
+    def writing(self) -> Iterator[None]:
+        """Do as `DurableFile.writing`; an error while writing marks the file as broken."""
         if self.broken:
             raise RecordingError(
-                f"recording {self._file.path}: an earlier fault truncated it; recover the content"
-                f" of {self._file.part_path} with `sautereau recover`, and press again"
+                f"recording {self.path}: an earlier fault truncated it; recover the content"
+                f" of {self.part_path} with `sautereau recover`, and press again"
             )
         try:
-            with self._file.writing():
-                yield self._writer
+            with super().writing():
+                yield
         except RecordingError as error:
             self.broken |= isinstance(error.__cause__, OSError)
             raise
@@ -198,17 +194,16 @@ class RecordingFile:
         now = self._seconds()
         if now - self._synced >= SYNC_PERIOD:
             self._synced = now
-            with self.writing():
-                self._file.sync()
+            self.sync()
 
     @contextmanager
     def flushing(self) -> Iterator[McapWriter]:
-        """Yield the writer as `writing`, then flush everything to the operating system."""
+        """Yield the writer, then flush everything to the operating system."""
         self._flushed = self._seconds()
-        with self.writing() as writer:
-            yield writer
-            writer.close_chunk(least=0)
-            self._file.stream.flush()
+        with self.writing():
+            yield self._writer
+            self._writer.close_chunk(least=0)
+            self.stream.flush()
 
     def finish(self, end: dict[str, str]) -> None:
         """Complete the file, flush it to the disk and close it, still under its ``.part`` name.
@@ -217,19 +212,15 @@ class RecordingFile:
             end: Metadata at the end of the file.
         """
         try:
-            with self.writing() as writer:
-                writer.close_chunk(least=0)
-                writer.add_metadata("end", end)
-                writer.finish()
-            self._file.close()
+            with self.writing():
+                self._writer.close_chunk(least=0)
+                self._writer.add_metadata("end", end)
+                self._writer.finish()
+            self.close()
         finally:
             self.abandon()
 
-    def publish(self) -> None:
-        """Rename the finished file to its final name."""
-        self._file.publish()
-
     def abandon(self) -> None:
         """Close the file without completing it."""
-        self._file.abandon()
+        super().abandon()
         self._writer.close()

@@ -26,6 +26,10 @@ PREFIX = struct.Struct("<BQ")
 """Opcode and length of a record."""
 MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time and publish time of a message, ns."""
+CHUNK_INDEX = struct.Struct("<QQQQI")
+"""Start, end, offset and length of a chunk, size of the offsets, which follow."""
+INDEX_OFFSET = struct.Struct("<HQ")
+"""Channel, and offset of its MessageIndex."""
 _NUMBER = struct.Struct("<H")
 _LENGTH = struct.Struct("<I")
 CHANNEL = struct.Struct("<HH")
