@@ -219,7 +219,8 @@ def _described(
 def _names_in(cells: Cells, width: int) -> Cells | None:
     """Return the names in the line above the rows; None if it is not a line of names."""
     cells = cells[cells[0] == "#" :]
-    bare = _bare(cells)
+    last = max((i for i, cell in enumerate(cells) if cell), default=-1)
+    bare = cells[: last + 1]
     if not cells or (len(bare) != width and len(cells) != width):
         return None
     if cells[0].startswith("#") and width == 1:
@@ -230,12 +231,6 @@ def _names_in(cells: Cells, width: int) -> Cells | None:
     # Keysight calls its columns x-axis, 1, 2.
     numbers = [_is_number(cell) for cell in texts]
     return texts if not any(numbers) or texts[0] == "x-axis" else None
-
-
-def _bare(cells: Cells) -> Cells:
-    """Return the cells without the empty ones at the end."""
-    last = max((i for i, cell in enumerate(cells) if cell), default=-1)
-    return cells[: last + 1]
 
 
 def _inner(text: str) -> str:

@@ -175,7 +175,12 @@ class Section:
         held = self._stop - self._at
         if held >= n:
             return
-        _refuse_length(n, n > held + self._left)
+        if n > held + self._left:
+            raise RecordingError(f"a record of {n} bytes reaches beyond its section; {FOREIGN}")
+        if n > LARGEST_CHUNK:
+            raise RecordingError(
+                f"a record of {n} bytes exceeds the limit of {LARGEST_CHUNK} bytes; {FOREIGN}"
+            )
         rest = self._buffer[self._at : self._stop]
         stop = min(max(n + _BEYOND, PIECE), held + self._left)
         if stop > len(self._buffer):
@@ -191,16 +196,6 @@ class Section:
 def records(file: BufferedReader, start: int, end: int) -> Iterator[Record]:
     """Return the records between two offsets of a file; see `Section.records`."""
     return Section(file, start, end).records()
-
-
-def _refuse_length(length: int, beyond: bool) -> None:
-    """Refuse a record that is too long, or reaches ``beyond`` its section."""
-    if beyond:
-        raise RecordingError(f"a record of {length} bytes reaches beyond its section; {FOREIGN}")
-    if length > LARGEST_CHUNK:
-        raise RecordingError(
-            f"a record of {length} bytes exceeds the limit of {LARGEST_CHUNK} bytes; {FOREIGN}"
-        )
 
 
 def check_header(file: BufferedReader) -> None:

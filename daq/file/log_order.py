@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
-from sautereau.daq.file.counts import Samples
+from sautereau.daq.file.counts import Samples, write_volts
 from sautereau.daq.file.descriptors import MOTION
 from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.recorded import Event, Signal
@@ -117,7 +117,7 @@ class LogOrder:
             if self._linear:
                 room[:] = samples
             else:
-                self._layout.write_volts(samples, room)
+                write_volts(samples, self._layout.scaling, room)
             places, filtered = self._decimator.rest()
             offset, gain = self._scale
             values = filtered * gain + offset

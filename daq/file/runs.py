@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.counts import write_volts
 from sautereau.daq.file.integrity import FOREIGN
 from sautereau.daq.file.limits import MOST_VOLTS, VOLTS_PER_BYTE, time_faults
 from sautereau.daq.file.recorded import Gap, Signal, Stretch
@@ -98,7 +99,7 @@ class Runs:
             run.stop += n
         else:
             self._limit(n * len(layout.names))
-            layout.write_volts(layout.columns(block.data), run.extend(n))
+            write_volts(layout.columns(block.data), layout.scaling, run.extend(n))
 
     def _limit(self, volts: int) -> None:
         """Refuse further volts if they exceed the memory that the file may take."""

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.daq.file.counts import TYPES, Samples, Scaling, write_volts
-from sautereau.daq.file.recorded import Signal
+from sautereau.daq.file.counts import TYPES, Scaling
 
 TOPIC = "/daq"
 """Of the samples of all channels."""
@@ -101,10 +100,6 @@ class SampleLayout:
         """
         return np.frombuffer(data, TYPES[self.kind]).reshape(len(self.names), -1)
 
-    def write_volts(self, samples: Samples, into: Signal | NDArray[np.float32]) -> None:
-        """Write the volts of samples; both have the shape (n_channels, n)."""
-        write_volts(samples, self.scaling, into)
-
 
 def sample_layout(names: Iterable[str], scaling: Scaling | None) -> SampleLayout:
     """Return a layout; without coefficients of zero at the end of each polynomial.
@@ -115,14 +110,8 @@ def sample_layout(names: Iterable[str], scaling: Scaling | None) -> SampleLayout
     """
     if scaling is None:
         return SampleLayout(tuple(names), "float64", ())
-    rows = scaling.coefficients.tolist()
-    return SampleLayout(tuple(names), scaling.kind, tuple(map(_trimmed, rows)))
-
-
-def _trimmed(coefficients: list[float]) -> tuple[float, ...]:
-    while len(coefficients) > 1 and not coefficients[-1]:
-        coefficients = coefficients[:-1]
-    return tuple(coefficients)
+    rows = [np.trim_zeros(row, "b").tolist() or [0.0] for row in scaling.coefficients]
+    return SampleLayout(tuple(names), scaling.kind, tuple(map(tuple, rows)))
 
 
 def layout_from_metadata(metadata: Mapping[str, str]) -> SampleLayout:

@@ -154,12 +154,4 @@ def read_metadata(body: bytes, *, require_checksum: bool = False) -> Metadata:
 
 def _checksum(name: str, data: dict[str, str]) -> int:
     """Return the CRC of a Metadata record, prefix included."""
-    packed = [_packed(text) for pair in data.items() for text in pair]
-    content = b"".join(packed)
-    body = _packed(name) + _LENGTH.pack(len(content)) + content
-    return crc32(PREFIX.pack(Opcode.METADATA, len(body)) + body)
-
-
-def _packed(text: str) -> bytes:
-    data = text.encode()
-    return _LENGTH.pack(len(data)) + data
+    return crc32(record_bytes(Metadata(name, data)))
