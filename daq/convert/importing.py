@@ -25,7 +25,7 @@ from sautereau.rig.schema import Rig
 ENDING = ".importing.part"
 """Appended to the name of a recording until its import is complete."""
 SMOOTHED = 5
-"""Samples of the polynomial of degree 4 whose derivative is a displacement's velocity."""
+"""Number of samples that a polynomial of degree 4 is fitted to, to differentiate a displacement."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def import_file(
 def _restore(
     source: ImportSource, document: Document, rig: Rig | None, out: Path, notes: str, origin: str
 ) -> Imported:
-    """Write the recording that an export was made of."""
+    """Write the recording from which an export was made."""
     if rig is not None and rig != document.rig:
         raise RecordingError(
             f"it was recorded on the rig {document.rig.name!r} with other values than those of"
@@ -140,7 +140,7 @@ def _import(
     if time is not None:
         start, rate, warnings = start_and_rate(data[time] * settings.time_unit, rate, source)
     if rate is None:
-        raise RecordingError("which sampling rate? give --rate")
+        raise RecordingError("the sampling rate is missing; give --rate")
     place = (start - settings.trigger) * rate
     if not abs(place) <= FARTHEST_SAMPLE:
         raise RecordingError(
@@ -189,7 +189,7 @@ def _recording(
     t0_ns: int,
     t0_std: float | None = None,
 ) -> Iterator[Recording]:
-    """Open a recording whose trigger has the date ``t0_ns``, with its volts; no fault leaves it."""
+    """Open a recording with its volts and the date of its trigger; after an error delete it."""
     ends = (first, first + volts.shape[1])
     if faults := time_faults(t0_ns, rate, *ends):
         raise RecordingError(f"{fault_list('its samples', faults)}; correct the rate")

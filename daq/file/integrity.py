@@ -26,8 +26,8 @@ _FOOTER = struct.Struct("<BQQQI")  # prefix, summary start, summary offset start
 _DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before
 _CRC_SIZE = 4
 PIECE = 128 * 1024
-"""Bytes read at a time; a longer record as one piece, so that it is still in the processor's cache
-when it is used."""
+"""Bytes read at a time. A longer record is read as one piece: it is then still in the processor's
+cache when it is used."""
 _BEYOND = 8 * 1024  # bytes read beyond a long record: the index of its messages
 FOREIGN = "another program has changed it: use the file as sautereau wrote it"
 """End of messages about content that sautereau never writes."""
@@ -140,14 +140,14 @@ def chunk_index(file: BufferedReader) -> list[IndexedChunk]:
 
 
 class Section:
-    """Consecutive records of a file, read through one buffer and summed meanwhile."""
+    """Reads consecutive records of a file through one buffer, and sums their bytes."""
 
     def __init__(self, file: BufferedReader, start: int, end: int):
-        """Start at an offset of the file; ``end`` is that of the byte after the last."""
+        """Start at an offset of the file; ``end`` is the offset of the byte after the last."""
         self._file, self._left = file, end - start
         file.seek(start)
         self._buffer = memoryview(bytearray(min(PIECE, end - start)))
-        self._at = self._stop = 0  # of the bytes that are read and not yet taken
+        self._at = self._stop = 0  # range of unread bytes in the buffer
         self.crc = 0
         """Checksum of all bytes read so far."""
 
@@ -171,7 +171,7 @@ class Section:
                 yield Record(opcode, self._buffer[begin : self._at])
 
     def _need(self, n: int) -> None:
-        """Read on until ``n`` bytes that are not taken are in the buffer."""
+        """Fill the buffer until it holds ``n`` unread bytes."""
         held = self._stop - self._at
         if held >= n:
             return

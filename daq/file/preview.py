@@ -13,7 +13,7 @@ PASS_BAND = 0.2
 """Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %."""
 
 Values = NDArray[np.float32]
-"""Single precision is what a preview has in the file, and half the time of the filter."""
+"""A preview has single precision, as in the file; this halves the time of the filter."""
 
 
 def low_pass(factor: int) -> NDArray[np.float64]:
@@ -58,7 +58,7 @@ class Decimator:
         self._first = 0
 
     def room(self, n: int) -> Values:
-        """Return the place of the next ``n`` samples, shape (n_channels, n), to be filled."""
+        """Return a buffer for the next ``n`` samples, shape (n_channels, n), to be filled."""
         start, self._fill = self._fill, self._fill + n
         if self._fill > self._held.shape[1]:
             held = self._held[:, :start]
@@ -87,7 +87,7 @@ class Decimator:
         return places, values
 
     def _filtered(self, n: int) -> Values:
-        """Return n values, each the sum of the products of as many rows as there are columns."""
+        """Return ``n`` values; each sums the products of consecutive rows and columns."""
         columns = self._columns.shape[1]
         rows = n + columns - 1 if n else 0
         # The weights that the last row has beyond the samples are zero.

@@ -54,17 +54,16 @@ class Recording:
             rig: Complete rig, written into the file.
             session: Description of the press.
             rate: Actual sampling rate of the device, Hz; None for the rig's.
-            scaling: Of the device's counts; None for a recording of volts.
+            scaling: Scaling of the device's counts; None for a recording of volts.
             t0_ns: Date of the trigger, ns since 1970; None to find it from the first blocks.
             t0_std: Standard uncertainty of a date that is given, s; None if it is unknown.
             compress: Whether to compress chunks with zstd; None to compress volts only, since the
                 noise of a converter leaves little to compress in its counts.
-            clock: ns since 1970; read once, here. Every date in the file follows from it and
-                from `monotonic`, so that setting the clock meanwhile changes nothing.
-            monotonic: Time in s of a clock that is never set, that of `Counted` in the blocks; also
-                determines when to flush.
-            ending: Appended to the name of the unfinished file. With another one than `PART` it
-                is made from other files, and what a killed program left of it is replaced.
+            clock: ns since 1970; read once, here. All dates in the file follow from it and from
+                `monotonic`, so that later changes of the host's clock have no effect.
+            monotonic: Time in s of a clock that is never set. `Counted` in the blocks uses the same
+                clock. It also determines when to flush.
+            ending: Appended to the name of the unfinished file; see `DurableFile`.
         """
         self._path = Path(path)
         self._rig = rig
@@ -92,7 +91,7 @@ class Recording:
     def t0_ns(self) -> int | None:
         """Date of the trigger by the host's clock, ns since 1970; None before the first block.
 
-        The first blocks may still correct it, until the first of them is in the file.
+        Later blocks may correct it until the first block is in the file.
         """
         if self._first is None or self._order.t0 is not None:
             return self._order.t0
@@ -231,7 +230,7 @@ class Recording:
             )
 
     def _date(self, block: Block) -> None:
-        """Narrow down when the trigger was, by the counts of a block and its arrival."""
+        """Narrow down the time of the trigger with the counts of a block and its arrival."""
         end = block.first_sample + block.n_samples
         for counted in (*block.counted, Counted(-math.inf, self._monotonic(), end)):
             self._trigger.add(counted)

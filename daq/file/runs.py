@@ -1,4 +1,4 @@
-"""Runs of consecutive samples of each channel, joined from blocks, with gaps between them."""
+"""Runs of consecutive samples of each channel, joined from blocks; gaps separate the runs."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -36,7 +36,7 @@ class _Run:
         self._room = np.empty((n_channels, room))
 
     def extend(self, n: int) -> Signal:
-        """Return the place of the next ``n`` samples, shape (n_channels, n), to be filled."""
+        """Return an array for the next ``n`` samples, shape (n_channels, n), to be filled."""
         held = self.stop - self.first
         if held + n > self._room.shape[1]:
             grown = np.empty((len(self._room), max(held + n, 2 * held)))
@@ -112,7 +112,7 @@ class Runs:
             )
 
     def _run(self, layout: SampleLayout, names: str, first: int, n: int) -> _Run:
-        """Return the run that ``n`` samples from ``first`` on continue, or begin."""
+        """Return the run that ``n`` samples from index ``first`` extend, or a new one."""
         runs = self._groups.setdefault(layout.names, [])
         if not runs:
             if again := [name for name in layout.names if name in self._rows]:

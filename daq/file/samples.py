@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sautereau.daq.file.counts import TYPES, Scaling
 
 TOPIC = "/daq"
-"""Of the samples of all channels."""
+"""Topic of the samples of all channels."""
 # Fields 1 to 4 of a Block, each a tag and 64 bits; the tag of field 5, its length follows.
 _HEAD = struct.Struct("<BqBqBdBqB")
 _TAGS = (0x09, 0x11, 0x19, 0x21, 0x2A)
@@ -52,7 +52,7 @@ def read_block(data: memoryview) -> WireBlock:
     """Return a Block, its samples without copying them.
 
     Raises:
-        ValueError: It is not one that `block_head` starts.
+        ValueError: It does not start as `block_head` writes it.
     """
     start = _HEAD.size + _LENGTH
     if len(data) < start or (found := _HEAD.unpack_from(data))[::2] != _TAGS:
@@ -96,7 +96,7 @@ class SampleLayout:
         """Return the samples of a block, shape (n_channels, n), without copying them.
 
         Raises:
-            ValueError: They are no integer number of samples of all channels.
+            ValueError: The size is not that of a whole number of samples of all channels.
         """
         return np.frombuffer(data, TYPES[self.kind]).reshape(len(self.names), -1)
 
@@ -106,7 +106,7 @@ def sample_layout(names: Iterable[str], scaling: Scaling | None) -> SampleLayout
 
     Args:
         names: Names of the channels, in their order.
-        scaling: Of counts; None for volts.
+        scaling: Scaling of the counts; None for volts.
     """
     if scaling is None:
         return SampleLayout(tuple(names), "float64", ())

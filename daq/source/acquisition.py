@@ -21,15 +21,15 @@ from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 
 DATING = 0.25
-"""s, first part of an acquisition in which samples are counted to date the trigger."""
+"""Duration in s, from the start, in which samples are counted to date the trigger."""
 
 
 class Acquisition:
     """An acquisition of all channels of a rig's ``daq``.
 
     Use it as a context manager: entering builds the task and reserves the device, `start` arms
-    it, `blocks` reads it, and leaving clears it, also after an error. Entered without `start` it
-    is a dry run: `settings` returns what the device has accepted.
+    it, `blocks` reads it, and leaving clears it, also after an error. Without `start` it is a dry
+    run: `settings` returns what the device has accepted.
     """
 
     def __init__(self, daq: Daq, duration_s: float | None, *, triggered: bool = True):
@@ -41,7 +41,7 @@ class Acquisition:
                 integer number of samples, at least the 2 that the driver requires; None to
                 continue until the context is left.
             triggered: Whether the trigger's edge starts it, with ``daq.pre_trigger`` recorded
-                before the edge; else `start` does.
+                before the edge; if not, `start` starts it.
 
         Raises:
             DaqError: The settings are impossible for any device.

@@ -1,7 +1,7 @@
 """The analog inputs of a task: configured as the rig requests, and read back from the device.
 
-The properties are those of NI-DAQmx; their text is in the reference of its properties under the
-names given here. A device that does not have one refuses it with a code of `NOT_SUPPORTED`.
+NI-DAQmx's reference of properties describes each property under the name given here. A device that
+does not have a property refuses it with one of the codes `NOT_SUPPORTED`.
 """
 
 import math
@@ -16,14 +16,14 @@ from sautereau.daq.source.source import InputSettings
 from sautereau.rig.acquisition import Channel, Daq
 
 NOT_SUPPORTED = (-200197, -200452)
-"""Codes of a property that the device, or the task, does not have."""
+"""Codes of the error if the device or the task does not have a property."""
 EXCITATION_TOLERANCE = 0.1
 """Dimensionless, largest relative difference of the sensor's current from the requested one."""
 
 COUNTS = {16: "int16", 32: "int32"}
 """Type of the counts, by their bits."""
 COUNTS_REACH = (0.9, 1.5)
-"""Dimensionless, what the largest counts reach, as a fraction of the input's range."""
+"""Dimensionless, smallest and largest volts of the extreme counts, as a fraction of the range."""
 
 
 def add_input(task: Any, device: str, channel: Channel) -> None:
@@ -71,11 +71,11 @@ def read_inputs(task: Any, daq: Daq) -> tuple[InputSettings, ...]:
 
 
 def read_scaling(task: Any, inputs: Sequence[InputSettings]) -> Scaling | None:
-    """Return what the counts of the inputs are; None if the device gives volts only.
+    """Return the scaling of the inputs' counts; None if the device gives volts only.
 
-    Of ``AI.DevScalingCoeff``, the polynomial from a count to volts, which the driver itself uses.
-    None also where the polynomial of some input does not reach its range: then the counts are not
-    the signed ones that are read.
+    ``AI.DevScalingCoeff`` is the polynomial by which the driver itself converts counts to volts.
+    If the polynomial of an input does not reach its range, the counts that are read are not the
+    signed ones of this polynomial, and the result is None.
     """
     from nidaqmx.constants import DataJustification
 
@@ -121,9 +121,9 @@ def _read_input(task: Any, channel: Channel, skew: float) -> InputSettings:
 
 
 def _filter_delay(task: Any, channel: Any) -> float:
-    """Return by how many s the samples lag the input; 0 where the driver removes this delay.
+    """Return the delay of the samples after the input, s; 0 if the driver removes it.
 
-    Of ``AI.FilterDelay``; its unit is that of ``AI.FilterDelayUnits``, seconds if it has none.
+    This is ``AI.FilterDelay``. Its unit is ``AI.FilterDelayUnits``, or seconds without one.
     """
     from nidaqmx.constants import DigitalWidthUnits
 
@@ -137,9 +137,9 @@ def _filter_delay(task: Any, channel: Any) -> float:
 
 
 def _skew(task: Any) -> float:
-    """Return by how many s a multiplexer samples an input later than the one before.
+    """Return the time between a multiplexer's samples of two consecutive inputs, s.
 
-    Inputs are converted in the order of the task, at ``AIConv.Rate``.
+    It converts the inputs in the order of the task, at ``AIConv.Rate``.
     """
     (device,) = task.devices
     if _optional(device, "ai_simultaneous_sampling_supported") in (None, True):
@@ -158,7 +158,7 @@ def _differences(channel: Channel, actual: InputSettings) -> list[str]:
             f" requested +-{channel.range:g} V; lower daq.channels.{channel.name}.range, or use"
             " an attenuator"
         )
-    for what, wanted, got in (
+    for what, requested, accepted in (
         (
             "terminal_configuration",
             channel.terminal_configuration,
@@ -166,9 +166,9 @@ def _differences(channel: Channel, actual: InputSettings) -> list[str]:
         ),
         ("input_coupling", channel.input_coupling, actual.coupling),
     ):
-        if wanted != "default" and got is not None and got != wanted:
+        if requested != "default" and accepted not in (None, requested):
             found.append(
-                f"{who} is set to {what} = {got}, not to the requested {wanted}; set it to one"
+                f"{who} is set to {what} = {accepted}, not the requested {requested}; set it to one"
                 " that the device supports"
             )
     if actual.excitation is not None and not math.isclose(

@@ -11,12 +11,12 @@ from sautereau.rig.acquisition import Daq
 RATE_TOLERANCE = 1e-2
 """Dimensionless, largest relative difference between the requested and the actual rate."""
 BUFFER = 10.0
-"""Length of the buffer of a continuous acquisition, s: reading may lag by this much."""
+"""Length of the buffer of a continuous acquisition, s: the longest delay of reading."""
 READS = (10.0, 100.0)
-"""Smallest and largest number of reads per second, 1/s: with fewer a killed process loses more,
-with more the reading itself is too slow."""
+"""Smallest and largest number of reads per second, 1/s. With fewer, a killed process loses more
+samples; with more, the reading is too slow."""
 LEAST = 2
-"""Smallest number of samples, of a finite acquisition, and on either side of an edge."""
+"""Smallest number of samples of a finite acquisition, before an edge and after it."""
 
 
 @dataclass(frozen=True)
@@ -121,12 +121,12 @@ def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
 def trigger_terminal(daq: Daq, options: Any) -> str:
     """Return the trigger's terminal with its device: ``/Dev1/PFI0``.
 
-    A module of a CompactDAQ chassis has no trigger terminals of its own; those of its chassis are
-    meant. A complete name, which starts with a slash, is returned unchanged.
+    A module of a CompactDAQ chassis has no trigger terminals; the terminal of its chassis is used.
+    A complete name, which starts with a slash, is returned unchanged.
 
     Args:
         daq: The rig's table of the acquisition.
-        options: Of the gRPC session; None for the driver of this machine.
+        options: Options of the gRPC session; None for the driver of this machine.
     """
     from nidaqmx.constants import ProductCategory
     from nidaqmx.system import Device

@@ -36,8 +36,10 @@ class DurableFile:
 
         Args:
             path: Path of the finished file.
-            ending: Appended to its name until then. A file with another ending than `PART` was
-                left by a killed program that made it from other files, and is replaced.
+            ending: Appended to its name until it is complete. With `PART` an existing unfinished
+                file is never replaced, since it may hold the only samples of a press. With
+                another ending it is replaced: a killed program left it, and it was made from
+                files that still exist.
 
         Raises:
             RecordingError: Either file exists already, or the folder cannot be written.

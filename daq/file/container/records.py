@@ -1,4 +1,4 @@
-"""The records of an MCAP file: parsed within limits, with the checksums of their own."""
+"""Parse the records of an MCAP file within limits, and verify the checksums that they hold."""
 
 import struct
 from collections.abc import Container, Iterator
@@ -35,7 +35,7 @@ _LENGTH = struct.Struct("<I")
 CHANNEL = struct.Struct("<HH")
 """Number of a channel and of its schema."""
 _LONGEST_RUN = 256
-"""Records compared at once, so that the work for each is bounded, however short the runs are."""
+"""Limit of the records compared at once. It bounds the work per record if the runs are short."""
 _HEAD = PREFIX.size + _NUMBER.size
 _CRC = "crc32"
 CRC_KEY = _CRC.encode()
