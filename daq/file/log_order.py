@@ -57,7 +57,6 @@ class LogOrder:
         self._decimator = Decimator(rate, len(layout.names))
         self.margin = self._decimator.margin
         """Number of samples that a block needs so that the previews before it are complete."""
-        self._places = np.empty(0, np.int64)
         self._values = np.empty((len(layout.names), 0), np.float32)
         self._pending: list[_Pending] = []
 
@@ -118,18 +117,17 @@ class LogOrder:
                 room[:] = samples
             else:
                 write_volts(samples, self._layout.scaling, room)
-            places, filtered = self._decimator.rest()
             offset, gain = self._scale
-            values = filtered * gain + offset
-        self._places = np.concatenate([self._places, places + self._begin])
+            values = self._decimator.rest() * gain + offset
         self._values = np.concatenate([self._values, values], axis=1)
 
     def _write_views(self, writer: McapWriter, stop: int | None) -> None:
         """Write the previews and the pending messages up to a sample; None for all."""
-        n = len(self._places) if stop is None else int(self._places.searchsorted(stop))
-        rows = encode_rows(self._values[:, :n])
-        since_trigger = self._places[:n] * (1e9 / self._rate)
-        self._places, self._values = self._places[n:], self._values[:, n:]
+        waiting, step = self._values.shape[1], self._decimator.factor
+        place = self._begin + self._decimator.place - step * waiting
+        n = waiting if stop is None else min(waiting, max(0, -((place - stop) // step)))
+        rows, self._values = encode_rows(self._values[:, :n]), self._values[:, n:]
+        since_trigger = np.arange(place, place + step * n, step) * (1e9 / self._rate)
         times = np.maximum(0, (self.t0 or 0) + np.rint(since_trigger).astype(np.int64))
         preview, at = self.topics["/preview"], 0
         for date, topic, data in self._due(None if stop is None else stop / self._rate):

@@ -55,7 +55,8 @@ class Decimator:
         self._length = len(weights)
         self._held = np.empty((n_channels, 0), np.float32)
         self._fill = 0
-        self._first = 0
+        self.place = self.margin
+        """Index of the sample at the next value of the preview, counted from the very first."""
 
     def room(self, n: int) -> Values:
         """Return a buffer for the next ``n`` samples, shape (n_channels, n), to be filled."""
@@ -67,24 +68,23 @@ class Decimator:
         return self._held[:, start : self._fill]
 
     def feed(self, values: NDArray[np.float64]) -> tuple[NDArray[np.int64], Values]:
-        """Add samples, shape (n_channels, n), in any unit; return as `rest`."""
+        """Add samples, shape (n_channels, n), in any unit; return places and values as `rest`."""
+        first = self.place
         self.room(values.shape[1])[:] = values
-        return self.rest()
+        found = self.rest()
+        return np.arange(first, self.place, self.factor), found
 
-    def rest(self) -> tuple[NDArray[np.int64], Values]:
-        """Return the new values of the preview.
+    def rest(self) -> Values:
+        """Return the new values of the preview, shape (n_channels, n), in the unit of the samples.
 
-        Returns:
-            Places in samples from the very first, shape (n,), and values, shape (n_channels, n), in
-            the unit of the samples. The filter has no delay.
+        The filter has no delay.
         """
         n, fill = max(0, (self._fill - self._length) // self.factor + 1), self._fill
-        places = self._first + self.margin + self.factor * np.arange(n)
         values = self._filtered(n)
-        left = fill - n * self.factor
-        self._held[:, :left] = self._held[:, n * self.factor : fill].copy()
-        self._first, self._fill = self._first + n * self.factor, left
-        return places, values
+        used = n * self.factor
+        self._held[:, : fill - used] = self._held[:, used:fill].copy()
+        self.place, self._fill = self.place + used, fill - used
+        return values
 
     def _filtered(self, n: int) -> Values:
         """Return ``n`` values; each sums the products of consecutive rows and columns."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.durable import FLUSH_PERIOD, PART, RecordingFile, SteadyClock
+from sautereau.daq.file.container.durable import FLUSH_PERIOD, PART, RecordingFile
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.log_order import LogOrder
 from sautereau.daq.file.provenance import write_head
@@ -72,7 +72,7 @@ class Recording:
         self._layout = sample_layout((channel.name for channel in rig.daq.channels), scaling)
         self._compress = scaling is None if compress is None else compress
         self._ending = ending
-        self._clock = SteadyClock(clock, monotonic)
+        self._zero_ns = clock() - round(monotonic() * 1e9)
         self._opened: RecordingFile | None = None
         self._order = LogOrder(rig, self._rate, self._layout)
         self._given = None if t0_ns is None else (t0_ns, t0_std)
@@ -133,7 +133,7 @@ class Recording:
         try:
             if not file.broken:
                 t0 = self.t0_ns
-                elapsed = 0.0 if t0 is None else (self._clock.now_ns() - t0) / 1e9
+                elapsed = 0.0 if t0 is None else (self._now_ns() - t0) / 1e9
                 self.event("aborted", f"{type(error).__name__}: {error}", elapsed)
                 self._close(file)
         except RecordingError as second:
@@ -191,7 +191,7 @@ class Recording:
             frames: x and z, m, and angle, rad, of each link's frame by name, shape (n, 3).
         """
         self._file()
-        self._order.add_scenes(self._clock.now_ns(), times, lines, frames)
+        self._order.add_scenes(self._now_ns(), times, lines, frames)
 
     def event(self, kind: str, text: str, time_s: float, std: float = 0.0) -> None:
         """Write an event at ``time_s`` (s after the trigger, negative before it), +-``std``.
@@ -199,7 +199,7 @@ class Recording:
         It is written with the samples of that time, or at the next `flush`.
         """
         self._file()
-        self._order.add_event(self._clock.now_ns(), Event(time_s, kind, text, std))
+        self._order.add_event(self._now_ns(), Event(time_s, kind, text, std))
 
     def flush(self) -> None:
         """Write everything so far, as at the end of the samples."""
@@ -240,7 +240,7 @@ class Recording:
         if self._given is not None:
             return self._given
         time_s, std = self._trigger.found()
-        return self._clock.date_ns(time_s), std
+        return self._zero_ns + round(time_s * 1e9), std
 
     def _write_held(self, file: RecordingFile) -> None:
         """Write the held samples as one block, in a chunk of its own."""
@@ -266,7 +266,11 @@ class Recording:
                 " at what the controller answered, and press again"
             )
         self._file()
-        self._order.add_series(self._clock.now_ns(), message, columns)
+        self._order.add_series(self._now_ns(), message, columns)
+
+    def _now_ns(self) -> int:
+        """Return the date, ns since 1970, unaffected by changes of the host's clock."""
+        return self._zero_ns + round(self._monotonic() * 1e9)
 
     def _file(self) -> RecordingFile:
         if self._opened is None:

@@ -137,22 +137,13 @@ def _saturated(
     flat = np.abs(steps, out=steps) < FLAT_NOISE * noise
     flat &= magnitude[1:] > FLAT_LEVEL * largest
     flat &= ~(known[1:] | known[:-1])
-    if not _has_run(flat, FLAT - 1):
+    found = [(start, stop + 1) for start, stop in _runs(flat) if stop + 1 - start >= FLAT]
+    if not found:
         return []
     levels = np.unique(volts[:RESOLUTION_ROWS])
     if len(levels) > 1 and noise < LEAST_COUNTS * np.diff(levels).min():
         return []
-    return [(a, b + 1) for a, b in _runs(flat) if b + 1 - a >= FLAT]
-
-
-def _has_run(which: NDArray[np.bool_], length: int) -> bool:
-    """Return whether it is True for a number of samples without interruption."""
-    held = 1
-    while held < length:
-        more = min(held, length - held)
-        which = which[more:] & which[:-more]
-        held += more
-    return bool(which.any())
+    return found
 
 
 def _drop_outs(

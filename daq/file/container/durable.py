@@ -2,7 +2,6 @@
 
 import errno
 import os
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -113,33 +112,6 @@ class DurableFile:
         with self.writing():
             self.part_path.replace(self.path)
             sync_folder(self.path.parent)
-
-
-class SteadyClock:
-    """Dates that follow from a single reading of the host's clock, whatever is set later."""
-
-    def __init__(
-        self,
-        clock: Callable[[], int] = time.time_ns,
-        monotonic: Callable[[], float] = time.monotonic,
-    ):
-        """Read the host's clock.
-
-        Args:
-            clock: ns since 1970.
-            monotonic: Time in s of a clock that is never set.
-        """
-        self._monotonic = monotonic
-        self._start = monotonic()
-        self._start_ns = clock()
-
-    def now_ns(self) -> int:
-        """Return the date, ns since 1970."""
-        return self.date_ns(self._monotonic())
-
-    def date_ns(self, time_s: float) -> int:
-        """Return the date of a time of the clock that is never set, ns since 1970."""
-        return self._start_ns + round((time_s - self._start) * 1e9)
 
 
 class RecordingFile(DurableFile):
