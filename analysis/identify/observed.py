@@ -139,14 +139,13 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     Raises:
         AnalysisError: The key moves for too short a time, or samples are not numbers.
     """
-    data = press.data
-    columns = data[["velocity", "force", "angle"]].to_numpy()
-    if not np.isfinite(columns).all():
+    velocity, force, angle = (press.samples[name] for name in ("velocity", "force", "angle"))
+    if not np.isfinite([velocity, force, angle]).all():
         raise AnalysisError(
             f"press {press.path}: some samples are not finite numbers; exclude this recording"
         )
     half = max(1, round(WINDOW / 2 * press.rate))
-    time = data.index.to_numpy()[half:-half]
+    time = press.time[half:-half]
     offsets = np.arange(-half, half + 1)
     slope_weights = offsets / (offsets**2).sum()
     # The change of the velocity between two samples has the sum of the later weights.
@@ -157,7 +156,6 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         return np.convolve(values, weights, "valid")
 
     arm = press.rig.key.laser_arm
-    velocity, force, angle = columns.T
     slope = np.correlate(velocity, slope_weights, "valid") * press.rate
     part = max(1, round(STEP / PARTS * press.rate))
     step = part * PARTS / press.rate
@@ -170,8 +168,8 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     motion = Motion(*(values[at] for values in every))
     releases = np.array([p.release for p in phases.plucks], float)
     stds = np.array([p.release_std for p in phases.plucks], float)
-    angles = np.interp(releases, data.index, data["angle"])
-    speeds = np.interp(releases, time, smooth(data["jack_speed"].to_numpy()))
+    angles = np.interp(releases, press.time, angle)
+    speeds = np.interp(releases, time, smooth(press.samples["jack_speed"]))
     used = _used(press, phases, time[at], motion, shift)
     contact = min((p.contact for p in phases.plucks), default=time[0])
     landed = landing(press.rig.key, time[at], motion, contact)
@@ -196,11 +194,11 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         every_time=time,
         every_force=pushed,
         late_force=_late(pushed, press.rate)[at],
-        part_time=data.index.to_numpy()[rows],
+        part_time=press.time[rows],
         part_angle=angle[rows],
-        light_time=data.index.to_numpy(),
+        light_time=press.time,
         light_force=_light(force, part, press.rate),
-        lifted=_lifted(data.index.to_numpy(), angle) if landed is None else landed,
+        lifted=_lifted(press.time, angle) if landed is None else landed,
         thrown=landed is not None,
         part=_part(phases, time[at], motion),
         noise=noise_at_rest(press.rate, time, pushed, every, _clean(press, time, WINDOW / 2)),

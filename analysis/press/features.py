@@ -123,12 +123,11 @@ def features(press: Press, phases: Phases) -> Row:
         press: The recording.
         phases: Of `sautereau.analysis.phases.find_phases`.
     """
-    time = press.data.index.to_numpy()
+    time = press.time
     unknown = NEED[press.missing] if press.missing else ()
     nothing = np.zeros(len(time))
     rise, deflection, angle, force = (
-        press.columns(name)[0] if name in press.data else nothing
-        for name in ("jack_rise", "deflection", "angle", "force")
+        press.samples.get(name, nothing) for name in ("jack_rise", "deflection", "angle", "force")
     )
 
     def work(start: float, stop: float) -> float:

@@ -136,13 +136,12 @@ def gather(paths: Sequence[Path], level: str) -> Contents:
 
 def _record(number: int, recorded: Recorded, whole: AnalysedPress, points: int) -> PressRecord:
     """Return the record of one press; with 0 points it is not drawn."""
-    data = whole.press.data
-    time = data.index.to_numpy()
+    press = whole.press
     traces: dict[str, Trace] = {}
     for column in COLUMNS if points else ():
-        signal = data[column].to_numpy()
+        signal = press.samples[column]
         kept = envelope(signal, points)
-        traces[column] = Trace(time[kept], signal[kept])
+        traces[column] = Trace(press.time[kept], signal[kept])
     return PressRecord(
         **vars(whole.light()),
         number=number,
@@ -150,7 +149,7 @@ def _record(number: int, recorded: Recorded, whole: AnalysedPress, points: int) 
         software=recorded.software,
         events=recorded.events,
         traces=traces,
-        held=_held(whole.press, whole.phases, points // 2) if points else None,
+        held=_held(press, whole.phases, points // 2) if points else None,
     )
 
 

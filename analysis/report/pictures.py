@@ -103,9 +103,10 @@ def _path(x: Floats, z: Floats) -> Floats:
 def force_picture(scene: Replay) -> Picture:
     """Draw the finger force over time, with a mark at the frame."""
     start, stop = float(scene.time[0]), float(scene.time[-1])
-    force = scene.press.data["force"].loc[start:stop]
-    kept = envelope(force.to_numpy(), TRACED)
-    newton, time = force.to_numpy()[kept], force.index.to_numpy()[kept]
+    rows = scene.press.between(start, stop)
+    newton, time = scene.press.samples["force"][rows], scene.press.time[rows]
+    kept = envelope(newton, TRACED)
+    newton, time = newton[kept], time[kept]
     low, high = min(float(newton.min()), 0.0), max(float(newton.max()), 1e-3)
     across = (WIDE - 2 * MARGIN) / (stop - start)
     up = (LOW - 2 * (GAP + LETTERS)) / (high - low)

@@ -67,7 +67,7 @@ def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
     contact = min(held.contact for held in phases.plucks)
     release = max(held.release for held in phases.plucks)
     margin = BESIDE * (release - contact)
-    first, last = float(press.data.index[0]), float(press.data.index[-1])
+    first, last = float(press.time[0]), float(press.time[-1])
     start = max(first, contact - margin)
     stop = min(last, release + max(margin, LEAST_BESIDE))
     frames = min(FRAMES, max(2, OF_ALL_CHOIRS // len(choirs(press.rig))))
@@ -77,10 +77,9 @@ def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
 def readings(shown: SlowMotion) -> dict[str, Frames]:
     """Return the values beside the pictures by their names, with one text per frame."""
     scene = shown.scene
-    data = scene.press.data
-    seen = data.index.to_numpy()
+    press = scene.press
     force, speed = (
-        np.interp(scene.time, seen, data[column].to_numpy()) for column in ("force", "jack_speed")
+        np.interp(scene.time, press.time, press.samples[name]) for name in ("force", "jack_speed")
     )
     return {
         "time": tuple(f"{time * 1e3:.2f} ms" for time in scene.time),

@@ -95,7 +95,7 @@ def examine(press: Press, phases: Phases, number: int = 0) -> Examined:
     Raises:
         AnalysisError: The key does not move, or samples are not finite numbers.
     """
-    time = press.data.index.to_numpy()
+    time = press.time
     if not phases.bottom > phases.start:
         raise AnalysisError(
             f"press {press.path}: the key does not move down, so it has no transient; check the"
@@ -131,7 +131,7 @@ def examine(press: Press, phases: Phases, number: int = 0) -> Examined:
 
 def _bridged(press: Press, time: Floats, name: str) -> Floats:
     """Return a channel with lines over its flagged samples."""
-    (signal,) = press.columns(name)
+    signal = press.samples[name]
     if not np.isfinite(signal).all():
         raise AnalysisError(
             f"press {press.path}: {int(np.sum(~np.isfinite(signal)))} samples of its {name} are"
@@ -148,19 +148,19 @@ def _bridged(press: Press, time: Floats, name: str) -> Floats:
 
 def _rest_end(press: Press, phases: Phases) -> float:
     """Return the end of the rest before the motion [s]."""
-    (rise,) = press.columns("jack_rise")
+    rise = press.samples["jack_rise"]
     moved = int(np.argmax(rise > 3e-4 * rise.max()))
-    return min(phases.start, float(press.data.index[moved])) - 1e-3
+    return min(phases.start, float(press.time[moved])) - 1e-3
 
 
 def _bounds(
     press: Press, phases: Phases, force: Floats, notes: list[str]
 ) -> list[tuple[str, float, float]]:
     """Return phase, start and stop [s] of every stretch to examine."""
-    time = press.data.index.to_numpy()
+    time = press.time
     rest = _rest_end(press, phases)
     found = [("rest", max(float(time[0]), rest - LONGEST), rest)]
-    (speed,) = press.columns("jack_speed")
+    speed = press.samples["jack_speed"]
     moving = (time > phases.start) & (speed >= FULL_SPEED * phases.free_speed)
     steady = float(time[np.argmax(moving)])
     first = phases.plucks[0] if phases.plucks else None

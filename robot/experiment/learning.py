@@ -124,8 +124,8 @@ class IterativeLearning:
                 " streams the motion, check the vibrometer, or use a controller with a trigger"
                 " output"
             )
-        time = press.data.index.to_numpy(dtype=float) - start.time
-        speed = press.data["jack_speed"].to_numpy(dtype=float)
+        time = press.time - start.time
+        speed = press.samples["jack_speed"]
         correction = self._learner.learn(self._used, time, speed)
         self._trajectory = None
         if correction is not None:

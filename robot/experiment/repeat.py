@@ -63,10 +63,10 @@ def _press(recorded: Recorded) -> Press:
         if np.abs(planned - plan.jack_rise).max() <= SAME:
             return press
         return _with_gesture(press, plan.t, plan.jack_rise, recorded, SAME, STEP)
-    data = press_of(recorded).data
+    measured = press_of(recorded)
     n = max(1, round(MEASURED_STEP * recorded.rate))
-    both = np.stack([data.index.to_numpy(), data["jack_rise"].to_numpy()])
-    time, rise = both[:, : len(data) // n * n].reshape(2, -1, n).mean(axis=2)
+    both = np.stack([measured.time, measured.samples["jack_rise"]])
+    time, rise = both[:, : both.shape[1] // n * n].reshape(2, -1, n).mean(axis=2)
     return _with_gesture(press, time, rise, recorded, MOVES, MEASURED_STEP)
 
 

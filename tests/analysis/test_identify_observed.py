@@ -46,21 +46,15 @@ def oscillating(press, rate):
         swing * omega * np.sin(omega * time),
         swing * omega**2 * np.cos(omega * time),
     )
-    data = press.data.iloc[: len(time)].reindex(index=press.data.index[: len(time)])
-    import pandas as pd
-
     force = finger_force(rig, motion, np.zeros_like(time))
-    data = pd.DataFrame(
-        {
-            "velocity": motion.velocity * rig.key.laser_arm,
-            "force": force,
-            "angle": motion.position,
-            "jack_rise": motion.position * rig.key.jack_arm,
-            "jack_speed": motion.velocity * rig.key.jack_arm,
-        },
-        index=pd.Index(time, name="time"),
-    )
-    return replace(press, rig=rig, data=data, rate=rate), force
+    samples = {
+        "velocity": motion.velocity * rig.key.laser_arm,
+        "force": force,
+        "angle": motion.position,
+        "jack_rise": motion.position * rig.key.jack_arm,
+        "jack_speed": motion.velocity * rig.key.jack_arm,
+    }
+    return replace(press, rig=rig, time=time, samples=samples, rate=rate), force
 
 
 @pytest.mark.parametrize("rate", [10e3, 25.6e3, 51.2e3, 102.4e3])
@@ -109,10 +103,9 @@ def test_a_requested_shift_widens_the_excluded_intervals(press):
 
 
 def test_a_press_of_nothing_is_refused(press):
-    data = press.data.copy()
-    data.loc[:, :] = 0.0
+    still = dict.fromkeys(press.samples, np.zeros(len(press.time)))
     with pytest.raises(AnalysisError, match="check whether the key was pressed"):
-        observed(replace(press, data=data), replace(find_phases(press), plucks=()))
+        observed(replace(press, samples=still), replace(find_phases(press), plucks=()))
 
 
 @pytest.mark.parametrize("modes", [[], mode_parameters(0, Mode(150.0, 0.05, 0.3, -0.6, -0.5, 0.1))])
