@@ -10,35 +10,51 @@ from sautereau.rig.faults import fault_list, unit_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity
 
-STIFFNESS, MODULUS = "plectrum.bending_stiffness", "plectrum.youngs_modulus"
-TIME, FORCE = "offset.time", "offset.force"
-FORCE_GAIN, VELOCITY_GAIN = "offset.force_gain", "offset.velocity_gain"
-"""True over measured force and velocity, 1 if correct; hidden, never a result."""
-SLIDING, LATE_SLIDING = "offset.sliding", "offset.late_sliding"
-"""1/N, relative error of the force's moment on the key over the force: the finger of a compliant
-arm slides along the key as the force bends the arm; hidden."""
-FOOT, MODE = "offset.foot", "offset.mode"
-"""m/N, compliance of the cloth under the jack; and beginning of the names of elastic modes."""
-RELEASE = "offset.release"
-"""Relative error of the static string's height of release; hidden."""
-DAMPER, DAMPER_LIFT = "offset.damper", "offset.damper_lift"
-"""True over stated stiffness of the dampers, and m, lift of the first one; hidden."""
-CHOIR = ("offset.choir{}.stiffness", "offset.choir{}.overlap", "offset.choir{}.clearance")
-"""Of a further choir, from 1: true over stated stiffness and overlap of its plectrum; and m, error
-of its clearance; hidden."""
+# Values of the rig.
+STIFFNESS = "plectrum.bending_stiffness"
+MODULUS = "plectrum.youngs_modulus"
 OVERLAP = "plectrum.overlap"
-FRICTION, FINGERTIP = "plectrum.friction", "arm.fingertip_friction"
+FRICTION = "plectrum.friction"
+FINGERTIP = "arm.fingertip_friction"
 CLEARANCE = "jack.string_clearance"
+# Errors of the measurement.
+TIME = "offset.time"
+"""Delay of the force after the motion (s)."""
+FORCE = "offset.force"
+"""Zero of the force (N)."""
+FORCE_GAIN = "offset.force_gain"
+"""True force divided by measured force; hidden."""
+VELOCITY_GAIN = "offset.velocity_gain"
+"""True velocity divided by measured velocity; hidden."""
+SLIDING = "offset.sliding"
+"""Relative error of the force's moment on the key, per newton (1/N): the finger of a compliant arm
+slides along the key while the force bends the arm; hidden."""
+LATE_SLIDING = "offset.late_sliding"
+"""The same for the lagged force, since a servo-driven arm deflects later (1/N); hidden."""
+# Errors of the model.
+CLOTH = "offset.foot"
+"""Compliance of the cloth under the jack (m/N); hidden."""
+MODE = "offset.mode"
+"""Start of the names of the elastic modes' parameters; hidden."""
+RELEASE = "offset.release"
+"""Relative error of the height at which the static string is released; hidden."""
+DAMPER = "offset.damper"
+"""True stiffness of the dampers divided by the rig's; hidden."""
+DAMPER_LIFT = "offset.damper_lift"
+"""Lift of the first damper (m); hidden."""
+CHOIR = ("offset.choir{}.stiffness", "offset.choir{}.overlap", "offset.choir{}.clearance")
+"""For a further choir, numbered from 1: true stiffness and true overlap of its plectrum, each
+divided by the rig's, and the error of its clearance (m); hidden."""
 TIME_RANGE = 1e-3
-"""s, bound of the delay between force and motion."""
+"""Largest delay between force and motion (s)."""
 FACTOR = 10.0
-"""Ratio of a bound to the value where the rig file assumes no range."""
+"""Ratio of a bound to the rig's value if the rig file assumes no range."""
 ENDS = {
     FRICTION: (0.0, 0.5),
     FINGERTIP: (-0.6, 0.6),
     TIME: (-TIME_RANGE, TIME_RANGE),
 }
-"""Bounds of parameters with a natural range, SI."""
+"""Bounds of the parameters that have a natural range, SI."""
 NAMES = (
     MODULUS,
     STIFFNESS,
@@ -55,10 +71,12 @@ NAMES = (
     TIME,
     FORCE,
 )
-"""Names of all parameters; `offset.force` has one value for each press, and is always fitted where
-the force is AC-coupled."""
-DIFFERENCE, FRICTION_DIFFERENCE = 1e-3, 0.02
-"""Steps of numerical derivatives over the scale: the effect of friction starts with its square."""
+"""Names of all parameters that can be requested. `offset.force` has one value for each press; it is
+always fitted if the force is AC-coupled."""
+DIFFERENCE = 1e-3
+"""Step of numerical derivatives, divided by the parameter's scale."""
+FRICTION_DIFFERENCE = 0.02
+"""The same for friction, whose effect is quadratic near 0."""
 _SPREAD = re.compile(r"(.+?)\s*(?:\+-|\+/-|±)\s*(.+)")
 _RANGE = re.compile(r"(.+?)\s+to\s+(.+)")
 
@@ -68,13 +86,13 @@ class Prior:
     """Prior knowledge of a parameter; SI."""
 
     low: float | None = None
-    """Lower bound; None for the default."""
+    """Lower bound; None: default."""
     high: float | None = None
-    """Upper bound; None for the default."""
+    """Upper bound; None: default."""
     mean: float | None = None
-    """Expected value; None without one."""
+    """Expected value; None: unknown."""
     std: float | None = None
-    """Standard uncertainty of `mean`."""
+    """Standard uncertainty of `mean`; None: unknown."""
 
 
 @dataclass(frozen=True)
@@ -86,45 +104,45 @@ class Parameter:
     unit: str
     """SI, empty for a ratio."""
     start: float
-    """Value of the rig."""
+    """Value at which the fit starts: the rig's, or that of the prior."""
     low: float
     """Lower bound."""
     high: float
     """Upper bound."""
     mean: float | None = None
-    """Expected value of the prior; None without one."""
+    """Expected value from the prior; None: no prior."""
     std: float | None = None
-    """Its standard uncertainty."""
+    """Standard uncertainty of `mean`; None: no prior."""
     hidden: bool = False
-    """Whether it is fitted for the sake of the others, and not reported as a result."""
+    """Whether it is fitted only because it would bias the others, and is not reported."""
 
     def scale(self, value: float) -> float:
-        """Return the scale of changes of the parameter near a value."""
+        """Return the scale by which changes of the parameter near a value are divided."""
         width = self.high - self.low
         return width if self.name == FRICTION else max(abs(value), width / FACTOR)
 
     @property
     def difference(self) -> float:
-        """Step of numerical derivatives over the scale."""
+        """Step of numerical derivatives, divided by the scale."""
         return FRICTION_DIFFERENCE if self.name == FRICTION else DIFFERENCE
 
 
 def parameters(
     rig: Rig, names: Sequence[str], priors: Mapping[str, Prior] | None = None
 ) -> tuple[Parameter, ...]:
-    """Return the free parameters with the values of the rig and bounds.
+    """Return the free parameters with their start values and bounds.
 
-    Bounds are those of the prior, else the range assumed in the rig file, else a tenth and ten
-    times the rig's value.
+    The bounds come from the prior if it has a range. Otherwise they are the range that the rig file
+    assumes, or without one a tenth and ten times the rig's value.
 
     Args:
         rig: The nominal bench.
-        names: Of `NAMES`; the fit itself treats `offset.force`.
+        names: From `NAMES`; `offset.force` is handled by the fit itself.
         priors: Prior knowledge, by name.
 
     Raises:
-        AnalysisError: A name is unknown or given twice, none is given, or a prior is contradictory
-            or of a parameter that is not fitted; reports all faults.
+        AnalysisError: A name is unknown or given twice, no name is given, a prior contradicts
+            itself, or a prior is for a parameter that is not fitted. Reports all faults.
     """
     priors = priors or {}
     faults = [
@@ -191,8 +209,8 @@ def unit_of_parameter(name: str) -> str:
 def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
     """Return TOML values by the rig file's dotted key for parameters [SI].
 
-    The bending stiffness is written as Young's modulus. A delay of the force after the motion is
-    subtracted from the delay of the vibrometer, which is the less certain one.
+    The bending stiffness is written as Young's modulus. The delay of the force after the motion is
+    subtracted from the vibrometer's delay, which is the less certain of the two.
     """
     found: dict[str, str | float] = {}
     for name, value in values.items():
@@ -210,7 +228,7 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
 
 
 def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
-    """Return the rig with other values of parameters [SI], which must be within their bounds."""
+    """Return the rig with these values [SI]; they must be within the bounds of the rig's keys."""
     changes: dict[str, dict[str, float]] = {}
     for name, value in values.items():
         section, _, field = name.partition(".")
@@ -228,7 +246,7 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
 
 
 def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Parameter:
-    """Return a parameter with its bounds; appends to `faults` if they are contradictory."""
+    """Return a parameter with its bounds; add contradictions to `faults`."""
     value, unit = value_of(rig, name), unit_of_parameter(name)
     low, high = ENDS.get(name) or rig.assumed.get(name) or _around(rig, name, value)
     low = low if prior.low is None else prior.low
@@ -247,7 +265,7 @@ def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Paramete
             " or a prior with a range if the value of the rig is 0"
         )
     if not low <= value <= high:
-        # A range without the value of the rig is deliberate: start in its middle.
+        # The user has excluded the rig's value: start in the middle of the range.
         value = (low + high) / 2
     return Parameter(name, unit, value, low, high, prior.mean, prior.std)
 

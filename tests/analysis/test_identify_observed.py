@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.elastic import Mode, foot_parameter, mode_parameters
+from sautereau.analysis.identify.elastic import Mode, cloth_parameter, mode_parameters
 from sautereau.analysis.identify.fit import inverse_dynamics
-from sautereau.analysis.identify.observed import LEAST, landing, observed
+from sautereau.analysis.identify.observed import MIN_INSTANTS, landing, observed
 from sautereau.analysis.identify.parameters import FORCE, MODULUS, NAMES, parameters
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.key import finger_force
@@ -72,7 +72,7 @@ def test_the_residual_of_an_oscillating_key_is_zero(press, rate):
 
 
 def test_instants_outside_the_model_are_excluded(press, taken):
-    assert taken.used.sum() > LEAST
+    assert taken.used.sum() > MIN_INSTANTS
     (release,) = taken.releases
     assert release == pytest.approx(0.072, abs=1e-4)
     assert np.abs(taken.time[taken.used] - release).min() > 2.5e-3
@@ -113,7 +113,7 @@ def test_a_residual_does_not_depend_on_what_was_computed_before(press, modes):
     """Strings and modes are kept from point to point, for all parameters that leave them as is."""
     names = [name for name in NAMES if name not in (FORCE, MODULUS)]
     dynamics = inverse_dynamics([press], [find_phases(press)], names)
-    free = [*dynamics.free, *([foot_parameter(), *modes] if modes else [])]
+    free = [*dynamics.free, *([cloth_parameter(), *modes] if modes else [])]
     dynamics = dynamics.with_free(free)
     point = np.array([p.start for p in free])
     before, _ = dynamics.residuals(point)
