@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from sautereau.analysis.summary.text import SOME_SIMULATED, counted
-from sautereau.analysis.transient import Attributed, Examined, Observed
+from sautereau.analysis.transient import Attributed, Examined, ObservedMode
 
 UNDECIDED = "cannot be decided from these recordings"
 
@@ -37,7 +37,7 @@ def transient_summary(examined: Sequence[Examined], found: Sequence[Attributed])
     }
 
 
-def _mode(observed: Observed) -> dict[str, Any]:
+def _mode(observed: ObservedMode) -> dict[str, Any]:
     mode = observed.mode
     channels = {}
     for name, value, std in zip(
