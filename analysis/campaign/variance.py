@@ -3,9 +3,9 @@
 The model is y = X b + group + subgroup + residual. The three deviations are independent and normal;
 groups and subgroups may have any numbers of values. The estimate is by restricted maximum
 likelihood (REML; Patterson and Thompson 1971). For balanced numbers and positive variances it
-equals the nested analysis of variance. Inverse and determinant of the covariance are closed forms of sums
-over subgroups. The computing time therefore depends on the number of subgroups and not on that of
-values. docs/decisions/0010 compares `statsmodels`.
+equals the nested analysis of variance. Inverse and determinant of the covariance are closed forms
+of sums over subgroups, so that the computing time depends on the number of subgroups and not on
+that of values. docs/decisions/0010 compares `statsmodels`.
 """
 
 from collections.abc import Callable
