@@ -18,11 +18,11 @@ from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import JerkLaw, PressLaw, spline_law
 
 CUTOFF = 200.0
-"""Hz, of Q."""
+"""Cut-off frequency of Q (Hz)."""
 GAIN = 1.0
 """Dimensionless, fraction of the error that is corrected in one press."""
 BANDWIDTH = 1000.0
-"""Hz, of the speed error; above it the vibrometer's noise dominates."""
+"""Bandwidth of the speed error (Hz). Above it the vibrometer's noise dominates."""
 KNOT = 2
 """Controller samples between knots of a correction, the grain of PVT segments."""
 FADE_IN = 4e-3
@@ -177,7 +177,7 @@ class Learner:
     """
 
     law: PressLaw
-    """Of the press, without correction."""
+    """Law of the press without a correction."""
     period: float
     """s, of the controller's samples."""
     errors: list[float] = field(default_factory=list)

@@ -49,7 +49,7 @@ class ModalPluck:
     velocity: Floats
     """m/s, of the string at the plucking point."""
     state: ModalState
-    """Of the moving modes at release."""
+    """State of the moving modes at release."""
     newton_steps: float
     """Mean number of Newton steps per time step."""
 

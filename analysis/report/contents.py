@@ -20,8 +20,10 @@ from sautereau.trajectory.motion import Floats
 
 POINTS = 50_000
 """Total number of points of all traces: half a megabyte of the page."""
-LEAST_POINTS, MOST_POINTS = 250, 1200
-"""Number of points of one trace."""
+LEAST_POINTS = 250
+"""Smallest number of points of one trace."""
+MOST_POINTS = 1200
+"""Largest number of points of one trace."""
 COLUMNS = ("deflection", "jack_speed", "force")
 """Columns of a press that are drawn over time."""
 BESIDE = 5e-3

@@ -26,12 +26,20 @@ from sautereau.analysis.report.drawing import (
 from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats
 
-WIDE, LOW = 2000, 600
-"""Size of the pictures of string and force, in units of about a third of a pixel."""
-MARGIN, GAP = 60, 16
+WIDE = 2000
+"""Width of the pictures of string and force, in units of about a third of a pixel."""
+LOW = 600
+"""Height of these pictures, in the same unit."""
+MARGIN = 60
+"""Distance of the curves from the sides, in the same unit."""
+GAP = 16
+"""Distance of labels from what they describe, in the same unit."""
 LETTERS = 52
-LINE, BAND = 4, 8
-"""Step between the drawn points of the string, and of the band that it swept."""
+"""Font size, in the same unit."""
+LINE = 4
+"""Step between the drawn points of the string."""
+BAND = 8
+"""Step between the drawn points of the band that the string swept."""
 TRACED = 400
 """Number of points of the force."""
 TENTH = 1e4

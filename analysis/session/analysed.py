@@ -17,12 +17,15 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.timing import press_law
 
 BEFORE = 0.1
-"""Dimensionless, time before contact whose rise is used as well, over the pluck duration."""
-DEGREE, LEAST, INSTANTS = 5, 20, 100
-"""Of the polynomial through the rise while a string is held, its fewest samples, and the instants
-at which its speed is taken."""
+"""Time before contact whose rise is also used, divided by the pluck duration."""
+DEGREE = 5
+"""Degree of the polynomial through the rise while a string is held."""
+LEAST = 20
+"""Smallest number of samples for that polynomial."""
+INSTANTS = 100
+"""Number of instants at which the speed is taken from it."""
 BESIDE = 1e-3
-"""s, kept before and after the cruise."""
+"""Time before and after the cruise whose samples are kept (s)."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What drivers share whose controllers keep no motion, so that the host streams it."""
+"""Base of drivers whose controllers store no motion, so that the host streams it."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable

@@ -36,7 +36,7 @@ _SECTIONS = ("press", "arm", "controller")
 
 
 class _Learned(BaseModel, extra="allow"):
-    """What a correction's text must be before anything of it is used."""
+    """Validates the text of a correction before it is used."""
 
     time: list[FiniteFloat] = Field(max_length=MOST_KNOTS)
     rise: list[FiniteFloat] = Field(max_length=MOST_KNOTS)
@@ -78,7 +78,7 @@ class IterativeLearning:
         self._used: Correction | None = None
         self._trajectory: Trajectory | None = plan_press(rig, expected)
         self.warnings = self._trajectory.warnings
-        """Of the plan."""
+        """Warnings about the plan."""
         self._learner = Learner(press_law(rig.press), rig.controller.sample_period)
         self._stopped = ""
 

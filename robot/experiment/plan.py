@@ -36,7 +36,7 @@ class Plan:
     rest: float = 0.0
     """s, between presses."""
     scene: str = ""
-    """Of the stand-in, as JSON text; empty on the hardware."""
+    """Scene of the stand-in as JSON text; empty on the hardware."""
     files: Mapping[str, str] | None = None
     """SHA-256 of the files that the presses use, by the role of each."""
 

@@ -16,8 +16,10 @@ from sautereau.robot.experiment.plan_table import Row
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import press_law
 
-STEP, MEASURED_STEP = 2e-3, 4e-3
-"""s, between the samples of a gesture from a plan and from a measured rise."""
+STEP = 2e-3
+"""Time between the samples of a gesture from a plan (s)."""
+MEASURED_STEP = 4e-3
+"""Time between the samples of a gesture from a measured rise (s)."""
 SAME = 1e-6
 """m, within which the recorded plan is that of the recorded rig; otherwise it was corrected."""
 MOVES = 20e-6
