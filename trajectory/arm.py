@@ -233,7 +233,7 @@ def follow_down(rig: Rig, contact: Path, height: Motion) -> Motion:
     Args:
         rig: The bench.
         contact: The press, which starts at the end of the approach.
-        height: Of the fingertip above its position at contact [m]; shape (n,).
+        height: Height of the fingertip above its position at contact [m]; shape (n,).
     """
     up = np.array([0.0, 1.0])
     start = contact.fingertip.position[0]

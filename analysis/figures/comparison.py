@@ -30,7 +30,7 @@ def comparison_figure(
 
     Args:
         presses: Recorded presses.
-        phases: Of the presses, in the same order.
+        phases: Phases of the presses, in the same order.
         prediction: The model's press.
 
     Raises:
@@ -57,7 +57,7 @@ def session_figure(found: SessionAnalysis, number: int = 1) -> Figure:
 
     Args:
         found: The session.
-        number: Of the condition, from 1.
+        number: Number of the condition, from 1.
 
     Raises:
         AnalysisError: There is no such condition, or nothing to compare in it.

@@ -29,7 +29,7 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:
 
     Args:
         presses: Recorded presses.
-        phases: Of the presses, in the same order.
+        phases: Phases of the presses, in the same order.
 
     Raises:
         AnalysisError: There is no press to draw, or too many for one plot.

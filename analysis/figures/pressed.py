@@ -32,7 +32,7 @@ def scale_to_pluck(axes: Axes, press: Press, found: Phases, highest: float = 0.0
 
     Args:
         axes: Force [N] over time [ms].
-        press: That is drawn.
+        press: The drawn press.
         found: Its phases; without a pluck, all forces until the lowest key are in range.
         highest: N, of another curve in the axes.
     """

@@ -37,9 +37,9 @@ class BenchPose:
     Args:
         axes: In mm, with equal aspect.
         rig: The bench.
-        colour: Of the arm.
+        colour: Colour of the arm.
         ghost: Draw a dashed outline in that colour.
-        label: Of the arm, for the legend.
+        label: Label of the arm in the legend.
     """
 
     def __init__(

@@ -148,7 +148,7 @@ def vibrating_strings(
 
     Args:
         rig: The bench; its jack has a constant speed and leaves rest at time 0.
-        level: Of the plectra.
+        level: Plectrum model.
         quality: Dimensionless, see `string_decay`.
         highest: Hz, of the highest mode; None for the lowest 30 modes.
 

@@ -55,8 +55,8 @@ def compare(phases: Sequence[Phases], predictions: Sequence[Prediction]) -> Comp
     """Compare the first pluck of repeated presses with predictions.
 
     Args:
-        phases: Of the presses.
-        predictions: Of each press, for the speed that its jack had.
+        phases: Phases of the presses.
+        predictions: Prediction of each press for the measured speed of its jack.
 
     Raises:
         AnalysisError: No press has a pluck to compare.
@@ -152,7 +152,7 @@ def predicted_means(
     Args:
         rows: Features of the presses.
         rig: The predicted bench.
-        predictions: Of each press, for the speed that its jack had.
+        predictions: Prediction of each press for the measured speed of its jack.
 
     Returns:
         By the columns of `sautereau.analysis.press.features`, pluck by pluck, SI; those of

@@ -139,7 +139,7 @@ def trend_of(values: Floats) -> Trend:
     """Return the slope over the number of the press, with Student's interval.
 
     Args:
-        values: Of three or more presses in their order, shape (presses,).
+        values: Values of three or more presses in their order, shape (presses,).
     """
     from scipy.special import stdtrit
 

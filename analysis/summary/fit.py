@@ -67,7 +67,7 @@ def fit_lines(
 
     Args:
         found: The fit.
-        profiles: Of its parameters.
+        profiles: Profiles of its parameters.
         every: Whether to add the table of the fixed numbers' effects.
     """
     lines = [

@@ -144,7 +144,7 @@ class Wire:
 
     Args:
         port: An open serial port, whose reads end after its timeout.
-        name: Of the port, for messages.
+        name: Name of the port, for messages.
         timeout: s, of one read, for messages.
     """
 

@@ -159,7 +159,7 @@ class HostTime:
 
     Args:
         wait: Advances the stand-in's time by seconds.
-        sleep: Of the host, which may raise.
+        sleep: Sleep of the host, which may raise.
     """
 
     def __init__(self, wait: Callable[[float], object], sleep: Sleep):

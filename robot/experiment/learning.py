@@ -156,9 +156,9 @@ def write_learned(
     """Write a correction into a new file, with the press, arm and controller it was learned for.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         rig: The bench.
-        correction: That was learned.
+        correction: The learned correction.
         errors: RMS relative error of the jack speed over the cruise, of every press.
         feed_forward: SHA-256 of the recording of the feed-forward; empty for none.
 
@@ -183,7 +183,7 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
     """Read a correction that was learned for a rig's press.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         rig: The bench.
         feed_forward: SHA-256 of the recording of the feed-forward; empty for none.
 
