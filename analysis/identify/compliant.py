@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.elastic import (
     LEAST_PERIODS,
     MOST,
@@ -27,7 +28,7 @@ from sautereau.analysis.identify.fit import (
 )
 from sautereau.analysis.identify.fixed import ScoreTest
 from sautereau.analysis.identify.observed import MIN_INSTANTS, Observed
-from sautereau.analysis.identify.parameters import ENDS, FINGERTIP, FORCE, Parameter, Prior
+from sautereau.analysis.identify.parameters import Parameter, Prior
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
@@ -51,7 +52,6 @@ changes the moment of the force by 1 %."""
 TAPPED_STD = 0.2
 """Standard uncertainty of a mode that was found by tapping the resting key: relative for its
 frequency, absolute for its damping ratio. The pressed key has other modes."""
-INERTIA = "key.inertia"
 INERTIA_FACTOR = 2.0
 """Ratio of the bounds of a compliant key's inertia to the rig's value. Above its modes a key shows
 a smaller inertia; with that inertia, one mode less would fit almost as well."""
@@ -74,7 +74,7 @@ def fit_presses(
     The modes that the rig states are tried first.
     """
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
-    best = fit(dynamics, starts, robust, free_offset=FORCE in names)
+    best = fit(dynamics, starts, robust, free_offset=keys.FORCE in names)
     good, before = quality(best), best.residual_before
     while not good.quiet and len(modes_of(_named(best))) < MOST:
         dynamics = _with_mode(best)
@@ -99,12 +99,12 @@ def _with_mode(made: Fit) -> InverseDynamics | None:
     # The fit of a rigid key may be far off: search the first mode at the values of the rig.
     values = made.values if number else np.array([p.start for p in dynamics.free])
     free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, values, strict=True)]
-    free = [_near_stated(dynamics.rig, p) if p.name == INERTIA else p for p in free]
+    free = [_near_stated(dynamics.rig, p) if p.name == keys.INERTIA else p for p in free]
     # Only the way back separates the fingertip's friction from the force's gain. It is not fitted.
-    tip, ends = dynamics.rig.arm.fingertip_friction, ENDS[FINGERTIP]
+    tip, ends = dynamics.rig.arm.fingertip_friction, keys.ENDS[keys.FINGERTIP]
     unknown = [
         cloth_parameter(),
-        Parameter(FINGERTIP, "", tip, *ends, tip, FINGERTIP_STD, hidden=True),
+        Parameter(keys.FINGERTIP, "", tip, *ends, tip, FINGERTIP_STD, hidden=True),
     ]
     free += [new for new in unknown if all(p.name != new.name for p in free)]
     presses = _before_release(dynamics.presses)

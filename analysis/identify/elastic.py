@@ -23,9 +23,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.noise import WINDOW
 from sautereau.analysis.identify.observed import SUBSTEPS, Observed
-from sautereau.analysis.identify.parameters import CLOTH, MODE, Parameter
+from sautereau.analysis.identify.parameters import Parameter
 from sautereau.trajectory.motion import Floats
 
 SHAPES = {"key": (-0.6, -0.6), "second": (0.8, -0.35), "cloth": (-2.5, -2.5)}
@@ -172,7 +173,7 @@ def doubtful_modes(
 
 def cloth_parameter() -> Parameter:
     """Return the hidden compliance of the cloth under the jack."""
-    return Parameter(CLOTH, "m/N", 0.0, 0.0, 10 * CLOTH_STD, 0.0, CLOTH_STD, hidden=True)
+    return Parameter(keys.CLOTH, "m/N", 0.0, 0.0, 10 * CLOTH_STD, 0.0, CLOTH_STD, hidden=True)
 
 
 class Bending:
@@ -282,4 +283,4 @@ def _moved(push: Floats, frequency: float, damping: float, step: float) -> Float
 
 def mode_names(number: int) -> list[str]:
     """Return the names of the parameters of a mode, in the order of the fields of `Mode`."""
-    return [f"{MODE}{number}.{field.name}" for field in fields(Mode)]
+    return [f"{keys.MODE}{number}.{field.name}" for field in fields(Mode)]

@@ -6,73 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify import keys
 from sautereau.rig.faults import fault_list, unit_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity
 
-# Values of the rig.
-STIFFNESS = "plectrum.bending_stiffness"
-MODULUS = "plectrum.youngs_modulus"
-OVERLAP = "plectrum.overlap"
-FRICTION = "plectrum.friction"
-FINGERTIP = "arm.fingertip_friction"
-CLEARANCE = "jack.string_clearance"
-# Errors of the measurement.
-TIME = "offset.time"
-"""Delay of the force after the motion (s)."""
-FORCE = "offset.force"
-"""Zero of the force (N)."""
-FORCE_GAIN = "offset.force_gain"
-"""True force divided by measured force; hidden."""
-VELOCITY_GAIN = "offset.velocity_gain"
-"""True velocity divided by measured velocity; hidden."""
-SLIDING = "offset.sliding"
-"""Relative error of the force's moment on the key, per newton (1/N): the finger of a compliant arm
-slides along the key while the force bends the arm; hidden."""
-LATE_SLIDING = "offset.late_sliding"
-"""The same for the lagged force, since a servo-driven arm deflects later (1/N); hidden."""
-# Errors of the model.
-CLOTH = "offset.foot"
-"""Compliance of the cloth under the jack (m/N); hidden."""
-MODE = "offset.mode"
-"""Start of the names of the elastic modes' parameters; hidden."""
-RELEASE = "offset.release"
-"""Relative error of the height at which the static string is released; hidden."""
-DAMPER = "offset.damper"
-"""True stiffness of the dampers divided by the rig's; hidden."""
-DAMPER_LIFT = "offset.damper_lift"
-"""Lift of the first damper (m); hidden."""
-CHOIR = ("offset.choir{}.stiffness", "offset.choir{}.overlap", "offset.choir{}.clearance")
-"""For a further choir, numbered from 1: true stiffness and true overlap of its plectrum, each
-divided by the rig's, and the error of its clearance (m); hidden."""
-TIME_RANGE = 1e-3
-"""Largest delay between force and motion (s)."""
 FACTOR = 10.0
 """Ratio of a bound to the rig's value if the rig file assumes no range."""
-ENDS = {
-    FRICTION: (0.0, 0.5),
-    FINGERTIP: (-0.6, 0.6),
-    TIME: (-TIME_RANGE, TIME_RANGE),
-}
-"""Bounds of the parameters that have a natural range, SI."""
-NAMES = (
-    MODULUS,
-    STIFFNESS,
-    OVERLAP,
-    FRICTION,
-    "key.inertia",
-    "key.pivot_coulomb_friction",
-    "key.pivot_viscous_friction",
-    "key.gravity_moment",
-    "jack.mass",
-    "jack.register_friction",
-    CLEARANCE,
-    FINGERTIP,
-    TIME,
-    FORCE,
-)
-"""Names of all parameters that can be requested. `offset.force` has one value for each press; it is
-always fitted if the force is AC-coupled."""
 DIFFERENCE = 1e-3
 """Step of numerical derivatives, divided by the parameter's scale."""
 FRICTION_DIFFERENCE = 0.02
@@ -119,12 +59,12 @@ class Parameter:
     def scale(self, value: float) -> float:
         """Return the scale by which changes of the parameter near a value are divided."""
         width = self.high - self.low
-        return width if self.name == FRICTION else max(abs(value), width / FACTOR)
+        return width if self.name == keys.FRICTION else max(abs(value), width / FACTOR)
 
     @property
     def difference(self) -> float:
         """Step of numerical derivatives, divided by the scale."""
-        return FRICTION_DIFFERENCE if self.name == FRICTION else DIFFERENCE
+        return FRICTION_DIFFERENCE if self.name == keys.FRICTION else DIFFERENCE
 
 
 def parameters(
@@ -146,24 +86,26 @@ def parameters(
     """
     priors = priors or {}
     faults = [
-        f"{name}: no parameter has this name{_near(name, NAMES)}"
+        f"{name}: no parameter has this name{_near(name, keys.NAMES)}"
         for name in dict.fromkeys(names)
-        if name not in NAMES
+        if name not in keys.NAMES
     ]
     faults += [f"{name}: given twice; name it once" for name in set(names) if names.count(name) > 1]
-    if {MODULUS, STIFFNESS} <= set(names):
-        faults.append(f"{MODULUS}, {STIFFNESS}: one determines the other; fit one of them")
+    if {keys.MODULUS, keys.STIFFNESS} <= set(names):
+        faults.append(
+            f"{keys.MODULUS}, {keys.STIFFNESS}: one determines the other; fit one of them"
+        )
     faults += [
         f"prior of {name}: it is not fitted{_near(name, names)}; free it or omit the prior"
         for name in priors
-        if name not in names or name == FORCE
+        if name not in names or name == keys.FORCE
     ]
     found = []
     for name in names:
-        if name in NAMES and name != FORCE:
+        if name in keys.NAMES and name != keys.FORCE:
             found.append(_parameter(rig, name, priors.get(name, Prior()), faults))
     if not found and not faults:
-        faults.append(f"no parameter is free; name at least one of {', '.join(NAMES[:-1])}")
+        faults.append(f"no parameter is free; name at least one of {', '.join(keys.NAMES[:-1])}")
     if faults:
         raise AnalysisError(fault_list("identify", faults))
     return tuple(found)
@@ -178,11 +120,11 @@ def read_prior(text: str) -> tuple[str, Prior]:
     name, _, value = (part.strip() for part in text.partition("="))
     spread, ends = _SPREAD.fullmatch(value), _RANGE.fullmatch(value)
     found = spread or ends
-    if name not in NAMES or found is None:
+    if name not in keys.NAMES or found is None:
         raise AnalysisError(
             f"prior {text!r}: expected a key with a range or a standard uncertainty, such as"
             f" 'plectrum.overlap=0.1 mm to 0.5 mm' or 'key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2'"
-            f"{_near(name, NAMES)}"
+            f"{_near(name, keys.NAMES)}"
         )
     unit = unit_of_parameter(name)
     try:
@@ -202,7 +144,7 @@ def value_of(rig: Rig, name: str) -> float:
 
 def unit_of_parameter(name: str) -> str:
     """Return a parameter's SI unit; empty for a ratio."""
-    known = {STIFFNESS: "N*m**2", TIME: "s", FORCE: "N"}
+    known = {keys.STIFFNESS: "N*m**2", keys.TIME: "s", keys.FORCE: "N"}
     return known.get(name) or unit_of(Rig, name.split(".")) or ""
 
 
@@ -214,14 +156,14 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
     """
     found: dict[str, str | float] = {}
     for name, value in values.items():
-        if name == STIFFNESS:
-            name, value = MODULUS, value * rig.plectrum.youngs_modulus / _stiffness(rig)
-        if name == TIME:
+        if name == keys.STIFFNESS:
+            name, value = keys.MODULUS, value * rig.plectrum.youngs_modulus / _stiffness(rig)
+        if name == keys.TIME:
             at, channel = next(
                 (i, c) for i, c in enumerate(rig.daq.channels) if c.quantity == "velocity"
             )
             found[f"daq.channels.{at}.delay"] = format_quantity(channel.delay - value, "s")
-        elif name != FORCE:
+        elif name != keys.FORCE:
             unit = unit_of_parameter(name)
             found[name] = format_quantity(value, unit) if unit else value
     return found
@@ -232,15 +174,15 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
     changes: dict[str, dict[str, float]] = {}
     for name, value in values.items():
         section, _, field = name.partition(".")
-        if section != "offset" and name != STIFFNESS:
+        if section != "offset" and name != keys.STIFFNESS:
             changes.setdefault(section, {})[field] = value
     parts = {
         section: getattr(rig, section).model_copy(update=fields)
         for section, fields in changes.items()
     }
-    if STIFFNESS in values:
+    if keys.STIFFNESS in values:
         plectrum = parts.get("plectrum", rig.plectrum)
-        modulus = values[STIFFNESS] * plectrum.youngs_modulus / plectrum.bending_stiffness
+        modulus = values[keys.STIFFNESS] * plectrum.youngs_modulus / plectrum.bending_stiffness
         parts["plectrum"] = plectrum.model_copy(update={"youngs_modulus": modulus})
     return rig.model_copy(update=parts)
 
@@ -248,7 +190,7 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
 def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Parameter:
     """Return a parameter with its bounds; add contradictions to `faults`."""
     value, unit = value_of(rig, name), unit_of_parameter(name)
-    low, high = ENDS.get(name) or rig.assumed.get(name) or _around(rig, name, value)
+    low, high = keys.ENDS.get(name) or rig.assumed.get(name) or _around(rig, name, value)
     low = low if prior.low is None else prior.low
     high = high if prior.high is None else prior.high
     if prior.mean is not None and prior.std is not None:
@@ -271,12 +213,12 @@ def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Paramete
 
 
 def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
-    if name == STIFFNESS and MODULUS in rig.assumed:
+    if name == keys.STIFFNESS and keys.MODULUS in rig.assumed:
         ratio = _stiffness(rig) / rig.plectrum.youngs_modulus
-        low, high = rig.assumed[MODULUS]
+        low, high = rig.assumed[keys.MODULUS]
         return low * ratio, high * ratio
     low, high = sorted((value / FACTOR, value * FACTOR))
-    if name == OVERLAP:
+    if name == keys.OVERLAP:
         high = min(high, 0.9 * rig.plectrum.length)
     return low, high
 
