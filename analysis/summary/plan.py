@@ -42,7 +42,7 @@ def plan_lines(
     Args:
         rig: The bench.
         draft: The plan.
-        warnings: Of the plan and of the prediction that it rests on.
+        warnings: Warnings about the plan and about the prediction that it uses.
         all_checks: List every check instead of the tightest and the failed ones.
     """
     cruise = draft.cruise

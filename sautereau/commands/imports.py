@@ -52,9 +52,10 @@ def import_(
     save_profile
         Write the options of this import to this TOML file, if the import succeeds.
     """
-    from sautereau.daq.convert.importing import import_file, targets
+    from sautereau.daq.convert.importing import import_file
     from sautereau.daq.convert.profile import load_profile
     from sautereau.daq.convert.profile import save_profile as write_profile
+    from sautereau.daq.convert.targets import targets
     from sautereau.daq.errors import RecordingError
     from sautereau.rig.progress import tracked
 
@@ -65,7 +66,7 @@ def import_(
     bench = None if rig is None else common.load_rig(rig)
     done: list[Imported] = []
     faults: list[str] = []
-    pairs = targets(files, out)
+    pairs = targets(files, "mcap", out)
     made = (target for _, target in pairs)
     with output.creating(*made), output.progress("importing"):
         for file, target in tracked(pairs):

@@ -83,7 +83,8 @@ def export(
         Write raw volts only, without values in SI units.
     """
     from sautereau.daq.convert.export import export as export_recording
-    from sautereau.daq.convert.export import files_of, targets
+    from sautereau.daq.convert.export import files_of
+    from sautereau.daq.convert.targets import targets
     from sautereau.entrance.session import open
     from sautereau.rig.progress import tracked
 
