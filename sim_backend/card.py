@@ -9,7 +9,6 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.device_types import DEVICE_TYPES
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
 from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
 from sautereau.sim_backend.devices.daqmx.runs import SampledRun, Wiring
 from sautereau.sim_backend.fault_injection import FaultInjection
@@ -75,16 +74,15 @@ class BenchCard:
             DaqmxError: The card is disconnected, or the bench has failed.
         """
         with self._wiring.lock:
-            if setup.before is not None:
-                run = self._new_run(PreTriggerRun, setup)
-                run.begin(None if setup.start_trigger else self._now(), setup.before)
-                return run
             if setup.per_trigger is not None:
                 run = self._new_run(RetriggeredRun, setup)
                 run.begin(setup.per_trigger, self._parts(setup, setup.per_trigger))
                 return run
             run = self._new_run(SampledRun, setup)
-            if setup.trigger is None:
+            if setup.before is not None:
+                if setup.start_trigger is None:
+                    run.trigger(self._now())
+            elif setup.trigger is None:
                 self.starts.append(self._now())
                 self._injection.begin_press()
                 run.trigger(self._now(), self._injection.of_run())

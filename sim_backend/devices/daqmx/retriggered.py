@@ -23,6 +23,7 @@ class RetriggeredRun(SampledRun):
             new_part: Constructs the acquisition of a part, by its number from 0.
         """
         self._length, self._new_part = length, new_part
+        self._first = 0
         self._runs: list[SampledRun] = []
         self._dropped_parts = 0
 
