@@ -64,20 +64,18 @@ def find_layout(path: Path) -> Layout:
     """
     lines, encoding = _head(path)
     texts = [(number, line) for number, line in enumerate(lines) if line.strip()]
-    best: tuple[tuple[int, int], int, list[Cells], tuple[str, str]] | None = None
+    fitting: list[tuple[int, int, int, list[Cells], tuple[str, str]]] = []
     for dialect in DIALECTS:
         table = [_cells(line, *dialect) for _, line in texts]
         start, length = _longest_run(table)
         if length and (dialect[0] in texts[start][1] or dialect == (",", ".")):
-            score = (length, sum(map(_is_number, table[start])))
-            if best is None or score > best[0]:
-                best = (score, start, table, dialect)
-    if best is None:
+            fitting.append((length, sum(map(_is_number, table[start])), start, table, dialect))
+    if not fitting:
         raise RecordingError(
             f"it has no rows of numbers in its first {max(1, len(lines))} lines; give a table with"
             " numbers"
         )
-    _, start, table, dialect = best
+    _, _, start, table, dialect = max(fitting, key=lambda one: one[:2])  # the first of equals
     return _described(table, start, texts[start][0], dialect, encoding)
 
 
