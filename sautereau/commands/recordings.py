@@ -40,9 +40,9 @@ def _text(value: object) -> str:
 def recover(
     file: Path, /, *, out: common.OutFile | None = None, output: FileOutput = FileOutput()
 ) -> int:
-    """Write a valid recording with everything that is readable in a damaged one.
+    """Write a valid recording with all readable data of a damaged one.
 
-    The damaged file is not changed. No sample is invented: missing samples are reported.
+    The damaged file is not changed. Missing samples are reported, not filled in.
 
     Parameters
     ----------

@@ -267,8 +267,8 @@ def test_old_calibrations_of_measured_presses(paper, record, calibrated, count):
     assert load_press(record(rig, volts)).warnings == ()
 
 
-def test_columns_as_arrays(paper, record):
+def test_the_table_has_the_samples(paper, record):
     press = load_press(record(paper, np.stack([np.linspace(0, 0.02, 2000), np.full(2000, 0.5)])))
-    force, rise = press.columns("force", "jack_rise")
-    np.testing.assert_array_equal(force, press.data["force"])
-    np.testing.assert_array_equal(rise, press.data["jack_rise"])
+    assert list(press.samples) == list(press.data)
+    for name, signal in press.samples.items():
+        np.testing.assert_array_equal(signal, press.data[name])
