@@ -43,7 +43,7 @@ class Imported:
     trigger_shift: float
     """Time from sample 0, the nearest to the trigger, to the trigger, s."""
     warnings: tuple[str, ...] = ()
-    """What is doubtful about the samples, and how to fix it."""
+    """Doubts about the samples, each with how to fix it."""
 
 
 def import_file(

@@ -37,7 +37,7 @@ Cells = list[str]
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the rows of a text file begin, and what its first lines say."""
+    """First row of a text file, and the information in the lines before it."""
 
     names: tuple[str, ...]
     skip: int
@@ -80,7 +80,7 @@ def find_layout(path: Path) -> Layout:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is a unit of what sensors, clocks and cards give."""
+    """Return whether a text is a unit that sensors, clocks or cards use."""
     if not UNIT.fullmatch(text):
         return False
     for spelling in {text, text.lower()}:

@@ -60,7 +60,7 @@ def read_block(data: memoryview) -> WireBlock:
 
 @dataclass(frozen=True)
 class SampleLayout:
-    """How the blocks of a recording hold the samples, from the metadata of their topic."""
+    """Layout of the samples in the blocks of a recording, from the metadata of their topic."""
 
     names: tuple[str, ...]
     """Names of the channels, in their order."""
