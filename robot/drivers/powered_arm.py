@@ -233,10 +233,6 @@ class PoweredArm(MotionController, Generic[DriverT]):
         self._states.enter(State.LOADED)
         return self._motion
 
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        return None if self._driver is None else self._driver.loaded_torque
-
     def arm(self) -> None:
         """Prepare capture, trigger and start; refuse where the arm is not at the start."""
         driver = self._ready("arm")

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Generic, TypeVar
 
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, TorqueTable
+from sautereau.robot.controller import Capture
 from sautereau.robot.drivers.driver import Clock, Driver, Sleep
 from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.polling import POLL, Polling
@@ -108,10 +108,6 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
         """Keep the planned motion for `start`; nothing is sent."""
         self._loaded = self._planned
         return self._motion("load")[0]
-
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        return None
 
     def arm(self) -> None:
         """Let the axes follow setpoints."""
