@@ -84,10 +84,10 @@ class GalilDriver(Axes):
         self._planned = segments, push
 
     def load(self) -> Segments:
-        """Preload the motion; return what was really sent.
+        """Preload the motion; return the motion as it was sent.
 
-        The controller repeats every segment as it hears it, and holds the torques in arrays
-        that are read back.
+        The controller repeats every segment that it receives. Its arrays of torques are read
+        back.
         """
         if self._planned is None:
             raise NotReady("load: no motion is planned; call plan() first")
@@ -165,7 +165,7 @@ class GalilDriver(Axes):
     def _ended(self) -> bool:
         """Return whether both axes are at rest and the program has ended, or something stopped it.
 
-        That is the watchdog, or what stops one axis and leaves the other moving: a limit.
+        The watchdog can stop it, or a limit, which stops one axis while the other moves.
         """
         names = ("_BGA", "_BGB", "_SCA", "_SCB", f"_XQ{PRESS}", f"_XQ{WATCH}")
         *moving, code_a, code_b, press, watch = self.line.read(*names)

@@ -81,7 +81,7 @@ def plan_push(rig: Rig, torque: TorqueTable, motion: Segments, volts: float) -> 
 
 
 def write_push(line: Line, push: Push | None) -> None:
-    """Write the offsets into the controller, and read them back; None for no offsets."""
+    """Write the offsets to the controller and read them back; None writes no offsets."""
     if push is None:
         line.ask(f"{PUSHES}=0")
         line.verify({PUSHES: 0})
