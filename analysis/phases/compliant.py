@@ -2,40 +2,66 @@
 
 import math
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.saw_teeth import SawTeeth
+from sautereau.analysis.phases.saw_teeth import EXCHANGE_TOLERANCE, SawTeeth, Solved
 from sautereau.analysis.phases.search import Growth, Searched, row_noise, search
 from sautereau.analysis.phases.signals import BRIDGED, Signals
 from sautereau.analysis.phases.slow import Slow
+from sautereau.trajectory.motion import Floats
 
 HIGH = 0.7
-"""Rise of the jack over the full one, from which on the key may meet its front felt."""
+"""Fraction of the full rise of the jack above which the key may reach its front felt."""
 BEYOND = 3e-3
-"""m, rise of the jack above the last release that the rig expects, up to which that may be."""
+"""m, distance above the last release that the rig expects, at which the shorter way ends."""
 EDGE = 3.0
-"""Widths from there at which a release must be seen completely."""
-SIGNIFICANT, CLEARLY = 12.0, 30.0
-"""Least significance of a pluck, and of one that only a shorter way shows."""
+"""Least distance of a release from that end, in widths of the smoothing."""
+SIGNIFICANT = 12.0
+"""Least significance of a pluck."""
+CLEARLY_SIGNIFICANT = 30.0
+"""Least significance of a pluck that is found only without the last part of the way down."""
 SHORTEST = 0.5e-3
 """s, shortest pluck."""
-NEAR, LEAST_NEAR, MOST_NEAR = 2.0, 0.25e-3, 1.0e-3
-"""Uncertainty of a release before its refinement over that of the search, and its bounds in s."""
-LARGER, LEAST_STD, CONTACT_PART = 2.2, 0.28e-3, 1.2
-"""Standard uncertainty of a contact over that of its fit; s, what is added to it; and the part of
-the pluck's duration, over the fraction of the force that the key's model does not explain. From
-presses of the independent simulator, and tested on others."""
-LEAST_RELEASE_STD, RELEASE_PART, BESIDE = 0.1e-3, 0.6, 1.5
-"""The same of a release; and a factor of the uncertainties of several releases in a press, as each
-rings on in the next one's fit."""
-LEAST_HIDDEN, CLEAR = 3 * BRIDGED, 1000.0
-"""N, least force of a pluck whose release lies in a drop-out, where the inertia is interpolated,
-unless it is more significant than this."""
+NEAR = 2.0
+"""Standard uncertainty of a release before its refinement, over that of the search."""
+LEAST_NEAR = 0.25e-3
+"""s, smallest value of this uncertainty."""
+MOST_NEAR = 1.0e-3
+"""s, largest value of this uncertainty."""
+LARGER = 2.2
+"""Standard uncertainty of a contact over that of its fit. This and the next five constants are from
+presses of the independent simulator, and were tested on others."""
+LEAST_STD = 0.2e-3
+"""s, standard uncertainty that is added to that of a contact (root sum of squares)."""
+CONTACT_PART = 1.2
+"""Added to the standard uncertainty of a contact: this factor times the pluck's duration times the
+fraction of the force that the model of the key does not explain."""
+LEAST_RELEASE_STD = 0.1e-3
+"""s, standard uncertainty that is added to that of a release."""
+RELEASE_PART = 0.6
+"""The same as `CONTACT_PART` for a release."""
+SEVERAL_RELEASES = 1.5
+"""Factor of the uncertainties where a press has several releases: the ringing after one release
+disturbs the fit of the next."""
+REWEIGHTED = 2
+"""Number of fits with weights by the residuals of the fit before."""
+UNEXPLAINED = 5.0
+"""Error of a row over the local rms of the residuals of the fit before."""
+AROUND = 65
+"""Number of rows over which this rms is taken."""
+LEAST_HELD = 2.5
+"""Least distance of a contact from its release where a fit starts, in widths of the smoothing."""
+LEAST_HIDDEN = 3 * BRIDGED
+"""N, least force of a pluck whose release lies in a drop-out, where the inertia is interpolated."""
+CERTAIN_IF_HIDDEN = 1000.0
+"""Significance above which such a pluck may have less force."""
 
 
 def compliant_plucks(
@@ -48,7 +74,7 @@ def compliant_plucks(
         signals: Of the press.
         way: First and last sample of the way down.
     """
-    way = way[0], _turn(signals, *way)
+    way = way[0], _rebound(signals, *way)
     start, last = (float(signals.time[sample]) for sample in way)
     slow, searched = _searched(strings, signals, way)
     growths = searched.growths
@@ -66,7 +92,9 @@ def compliant_plucks(
         around = signals.no_velocity[
             slice(*(signals.sample(growth.release + side) for side in (-near, near)))
         ]
-        hidden = around.any() and growth.force < LEAST_HIDDEN and growth.significance < CLEAR
+        hidden = (
+            around.any() and growth.force < LEAST_HIDDEN and growth.significance < CERTAIN_IF_HIDDEN
+        )
         if hidden or release.time - growth.contact < SHORTEST:
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)
@@ -74,7 +102,7 @@ def compliant_plucks(
         std = math.hypot(std, LEAST_STD, CONTACT_PART * wrong, signals.instant_std)
         contact = Contact(growth.contact, std, growth.significance, growth.force, growth.noise)
         std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)
-        std *= BESIDE if len(growths) > 1 else 1.0
+        std *= SEVERAL_RELEASES if len(growths) > 1 else 1.0
         found.append((contact, replace(release, std=std)))
     return found, searched
 
@@ -82,29 +110,30 @@ def compliant_plucks(
 def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tuple[Slow, Searched]:
     """Return the smoothed way down, and what was found in it.
 
-    Where a string is missing, the last part is omitted, as the key's impact on its front felt
-    spoils the fit of what was before; of a key that only moves on it improves it.
+    If fewer plucks are found than the rig has strings, the search is repeated without the last part
+    of the way down, since the impact of the key on its front felt disturbs the fit of everything
+    before it. This part is not always omitted: where the key moves freely, it improves the fit.
     """
     slow = Slow(signals, *way)
     searched = search(slow, strings)
     highest = float((strings.contacts + strings.climbs).max()) + BEYOND
     end = way[0] + int(np.argmax(signals.rise[slice(*way)] > highest))
     last = float(signals.time[end]) - EDGE * slow.width
-    found = _until(last, searched, SIGNIFICANT)
+    found = _number_before(last, searched, SIGNIFICANT)
     if end == way[0] or found >= len(strings.contacts):
         return slow, searched
     shorter = Slow(signals, way[0], end)
     again = search(shorter, strings)
-    more = _until(last, again, CLEARLY) > found
+    more = _number_before(last, again, CLEARLY_SIGNIFICANT) > found
     return (shorter, again) if more else (slow, searched)
 
 
-def _until(last: float, searched: Searched, least: float) -> int:
-    """Return the number of growths of a least significance that end before an instant [s]."""
+def _number_before(last: float, searched: Searched, least: float) -> int:
+    """Return how many growths above a significance end before an instant [s]."""
     return sum(growth.release < last for growth in searched.significant(least))
 
 
-def _turn(signals: Signals, begin: int, end: int) -> int:
+def _rebound(signals: Signals, begin: int, end: int) -> int:
     """Return the sample at which the key first rebounds from its front felt."""
     high = begin + int(np.argmax(signals.rise[begin:end] > HIGH * signals.rise[end]))
     back = signals.speed[high:end] < 0.0
@@ -114,18 +143,53 @@ def _turn(signals: Signals, begin: int, end: int) -> int:
 def _with_releases(
     slow: Slow, strings: Expected, searched: Searched, releases: list[Release]
 ) -> tuple[Growth, ...]:
-    """Return the growths with the contacts for the releases of their own fits.
+    """Return the growths with contacts that are fitted for the given releases.
 
-    The smoothed load shows a release with an error which its contact shares.
+    An error of a release in the smoothed load causes an error of its contact. The load is not
+    explained equally well everywhere, so it is fitted several times: each fit after the first one
+    weights the rows by the local rms of the residuals of the fit before. Strings that are held at
+    once are fitted once, since rows that show a wrong contact of one of them would lose their
+    weight.
     """
     growths = searched.growths
     short = any(r.time - g.contact < SHORTEST for g, r in zip(growths, releases, strict=True))
     if short or not growths:
         return growths
     known = np.array([(release.time, release.std) for release in releases])
-    fit = SawTeeth(slow, searched.compliance, row_noise(searched.residual), strings, known)
+    noise = row_noise(searched.residual)
+    fit = SawTeeth(slow, searched.compliance, noise, strings, known)
     start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
-    plucks, solved, _ = fit.refined(start)
+    plucks, solved = _with_better_contacts(fit, *fit.refined(start)[:2])
+    together = (plucks[1:, 0] < plucks[:-1, 1]).any()
+    for _ in range(0 if together else REWEIGHTED):
+        square = uniform_filter1d((solved.row_residuals / fit.weight) ** 2, AROUND, mode="nearest")
+        error = UNEXPLAINED * np.sqrt(np.maximum(square, 0.0))
+        fit = SawTeeth(slow, searched.compliance, noise, strings, known, error)
+        plucks, solved, _ = fit.refined(plucks)
     stds, _ = fit.stds(plucks, solved)
     contacts = zip(growths, plucks[:, 0].tolist(), stds, strict=True)
     return tuple(replace(g, contact=contact, contact_std=std) for g, contact, (std, _) in contacts)
+
+
+def _with_better_contacts(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
+    """Return plucks and their fit, or much better ones with other contacts.
+
+    The sum of strings that are held at once has several minima. So further fits start from the
+    contacts of the rig, assigned to the releases in every order.
+    """
+    rig = np.interp(fit.strings.contacts, fit.rise, fit.slow.hops)
+    if not 1 < len(plucks) <= len(rig):
+        return plucks, solved
+    variance, releases = max(fit.noises(plucks, solved)), plucks[:, 1]
+    latest = releases - LEAST_HELD * fit.slow.width
+    starts = [
+        np.column_stack([np.minimum(order, latest), releases])
+        for order in permutations(rig, len(plucks))
+    ]
+    best = fit.refined(plucks, variance)
+    least = best[2] / EXCHANGE_TOLERANCE
+    for start in starts:
+        other = fit.refined(start, variance)
+        if other[2] < least and (other[1].forces > 0).all():
+            best, least = other, other[2]
+    return best[:2]

@@ -16,16 +16,22 @@ from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Rows
 from sautereau.trajectory.motion import Floats
 
-ZOOMS, CLOSER = 3, 1.2
-"""Largest number of refinements, and half-width of a refined grid in spacings of the last."""
+ZOOMS = 3
+"""Largest number of refinements of a grid."""
+CLOSER = 1.2
+"""Half-width of a refined grid in spacings of the grid before."""
 LEAST_CURVATURE = 1e-12
-"""Curvature of chi2 that replaces one of zero or below."""
+"""Smallest curvature of chi2; it replaces smaller and negative values."""
 FINE = 3.0
-"""Spacing of a grid, in standard deviations, below which it needs no further refinement."""
-WIDE, EDGE = 4.5, 0.03
-"""Half-width of the last grid in standard deviations, and largest probability ratio at its ends."""
-FIRST_GRID, GRID = 31, 11
-"""Instants of the first grid, which is fine enough to show the bend, and of all others."""
+"""A grid with a spacing below this number of standard deviations is not refined further."""
+WIDE = 4.5
+"""Half-width of the last grid in standard deviations."""
+EDGE = 0.03
+"""Largest probability at an end of the last grid, over that of the best instant."""
+FIRST_GRID = 31
+"""Instants of the first grid; enough to resolve the bend at the contact."""
+GRID = 11
+"""Instants of all other grids."""
 
 
 @dataclass(frozen=True)

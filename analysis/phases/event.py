@@ -11,28 +11,38 @@ from sautereau.analysis.phases.response import Orders
 from sautereau.analysis.phases.signals import FORCE_FLOOR, VELOCITY_FLOOR, Signals
 from sautereau.trajectory.motion import Floats
 
-BEFORE, AFTER = 4e-3, 2.5e-3
-"""s, before and after a release, of the samples to which its instant is fitted."""
+BEFORE = 4e-3
+"""s, of signal before a release that is part of its fit."""
+AFTER = 2.5e-3
+"""s, of signal after a release that is part of its fit."""
 ROW = 40e-6
 """s, shortest block of this fit."""
-MOST_MODES, FALL_STD = 3, 0.1
-"""Modes of a fit, and relative uncertainty of the fall."""
+MOST_MODES = 3
+"""Largest number of modes of a fit."""
+FALL_STD = 0.1
+"""Relative standard uncertainty of the fall of the load."""
 LEAST_ROWS = 24
 """Fewest blocks of a fit."""
 LARGEST_VARIANCE = 1e-6
-"""s^2, of the instant of one fit; of a mode that nothing determines it is infinite."""
+"""s^2, upper bound of the variance of an instant. Undetermined modes make it infinite."""
 LARGER = 2.5
-"""Standard uncertainty of an instant over that of its fit, as modes are missing from the fit; from
-presses of the independent simulator, and tested on others."""
-REACH, TRIED, STARTS = 3.0, 20, 4
-"""Standard deviations up to which instants are tried; their number; and that of parts of this
-range, in each of which a search starts from the best one."""
+"""Standard uncertainty of an instant over that of its fit, in which modes are missing. From presses
+of the independent simulator; tested on others."""
+REACH = 3.0
+"""Instants are tried up to this number of standard deviations on either side."""
+TRIED = 20
+"""Number of instants that are tried."""
+STARTS = 4
+"""Parts of the range of instants; a search starts from the best instant of each part."""
 SMOOTH: Orders = (2,)
+"""Force and velocity begin with t^2, as on any key that bends."""
 SUDDEN: Orders = (2, 1)
-"""Powers of time with which force and velocity begin: both of any key; and of one that hardly
-bends, whose jack stands on a hard cloth."""
-SAME, UNLIKELY = 2e-6, 25.0
-"""s, difference of equal instants; and of twice the logarithm of a probability that is ignored."""
+"""The force begins with t^2 and the velocity with t, as on a key that hardly bends and whose jack
+stands on a hard cloth."""
+SAME = 2e-6
+"""s, difference up to which two instants count as equal."""
+UNLIKELY = 25.0
+"""Difference of the Bayesian information criterion from the best, above which a fit is ignored."""
 
 
 def refine_event(
@@ -47,10 +57,10 @@ def refine_event(
 ) -> Release:
     """Return the instant of a release, fitted to the samples around it.
 
-    Searches start from several instants, as chi2 has several minima. Their modes are found one
-    after the other: the one of a table that reduces the residuals most is added, and all are
-    refined. The instants of all fits are averaged with the weights of the Bayesian information
-    criterion.
+    Chi2 has several minima, so searches start from several instants. Each search adds one mode
+    after the other: it selects the mode of a table that reduces the residuals most, and then
+    refines all modes. The instants of all fits are averaged with the weights of the Bayesian
+    information criterion.
 
     Args:
         signals: Of the press.
@@ -75,13 +85,13 @@ def refine_event(
     for orders in begins:
         chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
         best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(TRIED), STARTS)]
-        chains += _different([fit.refine(tried[i], poles[i : i + 1], orders) for i in best])
+        chains += _distinct([fit.refine(tried[i], poles[i : i + 1], orders) for i in best])
     fits = [*chains]
     for _ in range(MOST_MODES - 1):
         fit.weigh(min(chains, key=fit.chi2))
         further = [fit.scan(f.instants[None], f.poles, f.orders)[1] for f in chains]
         pairs = zip(chains, further, strict=True)
-        chains = _different(
+        chains = _distinct(
             [fit.refine(f.instants, np.append(f.poles, p), f.orders) for f, p in pairs]
         )
         fits += chains
@@ -115,11 +125,11 @@ def refine_event(
 
 
 def resolved(signals: Signals, near: float) -> bool:
-    """Return whether small residuals of a release near a time [s] show modes.
+    """Return whether small residuals of a release near a time [s] can be caused by modes.
 
-    They do not where a signal is missing or interpolated; where the noise is below its floor, so
-    that they are errors of the model; nor where samples are longer than a block, so that they are
-    the converter's filter.
+    They have other causes where a signal is missing or interpolated, where the noise is below its
+    floor (errors of the model), and where samples are longer than a block (filter of the
+    converter).
     """
     around = slice(max(0, signals.sample(near - BEFORE)), signals.sample(near + AFTER))
     return (
@@ -131,8 +141,8 @@ def resolved(signals: Signals, near: float) -> bool:
     )
 
 
-def _different(fits: list[Fitted]) -> list[Fitted]:
-    """Return fits without those that begin alike and end at the same instants."""
+def _distinct(fits: list[Fitted]) -> list[Fitted]:
+    """Return the fits without repetitions: same orders and same instants."""
     found: list[Fitted] = []
     for fitted in fits:
         if all(

@@ -1,8 +1,8 @@
 """The instant of a sudden event in force and velocity, with the modes that it excites.
 
 Around the event each signal is a parabola with ringing from before, and from the event on a curve
-and damped modes (`response`). Instants and poles are those of both signals. The model is linear but
-for these, for which a search starts (`levenberg`), after elimination of the linear factors.
+and damped modes (`response`). Both signals have the same instants and poles. The model is linear in
+all other parameters; these are eliminated, and instants and poles are refined (`levenberg`).
 """
 
 import math
@@ -16,24 +16,40 @@ from sautereau.analysis.phases.response import Orders, Poles, Response, curves, 
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
-FREQUENCIES, DAMPINGS = np.geomspace(120.0, 5000.0, 16), (0.02, 0.1, 0.4)
-"""Hz and dimensionless, of a table of modes with which a search starts."""
-HIGHEST, HIGHEST_REFINED = 0.35, 0.45
-"""Largest frequency of a mode over the rate of the blocks: of the table, and refined."""
-LOWEST, LEAST_DAMPING, LARGEST_DAMPING = 50.0, 0.003, 0.9
-"""Hz and dimensionless, bounds of the modes."""
-PARABOLA_STD, BEFORE_STD, RING_STD, CURVE_STD = 1e3, 0.5, 1.5, 30.0
-"""Prior standard deviations over the range of a signal: parabola and ringing from before; modes
-and curve from the event on."""
+FREQUENCIES = np.geomspace(120.0, 5000.0, 16)
+"""Hz, of the table of modes with which a search starts."""
+DAMPINGS = (0.02, 0.1, 0.4)
+"""Damping ratios of this table."""
+HIGHEST = 0.35
+"""Largest frequency of the table over the rate of the blocks."""
+HIGHEST_REFINED = 0.45
+"""Largest frequency of a refined mode over the rate of the blocks."""
+LOWEST = 50.0
+"""Hz, smallest frequency of a refined mode."""
+LEAST_DAMPING = 0.003
+"""Smallest damping ratio of a refined mode."""
+LARGEST_DAMPING = 0.9
+"""Largest damping ratio of a refined mode."""
+PARABOLA_STD = 1e3
+"""Prior standard deviation of the parabola, over the range of a signal."""
+BEFORE_STD = 0.5
+"""The same of the ringing that started before the event."""
+RING_STD = 1.5
+"""The same of the modes that the event excites."""
+CURVE_STD = 30.0
+"""The same of the curve from the event on."""
 LONGEST = 1e-3, 0.3, 0.7
 """Longest step of a search: of instants in s, of the logarithms of frequency and damping."""
 CONVERGED = 1e-3
-"""Dimensionless, relative decrease of chi2 at which a search ends."""
-RIDGE, TINY = 1e-9, 1e-9
-"""Regularises what no sample determines; and least range of a signal in its unit."""
-UNMODELLED, BLOCK = 0.03, 8
-"""Noise over the range of a signal before there are residuals, and blocks over which these are
-summed in order to detect correlated ones."""
+"""Relative decrease of chi2 at which a search ends."""
+RIDGE = 1e-9
+"""Added to the normal equations, for columns that no sample determines."""
+TINY = 1e-9
+"""Smallest range of a signal, in its unit."""
+UNMODELLED = 0.03
+"""Noise over the range of a signal, before there are residuals."""
+BLOCK = 8
+"""Rows over which residuals are summed in order to detect correlated ones."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +62,9 @@ class Fitted:
     """1/s, of the modes."""
     orders: Orders
     """Powers with which the signals begin."""
-    left: Floats
+    residuals: Floats
     """Residuals over the ranges of the signals, shape (2, n)."""
-    far: float
+    deviations: float
     """Sum of squared deviations from what was expected, of instants and linear factors."""
     variance: float
     """s^2, of the first instant."""
@@ -60,7 +76,7 @@ class Fitted:
 class _Solved:
     """Fits with given instants and poles, of both signals."""
 
-    left: Floats
+    residuals: Floats
     """Residuals with those of the priors, in units of the noise; shape (..., 2, n + columns)."""
     factors: Floats
     """Of the columns, shape (..., 2, columns)."""
@@ -116,11 +132,11 @@ class EventFit:
 
     def chi2(self, fitted: Fitted) -> float:
         """Return the sum of squared residuals and deviations of a fit, in units of the noise."""
-        return float(((fitted.left * self._good / self._noise) ** 2).sum()) + fitted.far
+        return float(((fitted.residuals * self._good / self._noise) ** 2).sum()) + fitted.deviations
 
     def weigh(self, fitted: Fitted) -> None:
         """Set the noise to the residuals of a fit, and their sums if those are larger."""
-        left = fitted.left * self._good
+        left = fitted.residuals * self._good
         n = left.shape[1] // BLOCK * BLOCK
         sums = left[:, :n].reshape(2, -1, BLOCK).sum(2)
         square = np.maximum((left**2).sum(1), (sums**2).sum(1) / BLOCK)
@@ -150,7 +166,7 @@ class EventFit:
         white = white.reshape(*white.shape[:3], instants.shape[1], -1)[..., 0, curves(orders) :]
         white = white - base @ (base.swapaxes(-1, -2) @ white)
         a, b = np.split(white, 2, axis=-1)
-        left = solved.left[..., :n, None]
+        left = solved.residuals[..., :n, None]
         of_a, of_b = (left * a).sum(-2), (left * b).sum(-2)
         aa, bb, ab = ((x * y).sum(-2) + RIDGE for x, y in ((a, a), (b, b), (a, b)))
         gain = (bb * of_a**2 - 2 * ab * of_a * of_b + aa * of_b**2) / np.maximum(
@@ -158,7 +174,7 @@ class EventFit:
         )
         gain = gain.sum(1)
         far = ((instants - self._expected) / self._stds) ** 2
-        chi2 = (solved.left**2).sum((1, 2)) + far.sum(1) - gain.max(1)
+        chi2 = (solved.residuals**2).sum((1, 2)) + far.sum(1) - gain.max(1)
         return chi2, self._table[np.argmax(gain, 1)]
 
     def refine(self, instants: Floats, poles: Poles, orders: Orders) -> Fitted:
@@ -173,7 +189,7 @@ class EventFit:
             instants, poles = self._split(state)
             solved = self._solved(instants, poles, orders)
             far = (instants - self._expected) / self._stds
-            return np.concatenate([solved.left.ravel(), far]), solved
+            return np.concatenate([solved.residuals.ravel(), far]), solved
 
         def bounded(state: Floats) -> Floats:
             return np.append(state[:events], np.clip(state[events:], low, high))
@@ -183,7 +199,7 @@ class EventFit:
         found = minimise(state, evaluate, slopes, lambda *_: True, bounded, longest, CONVERGED)
         normal = found.normal
         inverse = np.linalg.inv(normal + np.diag(RIDGE * np.diag(normal) + RIDGE))
-        left = found.found.left[:, : self.load.shape[1]]
+        left = found.found.residuals[:, : self.load.shape[1]]
         return Fitted(
             *self._split(found.state),
             orders,
@@ -237,7 +253,7 @@ class EventFit:
         columns = np.concatenate(
             [of_instants, (change * poles).real, (change * by_damping).real], -1
         )
-        white = np.zeros((*solved.left.shape, len(state)))
+        white = np.zeros((*solved.residuals.shape, len(state)))
         white[:, : self.load.shape[1]] = self._weight[..., None] * columns
         white = solved.base @ (solved.base.swapaxes(-1, -2) @ white) - white
         far = np.eye(events, len(state)) / self._stds[:, None]

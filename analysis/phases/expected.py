@@ -13,12 +13,14 @@ from sautereau.trajectory.key import angle_of_rise, rise_of_angle
 from sautereau.trajectory.motion import Floats
 
 TYPICAL = -0.23, -0.19, 0.6e-3, 1.0
-"""Quadratic and cubic term of the force; m, height of the jack above contact at release; and N,
-force then: of a plectrum that has no solution in the model."""
+"""Values for a plectrum for which the model has no solution: quadratic and cubic term of the force;
+height of the jack above contact at release [m]; force at release [N]."""
 POINTS = 40
-"""Points of a pluck to which its terms are fitted."""
-FRICTION, OVERLAP = 0.2, 1.25
-"""Friction and relative overlap of a plectrum that is not quite that of the rig."""
+"""Points of a pluck to which the terms of its force are fitted."""
+FRICTION = 0.2
+"""Error of the rig's friction of a plectrum, for the variation of its shape."""
+OVERLAP = 1.25
+"""True overlap over that of the rig, for this variation."""
 LEAST_SHAPE = 0.02
 """Least standard deviation of quadratic and cubic term."""
 
@@ -37,9 +39,9 @@ class Expected:
     """Dimensionless, mean over the strings: a string's force over that at release is
     u + q u(u - 1) + c u(u - 1)(u - 1/2) with u the rise since contact, 1 at release; q and c."""
     shapes: Floats
-    """N at the finger, two independent standard deviations of (q, c) times the force at release, by
-    what a rig does not know: friction, overlap, and whether the string lies on the plectrum's
-    surface; shape (2, 2), a row for each."""
+    """N at the finger, two independent standard deviations of (q, c) times the force at release,
+    caused by what the rig does not contain exactly: friction, overlap, and whether the string lies
+    on the plectrum's surface; shape (2, 2), one deviation per row."""
     damper: tuple[float, float]
     """m, rise of the jack at which the damper leaves the string, and N at the finger, by which it
     carries the jack at rest; both 0 without a damper."""
@@ -87,7 +89,7 @@ def _damper(key: Key, choir: Choir) -> tuple[float, float]:
 
 
 def _variation(choir: Choir) -> Floats:
-    """Return the covariance of (q, c) by what a rig does not know, shape (2, 2)."""
+    """Return the covariance of (q, c) due to unknown friction, overlap and place; shape (2, 2)."""
     plectrum = choir.plectrum
     others = (
         {"contact": "mid-line" if plectrum.contact == "surface" else "surface"},

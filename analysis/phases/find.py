@@ -31,8 +31,10 @@ FULL_SPEED = 0.95
 """Dimensionless, fraction of the median speed above which the jack neither starts nor stops."""
 LEAST_SAMPLES = 16
 """Fewest samples of a way down."""
-FELT, FELT_SIGNIFICANCE = 0.1, 6.0
-"""Least rise of the load at the front felt: in N, and in standard deviations."""
+FELT = 0.1
+"""N, least rise of the load at the front felt."""
+FELT_SIGNIFICANCE = 6.0
+"""Least rise of the load at the front felt, in standard deviations of the load."""
 
 
 def find_phases(press: Press) -> Phases:

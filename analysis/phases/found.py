@@ -21,12 +21,15 @@ GAP = 3
 WEAK = 0.5e-3
 """s, uncertainty above which a contact or a release gives a warning."""
 NEAR = 1e-3
-"""s, distance from a contact or release within which a quality flag gives a warning."""
-GOOD, RIGID, FAIR = 4.0, 10.0, 15e-3
-"""Variance of residuals over the noise of a good and of a fair fit of a rigid key, and their rms in
-N of a fair fit of a compliant one."""
+"""s, largest distance of a quality flag from a contact or release for a warning."""
+GOOD = 4.0
+"""Variance of the residuals over the noise below which the fit of a rigid key is good."""
+RIGID = 10.0
+"""Variance of the residuals over the noise below which the fit of a rigid key is fair."""
+FAIR = 15e-3
+"""N, rms of the residuals below which the fit of a compliant key is fair."""
 DEVIATIONS = 3.0
-"""Standard uncertainties within which the true contact may lie."""
+"""Number of standard uncertainties by which the true contact may be earlier."""
 
 
 @dataclass(frozen=True)
@@ -63,13 +66,13 @@ class Fit:
     noise: float
     """Dimensionless, largest variance of the residuals over that of the noise."""
     compliance: float = 0.0
-    """s^2, over whose square root in s the key deflects under the finger as fast as it turns."""
+    """s^2, k in the relation s = F + k F'' - m v' of load, force and velocity."""
     residual: float = 0.0
-    """N, rms of the load that is not explained: of the smoothed one on a compliant key, and of a
-    rigid one without a pluck; else 0."""
+    """N, rms of the load that is not explained: of the smoothed load on a compliant key, of the
+    load on a rigid key without a pluck, otherwise 0."""
     negligible: bool = False
-    """Whether what a rigid key does not explain shifts contacts by less than the least uncertainty
-    of one on a compliant key."""
+    """Whether the load that a rigid key does not explain shifts contacts by less than the least
+    uncertainty of a contact on a compliant key."""
 
     @property
     def verdict(self) -> Literal["good", "fair", "poor", "by hand"]:

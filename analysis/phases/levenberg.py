@@ -14,10 +14,18 @@ import numpy as np
 from sautereau.trajectory.motion import Floats
 
 Found = TypeVar("Found")
-STEPS, TRIALS, STIFFER = 12, 4, 5.0
-"""Largest number of steps; damped ones that are tried for each; factor of damping between them."""
-FIRST_STIFFNESS, LEAST_STIFFNESS, RIDGE = 1e-2, 1e-7, 1e-12
-"""Dimensionless damping at first and at least; and what is added to the normal equations."""
+STEPS = 12
+"""Largest number of steps."""
+TRIALS = 4
+"""Largest number of dampings that are tried for a step."""
+STIFFER = 5.0
+"""Factor between these dampings."""
+FIRST_STIFFNESS = 1e-2
+"""Dimensionless damping of the first step."""
+LEAST_STIFFNESS = 1e-7
+"""Smallest dimensionless damping."""
+RIDGE = 1e-12
+"""Added to the normal equations."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +34,7 @@ class Minimum(Generic[Found]):
 
     state: Floats
     """Shape (k,)."""
-    left: Floats
+    residuals: Floats
     """Residuals, shape (n,)."""
     found: Found
     """What else `evaluate` returned."""
@@ -36,7 +44,7 @@ class Minimum(Generic[Found]):
     @property
     def chi2(self) -> float:
         """Sum of squared residuals."""
-        return float(self.left @ self.left)
+        return float(self.residuals @ self.residuals)
 
 
 def minimise(

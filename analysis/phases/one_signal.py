@@ -23,38 +23,42 @@ from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Signals, rows_of, signals_of
 from sautereau.rig.schema import Rig
 
-CONTACT_PART, LEAST_CONTACT_STD = 0.02, 0.15e-3
-"""Standard uncertainty of a contact in the force alone, over the pluck's duration, and in s: the
-jack's speed is not quite as planned. From random presses of the stand-in, and tested on others."""
-RELEASE_STD, LARGER, HIDDEN = 0.02e-3, 1.5, 1e-3
-"""s, the same of a release; in the velocity alone its standard uncertainty over that of its fit;
-and s, what a drop-out of the velocity within this time adds."""
+CONTACT_PART = 0.02
+"""Standard uncertainty of a contact in the force alone, over the pluck's duration, since the speed
+of the jack is not exactly as planned. From random presses of the stand-in; tested on others."""
+LEAST_CONTACT_STD = 0.15e-3
+"""s, standard uncertainty that is added to it."""
+RELEASE_STD = 0.02e-3
+"""s, standard uncertainty that is added to that of a release."""
+LARGER = 1.5
+"""Standard uncertainty of a release in the velocity alone, over that of its fit."""
+HIDDEN = 1e-3
+"""s, added to the uncertainty of a release within this time of a drop-out of the velocity."""
 WITHOUT = {
     "velocity": "no velocity was recorded: speeds, rises, deflections, work, the slope of the force"
     " and its drop are unknown",
     "force": "no force was recorded: forces and work are unknown",
 }
-"""What cannot be said without a signal."""
+"""What is unknown without a signal, by the name of the missing signal."""
 BY_WHAT = {
     "velocity": "; contact and release are those of the force alone, for a jack that moves as the"
     " rig's [press] says",
     "force": "; a release is a sudden acceleration of the key near where the rig expects it, and"
     " the contact is that of the rig",
 }
-"""What instants rest on that were not set by hand."""
+"""Basis of the instants that were found, by the name of the missing signal."""
 NOT_FOUND = {
     "velocity": "; a pluck may not be found if the finger presses with constant force, or the jack"
     " moves otherwise",
     "force": "; a string that does not change the key's speed is not seen, so there may have been a"
     " pluck",
 }
-"""Why there may have been a pluck where none was found."""
+"""Why a pluck may not have been found, by the name of the missing signal."""
 LEAST_FRACTION = 0.05
-"""Force of a pluck in the force alone over the range of the force on the way down, below which it
-may be a motion that is not as planned."""
+"""Least force of a pluck in the force alone, over the range of the force on the way down. Motion
+that is not as planned causes smaller falls."""
 FAR = 3.0
-"""Standard deviations from the rise that the rig expects, up to which a release is that of a
-string."""
+"""Largest distance of a release from the rise that the rig expects, in standard deviations."""
 
 
 def find_partial_phases(press: Press) -> Phases:

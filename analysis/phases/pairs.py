@@ -1,4 +1,4 @@
-"""What every pair of a contact and a release would explain of the load, by cumulative sums.
+"""The reduction of chi2 by every pair of a contact and a release, from cumulative sums.
 
 The products of a signal with all saw-teeth, each of which grows with the rise from its contact to
 its release, follow from sums of the signal, and of its products with the rise, before each row.
@@ -17,13 +17,13 @@ LEAST_RISE = 0.25e-3
 MOST_ROWS = 300
 """Rows in which pairs are tried."""
 SHORTEST = 3
-"""Rows that a contact is before its release, at least."""
+"""Least number of rows from a contact to its release."""
 INDEPENDENT = 1e-2
-"""Least part of a saw-tooth's square that other columns do not explain."""
+"""Least fraction of a saw-tooth's square that other columns do not explain."""
 APART = 0.5
-"""Least widths between two releases."""
+"""Least distance of two releases, in widths of the smoothing."""
 ANYWHERE = 0.1
-"""Weight of a pair that is far from what the rig says."""
+"""Weight of a pair that is far from all strings of the rig."""
 
 
 @dataclass(frozen=True)
@@ -35,26 +35,26 @@ class Pairs:
     rise: Floats
     """m, of the jack, shape (n,)."""
     gain: Floats
-    """Reduction of chi2 by each pair, weighted by how likely the rig makes it; 0 where there can be
-    none; shape (contacts, releases)."""
+    """Reduction of chi2 by each pair, weighted by its probability according to the rig; 0 where a
+    pluck is impossible; shape (contacts, releases)."""
 
 
 def pair_gains(fit: SawTeeth, found: Floats, solved: Solved) -> Pairs:
-    """Return what a further pluck would explain.
+    """Return the reduction of chi2 by a further pluck.
 
     Args:
         fit: Of the load.
         found: s, contacts and releases of the plucks found, shape (plucks, 2).
         solved: Their fit.
     """
-    slow, left = fit.slow, solved.load
+    slow, left = fit.slow, solved.row_residuals
     size = max(1, -(-len(left) // MOST_ROWS))
     n = len(left) // size
 
     def sums(column: Floats) -> Floats:
         return column[: n * size].reshape(n, size, *column.shape[1:]).sum(1)
 
-    time, rise = sums(slow.time) / size, sums(fit.at) / size
+    time, rise = sums(slow.time) / size, sums(fit.row_rise) / size
     of_load = _products(sums(fit.weight * left), rise)
     square = _squares(sums(fit.weight**2), rise)
     least = INDEPENDENT * square
@@ -103,7 +103,7 @@ def _subtract_explained(square: Floats, columns: Floats, rise: Floats) -> None:
 
 
 def _likely(strings: Expected, rise: Floats, climbed: Floats) -> Floats:
-    """Return how likely the rig makes each pair, from 0 to 1, by its likeliest string."""
+    """Return the relative probability (0 to 1) of each pair for the nearest string of the rig."""
     likely = np.zeros_like(climbed)
     for contact, climb in zip(strings.contacts, strings.climbs, strict=True):
         far = ((rise - contact)[:, None] / CONTACT_STD) ** 2

@@ -1,4 +1,4 @@
-"""The plucks of a press: of a rigid key where that explains the load, else of a compliant one."""
+"""The plucks of a press, on a rigid key if that explains the load, otherwise on a compliant key."""
 
 import math
 from dataclasses import dataclass, replace
@@ -24,43 +24,52 @@ from sautereau.rig.schema import Rig
 
 STILL = 3e-4
 """Dimensionless, fraction of the full rise below which the jack is at rest."""
-REST, REST_MARGIN = 40e-3, 2e-3
-"""s, duration of the rest in which hum is fitted, and its distance from the motion."""
-REST_ROWS, CONTACT_ROWS = 40, 200
-"""Largest number of rows of the rest and of the way to a release for finding contact."""
-LEAST_GAIN, LEAST_FALL_GAIN = 20.0, 9.0
-"""Least reduction of chi2 by a string over a free key, and by a fall over a bend."""
+REST = 40e-3
+"""s, duration of the rest in which hum is fitted."""
+REST_MARGIN = 2e-3
+"""s, from the end of this rest to the start of the motion."""
+REST_ROWS = 40
+"""Largest number of rows of the rest."""
+CONTACT_ROWS = 200
+"""Largest number of rows of the way to a release, for finding its contact."""
+LEAST_GAIN = 20.0
+"""Least reduction of chi2 by a string, compared with a free key."""
+LEAST_FALL_GAIN = 9.0
+"""Least reduction of chi2 by a fall of the load, compared with a bend."""
 LEAST_HELD = 8
 """Fewest rows for which a string is held."""
 LIKE_THE_FALL = 0.4, 2.0
 """Range of the ratio of the string's force at release to the fall of the load in a pluck."""
 LEAST_FRACTION = 0.1
-"""Fraction of the largest fall in a press below which a fall is no release."""
+"""Least fall at a release, over the largest fall in the press."""
 BEFORE = 6
 """Samples before a release over which the correction of the delay spreads most of it."""
 SETTLED = 3
 """Rows from a release to the earliest contact with the next string."""
 RIGID_NOISE = 10.0
 """Variance of the residuals over the noise below which a rigid key explains the load."""
-RINGING, STEP, NEAR = 8.0, 1.8, 0.7e-3
-"""The same at a release, where a key rings most, and beyond which its modes are fitted; 6 standard
-deviations above 1, beyond which they are where `resolved`; and s, standard uncertainty of a release
-before that."""
+RINGING = 8.0
+"""Variance of the residuals over the noise at a release above which modes are fitted."""
+STEP = 1.8
+"""The same where modes can be the cause (`resolved`): 6 standard deviations above 1."""
+NEAR = 0.7e-3
+"""s, standard uncertainty of a release before its modes are fitted."""
 BENT = 300.0
-"""The same, from which on what looks like a pluck of a rigid key is none."""
+"""Variance of the residuals over the noise above which plucks of a rigid key are rejected."""
 REACHED = 0.5
-"""Part of the rise from contact to release that the rig expects, which the jack must exceed for a
-pluck on a compliant key."""
+"""Least rise of the jack above a contact for a pluck on a compliant key, over the rise from contact
+to release that the rig expects."""
 DOUBTFUL = 6.0
 """Least significance of a warning about a growth that is no pluck."""
-DISPLACED, CERTAIN = 1.5e-3, 3.0
-"""m, of all contacts from those of the rig, beyond which a rigid key must explain the load with
-this variance instead of `RIGID_NOISE`."""
+DISPLACED = 1.5e-3
+"""m, distance of a contact from all contacts of the rig, above which it is doubtful."""
+CERTAIN = 3.0
+"""Largest variance of the residuals over the noise on a rigid key, if a contact is doubtful."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """The plucks of a press, and what they rest on."""
+    """The plucks of a press, with the quality of the fit."""
 
     plucks: list[tuple[Contact, Release]]
     """In order of time."""
@@ -177,15 +186,15 @@ def _explained(
 def _with_modes(
     signals: Signals, release: Release, noise: float, ends: tuple[float, float]
 ) -> Release:
-    """Return a release that is no mere step of the load, fitted with the modes that it excites.
+    """Return a release, fitted with the modes that it excites if a step does not explain it.
 
-    Its residuals must exceed those at the contact, where nothing rings.
+    This is so where its residuals exceed those at the contact, where nothing rings.
     """
     least = min(RINGING, max(STEP, noise)) if resolved(signals, release.time) else RINGING
     if release.noise < least:
         return release
     found = refine_event(signals, release.time, NEAR, release.fall, *ends, begins=(SMOOTH, SUDDEN))
-    # In the load what a rigid key's inertia explains is no residual, as it is in both signals.
+    # The residuals of both signals, unlike those of the load, contain the inertia of a rigid key.
     return replace(found, noise=min(found.noise, release.noise))
 
 

@@ -18,16 +18,24 @@ SIGNIFICANCE = 8.0
 """Least fall in standard deviations."""
 LEAST_FALL = 4e-3
 """N, least fall of a release."""
-REACH, ROOM = 3, 40
-"""Rows: largest error of a candidate, and range on either side for fitting its instant."""
+REACH = 3
+"""Rows by which the instant of a candidate may be wrong."""
+ROOM = 40
+"""Rows on either side of a candidate in which its instant is fitted."""
 SIDE = 60
 """Largest number of samples on either side of the release for fitting its instant."""
-TRIED, FINEST, ZOOMS = 17, 0.5, 12
-"""Instants of a grid, samples between them in the last grid, largest number of refinements."""
+TRIED = 17
+"""Instants of a grid."""
+FINEST = 0.5
+"""Samples between the instants of the last grid."""
+ZOOMS = 12
+"""Largest number of refinements of a grid."""
 HOPELESS = 3.0
-"""Reduction of chi2 by a fall over a bend in a coarse grid, below which none is looked for."""
-RIDGE, PARAMETERS = 1e-9, 6
-"""Regularisation of the equations, and number of parameters of a fit."""
+"""Least reduction of chi2 by a fall, compared with a bend, for a further refinement of the grid."""
+RIDGE = 1e-9
+"""Added to the normal equations."""
+PARAMETERS = 6
+"""Number of parameters of a fit."""
 RISES = 1e12
 """Added to chi2 of an instant at which the load does not fall."""
 WRONG_INERTIA = 0.6

@@ -1,10 +1,11 @@
 """The response of a signal to a sudden event: a curve, and damped modes that it excites.
 
-A key bends and heaves, its jack stands on cloth, the transducer resonates: what the laser and the
-transducer show of a release is the step of the string's force, convolved with the response of all
-these. It is a sum of exponentials exp(p t) with poles p, which are found together with the instant
-of the event. All these have inertia, so that neither the signals nor their slopes jump: they begin
-with t^2. Only the velocity of a key that hardly bends, with a jack on a hard cloth, begins with t.
+A key bends and heaves, its jack stands on cloth, and the transducer resonates. At a release the
+laser and the transducer show the step of the string's force, convolved with the response of all
+these. The response is a sum of exponentials exp(p t) with poles p, which are found together with
+the instant of the event. Since all these parts have inertia, neither the signals nor their slopes
+jump at the event: the signals begin with t^2. Only the velocity of a key that hardly bends, with a
+jack on a hard cloth, begins with t.
 """
 
 import math
@@ -34,7 +35,7 @@ def pole(frequency: float, damping: float) -> complex:
 
 @dataclass(frozen=True)
 class Response:
-    """Means over blocks of a stretch of signal, of what happens in it."""
+    """Responses to events, as means over the blocks of a stretch of signal."""
 
     time: Floats
     """s, middles of the blocks, shape (n,)."""

@@ -1,8 +1,8 @@
 """The load as a sum of saw-teeth, one for each string, and of what a key without a string adds.
 
 A string adds a load that grows from 0 with the rise since contact and ends at release. For given
-instants the model is linear; the instants are refined (Levenberg-Marquardt), with what the rig says
-of them.
+instants the model is linear; the instants are refined (Levenberg-Marquardt), with priors from the
+rig.
 """
 
 import math
@@ -19,24 +19,38 @@ from sautereau.analysis.phases.levenberg import minimise, orthonormal
 from sautereau.analysis.phases.slow import TERMS, Slow
 from sautereau.trajectory.motion import Floats
 
-LEVEL_STD, DRIFT_STD = 10.0, 0.03
-"""N, prior standard deviations: of the constant load; of its change over the rise, with the speed,
-and by a damper."""
-DAMPER, FULL_RISE = 1e-3, 10e-3
-"""m, lift of a damper, and rise over which the load changes."""
+LEVEL_STD = 10.0
+"""N, prior standard deviation of the constant load."""
+DRIFT_STD = 0.03
+"""N, prior standard deviation of the change of the load with the rise, with the speed, and by a
+damper."""
+DAMPER = 1e-3
+"""m, rise of the jack at which a damper leaves its string."""
+FULL_RISE = 10e-3
+"""m, rise over which the load changes by `DRIFT_STD`."""
 F2 = list(TERMS).index("F2")
 """Place of the term of F'' among the columns of a key."""
-COLUMNS, SHARP, FORCE_STD, SHARP_STD = 4, 1, 3.0, 9e-7
-"""Of a string: number; place of the second derivative of its force, by what lies between the laser
-and the jack, which follows the force; prior standard deviations of both in N and N s^2. The others
-are deviations from its shape."""
-CONTACT_STD, CLIMB_STD, DOUBT = 0.5e-3, 0.4, 4.0
-"""Standard deviations of a contact about the rig's, in m, and of the logarithm of the rise from it
-to the release; and bound of their deviations, as a rig may be of another instrument."""
-LONGEST, CONVERGED = 4e-3, 3e-4
-"""s, longest step of a refinement, and relative decrease of chi2 at which it ends."""
-EXCHANGED = 1.1
-"""Largest increase of chi2 by which contacts are put into the order of releases."""
+COLUMNS = 4
+"""Columns of a string: its force, the second derivative of its force, two deviations of its shape.
+The second derivative represents what lies between the laser and the jack."""
+SHARP = 1
+"""Place of the second derivative among these columns."""
+FORCE_STD = 3.0
+"""N, prior standard deviation of the force of a string."""
+SHARP_STD = 9e-7
+"""N s^2, prior standard deviation of its second derivative."""
+CONTACT_STD = 0.5e-3
+"""m, standard deviation of a contact from that of the rig."""
+CLIMB_STD = 0.4
+"""Standard deviation of the logarithm of the rise from contact to release, from that of the rig."""
+MOST_DEVIATION = 4.0
+"""Bound of these deviations in standard deviations, as a rig may be of another instrument."""
+LONGEST = 4e-3
+"""s, longest step of a refinement."""
+CONVERGED = 3e-4
+"""Relative decrease of chi2 at which a refinement ends."""
+EXCHANGE_TOLERANCE = 1.1
+"""Ratio of two chi2 up to which the contacts of both fits count as equally good."""
 SMALL = 0.2e-3
 """s, of a difference quotient."""
 
@@ -45,14 +59,14 @@ SMALL = 0.2e-3
 class Solved:
     """A fit with given instants."""
 
-    load: Floats
-    """N, residuals, shape (rows,)."""
-    left: Floats
-    """N, residuals with those of the priors."""
+    row_residuals: Floats
+    """N, residuals of the rows, shape (rows,)."""
+    residuals: Floats
+    """N, residuals of the rows and of the priors."""
     factors: Floats
     """Of the columns of strings, shape (strings, COLUMNS)."""
     base: Floats
-    """Orthonormal base of these columns less what a key without a string explains of them."""
+    """Orthonormal base of these columns, orthogonal to those of a key without a string."""
 
     @property
     def forces(self) -> Floats:
@@ -62,7 +76,7 @@ class Solved:
     @property
     def chi2(self) -> float:
         """N^2, sum of squared residuals with those of the priors."""
-        return float(self.left @ self.left)
+        return float(self.residuals @ self.residuals)
 
 
 class SawTeeth:
@@ -75,6 +89,7 @@ class SawTeeth:
         strings: Of the rig.
         releases: s, of the plucks with their standard uncertainties, shape (plucks, 2), where they
             are known from elsewhere.
+        unexplained: N, further error of each row, shape (rows,).
     """
 
     def __init__(
@@ -84,12 +99,13 @@ class SawTeeth:
         noise: float,
         strings: Expected,
         releases: Floats | None = None,
+        unexplained: Floats | float = 0.0,
     ):
         self.slow, self.compliance, self.strings = slow, compliance, strings
         self._noise, self._releases = noise, releases
         self.rise = slow.rise(compliance)
         """m, of the jack at the blocks."""
-        self.weight = noise / np.hypot(noise, slow.error(slow.time))
+        self.weight = noise / np.hypot(np.hypot(noise, unexplained), slow.error(slow.time))
         """Of the rows, less where there are impacts and ringing."""
         self.load = self.weight * slow.load(compliance)
         """N, weighted."""
@@ -111,18 +127,18 @@ class SawTeeth:
         """Of u, u(u - 1) and u(u - 1)(u - 1/2) in each column of a string, see `Expected.bends`."""
         self._mixed[:, 0] = FORCE_STD * self._bends
         self._mixed[1:, SHARP + 1 :] = strings.shapes.T
-        self.at = rise
+        self.row_rise = rise
         """m, rise of the jack at the rows."""
 
-    def _held(self, plucks: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the rise since contact over that until release, and where strings are held.
+    def _relative_rise(self, plucks: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the rise since contact over the rise from contact to release, and when it counts.
 
         Args:
             plucks: s, contacts and releases, shape (n, 2).
 
         Returns:
-            The rise, and the part of each block for which a string is held; shape (blocks, n); and
-            the rise from contact to release [m], shape (n,).
+            The relative rise, and the fraction of each block in which the string is held, both of
+            shape (blocks, n); the rise from contact to release [m], shape (n,).
         """
         slow, time = self.slow, self.slow.hops[:, None]
         at, top = np.interp(plucks.T, slow.hops, self.rise)
@@ -131,13 +147,13 @@ class SawTeeth:
         height = np.maximum(top - at, 1e-6)
         return np.maximum(self.rise[:, None] - at, 0.0) / height, part, height
 
-    def _by_ends(self, plucks: Floats) -> tuple[Floats, Floats]:
-        """Return the product of both of `_held`, and its derivatives by contacts and releases.
+    def _relative_rise_slopes(self, plucks: Floats) -> tuple[Floats, Floats]:
+        """Return the relative rise while strings are held, and its derivatives by their instants.
 
         Returns:
             Shape (blocks, n), and (blocks, n, 2).
         """
-        whole, part, height = self._held(plucks)
+        whole, part, height = self._relative_rise(plucks)
         at_speed, top_speed = np.interp(plucks.T, self.slow.hops, self._climbing) / height
         ends = (part > 0) & (part < 1)
         by_contact = (whole - 1) * (part * at_speed)
@@ -153,7 +169,7 @@ class SawTeeth:
         Returns:
             Their force, its second derivative, deviations of its shape; shape (rows, n, COLUMNS).
         """
-        whole, part, _ = self._held(plucks)
+        whole, part, _ = self._relative_rise(plucks)
         u = whole * part
         bend = u * (u - 1)
         terms = np.stack([u, bend, bend * (u - 0.5)], -1)
@@ -180,14 +196,14 @@ class SawTeeth:
     def better_compliance(self, solved: Solved) -> float:
         """Return the compliance [s^2] with which a fit needs no term of F''."""
         # The residual of a prior is minus the factor of its column.
-        factor = -float(solved.left[len(self.load) + F2]) / self._noise
+        factor = -float(solved.residuals[len(self.load) + F2]) / self._noise
         return self.compliance - factor * TERMS["F2"]
 
-    def doubts(self, plucks: Floats) -> Floats:
-        """Return how far plucks are from what the rig says, in standard deviations.
+    def rig_deviations(self, plucks: Floats) -> Floats:
+        """Return the deviations of plucks from the rig, in standard deviations.
 
-        Contacts and rises from contact to release; each is bounded by `DOUBT`, which is that of
-        a pluck for which the rig has no string.
+        They are those of contacts, and of rises from contact to release. Each is bounded by
+        `MOST_DEVIATION`, which is also the deviation of a pluck for which the rig has no string.
 
         Args:
             plucks: s, contacts and releases, shape (..., plucks, 2).
@@ -203,24 +219,24 @@ class SawTeeth:
         of_contact = (rise[..., :1] - strings.contacts) / CONTACT_STD
         climbed = np.maximum(rise[..., 1:] - rise[..., :1], 1e-5)
         far = np.stack([of_contact, np.log(climbed / strings.climbs) / CLIMB_STD], -1)
-        far /= np.sqrt(1 + far**2 / DOUBT**2)
+        far /= np.sqrt(1 + far**2 / MOST_DEVIATION**2)
         each, string = _assignments(count, len(strings.contacts))
-        chosen = np.full((len(number), len(each), count, 2), DOUBT)
+        chosen = np.full((len(number), len(each), count, 2), MOST_DEVIATION)
         chosen[:, np.arange(len(each))[:, None], each] = far[:, each, string]
         best = np.argmin((chosen**2).sum((2, 3)), 1)
         return chosen[number, best].reshape(*plucks.shape[:-2], 2 * count)
 
-    def _far(self, plucks: Floats) -> Floats:
-        """Return `doubts`, and how far releases are from known ones, in standard deviations."""
-        doubts = self.doubts(plucks)
+    def _deviations(self, plucks: Floats) -> Floats:
+        """Return `rig_deviations`, and the same of releases from those that are known."""
+        deviations = self.rig_deviations(plucks)
         if self._releases is None:
-            return doubts
+            return deviations
         time, std = self._releases.T
-        return np.concatenate([doubts, (plucks[..., 1] - time) / std], -1)
+        return np.concatenate([deviations, (plucks[..., 1] - time) / std], -1)
 
     def _slopes(self, plucks: Floats, solved: Solved) -> tuple[Floats, Floats]:
-        """Return the derivatives of residuals, and of `_far`, by contacts and releases."""
-        u, by_ends = self._by_ends(plucks)
+        """Return the derivatives of residuals, and of `_deviations`, by contacts and releases."""
+        u, by_ends = self._relative_rise_slopes(plucks)
         steep = np.stack([np.ones_like(u), 2 * u - 1, 3 * u * (u - 1) + 0.5], -1)
         of_force = (steep * (solved.factors @ self._mixed.T)).sum(-1)
         of_sharp = SHARP_STD * solved.factors[:, SHARP] * (steep @ self._bends)
@@ -228,12 +244,12 @@ class SawTeeth:
             (each[..., None] * by_ends).reshape(len(u), -1) for each in (of_force, of_sharp)
         )
         rows, known = len(self.load), len(self._left)
-        change = np.zeros((len(solved.left), plucks.size))
+        change = np.zeros((len(solved.residuals), plucks.size))
         change[:rows] = self.slow.smooth(slow) + self.slow.smooth(fast, 2)
         change[:rows] *= self.weight[:, None]
         change[:known] -= self.base @ (self.base.T @ change[:known])
         off = SMALL * np.eye(plucks.size).reshape(-1, *plucks.shape)
-        up, down = self._far(np.stack([plucks + off, plucks - off]))
+        up, down = self._deviations(np.stack([plucks + off, plucks - off]))
         return solved.base @ (solved.base.T @ change) - change, (up - down).T / (2 * SMALL)
 
     def stds(self, plucks: Floats, solved: Solved) -> tuple[list[list[float]], list[float]]:
@@ -241,27 +257,38 @@ class SawTeeth:
         if not len(plucks):
             return [], []
         slopes, rig = self._slopes(plucks, solved)
-        rows = np.searchsorted(self.slow.time, plucks)
-        noises = [noise_around(solved.load, *pair) for pair in rows.tolist()]
+        noises = self.noises(plucks, solved)
         inverse = np.linalg.pinv(slopes.T @ slopes / max(noises) + rig.T @ rig, hermitian=True)
         return np.sqrt(np.maximum(np.diag(inverse), 0.0)).reshape(-1, 2).tolist(), [
             n / self._noise**2 for n in noises
         ]
 
-    def refined(self, plucks: Floats) -> tuple[Floats, Solved, float]:
-        """Return better instants near those of plucks, shape (plucks, 2), their fit, its chi2."""
+    def noises(self, plucks: Floats, solved: Solved) -> list[float]:
+        """Return the variance [N^2] of the residuals around each pluck."""
+        rows = np.searchsorted(self.slow.time, plucks)
+        return [noise_around(solved.row_residuals, *pair) for pair in rows.tolist()]
+
+    def refined(
+        self, plucks: Floats, variance: float | None = None
+    ) -> tuple[Floats, Solved, float]:
+        """Return better instants near those of plucks, shape (plucks, 2), their fit, its chi2.
+
+        Args:
+            plucks: s, contacts and releases, shape (plucks, 2).
+            variance: N^2, in units of which the squared deviations from the rig count; that of the
+                residuals around the last pluck if it is not given.
+        """
         solved = self.solved(plucks)
         if not len(plucks):
             return plucks, solved, solved.chi2
-        rows = np.searchsorted(self.slow.time, plucks[-1])
-        weight = math.sqrt(noise_around(solved.load, *rows.tolist()))
-
-        start = plucks.ravel()
+        if variance is None:
+            variance = self.noises(plucks[-1:], solved)[0]
+        weight, start = math.sqrt(variance), plucks.ravel()
 
         def evaluate(state: Floats) -> tuple[Floats, Solved]:
             trial = state.reshape(-1, 2)
             tried = solved if state is start else self.solved(trial)
-            return np.concatenate([tried.left, weight * self._far(trial)]), tried
+            return np.concatenate([tried.residuals, weight * self._deviations(trial)]), tried
 
         def permitted(state: Floats, tried: Solved) -> bool:
             apart = np.diff(state.reshape(-1, 2)) > self.slow.width
@@ -278,9 +305,9 @@ class SawTeeth:
         return found.state.reshape(-1, 2), found.found, found.chi2
 
     def in_order(self, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
-        """Return the plucks with contacts in the order of their releases, where that fits as well.
+        """Return the plucks with contacts in the order of releases, if that fits about as well.
 
-        Two saw-teeth whose contacts are exchanged have nearly the same sum.
+        The sum of two saw-teeth hardly changes if their contacts are exchanged.
         """
         order = np.argsort(plucks[:, 1])
         swapped = plucks.copy()
@@ -288,7 +315,7 @@ class SawTeeth:
         if (swapped == plucks).all():
             return plucks, solved
         other, fitted, _ = self.refined(swapped)
-        better = fitted.chi2 < EXCHANGED * solved.chi2
+        better = fitted.chi2 < EXCHANGE_TOLERANCE * solved.chi2
         return (other, fitted) if better else (plucks, solved)
 
 

@@ -12,29 +12,38 @@ import numpy as np
 
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.pairs import APART, LEAST_RISE, pair_gains
-from sautereau.analysis.phases.saw_teeth import DOUBT, SawTeeth, Solved, noise_around
+from sautereau.analysis.phases.saw_teeth import MOST_DEVIATION, SawTeeth, Solved, noise_around
 from sautereau.analysis.phases.slow import MOST_COMPLIANT, Slow
 from sautereau.trajectory.motion import Floats
 
-NOISE, LEAST_NOISE, CORRELATED = 0.015, 2e-3, 2.0
-"""N, of a smoothed row, of unmodelled vibration, at first and at least; it weights the priors.
-Later it is the rms of the residuals, times this factor as neighbouring rows are correlated."""
+NOISE = 0.015
+"""N, error of a smoothed row by unmodelled vibration in the first round; it weights the priors."""
+LEAST_NOISE = 2e-3
+"""N, smallest value of this error."""
+CORRELATED = 2.0
+"""This error in later rounds over the rms of the residuals, as adjacent rows are correlated."""
 SIGNIFICANCE = 6.0
-"""Least reduction of chi2 by a pluck over the noise around it, and over its deviation from the
-rig."""
-FORCE_STD, TINY = 0.5, 1e-9
-"""Standard deviation of the logarithm of a force about the rig's; and N, least force then."""
+"""Least `Growth.significance` of a pluck."""
+FORCE_STD = 0.5
+"""Standard deviation of the logarithm of a force from that of the rig."""
+TINY = 1e-9
+"""N, smallest force of which the logarithm is taken."""
 SLOWEST = 0.1
-"""Speed of the jack over the largest one, below which it holds its string."""
+"""Least speed of the jack at a release, over its largest speed."""
 LEAST_FORCE = 3e-3
-"""N, below which there is no pluck."""
-LEAST_GROWTH, SLIGHT = 0.2, 0.01
-"""Least force of a significant growth: over the rms of the load that is not explained, and over the
-range of the smoothed force, or of the inertia if that is larger, on the way down."""
-STARTS, BETWEEN = 2, 4.0
-"""Pairs that are refined, and widths between their releases."""
-ROUNDS, QUICK = 3, 1
-"""Rounds for the compliance, and pairs that are refined in the first one."""
+"""N, least force of a pluck."""
+LEAST_GROWTH = 0.2
+"""Least force of a significant growth, over the rms of the load that is not explained."""
+SLIGHT = 0.01
+"""The same over the range of the smoothed force on the way down, or of the inertia if larger."""
+STARTS = 2
+"""Best pairs of contact and release that are refined."""
+BETWEEN = 4.0
+"""Least distance between the releases of these pairs, in widths."""
+ROUNDS = 3
+"""Largest number of rounds, each with the compliance of the round before."""
+QUICK = 1
+"""Pairs that are refined in the first round."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +57,8 @@ class Growth:
     force: float
     """N at the finger, by which the load collapses."""
     significance: float
-    """Reduction of chi2 by it, besides the others, over the noise around it, and over 1 plus its
-    squared deviation from the rig, that of its force included."""
+    """(chi2 without it - chi2) / (n (1 + d^2)), with the variance n of the residuals around it, and
+    its deviation d from the rig in instants and force, in standard deviations."""
     contact_std: float = 0.0
     """s, standard uncertainty; not evaluated for a further growth."""
     release_std: float = 0.0
@@ -74,7 +83,7 @@ class Searched:
     """N, range of the smoothed force, or of the inertia if that is larger."""
 
     def significant(self, least: float) -> tuple[Growth, ...]:
-        """Return the growths, and the further one, of more than a significance and enough force."""
+        """Return the growths above a significance that have enough force, with the further one."""
         every = (*self.growths, *([self.further] if self.further else []))
         force = max(LEAST_GROWTH * self.residual, SLIGHT * self.moved)
         return tuple(g for g in every if g.significance > least and g.force > force)
@@ -125,7 +134,7 @@ class _Search:
     def all(self) -> tuple[Searched, Floats]:
         """Return the plucks, added one by one; and their instants, in the order of addition.
 
-        One that is not significant alone is kept if the next one makes both so.
+        A pluck that is not significant alone is kept if both are significant with the next one.
         """
         fit, strings = self._fit, len(self._fit.strings.contacts)
         sets, good = [fit.refined(np.zeros((0, 2)))[:2]], 0
@@ -133,12 +142,12 @@ class _Search:
             sets.append(fit.refined(self._earlier)[:2])
             good = 1
         while len(sets[-1][0]) <= strings:
-            found, left = sets[-1]
+            found, fitted = sets[-1]
             first = best = None
-            for plucks, solved, _ in self._trials(found, left):
+            for plucks, solved, _ in self._refined_trials(found, fitted):
                 trial = fit.in_order(plucks, solved)
                 first = first or trial
-                if self._significance(*trial, -1, found, left) > 0:
+                if self._significance(*trial, -1, found, fitted) > 0:
                     best = trial
                     break
             if best:
@@ -148,19 +157,19 @@ class _Search:
                 sets.append(first)  # what another string adds may hide this one
             else:
                 break
-        found, left = sets[good]
-        gains = self._gains(found, left)
+        found, fitted = sets[good]
+        gains = self._significances(found, fitted)
         further = None
         while min(gains, default=1.0) == 0.0 or len(found) > strings:
             weakest = len(gains) - 1 - int(np.argmin(gains[::-1]))
             if gains[weakest] > 0:
                 contact, release = found[weakest].tolist()
-                further = Growth(contact, release, float(left.forces[weakest]), gains[weakest])
-            found, left, _ = fit.refined(np.delete(found, weakest, 0))
-            gains = self._gains(found, left)
-        k = fit.better_compliance(left)
-        stds, noises = fit.stds(found, left)
-        each = zip(found.tolist(), left.forces.tolist(), gains, stds, noises, strict=True)
+                further = Growth(contact, release, float(fitted.forces[weakest]), gains[weakest])
+            found, fitted, _ = fit.refined(np.delete(found, weakest, 0))
+            gains = self._significances(found, fitted)
+        k = fit.better_compliance(fitted)
+        stds, noises = fit.stds(found, fitted)
+        each = zip(found.tolist(), fitted.forces.tolist(), gains, stds, noises, strict=True)
         growths = [
             Growth(contact, release, force, gain, std[0], std[1], noise)
             for (contact, release), force, gain, std, noise in each
@@ -169,19 +178,19 @@ class _Search:
             tuple(sorted(growths, key=lambda g: g.release)),
             further,
             min(max(k, 0.0), MOST_COMPLIANT),
-            float(np.sqrt(np.mean(left.load**2))),
+            float(np.sqrt(np.mean(fitted.row_residuals**2))),
             fit.slow.moved,
         )
         return searched, found
 
-    def _trials(self, found: Floats, left: Solved) -> list[tuple[Floats, Solved, float]]:
+    def _refined_trials(self, found: Floats, fitted: Solved) -> list[tuple[Floats, Solved, float]]:
         """Return refined plucks with a further one, their fits and chi2, the best one first."""
-        starts = self._starts(found, left)[: self._most]
+        starts = self._starts(found, fitted)[: self._most]
         if len(found) < len(self._earlier):
             starts.append(self._earlier[: len(found) + 1])
         return sorted((self._fit.refined(start) for start in starts), key=lambda t: t[2])
 
-    def _gains(self, plucks: Floats, solved: Solved) -> list[float]:
+    def _significances(self, plucks: Floats, solved: Solved) -> list[float]:
         """Return the significance of each pluck besides the others."""
         found = []
         for i in range(len(plucks)):
@@ -204,11 +213,13 @@ class _Search:
         fit, slow, pluck = self._fit, self._fit.slow, plucks[i]
         forces = solved.forces
         first, last = np.searchsorted(slow.time, pluck)
-        noise = noise_around(solved.load, int(first), int(last))
-        doubts = float(np.sum(fit.doubts(plucks) ** 2) - np.sum(fit.doubts(others) ** 2))
+        noise = noise_around(solved.row_residuals, int(first), int(last))
+        deviations = float(
+            np.sum(fit.rig_deviations(plucks) ** 2) - np.sum(fit.rig_deviations(others) ** 2)
+        )
         off = np.abs(np.log(max(float(forces[i]), TINY) / fit.strings.forces)).min() / FORCE_STD
-        doubts = max(0.0, doubts) + off**2 / (1 + off**2 / DOUBT**2)
-        gain = (without.chi2 - solved.chi2) / noise / (1 + doubts)
+        deviations = max(0.0, deviations) + off**2 / (1 + off**2 / MOST_DEVIATION**2)
+        gain = (without.chi2 - solved.chi2) / noise / (1 + deviations)
         climbed = np.diff(np.interp(pluck, slow.hops, fit.rise))[0]
         near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
         moving = np.interp(pluck[1], slow.time, slow.speed()) > self._moving
@@ -218,8 +229,8 @@ class _Search:
     def _starts(self, found: Floats, solved: Solved) -> list[Floats]:
         """Return plucks found with a further one; shape (plucks, 2) each.
 
-        The further one is of the pairs that fit the residuals best, anywhere and for each contact
-        that the rig says.
+        The further pluck is one of the pairs that fit the residuals best: of all, and of those with
+        each contact of the rig.
         """
         fit, slow, strings = self._fit, self._fit.slow, self._fit.strings
         every = pair_gains(fit, found, solved)

@@ -34,8 +34,10 @@ SPREAD = 18
 """Samples on either side of flagged samples over which the correction of the delay spreads them."""
 NOISE_ROWS = 4096
 """Samples from which the noise is estimated."""
-FORCE_FLOOR, VELOCITY_FLOOR = 5e-4, 5e-6
-"""N and m/s, smallest noise of a sample: errors of the model of the key."""
+FORCE_FLOOR = 5e-4
+"""N, smallest noise of a sample of the force: errors of the model of the key."""
+VELOCITY_FLOOR = 5e-6
+"""m/s, smallest noise of a sample of the velocity."""
 LARGEST = {"force": 1e4, "velocity": 1e3}
 """N and m/s, limits of the samples; beyond them the sums of a fit lose all digits."""
 SPIKE = 12.0
@@ -48,8 +50,10 @@ LEAST_STEP = 80e-6
 """s, shortest row; in shorter ones the noise of the velocity exceeds the load."""
 BRIDGE = 0.5e-3
 """s, on either side of a drop-out, of the means between which the acceleration is interpolated."""
-BRIDGED, HIDDEN = 0.03, 10.0
-"""N, noise of a row with flagged velocity, and with flagged force."""
+BRIDGED = 0.03
+"""N, noise of a row with flagged velocity."""
+HIDDEN = 10.0
+"""N, noise of a row with flagged force."""
 ASSUMED_FALL = 0.3
 """Dimensionless, relative uncertainty of a fall at release in one signal alone."""
 FACTOR, SOLVE = get_lapack_funcs(("pbtrf", "tbtrs"))

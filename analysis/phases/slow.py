@@ -10,8 +10,8 @@ of which a rigid key has m = I/(l p) alone. k is the key's compliance between fi
 times m; the other terms are losses, delays of the sensors and the next order. They are linear, and
 are fitted with the string. The jack's rise is that of the laser less k / m F.
 
-All signals are smoothed by one B-spline, so that each derivative is a difference of a spline of
-lower order, and relations between the signals hold for the smoothed ones too.
+All signals are smoothed by the same B-spline. Linear relations between the signals therefore hold
+for the smoothed signals, and each derivative is a difference of a spline of lower order.
 """
 
 from functools import lru_cache
@@ -22,9 +22,14 @@ from scipy.ndimage import uniform_filter1d
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
-WIDTH, WIDTHS, HOPS, ORDER = 0.9e-3, 110, 6, 8
-"""s, least width of the spline's boxcars; largest number of widths in a way down; blocks of samples
-in one; number of boxcars."""
+WIDTH = 0.9e-3
+"""s, least width of the boxcars of the spline."""
+WIDTHS = 110
+"""Largest number of widths in a way down."""
+HOPS = 6
+"""Blocks of samples in a width."""
+ORDER = 8
+"""Number of boxcars of the spline."""
 REACH = -(-(ORDER * HOPS + 1) // (HOPS // 2))
 """Rows over which a kernel extends."""
 MARGIN = 4
@@ -34,9 +39,11 @@ TERMS = {
     "F3": 1e-9, "v4": 1e-10, "v5": 3e-13, "F6": 3e-18,
 }  # fmt: skip
 """Prior standard deviations of the terms: dimensionless; s^2, s; kg s, kg s^2; s^4."""
-SUDDEN, CALM = 0.3, 0.2
-"""Error of the load over the rms of what is too fast for this relation: impacts and ringing, above
-the noise, which is the rms of this calmest fraction of the rows."""
+SUDDEN = 0.3
+"""Error of the load over the local rms of fast motion: impacts and ringing, for which the relation
+between force, velocity and load does not hold."""
+CALM = 0.2
+"""Fraction of the rows with the smallest rms, in which there is only noise."""
 MOST_COMPLIANT = 6e-5
 """s^2, largest k."""
 
@@ -80,7 +87,7 @@ class Slow:
         terms = [std * self.smooth(signal[name[0]], int(name[1])) for name, std in TERMS.items()]
         terms[0] *= self.inertial
         self.terms = np.stack(terms, 1)
-        """N, the terms times their prior standard deviations; shape (n, 6)."""
+        """N, the terms times their prior standard deviations; shape (n, terms)."""
         self._rigid = self.force - self.inertial * acceleration
         self.moved = float(max(np.ptp(self.force), self.inertial * np.ptp(acceleration)))
         """N, range of the force, or of the inertia if that is larger."""

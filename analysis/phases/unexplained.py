@@ -1,4 +1,4 @@
-"""What a key without a string leaves of the load, where no pluck was found."""
+"""The load that a key without a string does not explain, in a press without a pluck."""
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -10,7 +10,7 @@ from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Rows
 
 PARTS = 100
-"""Parts of a way down over whose duration the residuals are smoothed."""
+"""Duration of the way down over the time for which the residuals are averaged."""
 
 
 def unexplained(
