@@ -127,7 +127,6 @@ def test_the_fields_are_consistent():
     np.testing.assert_allclose(modal.angle, -bend.theta, atol=1e-12)
     moved = cumulative_trapezoid(modal.velocity[:, 1], x=modal.time)
     np.testing.assert_allclose(moved, modal.displacement[1:, 1], atol=2e-6)
-    assert modal.newton_steps < 4
 
 
 @pytest.mark.parametrize("level", ["rods", "beam", "two-beam"])

@@ -24,8 +24,8 @@ def play_in_air(rig: Rig, ask: Ask) -> Found:
     ask_first(
         ask,
         "dry-run",
-        f"The arm homes and plays the press, {lift * 1e3:.1f} mm higher than in earnest. Is its way"
-        " free?",
+        f"The arm homes and plays the press, {lift * 1e3:.1f} mm above its real height. Is"
+        " the space free?",
     )
     with homed(rig) as controller:
         controller.move_to(trajectory.hover, approach_speed(rig))
@@ -42,7 +42,7 @@ def play_in_air(rig: Rig, ask: Ask) -> Found:
                 f" {TOUCHED:g} N; check what is in the way, and whether the force channel's cable"
                 " moves with the arm"
             )
-    lines = [f"dry-run: the complete press was played, {lift * 1e3:.1f} mm higher"]
+    lines = [f"dry-run: the complete press was played {lift * 1e3:.1f} mm above its height"]
     figures = {"lift": lift}
     if errors:
         counts = float(max(errors))
