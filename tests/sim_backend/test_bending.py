@@ -97,16 +97,6 @@ def test_a_bent_key_releases_later():
     assert times[1] - times[0] == pytest.approx((bends[1] - bends[0]) / speed, rel=0.2)
 
 
-@pytest.mark.slow
-def test_errors_fall_with_the_square_of_the_step():
-    """Of the contact and the release, with everything elastic."""
-    scene = scene_of("ideal", fingertip=Fingertip.model_construct(stiffness=3e4, damping=5.0))
-    scene = scene.model_copy(update={"bending": bent(400.0, 0.02)})
-    steps = [observe(RIG, scene.model_copy(update={"step": s})) for s in (2e-5, 1e-5, 2.5e-6)]
-    assert errors(steps[0], steps[2]).time < 1e-6
-    assert errors(steps[1], steps[2]).time < 0.5 * errors(steps[0], steps[2]).time + 1e-9
-
-
 def test_the_exact_engine_refuses_a_bending_key():
     scene = scene_of("ideal", bending=bent(400.0))
     with pytest.raises(SceneError, match="two angles"):
