@@ -131,22 +131,6 @@ def test_a_table_of_a_later_version_is_refused(complete, tmp_path, monkeypatch):
         read_campaign(out)
 
 
-def test_an_interrupted_campaign_is_continued(campaign_folder, complete, tmp_path, monkeypatch):
-    monkeypatch.setattr(campaign_run, "BATCH", 1)
-    out = tmp_path / "table.parquet"
-
-    def stop(fraction):
-        if round(fraction * GOOD) == 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt), progress_to(stop):
-        run_campaign(campaign_folder, out)
-    assert len(read_campaign(out).table) == 3
-    found = run_campaign(campaign_folder, out)
-    assert (found.read, found.kept) == (GOOD - 3, 3)
-    assert found.campaign.table.equals(complete.table)
-
-
 KILLED = """
 import os, signal, sys
 from sautereau.analysis.campaign import run

@@ -103,11 +103,6 @@ def test_flagged_samples_are_excluded(press):
         assert not (parted.used & ~kept).any()
 
 
-def test_a_requested_shift_widens_the_excluded_intervals(press):
-    phases = find_phases(press)
-    assert observed(press, phases, 1e-3).used.sum() < observed(press, phases).used.sum()
-
-
 def test_a_press_of_nothing_is_refused(press):
     data = press.data.copy()
     data.loc[:, :] = 0.0

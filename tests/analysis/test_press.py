@@ -97,11 +97,6 @@ def test_an_input_that_a_multiplexer_samples_later(paper, record, early):
     assert (press.data.index[0], len(press.data)) == (skipped / RATE, 4000 - skipped)
 
 
-def test_nothing_is_filled_in(paper, record):
-    press = load_press(record(paper, np.random.default_rng(0).standard_normal((2, 3000))))
-    assert np.isfinite(press.data.to_numpy()).all()
-
-
 @pytest.mark.parametrize(("n", "left"), [(70, 13), (57, 0), (56, 0), (20, 0), (1, 0)])
 def test_too_short_for_its_delay(paper, record, n, left):
     """1.1 ms are 56.3 samples."""
@@ -265,10 +260,3 @@ def test_old_calibrations_of_measured_presses(paper, record, calibrated, count):
     assert all("calibrat" in warning for warning in press.warnings)
     press.path.unlink()
     assert load_press(record(rig, volts)).warnings == ()
-
-
-def test_columns_as_arrays(paper, record):
-    press = load_press(record(paper, np.stack([np.linspace(0, 0.02, 2000), np.full(2000, 0.5)])))
-    force, rise = press.columns("force", "jack_rise")
-    np.testing.assert_array_equal(force, press.data["force"])
-    np.testing.assert_array_equal(rise, press.data["jack_rise"])
