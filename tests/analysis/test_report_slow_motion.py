@@ -161,7 +161,7 @@ def test_the_first_press_with_a_pluck_is_shown(write_session, tmp_path):
     assert "Press 2 (" in page.section
 
 
-@pytest.mark.parametrize("more", [1, 3])
+@pytest.mark.parametrize("more", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_every_choir_is_shown(more, write_session, tmp_path):
     rig = load_scene("two-choirs").true_rig(write_session.one.rig)
     rig = rig.model_copy(update={"more_choirs": rig.more_choirs * more})
