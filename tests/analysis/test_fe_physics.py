@@ -13,7 +13,6 @@ from sautereau.rig.load import load_rig
 from tests.outlines import outline_from
 
 PLECTRUM = load_rig("paper").plectrum
-SCALE = PLECTRUM.youngs_modulus * PLECTRUM.width * PLECTRUM.length
 FORCES = np.array([0.1, 0.33, 0.5, 0.75, 1.0])
 
 

@@ -68,3 +68,6 @@ class WayOut(RuleBasedStateMachine):
 
 
 WayOut.TestCase.settings = settings(max_examples=20, stateful_step_count=20)
+
+
+TestWayOut = WayOut.TestCase

@@ -111,6 +111,12 @@ def test_any_rate(rig, rate):
     np.testing.assert_allclose(run.read(0, n)[1][1:], force(time)[1:], rtol=1e-6)
 
 
+def test_a_second_edge_changes_nothing(rig):
+    run = triggered(rig)
+    run.trigger(0.5)
+    assert run.trigger_time == 0.0
+
+
 def test_a_release_is_sharp(rig):
     """The force falls between two samples, wherever in the controller's sample that is."""
     run = triggered(rig, n=1000)
@@ -156,6 +162,23 @@ def test_the_memory_of_an_endless_run_is_bounded(rig):
     assert n > 9000
     np.testing.assert_array_equal(together[:, :9000], finite.read(0, 9000))
     assert endless._volts.nbytes < 3 * read[-1].nbytes + 2 * read[0].nbytes
+
+
+def test_stopping_ends_it(rig):
+    run = triggered(rig, 3)
+    there = run.wait_for(0, 0)
+    run.stop()
+    play(run, 3, first=3)
+    assert run.wait_for(10_000, None) == there
+    assert not run.waiting_for_time
+    run.stop()
+
+
+def test_a_stopped_run_is_not_triggered(rig):
+    run = armed(rig)
+    run.stop()
+    run.trigger(0.0)
+    assert run.trigger_time is None
 
 
 def test_a_fault_ends_the_run_at_its_sample(rig):
