@@ -25,37 +25,37 @@ TEXT = """\
 
 {stamp}
 
-*The paper* is the article on a robot that presses a harpsichord key at a constant jack speed.
-Its Table 1 is used here as below; `rig/paper.toml` holds the same values.
+*The paper* is the article on a robot that presses a harpsichord key at a constant jack speed. This page
+shows how sautereau uses its Table 1. `rig/paper.toml` contains the same values.
 
-## What is printed, and what is used
+## Printed and used values
 
 | quantity | printed | used | why |
 |---|---|---|---|
 | plectrum's Young's modulus | 2.9e9 MPa | {modulus:.3g}e9 Pa | acetal has 2 to 3 GPa |
-| plectrum's W and h | 0.75 and 0.48 mm | {width:.3g} mm wide, {thickness:.3g} mm thick in the bending plane | EI = E W h^3 / 12 = {ei:.5g} N m^2; a tip load meets 3 EI / length^3 = {tip_stiffness:.4g} N/m |
+| plectrum's W and h | 0.75 and 0.48 mm | {width:.3g} mm wide, {thickness:.3g} mm thick in the bending plane | EI = E W h^3 / 12 = {ei:.5g} N m^2; the stiffness against a tip load is 3 EI / length^3 = {tip_stiffness:.4g} N/m |
 | string's tension | 66.95 N.m-2 | {tension:.4g} N | with {frequency:.4g} Hz and {length:.4g} mm the string has {density:.4g} g/m: steel of {wire:.2g} mm |
 | string's element of mass | 4.45e-4 mg | {element:.3g} g | linear density times the plectrum's width |
 | string's stiffness, equation 2 | T L / b(1-b) | T / (L b (1-b)) = {stiffness:.4g} N/m with b = {b:.4g} | dimensions |
-| string above the plectrum's tip | (Ls, 150) mm, so no overlap | an overlap, {overlap:.3g} mm in the rig | without overlap the string slips off at once |
+| string above the plectrum's tip | (Ls, 150) mm, that is no overlap | an overlap, {overlap:.3g} mm in the rig | without overlap the string slips off at once |
 | Vosc | formula of the first mode | c h / (2 L b (1-b)) with c = 2 L f, all modes | the first mode alone gives {first_share:.3g} of it |
 
-## What cannot hold together
+## Contradicting values
 
-The paper has the string held for {duration:.3g} ms (contact at 27 ms, release at 47 ms) at a jack
-speed of {speed:.3g} m/s, and Vosc = {v_osc:.2g} m/s. With Table 1's bending stiffness the overlap is
-the only number left to choose, and no overlap gives both. With the elastica as plectrum and a
+In the paper the string is held for {duration:.3g} ms (contact at 27 ms, release at 47 ms) at a jack speed
+of {speed:.3g} m/s, and Vosc is {v_osc:.2g} m/s. With Table 1's bending stiffness only the overlap can be
+chosen, and no overlap gives both values. The following results are for the elastica as plectrum and a
 spring as string, on the plectrum's mid-line as in the paper's equations:
 
 {table}
 
-To leave at {v_osc:.2g} m/s the string must be released at a lift of {lift:.3g} mm; with Table 1's
-plectrum that happens after {short:.2g} ms. Both figures hold if the plectrum's bending stiffness is
-{scale:.2g} times Table 1's and the overlap is {both_overlap:.2f} mm. Were Vosc meant as the first
-mode's speed alone, {v_osc:.2g} m/s would be a lift of {first_lift:.3g} mm, the factor
-{first_scale:.2g} and the overlap {first_overlap:.2f} mm. In neither reading is it Table 1's plectrum.
+For {v_osc:.2g} m/s the string must be released at a lift of {lift:.3g} mm. Table 1's plectrum reaches this
+lift after {short:.2g} ms. Both values are correct if the bending stiffness is {scale:.2g} times that of
+Table 1 and the overlap is {both_overlap:.2f} mm. If Vosc is the speed of the first mode alone,
+{v_osc:.2g} m/s needs a lift of {first_lift:.3g} mm, a factor of {first_scale:.2g} and an overlap of
+{first_overlap:.2f} mm. In both cases the plectrum is not that of Table 1.
 
-Ask the software for any other pair:
+To compute another pair:
 
 ```python
 from examples.release_fit import fit_release
@@ -66,7 +66,7 @@ print(found.bending_stiffness, found.overlap)
 ```
 """
 HEAD = (
-    "| asked for | EI over Table 1's | overlap (mm) | held (ms) | lift (mm) | force (N)"
+    "| requested | EI over Table 1's | overlap (mm) | pluck duration (ms) | lift (mm) | force (N)"
     " | angle (deg) | Vosc, all modes (m/s) | Vosc, first mode (m/s) |\n" + "|---" * 9 + "|"
 )
 
@@ -74,7 +74,7 @@ HEAD = (
 def releases(rig: Rig) -> dict[str, release_fit.Release]:
     """Return the releases of the page's table by what was asked for."""
     return {
-        f"held for {DURATION * 1e3:.3g} ms": release_fit.fit_release(rig, DURATION),
+        f"pluck duration {DURATION * 1e3:.3g} ms": release_fit.fit_release(rig, DURATION),
         f"Vosc = {V_OSC:.2g} m/s": release_fit.fit_release(rig, v_osc=V_OSC),
         "both": release_fit.fit_release(rig, DURATION, V_OSC),
     }

@@ -255,6 +255,35 @@ def test_events_of_every_n_samples_and_of_the_end(task):
     assert sorted(seen) == [0, 25, 25, 25, 25]
 
 
+def test_each_sample_is_an_event_of_the_sample_clock(task):
+    task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+    finite(task)
+    seen, every = [], threading.Event()
+
+    def note(handle, signal, data):
+        seen.append(signal)
+        if len(seen) == 100:
+            every.set()
+        return 0
+
+    task.register_signal_event(Signal.SAMPLE_CLOCK, note)
+    assert code_of(task.register_signal_event, Signal.SAMPLE_COMPLETE, note) == -200949
+    task.start()
+    assert every.wait(5)
+    task.register_signal_event(Signal.SAMPLE_CLOCK, None)
+    assert seen == [Signal.SAMPLE_CLOCK.value] * 100
+    assert code_of(task.register_signal_event, Signal.CHANGE_DETECTION_EVENT, note) == -200987
+
+
+def test_a_limit_that_was_reset_must_be_set_again(task):
+    channel = task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+    del channel.ai_max
+    assert code_of(getattr, channel, "ai_max") == -200695
+    assert code_of(task.control, TaskMode.TASK_VERIFY) == -200695
+    channel.ai_max = 5
+    task.control(TaskMode.TASK_VERIFY)
+
+
 def test_reading_relative_to_the_first_and_the_latest_sample(task):
     task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
     finite(task)
@@ -272,7 +301,6 @@ def test_what_would_not_be_followed_is_refused(task):
     with pytest.raises(DaqError, match="START_TRIG_DELAY"):
         task.start()
     assert code_of(task.ai_channels.add_ai_thrmcpl_chan, "cDAQ1Mod1/ai1") == -200431
-    assert code_of(task.register_signal_event, Signal.SAMPLE_COMPLETE, print) == -200982
 
 
 def test_every_edge_starts_a_finite_acquisition(serve):
@@ -372,7 +400,10 @@ def test_one_task_reserves_the_card_until_it_releases_it(serve):
         assert code_of(second.read, 10) == -50103
         first.control(TaskMode.TASK_UNRESERVE)
         assert len(second.read(10)) == 10
-        Device("cDAQ1Mod1", grpc_options=options).reset_device()
+        device = Device("cDAQ1Mod1", grpc_options=options)
+        device.self_cal()
+        device.restore_last_ext_cal_const()
+        device.reset_device()
         first.start()
 
 

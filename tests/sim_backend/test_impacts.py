@@ -60,11 +60,11 @@ def test_an_impact_conserves_momentum_and_has_no_rebound(ratio, step):
         scene = scene_of("free-key", step=step, **BARE)
         parts = assemble(rig, scene, rig.arm.home_angles, PluckEvents())
         angle = 0.0 if rail else 0.02
-        parts.key.angle = angle
+        parts.key.body.angle = angle
         slopes = np.array([slope(rig.key.model_copy(update={"jack_arm": a}), angle) for a in arms])
         omega, speeds = rng.uniform(-1.0, 1.0), rng.uniform(-0.2, 0.2, jacks)
-        parts.key.angular_velocity = omega / MS
-        parts.key.angle = angle - omega * step  # the engine moves the bodies first
+        parts.key.body.angular_velocity = omega / MS
+        parts.key.body.angle = angle - omega * step  # the engine moves the bodies first
         for jack, speed in zip(parts.jacks, speeds, strict=True):
             jack.rise = jack.next = jack.surface(angle)
             jack.speed = speed
@@ -72,7 +72,7 @@ def test_an_impact_conserves_momentum_and_has_no_rebound(ratio, step):
         parts.kick(step * MS, 0.0)
         common, after = after_impact(rig.key.inertia, masses, slopes, omega, speeds, rail)
         found = np.array([jack.body.velocity[1] for jack in parts.jacks])
-        assert parts.key.angular_velocity * MS == pytest.approx(common, abs=1e-6)
+        assert parts.key.body.angular_velocity * MS == pytest.approx(common, abs=1e-6)
         np.testing.assert_allclose(found, after, rtol=0, atol=1e-7)
 
 

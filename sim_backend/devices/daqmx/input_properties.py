@@ -1,5 +1,6 @@
 """The properties of a channel."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -95,7 +96,7 @@ def _of_input(name: str, default: object, read: Callable[[Seat], object]) -> Att
 def _limit(name: str, sign: int) -> Attribute:
     return _of_input(
         name,
-        sign * 5.0,
+        math.nan,  # must be set before it is read
         lambda seat: sign * seat.input.range / abs(seat.input.volts_per_unit) + seat.input.zero,
     )
 

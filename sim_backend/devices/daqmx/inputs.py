@@ -1,5 +1,6 @@
 """One channel of a task: what it was asked for, and what the device makes of it."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -60,6 +61,8 @@ class Input:
     @property
     def limits(self) -> tuple[float, float]:
         """Requested lowest and highest value, V."""
+        if math.isnan(self.low + self.high):
+            raise DaqmxError(-200695, f"Set the limits of {self.terminal}, which were reset.")
         low, high = ((limit - self.zero) * self.volts_per_unit for limit in (self.low, self.high))
         return min(low, high), max(low, high)
 

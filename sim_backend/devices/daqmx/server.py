@@ -203,6 +203,14 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
         self._device(request)
 
     @call
+    def SelfCal(self, request, context):  # noqa: N802
+        self._device(request)  # its converter does not drift
+
+    @call
+    def RestoreLastExtCalConst(self, request, context):  # noqa: N802
+        self._device(request)
+
+    @call
     def DeviceSupportsCal(self, request, context):  # noqa: N802
         self._device(request)
         return {"cal_supported": False}

@@ -1,4 +1,4 @@
-"""The events of a task: every n samples, and its end; each is a stream of answers."""
+"""The events of a task: every n samples, each sample, and its end; each is a stream of answers."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -17,7 +17,9 @@ from sautereau.sim_backend.devices.daqmx.task import FINITE
 _WAIT = 0.05
 """s, after which a stream checks whether its client and its task are still there."""
 _ACQUIRED = 1
-EVERY_N, DONE = "every n samples", "done"
+_SIGNALS = (12487, 12530)
+"""Sample clock and sample complete, which occur once for each sample."""
+EVERY_N, DONE, SIGNAL = "every n samples", "done", "signal"
 """Kinds of events."""
 
 
@@ -69,21 +71,10 @@ class Events:
             raise DaqmxError(-200980, "An input task has no samples to transfer.")
         if not n:
             raise DaqmxError(-200880, "Every 0 samples is not possible.")
-        registration = _register(task, EVERY_N, -200966)
-        for run in self._runs(task, registration, context):
-            sent = 0
-            while self._waits(task, run, registration, context):
-                # A bench that is not paced runs only as far as somebody reads.
-                goal = (sent + 1) * n if self._may_run(task, sent * n) else 0
-                there = run.wait_for(goal, _WAIT)
-                for _ in range(sent, there // n):
-                    sent += 1
-                    yield pb.RegisterEveryNSamplesEventResponse(
-                        every_n_samples_event_type_raw=kind, n_samples=n
-                    )
-                if there >= task.length:
-                    break
-                self._closing.wait(0 if goal else _WAIT)
+        answer = pb.RegisterEveryNSamplesEventResponse(
+            every_n_samples_event_type_raw=kind, n_samples=n
+        )
+        yield from self._every(n, answer, task, _register(task, EVERY_N, -200966), context)
 
     @_stream
     def RegisterDoneEvent(self, request, context):  # noqa: N802
@@ -103,9 +94,11 @@ class Events:
 
     @_stream
     def RegisterSignalEvent(self, request, context):  # noqa: N802
-        self._task(request)
-        raise DaqmxError(-200982, "The stand-in has no events of signals.")
-        yield  # an answer would be one of a stream
+        task, signal = self._task(request), given(request, "signal_id")
+        if signal not in _SIGNALS:
+            raise DaqmxError(-200987, f"The stand-in has no events of the signal {signal}.")
+        answer = pb.RegisterSignalEventResponse(signal_id=signal)
+        yield from self._every(1, answer, task, _register(task, SIGNAL, -200949), context)
 
     @call
     def UnregisterEveryNSamplesEvent(self, request, context):  # noqa: N802
@@ -114,6 +107,32 @@ class Events:
     @call
     def UnregisterDoneEvent(self, request, context):  # noqa: N802
         self._task(request).events.pop(DONE, None)
+
+    @call
+    def UnregisterSignalEvent(self, request, context):  # noqa: N802
+        self._task(request).events.pop(SIGNAL, None)
+
+    def _every(
+        self,
+        n: int,
+        answer: Any,
+        task: CardTask,
+        registration: Registration,
+        context: grpc.ServicerContext,
+    ) -> Iterator[Any]:
+        """Yield an answer for every ``n`` samples of each run of a task."""
+        for run in self._runs(task, registration, context):
+            sent = 0
+            while self._waits(task, run, registration, context):
+                # A bench that is not paced runs only as far as somebody reads.
+                goal = (sent + 1) * n if self._may_run(task, sent * n) else 0
+                there = run.wait_for(goal, _WAIT)
+                for _ in range(sent, there // n):
+                    sent += 1
+                    yield answer
+                if there >= task.length:
+                    break
+                self._closing.wait(0 if goal else _WAIT)
 
     def _runs(
         self, task: CardTask, registration: Registration, context: grpc.ServicerContext

@@ -47,7 +47,7 @@ def _refused(name: str, code: int, what: str) -> Any:
     return call(refuse, name)
 
 
-_TEDS, _CALIBRATION = (-200741, "TEDS sensors"), (-201492, "calibration of its own")
+_TEDS = (-200741, "TEDS sensors")
 REFUSED = {
     name: _refused(name, *why)
     for name, why in {
@@ -59,7 +59,6 @@ REFUSED = {
         **dict.fromkeys(
             ("ConfigureTEDS", "ClearTEDS", "WriteToTEDSFromArray", "WriteToTEDSFromFile"), _TEDS
         ),
-        **dict.fromkeys(("SelfCal", "RestoreLastExtCalConst"), _CALIBRATION),
     }.items()
 }
 """Calls that need what the card does not have, by the call of nidaqmx.proto."""

@@ -20,9 +20,9 @@ from sautereau.sim_backend.physics.rigid.bodies import (
     set_force,
     set_torque,
 )
-from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import touching_angle
+from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.sim_backend.physics.servo import PositionLoops
@@ -40,12 +40,11 @@ class ServoFinger(SteppedFinger):
 
     Args:
         space: The world.
-        lever: Body of the key.
+        key: The key under it.
         rig: The bench.
         start: rad, joints when power comes on.
         servo: Gains of the loops.
         scene: With its gravity and its fingertip.
-        pin: Height of the key's pin.
 
     Raises:
         SceneError: The motor of joint 2 has a rotor.
@@ -54,12 +53,11 @@ class ServoFinger(SteppedFinger):
     def __init__(
         self,
         space: pymunk.Space,
-        lever: pymunk.Body,
+        key: StiffKey,
         rig: Rig,
         start: tuple[float, float],
         servo: Servo,
         scene: Scene,
-        pin: Coordinate,
     ):
         first, second = armature(rig.arm)
         if second > 0:
@@ -69,7 +67,7 @@ class ServoFinger(SteppedFinger):
                 ' scene\'s table [truth] or in the rig, or take finger = "ideal"'
             )
         self._rig, arm = rig, rig.arm
-        self._space, self._pin = space, pin
+        self._space, self._pin = space, key.pin
         self._radians = arm.radians_per_count
         self._period = rig.controller.sample_period
         self._loops = PositionLoops(servo, arm, self._period, scene.gravity)
@@ -79,9 +77,9 @@ class ServoFinger(SteppedFinger):
         self.upper, self.lower = add_arm(space, arm, start)
         self.upper.moment += first * INERTIA
         if scene.fingertip is not None:
-            self.pad = Pad(scene.fingertip, lever, self._height, pin)
+            self.pad = Pad(scene.fingertip, key, self._height)
         else:
-            self._tip = add_fingertip(space, lever, self.lower, rig.key, arm)
+            self._tip = add_fingertip(space, key.lever, self.lower, rig.key, arm)
         self._brakes = brakes(space, self.upper, self.lower)
         space.add(*self._brakes)
         self._start = start
@@ -166,6 +164,10 @@ class ServoFinger(SteppedFinger):
             self._separated = True
             self._tip.max = 2 * FAR
         return force
+
+    def reaches_key(self, angle: float, step: float) -> bool:
+        """Return whether it reaches the key within a step; see `SteppedFinger`."""
+        return self.gap(angle, step, step) < 0
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
         """Return the gap [mm] to the key at a later time; see `SteppedFinger`."""

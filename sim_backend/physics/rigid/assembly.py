@@ -16,22 +16,15 @@ from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.events import PluckEvents
 from sautereau.sim_backend.physics.rigid.arm import ServoFinger
-from sautereau.sim_backend.physics.rigid.bodies import (
-    INERTIA,
-    MM,
-    add_key,
-    add_pivot_friction,
-    set_angle,
-)
-from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
+from sautereau.sim_backend.physics.rigid.bending import BendingKey
+from sautereau.sim_backend.physics.rigid.bodies import INERTIA, MM, add_pivot_friction
 from sautereau.sim_backend.physics.rigid.finger import PushFinger, SteppedFinger
-from sautereau.sim_backend.physics.rigid.front import BentFront, Front
 from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, touching_angle
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
-from sautereau.sim_backend.physics.rigid.key_loads import KeyLoads
+from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.padded import PaddedIdealFinger
 from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
-from sautereau.sim_backend.physics.rigid.sinking_pin import SinkingPin
+from sautereau.sim_backend.physics.rigid.sinking import SinkingKey
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
 
@@ -56,11 +49,10 @@ class Division:
 
     Args:
         rig: The bench.
-        loads: On the key.
+        key: With its loads.
         jacks: With their strings.
         step: ms, the longest.
         fingertip: With its pad; None for a rigid one.
-        front: Of a key that bends or sinks.
 
     Raises:
         SceneError: A stiffness or a damping is too large for any step.
@@ -69,18 +61,17 @@ class Division:
     def __init__(
         self,
         rig: Rig,
-        loads: KeyLoads,
+        key: StiffKey,
         jacks: Iterable[CarriedJack],
         step: float,
         fingertip: Fingertip | None = None,
-        front: Front | None = None,
     ):
         self._step = step
-        self._loads = loads
+        self._loads = loads = key.pressed_loads
         self._jacks = tuple(jacks)
         arm, inertia = rig.key.press_arm * MM, rig.key.inertia * INERTIA
-        if front is not None and not front.fixed:  # its mass can move, too
-            inertia /= 1 + inertia / (front.lever.mass * arm**2)
+        if not key.pin.fixed:  # its mass can move, too
+            inertia /= 1 + inertia / (key.mass * arm**2)
         felt = max(
             math.sqrt(loads.felt_stiffness / inertia),
             (loads.felt_damping + loads.viscous) / inertia,
@@ -93,14 +84,14 @@ class Division:
             padded = self._parts(
                 max(math.sqrt(fingertip.stiffness / MM * mobility), fingertip.damping * mobility)
             )
-        yielding = self._parts(front.rate) if front else 1
+        yielding = self._parts(key.rate)
         self._always = max(slowed, padded, yielding)
         self._felt = self._parts(felt)
         strings = [self._parts(_rate(j.string.stiffest, j)) for j in self._jacks if j.string]
         faults = []
         for parts, what, parameter in (
             (slowed, "the pivot's viscous friction", "key.pivot_viscous_friction"),
-            (yielding, front.what if front else "", front.keys if front else ""),
+            (yielding, key.what, key.keys),
             (padded, "the fingertip's pad", "fingertip.stiffness or fingertip.damping"),
             (self._felt, "the front felt", "key.felt_stiffness or key.felt_damping"),
             (max(strings, default=1), "a held string", "string.tension, or raise jack.mass"),
@@ -156,13 +147,9 @@ class Assembly:
     """The parts of a scene and the joints between them."""
 
     space: pymunk.Space
-    key: pymunk.Body
-    """Or only its back, if it bends."""
-    lever: pymunk.Body
-    """The key under the finger."""
-    front: Front | None
-    """Of a key that bends or sinks."""
-    loads: KeyLoads
+    gravity: float
+    """mm/ms^2, upwards."""
+    key: StiffKey
     jacks: list[CarriedJack]
     finger: SteppedFinger
     division: Division
@@ -181,14 +168,13 @@ class Assembly:
             fraction: Dimensionless, of weight and dry friction.
         """
         self.converge()
-        across, down = self.space.gravity
-        self.space.gravity = across, down * fraction
+        self.space.gravity = 0.0, self.gravity * fraction
         for joint, force in self.dry:
             joint.max_force = force * fraction
         self.space.step(step)
         for joint, force in self.dry:
             joint.max_force = force
-        self.space.gravity = across, down
+        self.space.gravity = 0.0, self.gravity
 
     def converge(self) -> None:
         """Let the next step of the engine iterate as an impact requires.
@@ -197,17 +183,17 @@ class Assembly:
         key and rail or finger, where rho is the sum of m r'^2 over the jacks, divided by I; so
         20 (1 + rho) of them leave exp(-20). Fewer would let a heavy jack rebound.
         """
-        rho = mass_ratio(self.key, self.jacks, self.key.angle)
+        rho = mass_ratio(self.key, self.jacks, self.key.body.angle)
         least, factor = self.iterations
         self.space.iterations = max(least, math.ceil(factor * (1 + rho)))
 
 
-def mass_ratio(key: pymunk.Body, jacks: Iterable[CarriedJack], angle: float) -> float:
+def mass_ratio(key: StiffKey, jacks: Iterable[CarriedJack], angle: float) -> float:
     """Return the inertia of the jacks about the pin over that of the key, at an angle [rad].
 
     For a key that may sink, their mass over that of the key is added.
     """
-    return sum(j.mass * (j.slope(angle) ** 2 / key.moment + 1 / key.mass) for j in jacks)
+    return sum(j.mass * (j.slope(angle) ** 2 / key.inertia + 1 / key.mass) for j in jacks)
 
 
 def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEvents) -> Assembly:
@@ -224,37 +210,18 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
             pluck, or the finger starts inside the key.
     """
     space = pymunk.Space()
-    space.gravity, space.iterations = (0.0, -scene.gravity / MM), scene.iterations
-    period = rig.controller.sample_period
-    steps = steps_in_sample(rig, scene.step or period)
-    angle = 0.0
-    if scene.finger != "push" and scene.fingertip is None:
-        angle = max(0.0, float(touching_angle(rig, fingertip_place(rig.arm, np.array(start)))))
-    key, loads = add_key(space, rig.key, angle, scene.play), KeyLoads(rig.key, scene)
-    front, pin, before = None, Coordinate(), loads
-    if scene.bending is not None or scene.play is not None:
-        loads, before = (KeyLoads(rig.key, scene, front=f, back=not f) for f in (False, True))
-    if scene.bending is not None:
-        front = BentFront(space, key, scene.bending, before)
-        set_angle(front.lever, angle)
-        front.end_sample(angle)
-    elif scene.play is not None:
-        front = pin = SinkingPin(space, key, scene.play, rig.key, before)
-    lever = front.lever if front else key
-    if not angle < before.bottom:
-        raise SceneError(
-            f"start: the fingertip is in the key: contact needs a key angle of {angle:.4g} rad, and"
-            f" the key turns by {before.bottom:.4g} rad at most; start above the key"
-        )
+    gravity = -scene.gravity / MM
+    space.gravity, space.iterations = (0.0, gravity), scene.iterations
+    key = _key(space, rig, scene, start)
     dry: list[tuple[Constraint, float]] = []
-    if loads.friction:
-        dry.append((add_pivot_friction(space, key, loads.friction), loads.friction))
+    if key.loads.friction:
+        dry.append((add_pivot_friction(space, key.body, key.loads.friction), key.loads.friction))
     jacks = [
-        CarriedJack(space, key, rig, choir, scene, _string(scene, choir, number, events), pin)
+        CarriedJack(space, key, rig, choir, scene, _string(scene, choir, number, events))
         for number, choir in enumerate(choirs(rig))
     ]
-    if isinstance(pin, SinkingPin):
-        pin.carry(jack.forces(0.0, 0.0) + jack.mass * scene.gravity / MM for jack in jacks)
+    if isinstance(key, SinkingKey):
+        key.carry(jack.forces(0.0, 0.0) + jack.mass * scene.gravity / MM for jack in jacks)
     if (rho := mass_ratio(key, jacks, 0.0)) > LARGEST_RATIO:
         raise SceneError(
             f"rig {rig.name}: jack.mass: the jacks' inertia about the pin is {rho:.3g} times that"
@@ -262,17 +229,50 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
             " of the jacks, or raise key.inertia"
         )
     dry += [(jack.dry, jack.dry_force) for jack in jacks if jack.dry]
-    division = Division(rig, before, jacks, period * MM / steps, scene.fingertip, front)
-    if scene.push is not None:
-        finger = PushFinger(scene.push, rig.key.press_arm, start, period)
-    elif scene.servo is not None:
-        finger = ServoFinger(space, lever, rig, start, scene.servo, scene, pin)
-    elif scene.fingertip is not None:
-        finger = PaddedIdealFinger(lever, rig, scene.fingertip, start, pin)
-    else:
-        finger = IdealFinger(space, lever, rig, start, steps, steps * division.most)
+    period = rig.controller.sample_period
+    steps = steps_in_sample(rig, scene.step or period)
+    division = Division(rig, key, jacks, period * MM / steps, scene.fingertip)
+    finger = _finger(space, key, rig, scene, start, (steps, steps * division.most))
     iterations = scene.iterations, ITERATIONS[scene.finger]
-    return Assembly(space, key, lever, front, loads, jacks, finger, division, dry, iterations)
+    return Assembly(space, gravity, key, jacks, finger, division, dry, iterations)
+
+
+def _key(space: pymunk.Space, rig: Rig, scene: Scene, start: tuple[float, float]) -> StiffKey:
+    """Return the key at rest, on its rail or on the fingertip."""
+    angle = 0.0
+    if scene.finger != "push" and scene.fingertip is None:
+        angle = max(0.0, float(touching_angle(rig, fingertip_place(rig.arm, np.array(start)))))
+    if scene.bending is not None:
+        key = BendingKey(space, rig.key, scene, angle, scene.bending)
+    elif scene.play is not None:
+        key = SinkingKey(space, rig.key, scene, angle, scene.play)
+    else:
+        key = StiffKey(space, rig.key, scene, angle)
+    bottom = key.pressed_loads.bottom
+    if not angle < bottom:
+        raise SceneError(
+            f"start: the fingertip is in the key: contact needs a key angle of {angle:.4g} rad, and"
+            f" the key turns by {bottom:.4g} rad at most; start above the key"
+        )
+    return key
+
+
+def _finger(
+    space: pymunk.Space,
+    key: StiffKey,
+    rig: Rig,
+    scene: Scene,
+    start: tuple[float, float],
+    divisions: tuple[int, int],
+) -> SteppedFinger:
+    """Return the scene's finger; `divisions` as steps and cells of `IdealFinger`."""
+    if scene.push is not None:
+        return PushFinger(scene.push, rig.key.press_arm, start, rig.controller.sample_period)
+    if scene.servo is not None:
+        return ServoFinger(space, key, rig, start, scene.servo, scene)
+    if scene.fingertip is not None:
+        return PaddedIdealFinger(key, rig, scene.fingertip, start)
+    return IdealFinger(space, key, rig, start, *divisions)
 
 
 def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> StringForce | None:

@@ -1,6 +1,4 @@
-"""A coordinate of the key beside its angle, in the leap-frog scheme."""
-
-from collections.abc import Callable
+"""A coordinate in the leap-frog scheme."""
 
 
 class Coordinate:
@@ -22,23 +20,32 @@ class Coordinate:
         self.next = self.value + self.speed * step
         self.node = self.speed + self.acceleration * step / 2
 
-    def correct_and_drift(self, back: float, drift: float) -> None:
-        """Undo the surplus of the last impulse and compute the state after a drift."""
+    def correct(self, back: float) -> None:
+        """Undo the part of the last impulse that acted for a time too long."""
         self.speed -= self.acceleration * back
-        self.drift(drift)
 
     def at(self, time: float, ahead: float) -> float:
         """Return it after a time; `ahead` is that by half of which the speed is advanced."""
         speed = self.speed - self.acceleration * ahead / 2
         return self.value + (speed + self.acceleration * time / 2) * time
 
-    def advance(self, speed: float, grown: Callable[[float], float]) -> float:
-        """Take the step and its new speed; return the mean of both speeds.
+    def advance(self, speed: float, step: float) -> float:
+        """End a step with a new speed; return the mean of the old and the new speed."""
+        before, self.speed = self.speed, speed
+        self.value, self.acceleration = self.next, (speed - before) / step
+        return (before + speed) / 2
+
+    def advance_to_event(self, speed: float, drift: float, ahead: float, impact: bool) -> None:
+        """End a drift to an event, with the speed of the step after it.
+
+        Half of the impulse is by the forces before the event, extrapolated to it.
 
         Args:
-            speed: After the step.
-            grown: Acceleration by the growth of the speed.
+            speed: Half of the next step ahead.
+            drift: Time to the event.
+            ahead: Length of the next step.
+            impact: Whether the speed jumps at the event.
         """
-        before, self.speed = self.speed, speed
-        self.value, self.acceleration = self.next, grown(speed - before)
-        return (before + speed) / 2
+        grown = 2 * (speed - self.speed) - self.acceleration * drift
+        self.value, self.speed = self.next, speed
+        self.acceleration = 0.0 if impact else grown / ahead

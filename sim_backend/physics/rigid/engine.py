@@ -11,6 +11,8 @@ impulses of the old step and does not count the difference.
 """
 
 import math
+from collections.abc import Iterable
+from itertools import chain
 
 import numpy as np
 
@@ -21,7 +23,7 @@ from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_steps
-from sautereau.sim_backend.physics.rigid.bodies import MM, set_angle, set_torque
+from sautereau.sim_backend.physics.rigid.bodies import MM
 from sautereau.sim_backend.physics.rigid.step_event import Event, Kick, earliest
 from sautereau.sim_backend.scene import Scene
 
@@ -48,16 +50,13 @@ class RigidWorld(World):
         super().__init__(rig, scene, start)
         rig = self.rig
         self._parts = parts = assemble(rig, scene, self.start, self.events)
-        self._space, self._key, self._loads = parts.space, parts.key, parts.loads
+        self._space, self._key = parts.space, parts.key
         self._jacks, self._division = parts.jacks, parts.division
-        self._front = parts.front
-        self._pushed = self._loads if self._front is None else self._front.loads
         self.finger = self._finger = parts.finger
         self._loaded = [jack for jack in self._jacks if jack.loaded]
         self._iterations = scene.iterations
         self._period = rig.controller.sample_period * MM
         self._step = self._ahead = self._engine_step = self._division.step()
-        self._angle, self._omega, self._acceleration = self._key.angle, 0.0, 0.0
         self._fresh = False
         self._state: tuple[float, ...] = ()
         self._still = False
@@ -80,24 +79,26 @@ class RigidWorld(World):
         counts = [len(rows) for rows in samples]
         first, period = self.samples - len(samples), self.rig.controller.sample_period
         numbers = np.arange(first, self.samples)
-        table = np.array([row for rows in samples for row in rows]).T
+        numbers_in_rows = chain.from_iterable(chain.from_iterable(samples))  # faster than np.array
+        table = np.fromiter(numbers_in_rows, float).reshape(-1, 6).T
         table[0] = np.repeat(numbers * period, counts) + table[0] / MM
         table[0, np.cumsum(counts) - 1] = (numbers + 1) * period
         return Motions(*table)
 
     def _sample(self, reference: Reference, powered: bool) -> list[Row]:
         """Advance by one controller sample; return its rows, from its start on."""
-        finger, loads = self._finger, self._pushed
+        finger, key = self._finger, self._key
         kept = [*self._before, *self._rows][-2:]
         self._before = [(row[0] - self._period, *row[1:]) for row in kept]
         self._rows = []
         self._elapsed = 0.0
         if finger.begin_sample(reference, powered, self.time) or not self.samples:
-            loads.steady = loads.weight + finger.moment
+            key.push(finger.moment)
             self._split(0.0, None, self._period)
         if finger.push_end < self._period:
             self._run(finger.push_end)
-            finger.moment, loads.steady = 0.0, loads.weight
+            finger.moment = 0.0
+            key.push(0.0)
             self._split(0.0, None, self._period)
         if self._still and finger.stays_clear(self._seen_angle):
             self._rows.append(
@@ -114,8 +115,7 @@ class RigidWorld(World):
     @property
     def _seen_angle(self) -> float:
         """Angle [rad] of the key that the laser sees."""
-        front = self._front
-        return self._angle if front is None else front.seen(self._angle, front.value)
+        return self._key.seen(self._key.value, self._key.second.value)
 
     def _run(self, end: float) -> None:
         """Advance to a time [ms] within the controller sample."""
@@ -135,67 +135,50 @@ class RigidWorld(World):
 
     def _cruise(self, count: int) -> int:
         """Take equal steps; return how many were done before the first one with an event."""
-        space_step, key, finger, rows = self._space.step, self._key, self._finger, self._rows
-        jacks, loaded, moment = self._jacks, self._loaded, self._loads.moment
-        first, step, seconds = jacks[0], self._step, self._step / MM
-        apply_forces, reaches_key = finger.apply_forces, finger.reaches_key
-        contact_force = finger.contact_force
-        angle, omega, acceleration = self._angle, self._omega, self._acceleration
-        low, high = self._loads.bounds(angle)
-        clock, start, elapsed, done = self.time, self._elapsed, self._elapsed, 0
-        kick = Kick(step, step, 1.0)
-        sqrt, tan, fresh, front = math.sqrt, math.tan, self._fresh, self._front
-        pressed = rate = 0.0
+        key, finger, jacks, rows = self._key, self._finger, self._jacks, self._rows
+        pressed, step, space = key.pressed, self._step, self._space
+        start = elapsed = self._elapsed
+        kick, seconds, clock = Kick(step, step, 1.0), step / MM, self.time
+        key.begin_steps()
+        done = 0
         while done < count:
-            ahead, node = angle + omega * step, omega + acceleration * step / 2
-            if front is None:
-                pressed = ahead
-            elif front.stays(ahead, node, step):
-                pressed = front.angle
-            else:
+            if not key.stays(step) or finger.reaches_key(pressed.next, step):
                 break
-            if not low < ahead < high or reaches_key(pressed, step):
-                break
-            tangent = tan(ahead)
-            secant = sqrt(1 + tangent * tangent)
-            changes = False
-            for jack in jacks:
-                if not jack.stays(tangent, secant, step):
-                    changes = True
-            if changes:
+            if not self._move_jacks(step):
                 break
             pull = 0.0
-            for jack in loaded:
+            for jack in self._loaded:
                 jack.load(clock + elapsed / MM, seconds)
                 pull += jack.pull
-            torque = moment(ahead, node)
-            if front is not None:
-                torque += front.apply(front.moment(), front.reaction(ahead, node))
-                node = front.omega
-            set_torque(key, torque)
+            key.load()
             done += 1
             elapsed = start + done * step
-            apply_forces(elapsed, pressed, node, kick)
+            finger.apply_forces(elapsed, pressed.next, pressed.node, kick)
             if finger.strikes:
                 self._parts.converge()
-                self._fresh = fresh = True
-            space_step(step)
-            if fresh:
-                self._space.iterations, self._fresh, fresh = self._iterations, False, False
-            before, omega = omega, key.angular_velocity
-            acceleration = (omega - before) / step
+                self._fresh = True
+            space.step(step)
+            if self._fresh:
+                space.iterations, self._fresh = self._iterations, False
+            angle, rate = key.update(step)
             for jack in jacks:
                 jack.update(step)
-            angle = ahead
-            rate = (before + omega) / 2
-            if front is not None:
-                rate = front.seen(rate, front.update(lambda grown: grown / step))
-                pressed = front.seen(angle, front.value)
-            speed = rate * MM
-            rows.append((elapsed, pressed, speed, first.rise / MM, contact_force(step), pull))
-        self._angle, self._omega = angle, omega
-        self._acceleration, self._elapsed = acceleration, elapsed
+            force = finger.contact_force(step)
+            rows.append((elapsed, angle, rate * MM, jacks[0].rise / MM, force, pull))
+        self._elapsed = elapsed
         return done
+
+    def _move_jacks(self, step: float) -> bool:
+        """Advance the jacks to the end of a step [ms], after the key.
+
+        Returns:
+            Whether no mode of any changes on the way.
+        """
+        tangent = math.tan(self._key.next)
+        secant, stays = math.sqrt(1 + tangent * tangent), True
+        for jack in self._jacks:
+            stays = jack.stays(tangent, secant, step) and stays
+        return stays
 
     def _split(self, drift: float, event: Event | None, end: float) -> None:
         """Advance by a time that need not be a step, and apply the event at its end.
@@ -205,28 +188,11 @@ class RigidWorld(World):
             event: At the end of the drift; None for no change of mode.
             end: ms into the controller sample, end of the next steps.
         """
-        key, jacks, loads, finger = self._key, self._jacks, self._loads, self._finger
-        front, reaction, push = self._front, 0.0, 0.0
-        back = (self._ahead - drift) / 2
-        self._omega -= self._acceleration * back
-        angle = self._angle + self._omega * drift
-        tangent = math.tan(angle)
-        secant = math.sqrt(1 + tangent * tangent)
-        if front is not None:
-            front.correct_and_drift(back, drift)
-        for jack in jacks:
-            jack.correct_and_drift(self._angle, self._omega, back)
-            jack.stays(tangent, secant, drift)
-        start = self.time + self._elapsed / MM
-        self._elapsed += drift
-        node = self._omega + self._acceleration * drift / 2
-        moment = loads.moment(angle, node)
-        pressed, rate, seen = angle, node, node
-        if front is not None:
-            front.stays(angle, node, drift)
-            pressed, rate, seen = front.angle, front.omega, front.seen(node, front.node)
-            push, reaction = front.moment(), front.reaction(angle, node)
+        key, jacks, finger = self._key, self._jacks, self._finger
+        self._drift((self._ahead - drift) / 2, drift)
+        start, self._elapsed = self.time + self._elapsed / MM, self._elapsed + drift
         now = self.time + self._elapsed / MM
+        rate, moments = key.seen(key.node, key.second.node), key.moments()
         # A string may return a mean force over the drift; its present force counts for half of it.
         forces = [
             2 * jack.forces(start, drift / MM) - jack.forces(now, 0.0) if drift else 0.0
@@ -237,42 +203,53 @@ class RigidWorld(World):
             event.change(now)
             self._step = self._division.step()
         left = end - self._elapsed
-        ahead = even_steps(left, self._step)[1] if left > TICK else self._step
-        weight = (drift + ahead) / 2
-        means = [
-            (force * drift + jack.forces(now, 0.0) * ahead) / (2 * weight)
-            for jack, force in zip(jacks, forces, strict=True)
-        ]
-        mean = (moment * drift + loads.moment(angle, node) * ahead) / (2 * weight)
-        if front is not None:
-            push = (push * drift + front.moment() * ahead) / (2 * weight)
-        finger.correct_and_drift(back, drift)
-        before, part = self._omega, weight / self._step
-        for _ in range(2 if self._step != self._engine_step else 1):
-            finger.set_bodies(self._step)
-            key.angle, key.angular_velocity = angle - before * self._step, before
-            torque = mean * part
-            if front is not None:
-                front.set_bodies(self._step)
-                torque += front.apply(push * part, reaction * part)
-            set_torque(key, torque)
-            for jack, force in zip(jacks, means, strict=True):
-                jack.set_bodies(self._step, force * part)
-            finger.apply_forces(self._elapsed, pressed, rate, Kick(ahead, self._step, part))
-            self._parts.kick(self._step, part)
-        self._engine_step, self._fresh = self._step, True
-        self._angle, self._ahead = angle, ahead
-        self._omega = key.angular_velocity
+        self._ahead = ahead = even_steps(left, self._step)[1] if left > TICK else self._step
+        after = [jack.forces(now, 0.0) for jack in jacks]
+        self._kick(
+            Kick(ahead, self._step, (drift + ahead) / 2 / self._step),
+            _means(forces, after, drift, ahead),
+            _means(moments, key.moments(), drift, ahead),
+        )
         impact = event is not None and event.impact
-        # Half of the impulse is by the forces before the event, extrapolated to it.
-        grown = 2 * (self._omega - before) - self._acceleration * drift
-        self._acceleration = 0.0 if impact else grown / ahead
-        if front is not None:
-            old = front.acceleration
-            front.update(lambda grown: 0.0 if impact else (2 * grown - old * drift) / ahead)
+        key.update_at_event(drift, ahead, impact)
+        weight = (drift + ahead) / 2
         for jack in jacks:
             jack.update(weight)
-        self._append_rows(seen, pulled, finger.contact_force(weight), drift, ahead, impact)
+        self._append_rows(rate, pulled, finger.contact_force(weight), drift, ahead, impact)
+
+    def _drift(self, back: float, drift: float) -> None:
+        """Undo the surplus of the last impulse and compute the state after a drift.
+
+        Args:
+            back: ms, by which the last forces acted too long.
+            drift: ms.
+        """
+        key = self._key
+        key.correct(back)
+        for jack in self._jacks:
+            jack.correct(key.value, key.speed, back)
+        self._finger.correct_and_drift(back, drift)
+        key.stays(drift)
+        self._move_jacks(drift)
+
+    def _kick(self, kick: Kick, forces: list[float], moments: list[float]) -> None:
+        """Let the engine take the step about an event.
+
+        Args:
+            kick: How the forces act.
+            forces: N, on each jack, downwards.
+            moments: N mm, on the key; see `StiffKey.moments`.
+        """
+        key, pressed, step = self._key, self._key.pressed, self._step
+        for _ in range(2 if step != self._engine_step else 1):
+            self._finger.set_bodies(step)
+            key.set_bodies(step)
+            key.apply(moments[0], moments[1], kick.fraction)
+            for jack, force in zip(self._jacks, forces, strict=True):
+                jack.set_bodies(step, force * kick.fraction)
+            self._finger.apply_forces(self._elapsed, pressed.next, pressed.node, kick)
+            self._parts.kick(step, kick.fraction)
+        self._engine_step, self._fresh = step, True
 
     def _append_rows(
         self, omega: float, pulled: float, mean: float, drift: float, ahead: float, impact: bool
@@ -299,8 +276,7 @@ class RigidWorld(World):
             self._rows.append(row)
         if not drift or impact or pull != pulled or before != after:
             if impact:
-                front, omega = self._front, self._omega
-                omega = omega if front is None else front.seen(omega, front.speed)
+                omega = self._key.seen(self._key.speed, self._key.second.speed)
             self._rows.append((self._elapsed, self._seen_angle, omega * MM, rise, after, pull))
 
     def _force_before(self) -> float:
@@ -310,49 +286,31 @@ class RigidWorld(World):
 
     def _possible_events(self, drift: float) -> list[Event]:
         """Return the events that may occur within a drift [ms]."""
-        loads, finger = self._loads, self._finger
-        omega = self._omega - self._acceleration * self._ahead / 2
-        angle, acceleration = self._angle, self._acceleration
-
-        def turned(time: float) -> float:
-            return angle + (omega + acceleration * time / 2) * time
-
-        if not math.isfinite(turned(drift)):
+        key, finger, ahead = self._key, self._finger, self._ahead
+        if not math.isfinite(key.at(drift, ahead)):
             raise self._diverged()
-        if turned(drift) >= LARGEST_ANGLE:
+        if key.at(drift, ahead) >= LARGEST_ANGLE:
             raise SceneError(f"rig {self.rig.name}: after {self.time:.6g} s {TURNED_OVER}")
-        pressed, felt = turned, []
-        if self._front is not None:
-            pressed = self._front.turned(turned, self._ahead)
-            felt = self._front.possible_events(turned, self._ahead)
         possible = [
-            *felt,
             Event(
-                lambda t: finger.gap(pressed(t), t, self._ahead),
+                lambda t: finger.gap(key.pressed.at(t, ahead), t, ahead),
                 finger.make_contact,
                 impact=finger.pad is None,
             ),
-            *loads.possible_events(angle, turned),
+            *key.possible_events(ahead),
         ]
         for jack in self._jacks:
-            possible += jack.possible_events(turned, self._ahead)
+            possible += jack.possible_events(key, ahead)
         return possible
 
     def _end_sample(self) -> None:
         """End a controller sample: correct the drift of the constraints and record its size."""
-        front, lever = self._front, self._parts.lever
-        pressed, worst = self._finger.end_sample(lever.angle)
-        set_angle(lever, pressed)
-        self._angle = angle = self._key.angle
-        x, z = self._key.position
-        height = 0.0 if front is None else front.end_sample(pressed)
-        worst = max(
-            worst, abs(x), abs(z - height), *[jack.end_sample(angle) for jack in self._jacks]
-        )
+        key = self._key
+        pressed, worst = self._finger.end_sample(key.lever.angle)
+        worst = max(worst, key.end_sample(pressed))
+        worst = max(worst, *[jack.end_sample(key.value) for jack in self._jacks])
         self.worst_gap = max(self.worst_gap, worst / MM)
-        before, self._state = self._state, (angle, self._omega, self._acceleration)
-        if front is not None:
-            self._state += front.value, front.speed, front.acceleration
+        before, self._state = self._state, key.state()
         unloaded = (jack.standing and jack.unloaded for jack in self._jacks)
         # A key at rest that a sample has not changed is not changed by the next one either.
         self._still = self._state == before and all(unloaded)
@@ -363,3 +321,11 @@ class RigidWorld(World):
             f" {self._step * 1e3:.4g} us; lower the scene's step or a stiffness, or stop"
             " the key with felt = true"
         )
+
+
+def _means(
+    before: Iterable[float], after: Iterable[float], drift: float, ahead: float
+) -> list[float]:
+    """Return the means of forces before and after an event, over half of the times [ms] there."""
+    weights = drift + ahead
+    return [(b * drift + a * ahead) / weights for b, a in zip(before, after, strict=True)]

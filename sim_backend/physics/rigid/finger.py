@@ -49,7 +49,7 @@ class SteppedFinger(Finger, Protocol):
 
     def reaches_key(self, angle: float, step: float) -> bool:
         """Return whether a separated finger reaches the key, at an angle [rad] after a step."""
-        return self.gap(angle, step, step) < 0
+        return False
 
     def stays_clear(self, angle: float) -> bool:
         """Return whether it stays off a key at an angle [rad] in this controller sample.

@@ -10,6 +10,7 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.finger import Reference, StandingFinger
 from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
+from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.key import contact_angle
@@ -43,7 +44,7 @@ class IdealFinger(StandingFinger, SteppedFinger):
 
     Args:
         space: The world.
-        lever: Body of the key.
+        key: The key under it.
         rig: The bench.
         start: rad, joints when power comes on.
         steps: Undivided steps in a controller sample.
@@ -53,7 +54,7 @@ class IdealFinger(StandingFinger, SteppedFinger):
     def __init__(
         self,
         space: pymunk.Space,
-        lever: pymunk.Body,
+        key: StiffKey,
         rig: Rig,
         start: tuple[float, float],
         steps: int,
@@ -62,7 +63,7 @@ class IdealFinger(StandingFinger, SteppedFinger):
         super().__init__(start)
         self._rig = rig
         self._start = np.array(start)
-        self._body, self._contact = add_driver(space, lever)
+        self._body, self._contact = add_driver(space, key.lever)
         cells = max(cells, 4)
         self._per_ms = cells / (rig.controller.sample_period * MM)
         self._fractions = np.arange(cells + math.ceil(cells / steps) + 1) / cells

@@ -1,7 +1,6 @@
 """A jack: it stands on its key or flies, and carries plectrum and damper."""
 
 import math
-from collections.abc import Callable
 from functools import partial
 
 import pymunk
@@ -18,7 +17,7 @@ from sautereau.sim_backend.physics.rigid.bodies import (
     set_force,
     set_position,
 )
-from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
+from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.pluck import StringForce
 from sautereau.sim_backend.physics.rigid.step_event import Event
 from sautereau.sim_backend.scene import Scene
@@ -32,34 +31,32 @@ class CarriedJack:
 
     Args:
         space: The world.
-        lever: The key's body.
+        key: On which it stands.
         rig: The bench.
         choir: Of the jack.
         scene: Which of its parts are enabled.
         string: String of its plectrum; None for a mute jack.
-        pin: Height of the key's pin.
     """
 
     def __init__(
         self,
         space: pymunk.Space,
-        lever: pymunk.Body,
+        key: StiffKey,
         rig: Rig,
         choir: Choir,
         scene: Scene,
         string: StringForce | None,
-        pin: Coordinate,
     ):
-        key = key_of(rig, choir)
-        self.arm, self.top = key.jack_arm * MM, key.jack_surface_height * MM
+        lever = key_of(rig, choir)
+        self.arm, self.top = lever.jack_arm * MM, lever.jack_surface_height * MM
         self.mass = choir.jack.mass * MM
-        self.string, self._pin = string, pin
-        self.rise = self.next = self.surface(lever.angle)
+        self.string, self._pin = string, key.pin
+        self.rise = self.next = self.surface(key.value)
         self.speed = self.acceleration = 0.0
         self.standing, self._landed = True, False
         self.pull = 0.0
         """N, of the string, downwards."""
-        self.body, self.foot_contact = add_jack(space, lever, key, choir.jack, self.rise)
+        self.body, self.foot_contact = add_jack(space, key.body, lever, choir.jack, self.rise)
         self.dry = None
         self.dry_force = choir.jack.register_friction
         if scene.friction and self.dry_force > 0:
@@ -96,7 +93,7 @@ class CarriedJack:
         state = self._state
         return state.low <= rise <= state.high
 
-    def correct_and_drift(self, angle: float, omega: float, back: float) -> None:
+    def correct(self, angle: float, omega: float, back: float) -> None:
         """Undo the part of the last impulse that lies beyond the event.
 
         Args:
@@ -137,17 +134,17 @@ class CarriedJack:
             return self.pull
         return self.pull - _carried(self._damper, self.next)
 
-    def possible_events(self, turned: Callable[[float], float], ahead: float) -> list[Event]:
+    def possible_events(self, key: StiffKey, ahead: float) -> list[Event]:
         """Return the events that may occur to it.
 
         Args:
-            turned: The key's angle [rad] after a time [ms].
+            key: On which it stands.
             ahead: ms, by half of which the last impulse advanced the speed.
         """
         speed, acceleration = self.speed - self.acceleration * ahead / 2, self.acceleration
 
         def surface(time: float) -> float:
-            return self.surface(turned(time)) + self._pin.at(time, ahead)
+            return self.surface(key.at(time, ahead)) + self._pin.at(time, ahead)
 
         def flown(time: float) -> float:
             return self.rise + (speed + acceleration * time / 2) * time

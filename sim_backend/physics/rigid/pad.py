@@ -2,11 +2,9 @@
 
 import math
 
-import pymunk
-
 from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_force, set_torque
-from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
+from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 
 APART = -1e-9
@@ -18,14 +16,13 @@ class Pad:
 
     Args:
         fingertip: Its stiffness and damping.
-        lever: Body of the key under it.
+        key: The key under it.
         height: mm, of the fingertip's centre above the pin where an uncompressed pad touches.
-        pin: Height of the pin.
     """
 
-    def __init__(self, fingertip: Fingertip, lever: pymunk.Body, height: float, pin: Coordinate):
+    def __init__(self, fingertip: Fingertip, key: StiffKey, height: float):
         self._stiffness, self._damping = fingertip.stiffness / MM, fingertip.damping
-        self._lever, self._height, self.pin = lever, height, pin
+        self._lever, self._height, self.pin = key.lever, height, key.pin
         self.separated = True
         self.force = self.before = 0.0
         """N, on the key, and just before an event there."""

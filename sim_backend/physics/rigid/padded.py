@@ -3,14 +3,13 @@
 import math
 
 import numpy as np
-import pymunk
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.finger import Reference, StandingFinger, joint_cubics
 from sautereau.sim_backend.physics.rigid.bodies import MM
-from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
+from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.trajectory.motion import Floats
@@ -22,20 +21,18 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
     """A fingertip of prescribed motion with a pad.
 
     Args:
-        lever: Body of the key.
+        key: The key under it.
         rig: The bench.
         fingertip: The pad.
         start: rad, joints when power comes on.
-        pin: Height of the key's pin.
     """
 
     def __init__(
         self,
-        lever: pymunk.Body,
+        key: StiffKey,
         rig: Rig,
         fingertip: Fingertip,
         start: tuple[float, float],
-        pin: Coordinate,
     ):
         super().__init__(start)
         arm = rig.arm
@@ -44,7 +41,7 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         self._base = arm.base_x * MM, arm.base_z * MM
         self._lengths = arm.upper_length * MM, arm.lower_length * MM
         height = (rig.key.surface_height + arm.fingertip_radius) * MM
-        self._pad = self.pad = Pad(fingertip, lever, height, pin)
+        self._pad = self.pad = Pad(fingertip, key, height)
         self._cubics = [[start[0], 0.0, 0.0, 0.0], [start[1], 0.0, 0.0, 0.0]]
         self._elapsed = 0.0
 
@@ -65,6 +62,10 @@ class PaddedIdealFinger(StandingFinger, SteppedFinger):
         """Return the force [N] on the key at the end of the last step."""
         self._pad.end_step()
         return self._pad.force
+
+    def reaches_key(self, angle: float, step: float) -> bool:
+        """Return whether it reaches the key within a step; see `SteppedFinger`."""
+        return self.gap(angle, step, step) < 0
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
         """Return the gap [mm] of a separated pad; see `SteppedFinger`."""

@@ -32,7 +32,7 @@ class StringForce(Protocol):
     steady: bool
     """Whether the force depends on the jack's rise and on the mode alone."""
 
-    def force(self, rise: float, previous: float, time: float, step: float) -> float:
+    def force(self, rise: float, previous: float, time: float, step: float, /) -> float:
         """Return the force [N] on the jack at the end of a step, downwards.
 
         Call once for every step of the world, in order; the steps need not be equal.
@@ -91,10 +91,6 @@ class Plucking:
         self.stiffest = max(self._steepest, self._yielding)
         self._go_below()
 
-    def force(self, rise: float, previous: float, time: float, step: float) -> float:
-        """Return the force [N] on the jack, downwards; see `StringForce`."""
-        return self._law(rise)
-
     def cross(self, upwards: bool, time: float) -> None:
         """Enter the next mode; see `StringForce`."""
         self._upwards[upwards](time)
@@ -122,7 +118,7 @@ class Plucking:
         self._enter(self._passing, low, high, self._yielding, self._return, self._go_above)
 
     def _return(self, time: float) -> None:
-        force = self._passing(self.clearance - self._travel)
+        force = self._passing_force(self.clearance - self._travel)
         self.events.returns.append(StringEvent(time, self.number, force))
         self._go_below()
 
@@ -134,22 +130,25 @@ class Plucking:
 
     def _enter(
         self,
-        law: Callable[[float], float],
+        law: Callable[[float, float, float, float], float],
         low: float,
         high: float,
         stiffness: float,
         at_low: Callable[[float], None],
         at_high: Callable[[float], None],
     ) -> None:
-        self._law, self.low, self.high, self.stiffness = law, low, high, stiffness
+        self.force, self.low, self.high, self.stiffness = law, low, high, stiffness
         self._upwards = (at_low, at_high)
 
-    def _held(self, rise: float) -> float:
+    def _held(self, rise: float, previous: float, time: float, step: float) -> float:
         cell = (rise - self.clearance) * self._per_mm
         low = min(max(int(cell), 0), TABLE)
         return self._force[low] + (cell - low) * self._rises[low]
 
-    def _passing(self, rise: float) -> float:
+    def _passing(self, rise: float, previous: float, time: float, step: float) -> float:
+        return self._passing_force(rise)
+
+    def _passing_force(self, rise: float) -> float:
         if self._travel == 0:
             return 0.0
         drop = self.clearance - rise
@@ -166,5 +165,5 @@ def _tongue(choir: Choir, scene: Scene) -> tuple[float, float, float, float]:
     return travel, tongue.bristle_moment * MM, tongue.bristle_stiffness * MM, lever
 
 
-def _nothing(rise: float) -> float:
+def _nothing(rise: float, previous: float, time: float, step: float) -> float:
     return 0.0
