@@ -75,34 +75,6 @@ def test_an_independent_solve_agrees(friction):
         np.testing.assert_allclose(found, shoot(s, force, friction), rtol=1e-9, atol=1e-10)
 
 
-def test_energy_of_the_bending(elastica):
-    """A load that grows from nothing at one place: its work is EI / 2 int curvature^2."""
-    for friction, s in ((0.0, 4.5e-3), (0.0, 2e-3), (0.2, 4.5e-3), (0.5, 3e-3)):
-        plectrum = rubbed(friction)
-        end = 0.95 * float(plectrum.force_limit(s))
-        node, weight = np.polynomial.legendre.leggauss(40)
-        force, weight = end * (node + 1) / 2, end * weight / 2
-        b = plectrum.bend(s, force)
-        across = np.sin(b.theta) * b.x_f - np.cos(b.theta) * b.z_f
-        along = np.cos(b.theta) * b.x_f + np.sin(b.theta) * b.z_f
-        work = weight @ (force * (across + friction * along))
-        assert work == pytest.approx(strain_energy(s, end, friction), rel=1e-9)
-
-
-def strain_energy(s, force, friction):
-    """Return EI / 2 times the integral of the curvature squared [J], from the ODE itself."""
-    xi = s * np.sqrt(force / EI)
-    bent = solve_ivp(
-        lambda _, y: [y[1], np.cos(y[0]) + friction * np.sin(y[0]), y[1] ** 2],
-        (0, xi),
-        [0, 0, 0],
-        "DOP853",
-        rtol=1e-12,
-        atol=1e-15,
-    )
-    return np.sqrt(force * EI) / 2 * bent.y[2, -1]
-
-
 def test_the_limit_is_just_short_of_ninety_degrees(elastica):
     s = np.array([1e-4, PLECTRUM.length])
     theta = np.degrees(elastica.bend(s, elastica.force_limit(s)).theta)

@@ -62,13 +62,6 @@ def test_the_sampled_filter_is_undone_exactly(corner):
     np.testing.assert_allclose(undo_high_pass(y, corner, RATE), x, atol=1e-9)
 
 
-def test_no_high_pass_leaves_the_scaled_signal(velocity):
-    volts = np.array([1.0, 2.0, -3.0])
-    found = correct(volts, with_high_pass(velocity, 0.0), RATE)
-    assert np.array_equal(found, volts * velocity.scale)
-    assert correct(np.empty(0), velocity, RATE).shape == (0,)
-
-
 @pytest.mark.parametrize(("order", "corner"), [(1, 1000.0), (2, 1000.0), (2, 22_400.0), (8, 500.0)])
 def test_the_low_pass_lags_as_scipys_does(velocity, order, corner):
     """Group delay of the analogue Butterworth filter far below its corner, by its phase."""
