@@ -31,11 +31,6 @@ def test_it_names_the_parts_and_gives_the_lengths():
     assert "* assumed in the rig file" in said
 
 
-def test_a_rig_that_assumes_nothing_has_no_marks():
-    said = texts_of(with_values(RIG, {}).model_copy(update={"assumed": {}}), PLAN)
-    assert "*" not in said
-
-
 @pytest.mark.parametrize("hold", ["point", "normal"])
 def test_the_fingertip_touches_the_key(hold):
     rig = with_values(RIG, {"press.hold": hold})

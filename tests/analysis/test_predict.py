@@ -8,7 +8,7 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import with_values
-from tests.key_oracle import dissipated_power, energy, slope, static_moment
+from tests.key_oracle import dissipated_power, energy, slope
 
 
 @pytest.fixture(scope="module")
@@ -79,16 +79,6 @@ def test_the_fingers_work_is_energy_and_heat(paper, prediction):
         string = trapezoid(prediction.string_force[upto], prediction.rise[upto])
         gained = stored[upto][-1] - stored[0]
         assert work == pytest.approx(gained + heat + string, rel=1e-6)
-
-
-def test_statics_before_contact(paper):
-    """So slow that nothing but weight and dry friction is left."""
-    slow = with_values(
-        paper, {"press.jack_speed": "0.005 m/s", "key.pivot_viscous_friction": "0 N m s/rad"}
-    )
-    found = predict(slow).finger_force[0]
-    expected = static_moment(paper, friction=1) / paper.key.press_arm
-    assert found == pytest.approx(expected, rel=1e-5)
 
 
 def test_a_press_that_ends_before_release_is_refused(paper):

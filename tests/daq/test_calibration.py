@@ -10,7 +10,6 @@ from scipy import signal
 from sautereau.daq.signals.calibration import (
     calibration_warning,
     correct,
-    to_si,
     to_volts,
     undo_high_pass,
     white_noise,
@@ -23,12 +22,6 @@ RATE = 51_200.0
 
 def with_high_pass(channel, corner):
     return channel.model_copy(update={"high_pass": corner})
-
-
-def test_volts_to_si_and_back(velocity):
-    volts = np.array([-4.0, 0.0, 2.0])
-    np.testing.assert_allclose(to_si(volts, velocity), [-0.1, 0.0, 0.05], rtol=1e-15)
-    np.testing.assert_allclose(to_volts(to_si(volts, velocity), velocity), volts, rtol=1e-15)
 
 
 @pytest.mark.parametrize("corner", [0.1, 0.5, 1.0])

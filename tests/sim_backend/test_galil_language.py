@@ -58,6 +58,24 @@ def test_variables_and_elements(bench):
     bench.accept("x=3")
 
 
+@pytest.mark.parametrize(("x", "said"), [(0, "zero"), (1, "one"), (2, "many")])
+def test_branches_nest(run, bench, x, said):
+    bench.accept(f"x={x}")
+    told = run(
+        "IF (x=0)",
+        'MG "zero"',
+        "ELSE",
+        'IF (x=1);MG "one"',
+        "ELSE",
+        'MG "many"',
+        "ENDIF",
+        "ENDIF;y=x",
+        "EN",
+    )
+    assert told.split() == [said]
+    assert bench.number("y") == x
+
+
 def test_a_branch_without_its_end(run, bench):
     assert run("IF (1=0)", "EN").startswith("?")
     assert bench.send("TC1") == "63 IF statement without ENDIF\r\n:"
