@@ -94,22 +94,6 @@ def test_no_random_base_is_better(held, spread, least):
     assert feasible > least
 
 
-def test_the_many_bases_agree_with_the_planner(held):
-    rig, mount = held
-    angles = key_angles(rig, 9)
-    random = np.random.default_rng(3)
-    bases = np.array([mount.base_x, mount.base_z]) + random.uniform(-5e-3, 5e-3, (20, 2))
-    found = assess_bases(rig, mount.elbow, bases, angles)
-    rise = rise_of_angle(rig.key, angles)
-    still = np.zeros_like(rise)
-    for index, (x, z) in enumerate(bases):
-        moved = with_arm(rig, base_x=x, base_z=z, elbow=mount.elbow)
-        path = follow_key(moved, Motion(rise, still, still))
-        lean = path.joints.position.sum(-1) - (angles - np.pi / 2)
-        expected = lean if rig.press.hold == "point" else path.slide
-        assert found.residual[index] == pytest.approx(expected, abs=1e-12)
-
-
 def test_errors_of_a_misplaced_base_are_those_of_brute_force(held):
     """Fingertip from the joints, key by bisection, speeds by differences."""
     rig, mount = held
