@@ -97,7 +97,7 @@ def random_presses(seeds: range) -> list[Judged]:
 
 def _by_threshold(recorded: Press, found: Phases) -> Floats:
     """Return the releases [s] by a threshold on the smoothed derivative of the force."""
-    at, force = recorded.data.index.to_numpy(), recorded.data["force"].to_numpy()
+    at, force = recorded.time, recorded.samples["force"]
     inside = (at > found.start) & (at < found.bottom)
     width = max(1, round(STEEP[0] * recorded.rate))
     if np.count_nonzero(inside) < 4 * width:

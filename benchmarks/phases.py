@@ -163,7 +163,7 @@ def _by_ruptures(press: Press, found: Phases) -> tuple[float, float]:
     """
     import ruptures
 
-    at, force = press.data.index.to_numpy(), press.data["force"].to_numpy()
+    at, force = press.time, press.samples["force"]
     inside = (at > found.start + PEER_MARGIN) & (at < found.bottom - PEER_MARGIN)
     n = max(1, int(inside.sum()) // PEER_ROWS)
     rows = int(inside.sum()) // n

@@ -37,8 +37,8 @@ INSTANT_STD = 20e-6
 
 def true_phases(pressed: Pressed, loaded: Press) -> Phases:
     """Return the phases of a press from its truth."""
-    time = loaded.data.index.to_numpy()
-    rise, speed = loaded.columns("jack_rise", "jack_speed")
+    time = loaded.time
+    rise, speed = (loaded.samples[name] for name in ("jack_rise", "jack_speed"))
     held = tuple(
         HeldString(p.last_contact, p.release, INSTANT_STD, INSTANT_STD, 0.0, 0.0, 0.0, 0.0)
         for p in pressed.truth.plucks

@@ -180,21 +180,21 @@ def _rig_lines() -> Iterator[str]:
     yield from (
         "# The rig file",
         "",
-        "A rig file holds every number of a bench, in TOML. `sautereau init my-rig.toml` writes",
-        "one in which each key is explained as below. All faults are reported at once, each with",
-        "its line: wrong units, unknown keys and values out of range.",
+        "A rig file contains every number of a bench, in TOML. `sautereau init my-rig.toml` writes",
+        "a file in which each key is explained as below. All errors in a file (wrong units,",
+        "unknown keys, values out of range) are reported at once, with their lines.",
         "",
         'A quantity is a number with a unit: `"14 mm"`, `"0.072 m/s"`. Any unit of the right',
-        "dimension is accepted; limits below are in the SI unit of the column *unit*, and a key",
-        "with a unit takes a quantity. A value whose origin matters is written as a table, with",
-        "its `source`, or with the range that was `assumed` because there is none:",
+        "dimension is accepted. Every key with a unit takes a quantity; the limits below are in",
+        "the SI unit of the column *unit*. To state the origin of a value, write a table with",
+        "its `source`, or with the `assumed` range if there is no source:",
         "",
         "```toml",
         "[jack]",
         'mass = { value = "6 g", assumed = ["4 g", "12 g"] }',
         "```",
         "",
-        "The values of the packaged rig `paper` are given here, each with its source.",
+        "The column *in `paper`* gives the values of the packaged rig `paper` with their sources.",
         "",
     )
     import tomllib
@@ -216,7 +216,7 @@ def _table_lines(table: TableDescription, document: dict, sources: dict[str, str
         yield f"{table.meaning}{need}"
         yield ""
     if table.name == "more_choirs":
-        yield "Its tables `jack`, `plectrum` and `string` are those below, all of them its own."
+        yield "Each has its own tables `jack`, `plectrum` and `string`, with the keys below."
         yield ""
     yield "| key | unit | value | default | in `paper` | meaning |"
     yield "|---|---|---|---|---|---|"

@@ -23,46 +23,47 @@ class Channel(Section):
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     """Name of the signal, and of its topic in a recording."""
     terminal: str = Field(min_length=1)
-    """Physical channel of the DAQ device, without the device: `ai0`; of a sound card `in1`."""
+    """Physical channel of the DAQ device, without the name of the device: `ai0`. For a sound card:
+    `in1`."""
     sensor: str
-    """Make and model."""
+    """Make and model of the sensor."""
     range: Voltage = Field(gt=0)
-    """V, largest magnitude that sensor and input take."""
+    """V, maximum magnitude that sensor and input accept."""
     delay: Time = Field(ge=0)
-    """s, by which the signal lags the motion."""
+    """s, delay of the signal after the motion."""
     low_pass: Frequency = Field(ge=0)
-    """Hz, corner of the sensor's low-pass; 0 for none."""
+    """Hz, corner frequency of the sensor's low-pass; 0 for none."""
     low_pass_order: int = Field(default=0, strict=True, ge=0, le=8)
-    """Order of the low-pass as a Butterworth filter, whose lag comes on top of `delay`; 0
-    where `delay` includes it."""
+    """Order of the low-pass as a Butterworth filter, whose delay is added to `delay`; 0 if `delay`
+    includes it."""
     high_pass: Frequency = Field(ge=0)
-    """Hz, corner of the AC coupling; 0 for none."""
+    """Hz, corner frequency of the AC coupling; 0 for none."""
     delay_std: Time = Field(default=20e-6, ge=0)
     """s, standard uncertainty of `delay`."""
     gain_std: float = Field(default=0.01, ge=0, le=0.5)
     """Dimensionless, relative standard uncertainty of `scale`."""
     terminal_configuration: Literal["default", "rse", "nrse", "diff", "pseudo_diff"] = "default"
-    """How the input is referenced to ground; `default` leaves the device's own, which the sensor's
-    wiring must match."""
+    """Ground reference of the input, which must match the wiring of the sensor. `default` keeps the
+    setting of the device."""
     input_coupling: Literal["default", "ac", "dc"] = "default"
-    """Coupling of the input itself, where the device can switch it. With `ac`, the corner of the
-    device's high-pass belongs into `high_pass`."""
+    """Coupling of the input, if the device can switch it. With `ac`, enter the corner of the
+    device's high-pass into `high_pass`."""
     excitation: Current = Field(default=0.0, ge=0, le=0.1)
     """A, constant current that the input supplies to an IEPE sensor; 0 for none."""
     input_delay: Time = Field(default=0.0, ge=-0.1, le=1)
-    """s, by which the device's samples lag its terminals: the delay of its digital filter, less
-    the time by which a multiplexer samples this input later. Read from the device and written
+    """s, delay of the device's samples after its terminals: the delay of its digital filter, minus
+    the time by which a multiplexer samples this input later. It is read from the device and written
     into every recording; a value given here is replaced."""
     serial_number: str = ""
-    """As engraved on the sensor."""
+    """Serial number, as engraved on the sensor."""
     calibrated: date | None = None
     """Date of the calibration."""
     quantity: Annotated[str, NameIn(MEASURED)]
-    """What the channel measures: `velocity`, `displacement` or `acceleration` of the key's front,
-    positive downwards; `force` of the finger on the key, positive where it presses;
-    `sound_pressure`; `voltage`; or a quantity of another package."""
+    """Measured quantity: `velocity`, `displacement` or `acceleration` of the key's front, positive
+    downwards; `force` of the finger on the key, positive when it presses; `sound_pressure`;
+    `voltage`; or a quantity of another package."""
     scale: Annotated[float, UnitBy("quantity", MEASURED.names, _scale_unit)] = Field(gt=0)
-    """Of the sensor: measured quantity per volt."""
+    """Scale of the sensor: measured quantity per volt."""
 
     @model_validator(mode="after")
     def _corners_in_order(self):
@@ -97,14 +98,14 @@ class Channel(Section):
 
 
 class Tls(Section):
-    """What makes the connection to a gRPC server safe: paths of PEM files."""
+    """Certificates for an encrypted connection to a gRPC server: paths of PEM files."""
 
     root_certificate: str = Field(min_length=1)
-    """Of the authority that signed the server's certificate."""
+    """Certificate of the authority that signed the server's certificate."""
     client_certificate: str = ""
-    """That this machine shows, to a server that asks for one."""
+    """Certificate of this machine, if the server asks for one."""
     client_key: str = ""
-    """Of the client certificate."""
+    """Private key of the client certificate."""
 
     @model_validator(mode="after")
     def _key_with_certificate(self):
@@ -117,35 +118,35 @@ class Tls(Section):
 
 
 class Daq(Section):
-    """The acquisition: one device."""
+    """The acquisition device."""
 
     driver: Annotated[str, NameIn(SOURCES, imported=False)] = "nidaqmx"
-    """What acquires: `nidaqmx`, `sound-card` (extra `sound`), or a driver of another package."""
+    """Driver of the acquisition: `nidaqmx`, `sound-card` (extra `sound`), or one of another
+    package."""
     address: str
-    """`host:port` of NI's gRPC device server; empty for the driver of this machine."""
+    """`host:port` of NI's gRPC device server. Empty for the driver of this machine."""
     tls: Tls | None = None
-    """Certificates of the connection; needed for an address that is another machine."""
+    """Certificates of the connection, required for an address on another machine."""
     insecure: bool = Field(default=False, strict=True)
-    """Whether another machine may be reached without `tls`: neither encrypted nor
-    authenticated."""
+    """Whether to connect to another machine without `tls`, neither encrypted nor authenticated."""
     device: str = Field(min_length=1)
-    """Name of the device in NI MAX; of a sound card a part of its name."""
+    """Name of the device in NI MAX. For a sound card: a part of its name."""
     sample_rate: Frequency = Field(ge=1000, le=1e6)
-    """Hz, of every channel."""
+    """Hz, sample rate of every channel."""
     trigger_source: str = Field(min_length=1)
-    """Terminal that the controller's trigger output is wired to: `PFI0`, of the device itself, or
-    of its chassis for a module in one; `/cDAQ1/PFI0` names any other. A sound card has none: it
-    is the input that the edge is wired to, `in3`."""
+    """Terminal to which the controller's trigger output is wired. `PFI0` is that of the device or,
+    for a module, of its chassis; any other is named like `/cDAQ1/PFI0`. For a sound card: the input
+    to which the output is wired, such as `in3`."""
     trigger_edge: Literal["rising", "falling"] = "rising"
-    """Edge at that terminal when the output is set; it depends on the output's circuit."""
+    """Edge at that terminal when the output is set. It depends on the output's circuit."""
     pre_trigger: Time = Field(default=0.0, ge=0, le=60)
-    """s, recorded before the trigger's edge."""
+    """s, recorded time before the trigger's edge."""
     trigger_timeout: Time = Field(gt=0)
-    """s, wait for the trigger's edge, and for any one block of samples after it."""
+    """s, maximum time to wait for the trigger's edge, and for each block of samples after it."""
     tail: Time = Field(ge=0)
-    """s, recorded after the motion has ended."""
+    """s, recorded time after the end of the motion."""
     block: int = Field(strict=True, ge=16, le=100_000)
-    """Samples read, and logged, at a time."""
+    """Number of samples per read."""
     channels: tuple[Channel, ...] = Field(min_length=1)
     """The analog inputs."""
 

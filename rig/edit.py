@@ -90,7 +90,7 @@ def edited_text(
     Args:
         text: A valid rig.
         origin: Name of the file in messages.
-        folder: Of the files that it names.
+        folder: Folder of the files that it names.
         values: TOML values by dotted key.
         source: Origin of the values.
 

@@ -10,37 +10,38 @@ from sautereau.rig.units import Unit
 
 
 class KeyMode(Section):
-    """A mode of the resting key, as `sautereau setup tap` finds it."""
+    """A mode of the resting key, as measured by `sautereau setup tap`."""
 
     frequency: Frequency = Field(gt=0)
-    """Hz, undamped."""
+    """Hz, undamped frequency of the mode."""
     frequency_std: Frequency = Field(gt=0)
-    """Hz, standard uncertainty."""
+    """Hz, standard uncertainty of `frequency`."""
     damping: float = Field(gt=0, lt=1)
-    """Dimensionless, fraction of critical damping."""
+    """Dimensionless, damping ratio: fraction of critical damping."""
     damping_std: float = Field(gt=0)
-    """Dimensionless, standard uncertainty."""
+    """Dimensionless, standard uncertainty of `damping`."""
 
 
 class Key(Section):
-    """The lever on its balance pin."""
+    """The key lever on its balance pin."""
 
     press_arm: Length = Field(gt=0)
-    """m, from the pin to the pressing point."""
+    """m, distance from the pin to the pressing point."""
     laser_arm: Length = Field(gt=0)
-    """m, from the pin to the laser spot, which is fixed in space while the key rotates."""
+    """m, distance from the pin to the laser spot, which is fixed in space."""
     jack_arm: Length = Field(gt=0)
-    """m, from the pin to the jack."""
+    """m, distance from the pin to the jack."""
     front_arm: Length = Field(gt=0)
-    """m, from the pin to the front edge."""
+    """m, distance from the pin to the front edge."""
     surface_height: Length = Field(ge=0)
-    """m, of the playing surface above the pin."""
+    """m, height of the playing surface above the pin."""
     jack_surface_height: Length = Field(ge=0)
-    """m, of the surface under the jack above the pin."""
+    """m, height of the surface under the jack above the pin."""
     inertia: Inertia = Field(gt=0)
-    """kg m^2, of the bare key about the pin."""
+    """kg m^2, moment of inertia of the bare key about the pin."""
     gravity_moment: Moment
-    """N m, static gravity moment of the bare key about the pin; positive lowers the front."""
+    """N m, static gravity moment of the bare key about the pin. A positive moment lowers the
+    front."""
     pivot_coulomb_friction: Moment = Field(ge=0)
     """N m, dry friction at the pin."""
     pivot_viscous_friction: Annotated[float, Unit("N*m*s/rad", "0.1 mN m s/rad")] = Field(ge=0)
@@ -50,12 +51,12 @@ class Key(Section):
     dip: Length = Field(gt=0)
     """m, travel of the pressing point from rest to the front felt."""
     felt_stiffness: Annotated[float, Unit("N/m", "20 kN/m")] = Field(gt=0)
-    """N/m, of the front felt, referred to the pressing point."""
+    """N/m, stiffness of the front felt, referred to the pressing point."""
     felt_damping: Annotated[float, Unit("N*s/m", "10 N s/m")] = Field(ge=0)
-    """N s/m, of the front felt, referred to the pressing point."""
+    """N s/m, damping of the front felt, referred to the pressing point."""
     modes: tuple[KeyMode, ...] = ()
-    """Elastic modes of the key with what carries it, where `identify` starts to look for those of
-    the pressed key."""
+    """Elastic modes of the resting key. `identify` starts its search for the modes of the pressed
+    key from them."""
 
 
 class Tongue(Section):
@@ -69,9 +70,9 @@ class Tongue(Section):
     pivot: Length = Field(gt=0)
     """m, depth of the tongue's axle below the plectrum."""
     bristle_moment: Moment = Field(ge=0)
-    """N m, of the bristle on the tongue at rest."""
+    """N m, moment of the bristle on the tongue at rest."""
     bristle_stiffness: Annotated[float, Unit("N*m/rad", "1 mN m/rad")] = Field(ge=0)
-    """N m/rad, stiffness of the bristle as the tongue rotates."""
+    """N m/rad, rotational stiffness of the bristle."""
 
 
 class Damper(Section):
@@ -80,16 +81,16 @@ class Damper(Section):
     lift: Length = Field(gt=0)
     """m, rise of the jack at which the felt leaves the string."""
     stiffness: Annotated[float, Unit("N/m", "15 N/m")] = Field(ge=0)
-    """N/m, of the felt on the string, which carries part of the jack below `lift`."""
+    """N/m, stiffness of the felt on the string. The felt carries part of the jack below `lift`."""
     decay: Annotated[float, Unit("1/s", "40 1/s")] = Field(ge=0)
-    """1/s, decay rate of the amplitudes of a string that the felt rests on."""
+    """1/s, decay rate of the amplitudes of a string on which the felt rests."""
 
 
 class Jack(Section):
     """The vertical slider that carries the plectrum."""
 
     mass: Mass = Field(gt=0)
-    """kg, plectrum and tongue included."""
+    """kg, mass of the jack with plectrum and tongue."""
     register_friction: Force = Field(ge=0)
     """N, dry friction in the register."""
     string_clearance: Length = Field(gt=0)
@@ -101,10 +102,10 @@ class Jack(Section):
 
 
 class Outline(Section):
-    """A carved plectrum's outline in the bending plane, undeformed."""
+    """Outline of a carved plectrum in the bending plane, undeformed."""
 
     x: tuple[Length, ...] = Field(min_length=2)
-    """m, from the clamp at 0 to the tip, increasing."""
+    """m, positions from the clamp at 0 to the tip, increasing."""
     top: tuple[Length, ...] = Field(min_length=2)
     """m, height of the upper surface, which touches the string, at each x."""
     bottom: tuple[Length, ...] = Field(min_length=2)
@@ -139,27 +140,27 @@ class Plectrum(Section):
     length: Length = Field(gt=0)
     """m, free length from the clamp to the tip."""
     width: Length = Field(gt=0)
-    """m, across the bending plane."""
+    """m, width across the bending plane."""
     thickness: Length = Field(gt=0)
-    """m, in the bending plane."""
+    """m, thickness in the bending plane."""
     youngs_modulus: Annotated[float, Unit("Pa", "2.9 GPa")] = Field(gt=0)
-    """Pa."""
+    """Pa, Young's modulus."""
     poisson_ratio: float = Field(strict=True, ge=0, lt=0.5)
-    """Dimensionless."""
+    """Dimensionless, Poisson's ratio."""
     density: Annotated[float, Unit("kg/m**3", "1247 kg/m^3")] = Field(gt=0)
-    """kg/m^3."""
+    """kg/m^3, density."""
     overlap: Length = Field(gt=0)
-    """m, from the string's centre at rest to the tip, along the undeformed mid-line."""
+    """m, distance from the string's centre at rest to the tip, along the undeformed mid-line."""
     contact: Literal["surface", "mid-line"] = "surface"
-    """Where the string lies: on the upper `surface`, as on an instrument, with its centre half the
+    """Position of the string: on the upper `surface`, as on an instrument, with its centre half the
     thickness and half the wire's diameter above the mid-line; or on the `mid-line`, as in the
-    paper. An overlap that was fitted with one does not fit the other."""
+    paper. An overlap identified with one setting is wrong for the other."""
     friction: float = Field(default=0.0, strict=True, ge=0, le=0.5)
-    """Dimensionless, Coulomb coefficient between plectrum and string."""
+    """Dimensionless, coefficient of Coulomb friction between plectrum and string."""
     tip_thickness: Length | None = Field(default=None, gt=0)
-    """m, of the section at the tip, for the level `two-beam`; default: `thickness`."""
+    """m, thickness of the section at the tip, for the level `two-beam`. Default: `thickness`."""
     tip_length: Length | None = Field(default=None, gt=0)
-    """m, of the section at the tip, for the level `two-beam`; default: half the length."""
+    """m, length of the section at the tip, for the level `two-beam`. Default: half the length."""
     outline: Outline | None = None
     """Carved outline, for the level `fe`; default: a uniform section. In a file also
     ``outline = { file = "contour.csv" }``."""
@@ -174,15 +175,15 @@ class String(Section):
     """The string above the plectrum."""
 
     tension: Force = Field(gt=0)
-    """N."""
+    """N, tension of the string."""
     length: Length = Field(gt=0)
-    """m, between nut and bridge."""
+    """m, length between nut and bridge."""
     plucking_point: Length = Field(gt=0)
-    """m, from the nut to the plectrum."""
+    """m, distance from the nut to the plectrum."""
     frequency: Frequency = Field(gt=0)
-    """Hz, of the fundamental."""
+    """Hz, fundamental frequency."""
     diameter: Length = Field(default=0.31e-3, gt=0)
-    """m, of the wire."""
+    """m, diameter of the wire."""
 
     @property
     def static_stiffness(self) -> float:
@@ -200,7 +201,7 @@ class Choir(Section):
     """One more string that the key plucks, with its own jack and plectrum."""
 
     jack_arm: Length = Field(gt=0)
-    """m, from the pin to this jack."""
+    """m, distance from the pin to this jack."""
     jack: Jack
     plectrum: Plectrum
     string: String

@@ -66,8 +66,8 @@ SECTIONS = {
         ("simulated", "", "", "simulated", "Whether the stand-in made the recording."),
         ("plucks", "", "1", "plucks", "Number of plucks found in the press. In tables, the"
          " quantities of the second pluck end in `_2`, and so on."),
-        ("start", "t_0", "s", "start", "Time after the trigger at which a jack that always had its"
-         " free speed would have left rest."),
+        ("start", "t_0", "s", "start", "Time after the trigger at which the jack leaves rest,"
+         " extrapolated with its free speed."),
         ("contact", "t_c", "s", "contact", "Time after the trigger at which the plectrum touches"
          " the string; of a prediction, after the jack leaves rest."),
         ("contact_std", "", "s", "standard uncertainty of contact", "Standard uncertainty of the"
@@ -78,8 +78,8 @@ SECTIONS = {
          " time of release."),
         ("bottom", "t_b", "s", "full rise", "Time after the trigger at which the jack has reached"
          " its full rise."),
-        ("bottomed", "", "s", "front felt", "Time after the trigger at which the key meets its"
-         " front felt."),
+        ("bottomed", "", "s", "front felt", "Time after the trigger at which the key reaches"
+         " its front felt."),
         ("returned", "", "s", "return", "Time after the trigger at which the key is back at rest."),
         ("free_speed", "", "m/s", "jack speed, free", "Mean jack speed before contact."),
         ("held_speed", "", "m/s", "jack speed, string held", "Mean jack speed from contact to"
@@ -93,8 +93,8 @@ SECTIONS = {
          " from contact to release."),
         ("contact_force", "F_c", "N", "contact force", "Finger force at contact."),
         ("release_force", "F_r", "N", "release force", "Finger force just before release."),
-        ("force_drop", "", "N", "force drop", "Fall of the load at release: of"
-         " the finger force less the inertia of key and jack."),
+        ("force_drop", "", "N", "force drop", "Fall of the load at release: the finger"
+         " force minus the inertial force of key and jack."),
         ("force_slope", "", "N/m", "force slope", "Slope of the finger force on the key deflection"
          " at the laser while the string is held."),
         ("held_work", "W_p", "J", "work, string held", "Work of the finger from contact to"
@@ -143,7 +143,7 @@ SECTIONS = {
         ("force_offsets", "", "N", "force offset", "Fitted zero of the force, one for each press."),
         ("correlation", "", "1", "correlation", "Correlation coefficient of two fitted values."),
         ("identifiable", "", "", "identifiable", "Whether the recordings alone determine a"
-         " parameter, without priors: to a 95 % interval of 3 % of its scale either way."),
+         " parameter, without priors: to a 95 % interval of 5 % of its scale either way."),
     ),
     "Repeatability of a session (ISO 9283)": _table(
         ("path_repeatability", "RT_p", "m", "path repeatability RT", "Largest value over the cruise"
@@ -161,12 +161,12 @@ SECTIONS = {
         ("speed_drift", "", "1", "drift of the jack speed", "Change of the mean jack speed from one"
          " press to the next, over the planned speed."),
         ("rms_speed_error", "", "1", "RMS speed error", "Root mean square of the jack's speed error"
-         " over the cruise, over the planned speed; of every press of `learn`."),
+         " over the cruise, over the planned speed, for every press of `learn`."),
     ),
     "Touch of plectra": _table(
         ("tip_stiffness", "3EI/L^3", "N/m", "tip stiffness", "Bending stiffness of a uniform"
          " plectrum at its tip."),
-        ("felt.presses", "", "1", "presses", "Number of presses in which a quantity is above 0."),
+        ("felt.presses", "", "1", "presses", "Number of presses in which the quantity is above 0."),
         ("felt.omitted", "", "1", "omitted presses", "Number of presses with a pluck in which a"
          " quantity is missing or not above 0."),
         ("felt.press", "", "1", "within a session", "Relative standard deviation of presses"
@@ -179,7 +179,7 @@ SECTIONS = {
         ("felt.exponents", "", "1", "exponent", "Per cent by which a quantity increases with one"
          " per cent of a dimension of the plectrum."),
         ("judged.somers_d", "D", "1", "Somers' D", "Fraction of pairs of different judgements of"
-         " touch that a quantity orders alike, minus the fraction that it orders the other way."),
+         " touch that a quantity orders alike, minus the fraction that it orders oppositely."),
         ("judged.odds_ratio", "", "1", "odds ratio", "Factor by which the odds of a harder"
          " judgement increase with one standard deviation of a quantity."),
         ("judged.q_value", "q", "1", "false discovery rate", "Expected fraction of quantities"

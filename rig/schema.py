@@ -38,12 +38,12 @@ LONGEST_GESTURE = 60.0
 
 
 class Gesture(Section):
-    """A recorded gesture: the jack's rise over time."""
+    """A recorded gesture: the rise of the jack over time."""
 
     time: tuple[Time, ...] = Field(min_length=3)
-    """s, from 0 and increasing."""
+    """s, times, starting at 0 and increasing."""
     rise: tuple[Length, ...] = Field(min_length=3)
-    """m, from rest at 0."""
+    """m, rise of the jack at these times, starting at rest at 0."""
 
     @model_validator(mode="after")
     def _goes_from_rest(self):
@@ -78,91 +78,94 @@ class Gesture(Section):
 
 
 class Press(Section):
-    """One press, as the motion of the jack."""
+    """One press, defined by the motion of the jack."""
 
     jack_speed: Annotated[float, Unit("m/s", "0.072 m/s")] = Field(ge=0.005, le=1.0)
     """m/s, constant speed of the jack during the pluck (the cruise)."""
     jack_rise: Length = Field(ge=1e-3, le=15e-3)
-    """m, from rest to the end of the press."""
+    """m, rise of the jack from rest to the end of the press."""
     hold: Literal["point", "normal"]
-    """`point` keeps the pressing point, `normal` keeps link 2 orthogonal to the key."""
+    """`point`: the fingertip stays at the pressing point. `normal`: link 2 stays normal to the
+    key."""
     run_up_acceleration: Annotated[float, Unit("m/s**2", "12 m/s^2")] = Field(ge=1e-3, le=1e4)
-    """m/s^2, largest of the jack before the cruise."""
+    """m/s^2, maximum acceleration of the jack before the cruise."""
     run_up_jerk: Annotated[float, Unit("m/s**3", "3000 m/s^3")] = Field(ge=0.1, le=1e8)
-    """m/s^3, largest of the jack before the cruise."""
+    """m/s^3, maximum jerk of the jack before the cruise."""
     run_down_acceleration: Annotated[float, Unit("m/s**2", "1.5 m/s^2")] = Field(ge=1e-3, le=1e4)
-    """m/s^2, largest of the jack after the cruise; the key leaves the finger if this exceeds
-    the acceleration by its own weight."""
+    """m/s^2, maximum acceleration of the jack after the cruise. If it exceeds the acceleration by
+    the key's own weight, the key leaves the finger."""
     run_down_jerk: Annotated[float, Unit("m/s**3", "200 m/s^3")] = Field(ge=0.1, le=1e8)
-    """m/s^3, largest of the jack after the cruise and on the way back."""
+    """m/s^3, maximum jerk of the jack after the cruise and during the return."""
     return_acceleration: Annotated[float, Unit("m/s**2", "0.6 m/s^2")] = Field(ge=1e-3, le=1e4)
-    """m/s^2, largest of the jack on the way back; less than on the way down, since friction
-    slows the return of the key."""
+    """m/s^2, maximum acceleration of the jack during the return. It must be smaller than on the way
+    down, because friction slows the return of the key."""
     bottom_hold: Time = Field(ge=0, le=60)
-    """s, rest at the end of the press."""
+    """s, time at rest at the end of the press."""
     return_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(ge=1e-4, le=1.0)
-    """m/s, largest of the jack on the way back."""
+    """m/s, maximum speed of the jack during the return."""
     settle: Time = Field(ge=0, le=10)
-    """s, rest with the finger on the key before the run-up."""
+    """s, time at rest with the finger on the key before the run-up."""
     approach_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(ge=1e-4, le=1.0)
-    """m/s, largest of the fingertip between hover and key."""
+    """m/s, maximum speed of the fingertip between hover and key."""
     gesture: Gesture | None = None
     """A recorded gesture to replay in place of the constant speed; in a file
     ``gesture = { file = "gesture.csv" }``, with columns time (s) and rise (m)."""
     speed_tolerance: float = Field(strict=True, gt=0, le=0.1)
-    """Dimensionless, largest relative error of the jack's speed in the cruise by rounding."""
+    """Dimensionless, maximum relative error of the jack speed in the cruise by rounding."""
     hover: Length = Field(gt=0)
     """m, height of the fingertip above the key before and after the presses."""
 
 
 class Arm(Section):
-    """The two-link planar robot finger; joint 1 from the x axis, joint 2 from link 1."""
+    """The two-link planar robot finger. The angle of joint 1 is measured from the x axis, that of
+    joint 2 from link 1."""
 
     upper_length: Length = Field(gt=0)
-    """m, link 1, base to elbow."""
+    """m, length of link 1, from base to elbow."""
     lower_length: Length = Field(gt=0)
-    """m, link 2, elbow to the centre of the fingertip."""
+    """m, length of link 2, from elbow to the centre of the fingertip."""
     upper_mass: Mass = Field(gt=0)
-    """kg, link 1, a slender rod."""
+    """kg, mass of link 1, a slender rod."""
     lower_mass: Mass = Field(gt=0)
-    """kg, link 2, a slender rod."""
+    """kg, mass of link 2, a slender rod."""
     fingertip_radius: Length = Field(gt=0)
-    """m, of the sphere that touches the key."""
+    """m, radius of the sphere that touches the key."""
     fingertip_friction: float = Field(default=0.0, ge=-1, le=1)
-    """Dimensionless, force of the fingertip along the key over its force on it while the key goes
-    down; positive towards the front edge, where it helps to press; reversed on the way back."""
+    """Dimensionless, force of the fingertip along the key divided by its force on the key, while
+    the key goes down. A positive value points towards the front edge and helps to press. The sign
+    is reversed during the return."""
     base_x: Length
-    """m, of joint 1."""
+    """m, x of joint 1."""
     base_z: Length
-    """m, of joint 1."""
+    """m, z of joint 1."""
     elbow: Literal["up", "down"]
-    """The side of the line from base to fingertip on which the elbow lies: `up` is its left."""
+    """Side of the line from base to fingertip on which the elbow lies: `up` is the left side."""
     counts_per_revolution: int = Field(strict=True, ge=16, le=2**31)
-    """Encoder counts per revolution of either joint."""
+    """Encoder counts per revolution of each joint."""
     home_angles: tuple[Angle, Angle]
     """rad, angles of the two joints at their home switches."""
     lower_limits: tuple[Angle, Angle]
-    """rad, smallest angles of the two joints."""
+    """rad, minimum angles of the two joints."""
     upper_limits: tuple[Angle, Angle]
-    """rad, largest angles of the two joints."""
+    """rad, maximum angles of the two joints."""
     speed_limit: Annotated[float, Unit("rad/s", "6 rad/s")] = Field(gt=0)
-    """rad/s, of either joint."""
+    """rad/s, maximum angular speed of each joint."""
     acceleration_limit: Annotated[float, Unit("rad/s**2", "200 rad/s^2")] = Field(gt=0)
-    """rad/s^2, of either joint; also that of a decelerated stop."""
+    """rad/s^2, maximum angular acceleration of each joint, also of a decelerated stop."""
     jerk_limit: Annotated[float, Unit("rad/s**3", "1e5 rad/s^3")] = Field(gt=0)
-    """rad/s^3, of either joint."""
+    """rad/s^3, maximum angular jerk of each joint."""
     rotor_inertias: tuple[RotorInertia, RotorInertia] = (0.0, 0.0)
-    """kg m^2, of the two motors' rotors about their own axes."""
+    """kg m^2, moments of inertia of the two motors' rotors about their own axes."""
     gear_ratios: tuple[GearRatio, GearRatio] = (1.0, 1.0)
     """Dimensionless, revolutions of each motor per revolution of its joint."""
     mount_x: tuple[Length, Length]
-    """m, smallest and largest base_x at which the robot can be clamped."""
+    """m, minimum and maximum base_x at which the robot can be clamped."""
     mount_z: tuple[Length, Length]
-    """m, smallest and largest base_z at which the robot can be clamped."""
+    """m, minimum and maximum base_z at which the robot can be clamped."""
     torque_limit: Moment = Field(gt=0)
-    """N m, of either joint."""
+    """N m, maximum torque of each joint."""
     approach_speed: Annotated[float, Unit("rad/s", "0.5 rad/s")] = Field(gt=0)
-    """rad/s, of either joint between home, hover and key."""
+    """rad/s, maximum angular speed of each joint between home, hover and key."""
 
     @property
     def radians_per_count(self) -> float:
@@ -196,7 +199,7 @@ class Rig(Section):
     """The complete bench. Load one with `sautereau.rig.load.load_rig`."""
 
     name: str = Field(min_length=1)
-    """Name of the bench, for titles."""
+    """Name of the bench, shown in titles."""
     key: Key
     jack: Jack
     plectrum: Plectrum

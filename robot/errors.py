@@ -40,8 +40,8 @@ class CommandRefused(RobotError):
     Args:
         controller: Port of the controller, for the message.
         command: The command refused; those before it on its line were executed.
-        code: Of the error, from `TC1`.
-        text: Of the error, from `TC1`.
+        code: Code of the error, from `TC1`.
+        text: Text of the error, from `TC1`.
     """
 
     def __init__(self, controller: str, command: str, code: int, text: str):

@@ -199,7 +199,7 @@ def clock(now: float | None = None) -> Finding:
     if now < newest - BEHIND:
         installed = datetime.fromtimestamp(newest, UTC)
         detail += f", before this program was installed on {installed:%Y-%m-%d}"
-        return Finding("clock", False, detail, "set the clock, which dates the recordings")
+        return Finding("clock", False, detail, "set the clock; recordings get their dates from it")
     synchronised = _synchronised()
     if synchronised is None:
         return Finding("clock", True, f"{detail}; network synchronisation unknown")

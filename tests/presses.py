@@ -1,5 +1,7 @@
 """Presses on the stand-in, over the real pyserial and nidaqmx, and what makes them quick."""
 
+from dataclasses import replace
+
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.fault_tables import Faults
@@ -17,6 +19,12 @@ felt = false
 step = "1 ms"
 """
 """A scene file: a key without strings, for sessions that need no pluck."""
+
+
+def with_data(press, frame, **changes):
+    """Return a press with the samples of a table as `Press.data` has it, and other changes."""
+    samples = {name: frame[name].to_numpy() for name in frame}
+    return replace(press, time=frame.index.to_numpy(), samples=samples, **changes)
 
 
 def mute_scene(finger="ideal", *, faults=None, **changes):

@@ -203,13 +203,13 @@ class Path:
     """Motion of the mechanism on one time base; arrays of the same first length."""
 
     rise: Motion
-    """Of the jack [m]; shape (n,)."""
+    """Motion of the jack [m]; shape (n,)."""
     angle: Motion
-    """Of the key [rad]; shape (n,)."""
+    """Motion of the key [rad]; shape (n,)."""
     fingertip: Motion
-    """Of the fingertip's centre [m]; shape (n, 2)."""
+    """Motion of the fingertip's centre [m]; shape (n, 2)."""
     joints: Motion
-    """rad; shape (n, 2)."""
+    """Motion of the joints [rad]; shape (n, 2)."""
     slide: Floats
     """m, of the contact along the key; shape (n,)."""
 
@@ -233,7 +233,7 @@ def follow_down(rig: Rig, contact: Path, height: Motion) -> Motion:
     Args:
         rig: The bench.
         contact: The press, which starts at the end of the approach.
-        height: Of the fingertip above its position at contact [m]; shape (n,).
+        height: Height of the fingertip above its position at contact [m]; shape (n,).
     """
     up = np.array([0.0, 1.0])
     start = contact.fingertip.position[0]

@@ -18,11 +18,11 @@ from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import JerkLaw, PressLaw, spline_law
 
 CUTOFF = 200.0
-"""Hz, of Q."""
+"""Cut-off frequency of Q (Hz)."""
 GAIN = 1.0
 """Dimensionless, fraction of the error that is corrected in one press."""
 BANDWIDTH = 1000.0
-"""Hz, of the speed error; above it the vibrometer's noise dominates."""
+"""Bandwidth of the speed error (Hz). Above it the vibrometer's noise dominates."""
 KNOT = 2
 """Controller samples between knots of a correction, the grain of PVT segments."""
 FADE_IN = 4e-3
@@ -110,7 +110,7 @@ def speed_error(law: PressLaw, time: Floats, speed: Floats) -> float:
     """Return the RMS error of the jack's speed in the cruise, relative to the planned speed.
 
     Args:
-        law: Of the press, without correction.
+        law: Law of the press without a correction.
         time: s from the start of motion, equidistant; shape (n,).
         speed: m/s, of the jack as measured; shape (n,).
 
@@ -137,7 +137,7 @@ def corrected(
     """Return the next press's correction.
 
     Args:
-        law: Of the press, without correction.
+        law: Law of the press without a correction.
         before: The correction of this press; None for none.
         time: s from the start of motion, equidistant; shape (n,).
         speed: m/s, of the jack as measured; shape (n,).
@@ -177,7 +177,7 @@ class Learner:
     """
 
     law: PressLaw
-    """Of the press, without correction."""
+    """Law of the press without a correction."""
     period: float
     """s, of the controller's samples."""
     errors: list[float] = field(default_factory=list)

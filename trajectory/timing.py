@@ -138,9 +138,9 @@ class PressLaw:
     start: float
     """End of the rest on the key."""
     cruise_start: float
-    """Of a gesture, its start."""
+    """For a gesture: its start."""
     cruise_end: float
-    """Of a gesture, its end."""
+    """For a gesture: its end."""
     bottom: float
     """End of the stroke: the jack is at its full rise."""
     return_start: float

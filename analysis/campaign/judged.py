@@ -1,12 +1,14 @@
-"""Touch as musicians say it - soft, medium, hard - and the measured quantities that go with it.
+"""Association of musicians' judgements of touch (soft, medium, hard) with measured quantities.
 
-Of each quantity alone, the proportional-odds model (McCullagh, J. R. Stat. Soc. B 42, 1980)
+Each quantity is fitted alone by the proportional-odds model (McCullagh, J. R. Stat. Soc. B 42,
+1980)
 
-    P(touch <= k) = 1 / (1 + exp(b x - c_k)),
+    P(touch <= k) = 1 / (1 + exp(b x - c_k)).
 
-where x is the quantity's logarithm, or its value where not all are positive, over its standard
-deviation, and exp(b) the odds ratio of a harder judgement. Somers' D needs no model: it is the
-fraction of pairs of different judgements that the quantity orders alike, minus that of the others.
+x is the logarithm of the quantity, or its value if not all values are positive, divided by its
+standard deviation. exp(b) is the odds ratio of a harder judgement. Somers' D needs no model: it is
+the fraction of pairs of different judgements that the quantity puts in the same order, minus the
+fraction of pairs that it puts in the opposite order.
 """
 
 import warnings
@@ -38,49 +40,48 @@ MEASURED = (
 )
 """Columns that are compared with the judgements; `sautereau.rig.quantities` defines them."""
 FEW = 10
-"""Judgements below which intervals are not reliable."""
+"""Number of judgements below which intervals are not reliable."""
 FEW_OF_A_LEVEL = 3
-"""The same for each level."""
+"""Number of judgements of one level below which intervals are not reliable."""
 LEAST = 4
-"""Judgements below which nothing is compared."""
+"""Number of judgements below which nothing is compared."""
 RESAMPLES = 999
-"""Of the bootstrap of Somers' D, and permutations of the judgements."""
+"""Number of bootstrap samples for Somers' D, and of permutations of the judgements."""
 INSTALL = "install statsmodels: pip install 'sautereau[ordinal]'"
-
 
 Fit = Callable[[Floats, NDArray[np.intp]], Spread | None]
 
 
 @dataclass(frozen=True)
 class Association:
-    """One quantity and the judgements."""
+    """The association of one quantity with the judgements."""
 
     judgements: int
     """Number of judgements with this quantity."""
     means: dict[str, float]
-    """Mean of each level, SI units; geometric where all values are positive."""
+    """Mean of each level, SI units; the geometric mean if all values are positive."""
     somers_d: Spread
-    """From -1 to 1: 1 where the quantity orders all judgements from soft to hard."""
+    """From -1 to 1; 1 if the quantity orders all judgements from soft to hard."""
     p_value: float
-    """1, fraction of permuted judgements with a Somers' D at least as large."""
+    """Fraction of permuted judgements with a Somers' D of at least this magnitude."""
     q_value: float
-    """1, the same as a false discovery rate over all quantities (Benjamini, Hochberg)."""
+    """False discovery rate over all quantities (Benjamini, Hochberg)."""
     odds_ratio: Spread | None
-    """1, of a harder judgement, per standard deviation; None without a fit."""
+    """Odds ratio of a harder judgement per standard deviation; None without a fit."""
     separated: bool
-    """Whether the levels do not overlap, so that the odds ratio has no finite estimate."""
+    """Whether the levels do not overlap. The odds ratio then has no finite estimate."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """Judgements of touch and what goes with them."""
+    """Judgements of touch and their associations."""
 
     judgements: dict[str, int]
-    """Number of each level; the presses of a session with one judgement count once."""
+    """Number of judgements of each level. A session with one judgement counts once."""
     quantities: dict[str, Association]
-    """By the names of `MEASURED`, the strongest first."""
+    """By the names of `MEASURED`, the strongest association first."""
     notes: tuple[str, ...]
-    """What limits the result, and how to fix it."""
+    """Limitations of the result, and how to remove them."""
 
 
 def find_judged(campaign: Campaign) -> Judged | None:
@@ -130,7 +131,7 @@ def _fitter(notes: list[str]) -> Fit | None:
     def fit(scaled: Floats, codes: NDArray[np.intp]) -> Spread | None:
         present = np.unique(codes, return_inverse=True)[1]
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # a fit that has not converged is none
+            warnings.simplefilter("error")  # a fit that has not converged is discarded
             try:
                 model = OrderedModel(present, scaled[:, None], distr="logit")
                 result = model.fit(method="bfgs", maxiter=500, disp=False)

@@ -1,4 +1,4 @@
-"""Judgements of touch: those of a CSV file, and what counts as one of them."""
+"""Judgements of touch: read from a CSV file, and counted."""
 
 import csv
 from dataclasses import replace
@@ -19,9 +19,9 @@ from sautereau.rig.units import shown
 from sautereau.trajectory.motion import Floats
 
 KEYS = ("path", "session", "plectrum", "rig")
-"""Columns of a campaign by which a table of judgements may name presses."""
+"""Columns of a campaign by which a table of judgements may identify presses."""
 MOST_LISTED = 20
-"""Faults of such a table that the message lists."""
+"""Largest number of faults that a message lists."""
 
 
 def judgements(
@@ -29,12 +29,12 @@ def judgements(
 ) -> tuple[NDArray[np.intp], dict[str, Floats]]:
     """Return the level of each judgement, and the mean of each column over its presses.
 
-    The presses of a session that was judged once are one judgement, since they are not
-    independent; each press of a session with several different judgements is one.
+    If all presses of a session have the same judgement, they count as one judgement, since they are
+    not independent. Otherwise each press of the session counts as one.
 
     Args:
-        data: Of a campaign with the column `TOUCH`.
-        columns: Of measured quantities.
+        data: Table of a campaign with the column `TOUCH`.
+        columns: Names of columns of measured quantities.
 
     Returns:
         Indices into `LEVELS`, shape (n_judgements,); and arrays of that shape, with NaN where no
@@ -51,7 +51,7 @@ def judgements(
 
 
 def with_labels(campaign: Campaign, path: Path) -> Campaign:
-    """Return a campaign with the judgements of a CSV file, which replace those in the notes.
+    """Return a campaign with the judgements of a CSV file; they replace those in the notes.
 
     Args:
         campaign: The table.

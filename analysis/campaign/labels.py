@@ -1,11 +1,11 @@
-"""Touch as musicians say it: the column `touch` of a campaign, soft < medium < hard."""
+"""Levels of touch in the words of musicians, and the judgements in an operator's notes."""
 
 import re
 
 LEVELS = ("soft", "medium", "hard")
-"""Values of the column `TOUCH`, in their order."""
+"""Values of the column `TOUCH`, in increasing order."""
 TOUCH = "touch"
-"""Column of the judgements; null where there is none."""
+"""Column of the judgements; null without a judgement."""
 _LINE = re.compile(rf"^\s*touch\s*[:=]\s*({'|'.join(LEVELS)})\s*$", re.IGNORECASE | re.MULTILINE)
 
 

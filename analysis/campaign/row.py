@@ -27,7 +27,7 @@ PLECTRUM = {
     "bending_stiffness": "N m^2",
     "friction": "1",
 }
-"""Units of the rig's values of the plectrum that are columns."""
+"""Values of the rig's plectrum that become columns, with their units."""
 UNITS = {
     "path": "",
     "size": "byte",
@@ -48,29 +48,31 @@ UNITS = {
     "jack_speed": "m/s",
     **{name: unit for name, unit in FEATURE_UNITS.items() if name not in ("path", "simulated")},
 }
-"""Units of the columns, in their order; empty for text and yes/no. `mtime` is the time since 1970
-of the file's last change; plectrum, string and `jack_speed` are the rig's, so `jack_speed` is the
-planned one; the features are those of `sautereau.analysis.press.features`."""
+"""Columns in their order, with their units; the unit of text and yes/no is empty. `mtime` is the
+time of the file's last change since 1970. The values of plectrum and string and `jack_speed`, the
+planned speed, are the rig's. The last columns are the features of
+`sautereau.analysis.press.features`."""
 
 KINDS = {
     **dict.fromkeys(("path", "session", "started", "notes", TOUCH, "rig", "plectrum"), "text"),
     **dict.fromkeys(("warm_up", "simulated"), "yes/no"),
 }
-"""What the columns hold that are not numbers."""
+"""Kinds of the columns that hold no numbers."""
 ALWAYS = (
     "path", "size", "mtime", "session", "warm_up", "simulated", "rig", "plectrum",
     *(f"plectrum_{name}" for name in PLECTRUM if name != "friction"),
     "string_stiffness", "jack_speed",
 )  # fmt: skip
-"""Columns of which every press has a value."""
+"""Columns in which every press has a value."""
 POSITIVE = ALWAYS[8:]
+"""Those of them whose values are above 0."""
 LARGEST = 1e30
-"""Limit of a column's numbers, in its SI unit, so that no product of some overflows."""
+"""Largest magnitude of a number, in SI units. It prevents an overflow of products."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A recording found in the folder."""
+    """A recording in the folder."""
 
     path: str
     """Relative to the folder, with slashes."""
@@ -86,11 +88,11 @@ class Fault:
 
     source: Source
     text: str
-    """Reason, and how to fix it."""
+    """Reason and how to fix it."""
 
 
 def read_batch(folder: Path, sources: Sequence[Source]) -> tuple[list[Row], list[Fault]]:
-    """Read recordings of a folder; each gives a row or a fault.
+    """Read recordings of a folder; return a row or a fault for each.
 
     Raises:
         AnalysisError: The folder does not exist on this machine.
@@ -108,7 +110,7 @@ def read_batch(folder: Path, sources: Sequence[Source]) -> tuple[list[Row], list
         except (SautereauError, OSError) as error:
             faults.append(Fault(source, str(error)))
         except (ValueError, ArithmeticError, LookupError) as error:
-            # A defect of the analysis must not stop the reading of thousands of others.
+            # A defect of the analysis must not stop the reading of the other recordings.
             text = f"the analysis failed: {type(error).__name__}: {error}"
             faults.append(Fault(source, f"{text}; report this defect together with the file"))
     return rows, faults
@@ -134,11 +136,11 @@ def read_row(folder: Path, source: Source) -> Row:
 
 
 def row_of(found: AnalysedPress, path: Path) -> Row:
-    """Return a press as a row: its session, numbers of its rig, its features; SI units.
+    """Return a press as a row, in SI units: its session, values of its rig, and its features.
 
     Args:
         found: The press.
-        path: What the row has as its `path`.
+        path: Value of the column `path`.
     """
     session, rig = found.session, found.press.rig
     row: Row = {
@@ -162,17 +164,18 @@ def row_of(found: AnalysedPress, path: Path) -> Row:
 
 
 def plectrum_id(rig: Rig) -> str:
-    """Return an identifier of eight letters, equal for equal plectra of rigs of one name.
+    """Return an identifier of a plectrum: eight hexadecimal digits.
 
-    Two plectra with the same numbers need rigs with different names to be distinguished.
+    It is the same for rigs with the same name and the same values of the plectrum. Two plectra with
+    equal values can be distinguished by the names of their rigs.
     """
-    # How the model places the string on it is no property of the plectrum.
+    # The place of the string in the model is not a property of the plectrum.
     description = f"{rig.name}\n{rig.plectrum.model_dump_json(exclude={'contact'})}"
     return hashlib.sha256(description.encode()).hexdigest()[:8]
 
 
 def column_faults(table: "pa.Table") -> list[str]:
-    """Return the columns of a table that no rows of `read_row` give."""
+    """Return the faults of a table's columns: what rows of `read_row` cannot contain."""
     import pyarrow as pa
 
     names = table.column_names
@@ -205,7 +208,7 @@ def unit_of(column: str) -> str:
 
 
 def place_of(column: str) -> tuple[int, int, str]:
-    """Return the sort key of a column: later plucks last, otherwise as in `UNITS`."""
+    """Return the sort key of a column: the order of `UNITS`, with later plucks at the end."""
     name, pluck = split_column(column)
     place = list(UNITS).index(name) if name in UNITS else len(UNITS)
     return pluck, place, column

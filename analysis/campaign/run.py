@@ -1,4 +1,4 @@
-"""Turn a folder of recordings into a table, continuing an earlier run."""
+"""Make a table of a folder of recordings; an earlier run is continued."""
 
 import os
 from dataclasses import dataclass
@@ -13,24 +13,24 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.progress import tracked
 
 BATCH = 8
-"""Recordings that a process reads before it returns them, about 0.2 s of work."""
+"""Number of recordings that a process reads at a time: about 0.2 s of work."""
 WORTH_A_PROCESS = 64
-"""Recordings that take longer than the start of a process, about 1.5 s."""
+"""Number of recordings for which a further process is worth its start of about 1.5 s."""
 UNWRITTEN = 256
-"""Presses after which the table is written; a killed run loses at most these."""
+"""Number of presses after which the table is written. A killed run loses at most these."""
 UNWRITTEN_FRACTION = 0.02
-"""1, of the rows of the table, if that is more than `UNWRITTEN`: limits the time of writing."""
+"""The same as a fraction of the table's rows, used if it is larger: limits the time of writing."""
 
 
 @dataclass(frozen=True)
 class CampaignRun:
-    """Result of a run."""
+    """The result of a run."""
 
     campaign: Campaign
     read: int
     """Number of recordings read by this run."""
     kept: int
-    """Number of rows of an earlier run whose recordings have not changed since."""
+    """Number of rows of an earlier run whose recordings have not changed."""
     dropped: int
     """Number of rows of an earlier run whose recordings have disappeared or changed."""
 
@@ -38,16 +38,16 @@ class CampaignRun:
 def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -> CampaignRun:
     """Make a table of all recordings in a folder and its subfolders.
 
-    Recordings that the table already holds are not read again, unless their size or date has
-    changed or another version of sautereau has written the table. Faulty recordings are tried
-    again. However the run ends, the table holds all that was read, except for the last few presses
-    if the run is killed.
+    A recording that is in the table already is read again only if its size or date has changed or
+    another version of sautereau has written the table. Faulty recordings are tried again. The table
+    contains everything that was read, however the run ends; only a killed run loses the last few
+    presses.
 
     Args:
         folder: Folder of recordings, `*.mcap`.
         out: Parquet file to write; an existing table is continued.
-        where: Processes or cluster that read the recordings; the table does not depend on it. None
-            for as many processes as shorten the run, at most one per core.
+        where: Processes or cluster that read the recordings; the table does not depend on it. None:
+            as many processes as shorten the run, at most one per core.
 
     Raises:
         AnalysisError: The folder holds no recordings, or ``out`` is not a campaign's table or has

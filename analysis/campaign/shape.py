@@ -1,4 +1,4 @@
-"""Regressors of touch: the plectrum's shape and the conditions, as far as they are identifiable."""
+"""Regressors of touch: the plectrum's shape and the conditions of the presses."""
 
 from typing import TYPE_CHECKING
 
@@ -16,24 +16,24 @@ SHAPE = (
     "plectrum_overlap",
     "plectrum_youngs_modulus",
 )
-"""Columns of a plectrum's shape and material; those that vary get an exponent."""
+"""Columns of a plectrum's shape and material. Those that vary get an exponent."""
 CONDITIONS = ("jack_speed", "string_stiffness")
-"""Columns that change the touch of one plectrum; regressors of the model where they vary."""
+"""Columns that change the touch of a given plectrum. Those that vary are regressors."""
 LEAST_RANGE = 1e-6
-"""1, range of a column's logarithm below which it counts as constant."""
+"""Range of a column's logarithm below which the column counts as constant."""
 LEAST_SINGULAR = 1e-3
-"""1, ratio of smallest to largest singular value of the normalised regressors, below which they
-are collinear and their exponents are not identifiable."""
+"""Ratio of the smallest to the largest singular value of the normalised regressors below which they
+are collinear. Their exponents are not identifiable then."""
 
 
 def logs(presses: "pd.DataFrame", columns: tuple[str, ...]) -> dict[str, Floats]:
-    """Return the logarithms, minus their mean, of the columns that vary."""
+    """Return the logarithms of the columns that vary, each minus its mean."""
     found = {name: np.log(presses[name].to_numpy(float)) for name in columns}
     return {name: v - v.mean() for name, v in found.items() if np.ptp(v) > LEAST_RANGE}
 
 
 def not_identifiable(shape: dict[str, Floats], conditions: dict[str, Floats], plectra: int) -> str:
-    """Return why exponents of the shape are not identifiable; empty where they are."""
+    """Return why exponents of the shape are not identifiable; empty if they are."""
     if not shape:
         return (
             "all plectra have the same shape, so its exponents are not identifiable; press plectra"
@@ -53,7 +53,7 @@ def not_identifiable(shape: dict[str, Floats], conditions: dict[str, Floats], pl
 
 
 def collinear(columns: dict[str, Floats]) -> bool:
-    """Return whether columns depend on each other linearly."""
+    """Return whether columns are linearly dependent."""
     if not columns:
         return False
     matrix = np.column_stack(list(columns.values()))

@@ -1,7 +1,7 @@
-"""A campaign's table on disk: one Parquet file, complete at every moment.
+"""A campaign's table on disk: one Parquet file, complete at any time.
 
-Nothing can be appended to a Parquet file, because it ends in its index. As the table grows, it is
-rewritten to a temporary file, which replaces the table once it is on the disk.
+A Parquet file ends with its index, so nothing can be appended to it. A larger table is written to a
+temporary file, which replaces the old file when it is complete on the disk.
 """
 
 import io
@@ -34,19 +34,19 @@ from sautereau.rig.faults import fault_list
 KEY = b"sautereau"
 """Key of the file's metadata."""
 MOST_ROWS = 1_000_000
-"""Limit of a table's presses."""
+"""Largest number of presses in a table."""
 MOST_BYTES = 2**29
-"""Limit of the unpacked size of a table's columns, byte."""
+"""Largest unpacked size of a table's columns (byte)."""
 SCHEMA = 3
-"""Version of the columns; tables of sautereau 0.1 have no such number and are version 1, and those
-of version 2 have no column `TOUCH`."""
+"""Version of the columns. Tables of sautereau 0.1 have no version number and count as version 1.
+Version 2 has no column `TOUCH`."""
 RENAMED = {
     "contact_duration": "pluck_duration",
     "peak_force": "release_force",
     "force_step": "force_drop",
 }
-"""Columns of version 1, with their names since version 2, which has a `peak_force` of its own: the
-largest force of the complete press."""
+"""Columns of version 1 with their names since version 2. Since then `peak_force` is the largest
+force of the complete press."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,13 @@ class Campaign:
     path: Path
     """Parquet file."""
     table: pa.Table
-    """One row per press, ordered by `path`; null where a press has no value."""
+    """One row per press, ordered by `path`; null if a press has no value."""
     faults: tuple[Fault, ...]
     """Ordered by path."""
     made_by: str
     """Version of sautereau that computed the features."""
     schema: int = SCHEMA
-    """Version of the columns in the file; those of `table` always have their present names."""
+    """Version of the columns in the file. Those of `table` always have their present names."""
 
     @cached_property
     def data(self) -> pd.DataFrame:
@@ -87,7 +87,7 @@ class Campaign:
         return [Source(*row) for row in zip(*columns, strict=True)]
 
     def only(self, sources: set[Source]) -> "Campaign":
-        """Return the campaign with the rows of these recordings only, and without faults."""
+        """Return the campaign with only the rows of these recordings, and without faults."""
         kept = pa.array([source in sources for source in self.sources], pa.bool_())
         return Campaign(self.path, self.table.filter(kept), (), self.made_by)
 
@@ -102,7 +102,7 @@ class Campaign:
         return Campaign(self.path, table, tuple(more), self.made_by)
 
     def write(self) -> None:
-        """Replace the file by this table in one step.
+        """Replace the file with this table in one step.
 
         Raises:
             OSError: The disk is full or not writable; the file is unchanged.
@@ -194,6 +194,6 @@ def _present_name(column: str) -> str:
 
 
 def table_of(rows: Sequence[Row]) -> pa.Table:
-    """Return rows as a table, with null where a row has no value."""
+    """Return rows as a table; it has null where a row has no value."""
     names = dict.fromkeys(name for row in rows for name in row)
     return pa.table({name: [row.get(name) for row in rows] for name in names})

@@ -1,13 +1,14 @@
 """Touch: the force at the key as a function of the plectrum's shape, and its repeatability.
 
-A mixed linear model of the logarithms, because forces are perceived, and spread, by their ratios:
+The model is linear in the logarithms, because ratios of forces are what is perceived and what
+varies:
 
-    ln y = a + sum e_i ln(shape_i) + conditions + plectrum + session + press,
+    ln y = a + sum e_i ln(shape_i) + conditions + plectrum + session + press.
 
-where y grows by e_i per cent with one per cent of a dimension of the shape, and plectrum, session
-and press are independent normal deviations. The standard deviation of presses is the repeatability
-within a session; that of sessions is the effect of a new set-up; that of plectra is estimated
-twice, without the shape and with it.
+y increases by e_i per cent if a dimension of the shape increases by one per cent. Plectrum, session
+and press are independent normal deviations (mixed model). The standard deviation of presses is the
+repeatability within a session, and that of sessions is the effect of a new set-up. That of plectra
+is estimated twice: without the shape, and with it.
 """
 
 from dataclasses import dataclass
@@ -36,12 +37,12 @@ if TYPE_CHECKING:
 FELT = ("release_force", "force_slope", "force_drop")
 """Columns of a campaign that describe touch; `sautereau.rig.quantities` defines them."""
 MOST_OMITTED = 0.05
-"""1, fraction of the presses of a plectrum that may lack a quantity, where it gets exponents."""
+"""Largest fraction of a plectrum's presses without a quantity for which exponents are estimated."""
 
 
 @dataclass(frozen=True)
 class Plectrum:
-    """Touch of one plectrum: geometric means with 95 % intervals."""
+    """The touch of one plectrum: geometric means with 95 % intervals."""
 
     name: str
     """Value of the campaign's column `plectrum`."""
@@ -49,17 +50,17 @@ class Plectrum:
     presses: int
     sessions: int
     shape: dict[str, float]
-    """SI units, by the columns of `SHAPE`."""
+    """By the columns of `SHAPE`, SI units."""
     tip_stiffness: float
-    """N/m, 3 EI / length^3 of a uniform section."""
+    """N/m, 3 EI / length^3 for a uniform section."""
     felt: dict[str, Spread]
-    """SI units, by the names of `FELT`, as far as its presses have them; of all its presses,
-    whatever their conditions."""
+    """By the names of `FELT` that its presses have, SI units; all its presses are used, under any
+    conditions."""
 
 
 @dataclass(frozen=True)
 class Exponent(Spread):
-    """Growth of a quantity in per cent for one per cent of another."""
+    """Increase of a quantity in per cent if another one increases by one per cent."""
 
     std: float
     """Standard uncertainty."""
@@ -72,22 +73,23 @@ class Felt:
     presses: int
     """Number of presses in which it is above 0."""
     omitted: int
-    """Number of other presses with a pluck, which are omitted from this quantity alone."""
+    """Number of other presses with a pluck. They are omitted for this quantity only."""
     press: Spread
-    """Of presses within a session: the repeatability."""
+    """Standard deviation of presses within a session: the repeatability."""
     session: Spread | None
-    """Of sessions of one plectrum; None where no plectrum has two sessions of several presses."""
+    """Standard deviation of sessions with one plectrum; None if no plectrum has two sessions of
+    several presses."""
     plectrum: Spread | None
-    """Of plectra; None for a single plectrum."""
+    """Standard deviation of plectra; None for a single plectrum."""
     unexplained: Spread | None
-    """Of plectra, after the shape is taken into account; None without exponents."""
+    """Standard deviation of plectra that their shape does not explain; None without exponents."""
     exponents: dict[str, Exponent]
-    """By the columns of `SHAPE` that vary; empty where they are not identifiable."""
+    """By the columns of `SHAPE` that vary; empty if they are not identifiable."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Touch of all plectra of a campaign."""
+    """The touch of all plectra of a campaign."""
 
     simulated: bool
     """Whether the stand-in made any of the presses."""
@@ -97,16 +99,16 @@ class Touch:
     plectra: tuple[Plectrum, ...]
     """Ordered by the stiffness of their tips."""
     felt: dict[str, Felt]
-    """By the names of `FELT`, as far as there are presses with them."""
+    """By the names of `FELT` that presses have."""
     notes: tuple[str, ...]
-    """Excluded presses, and quantities that are not identifiable, with how to fix it."""
+    """Excluded presses, and what is not identifiable and how to change that."""
 
 
 def find_touch(campaign: Campaign) -> Touch:
-    """Fit the force at the key to the plectrum's shape, and split the spread by its sources.
+    """Fit the force at the key as a function of the plectrum's shape, and divide its spread.
 
-    Warm-up presses and presses without a pluck are excluded; of several plucks, the first counts.
-    A press whose quantity is missing or not above 0 is omitted from that quantity only.
+    Warm-up presses and presses without a pluck are excluded. The first pluck of a press is used. A
+    press in which a quantity is missing or not above 0 is omitted for that quantity only.
 
     Raises:
         AnalysisError: Too few presses remain for a spread of any quantity.
@@ -144,7 +146,7 @@ def find_touch(campaign: Campaign) -> Touch:
 
 
 def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
-    """Return the presses that can be compared, and notes on those that cannot."""
+    """Return the presses that can be compared, and notes about the others."""
     data = campaign.data
     missing = [name for name in ("warm_up", "plucks", *FELT) if name not in data]
     if missing:
@@ -173,7 +175,7 @@ def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
 
 
 def _with_positive(presses: "pd.DataFrame", name: str) -> "tuple[pd.DataFrame, dict[str, int]]":
-    """Return the presses whose quantity has a logarithm, and how many of each plectrum have not."""
+    """Return the presses with a positive quantity, and the number of others by plectrum."""
     positive = presses[name].to_numpy(float) > 0
     without = presses.loc[~positive, "plectrum"].value_counts()
     return presses.loc[positive].reset_index(drop=True), without.to_dict()
@@ -182,7 +184,7 @@ def _with_positive(presses: "pd.DataFrame", name: str) -> "tuple[pd.DataFrame, d
 def _fit(
     name: str, presses: "pd.DataFrame", omitted: dict[str, int]
 ) -> tuple[Felt, dict[str, Spread], list[str]]:
-    """Return the fit of one quantity, its mean by plectrum, and why a part of it is missing."""
+    """Return the fit of one quantity, its mean by plectrum, and notes on what is missing."""
     groups = _numbers(presses, ["plectrum"])
     subgroups = _numbers(presses, ["plectrum", "session"])
     plectra = int(groups.max()) + 1
@@ -219,7 +221,7 @@ def _fit(
 
 
 def _selective(presses: "pd.DataFrame", omitted: dict[str, int]) -> str:
-    """Return why exponents would be biased by the presses omitted; empty where they are not."""
+    """Return why the omitted presses would bias exponents; empty if they do not."""
     used = presses["plectrum"].value_counts().to_dict()
     most = max((n / (n + used.get(p, 0)) for p, n in omitted.items()), default=0.0)
     if most <= MOST_OMITTED:
@@ -232,7 +234,7 @@ def _selective(presses: "pd.DataFrame", omitted: dict[str, int]) -> str:
 
 
 def _numbers(presses: "pd.DataFrame", columns: list[str]) -> NDArray[np.intp]:
-    """Return the number, from 0, of each press's group of equal values in these columns."""
+    """Return the number, from 0, of each press's group. Values in these columns are equal in it."""
     return presses.groupby(columns).ngroup().to_numpy(np.intp)
 
 
@@ -272,7 +274,7 @@ def _felt(
 def _means(
     values: Floats, found: Components, groups: NDArray[np.intp], subgroups: NDArray[np.intp]
 ) -> list[Spread]:
-    """Return the geometric mean of each group, its sessions weighted by inverse variance."""
+    """Return the geometric mean of each group; its sessions are weighted by inverse variance."""
     from scipy.stats import norm
 
     counts = np.bincount(subgroups)
@@ -289,7 +291,7 @@ def _means(
 
 
 def _plectrum(own: "pd.DataFrame", means: dict[str, dict[str, Spread]]) -> Plectrum:
-    """Return one plectrum, given its presses and the means of each quantity by plectrum."""
+    """Return one plectrum from its presses and the means of each quantity by plectrum."""
     first = own.iloc[0]
     name = str(first["plectrum"])
     stiffness = float(first["plectrum_bending_stiffness"])

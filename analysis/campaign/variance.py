@@ -1,10 +1,11 @@
 """Variance components: how much of a spread lies within groups, and how much between them.
 
-y = X b + group + subgroup + residual, with three independent normal deviations, for any numbers of
-values in each. Estimated by restricted maximum likelihood (REML; Patterson and Thompson 1971),
-which for balanced numbers and positive variances is the nested analysis of variance. The inverse
-and the determinant of the covariance are closed forms of the sums over subgroups, so a hundred
-thousand values cost no more than their subgroups. docs/decisions/0010 compares `statsmodels`.
+The model is y = X b + group + subgroup + residual. The three deviations are independent and normal;
+groups and subgroups may have any numbers of values. The estimate is by restricted maximum
+likelihood (REML; Patterson and Thompson 1971). For balanced numbers and positive variances it
+equals the nested analysis of variance. Inverse and determinant of the covariance are closed forms
+of sums over subgroups, so that the computing time depends on the number of subgroups and not on
+that of values. docs/decisions/0010 compares `statsmodels`.
 """
 
 from collections.abc import Callable
@@ -22,22 +23,22 @@ from sautereau.analysis.session.repeatability import COVERAGE, Spread
 from sautereau.trajectory.motion import Floats
 
 LOG_RANGE = 8.0
-"""1, ln of the ratio of two standard deviations beyond which the smaller one counts as 0."""
+"""If the ratio of two standard deviations has a larger logarithm, the smaller one counts as 0."""
 GRID = 21
-"""Values of each logarithm in the first search, which finds the deeper of two minima."""
+"""Values of each logarithm in the first search. It finds the deeper of two minima."""
 FINER_GRID = 7
-"""Values in each further search, between the two neighbours of the best one so far."""
+"""Values in each further search, between the two neighbours of the best value so far."""
 LOG_TOLERANCE = 1e-3
-"""1, to which a logarithm is found."""
+"""Tolerance of a logarithm."""
 SAME_DEVIANCE = 1e-4
-"""1, difference of two deviances that count as equal."""
+"""Largest difference of two deviances that count as equal."""
 ROUNDING = 1e-9
-"""1, ratio of spread to size of the values that is attributed to rounding."""
+"""Largest ratio of spread to magnitude of the values that is attributed to rounding."""
 
 
 @dataclass(frozen=True)
 class Nested:
-    """Values in subgroups of groups; no subgroup belongs to two groups."""
+    """Values in subgroups, which are parts of groups."""
 
     values: Floats
     """Shape (n,)."""
@@ -46,7 +47,7 @@ class Nested:
     groups: NDArray[np.intp]
     """Number of the group from 0; shape (n,)."""
     subgroups: NDArray[np.intp]
-    """Number of the subgroup from 0, counted through all groups; shape (n,)."""
+    """Number of the subgroup from 0, unique over all groups; shape (n,)."""
 
     @cached_property
     def _sums(self) -> "_Sums":
@@ -92,7 +93,7 @@ class Nested:
         return matrix, determinant + np.log1p(group2 * h).sum(axis=1)
 
     def unexplained(self, matrix: Floats) -> tuple[Floats, Floats]:
-        """Return the weighted squares that the regressors leave, and ln det of X' V^-1 X."""
+        """Return the weighted sum of squares not explained by X, and ln det of X' V^-1 X."""
         mean, known = matrix[:, :-1, :-1], matrix[:, :-1, -1:]
         explained = (known * np.linalg.solve(mean, known)).sum(axis=(1, 2))
         return matrix[:, -1, -1] - explained, np.linalg.slogdet(mean)[1]
@@ -109,15 +110,15 @@ class _Sums:
     """Sufficient statistics of the values, subgroups in the order of their groups."""
 
     within: Floats
-    """Products of columns and values about the means of their subgroups."""
+    """Sums of products of X and y, each minus the mean of its subgroup, shape (k + 1, k + 1)."""
     counts: NDArray[np.intp]
-    """Values of each subgroup."""
+    """Number of values of each subgroup."""
     deviations: Floats
-    """Means of the subgroups about the centre of their group, shape (subgroups, k + 1)."""
+    """Means of the subgroups minus the centre of their group, shape (subgroups, k + 1)."""
     centres: Floats
-    """Of the groups, shape (groups, k + 1)."""
+    """Mean of the subgroups of each group, shape (groups, k + 1)."""
     starts: NDArray[np.intp]
-    """First subgroup of each group."""
+    """Number of the first subgroup of each group."""
 
 
 def _weighted_products(weights: Floats, rows: Floats) -> Floats:
@@ -152,12 +153,12 @@ class Components:
 
     @cached_property
     def subgroup(self) -> Spread | None:
-        """Standard deviation of subgroups within their group; None where it was not estimated."""
+        """Standard deviation of subgroups within their group; None if it was not estimated."""
         return self._spread(1) if self.free[1] else None
 
     @cached_property
     def group(self) -> Spread | None:
-        """Standard deviation of groups; None where it was not estimated."""
+        """Standard deviation of groups; None if it was not estimated."""
         return self._spread(2) if self.free[2] else None
 
     @cached_property

@@ -16,8 +16,10 @@ from sautereau.analysis.figures.palette import ARM, PHASES, PRESSED, SERIES
 from sautereau.analysis.figures.side import BenchPose, draw_surroundings
 from sautereau.analysis.press.replay import ChoirMotion, Replay
 
-SIZE, DPI = (9.6, 6.4), 100
-"""in and 1/in: 960 by 640 pixels."""
+SIZE = (9.6, 6.4)
+"""Size of the figure (in): 960 by 640 pixels."""
+DPI = 100
+"""Pixels per inch."""
 HELD = PHASES[1][1]
 
 
@@ -155,15 +157,17 @@ def _strings(axes, scene: Replay) -> Part:
 
 def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
     """Draw a measured column over the frames' time, with the present instant marked."""
-    data = scene.press.data.loc[scene.time[0] : scene.time[-1]]
-    time, values = data.index.to_numpy() * 1e3, data[column].to_numpy() * scale
+    press, signal = scene.press, scene.press.samples[column]
+    rows = press.between(scene.time[0], scene.time[-1])
+    time, values = press.time[rows] * 1e3, signal[rows] * scale
     axes.plot(time, values, color=ARM, lw=0.8)
     low, high = min(values.min(), 0.0), max(values.max(), 0.0)
     margin = 0.08 * (high - low)
     axes.set_ylim(low - margin, high + margin)
     # The force of an impact on the key may be many times that of the pluck.
-    held_force = [data[column].loc[h.contact : h.release].max() for h in scene.phases.plucks]
-    most = 1.6 * max(held_force, default=np.inf) * scale
+    plucks = [(time >= h.contact * 1e3) & (time <= h.release * 1e3) for h in scene.phases.plucks]
+    held_force = [values[held].max() for held in plucks if held.any()]
+    most = 1.6 * max(held_force, default=np.inf)
     if column == "force" and 0 < most < values.max():
         axes.set_ylim(-0.1 * most, most)
         at = int(np.argmax(values))

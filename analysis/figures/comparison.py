@@ -30,7 +30,7 @@ def comparison_figure(
 
     Args:
         presses: Recorded presses.
-        phases: Of the presses, in the same order.
+        phases: Phases of the presses, in the same order.
         prediction: The model's press.
 
     Raises:
@@ -57,7 +57,7 @@ def session_figure(found: SessionAnalysis, number: int = 1) -> Figure:
 
     Args:
         found: The session.
-        number: Of the condition, from 1.
+        number: Number of the condition, from 1.
 
     Raises:
         AnalysisError: There is no such condition, or nothing to compare in it.
@@ -78,16 +78,16 @@ def session_figure(found: SessionAnalysis, number: int = 1) -> Figure:
 
 
 def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction) -> None:
-    time = press.data.index.to_numpy() * 1e3
+    time = press.time * 1e3
     model = (prediction.time + phases.start) * 1e3
     if phases.plucks:
         model = (prediction.time - prediction.contact + phases.plucks[0].contact) * 1e3
     label = f"{press.path.name}, {_label(press)}"
-    top.plot(time, press.data["deflection"] * 1e3, color=MEASURED, label=label)
+    top.plot(time, press.samples["deflection"] * 1e3, color=MEASURED, label=label)
     top.plot(model, prediction.deflection * 1e3, color=PREDICTED, ls="--", label="predicted")
     top.set_ylabel("deflection at the laser (mm)")
     top.legend(loc="lower right")
-    below.plot(time, press.data["force"], color=MEASURED, lw=0.8)
+    below.plot(time, press.samples["force"], color=MEASURED, lw=0.8)
     below.plot(model, prediction.finger_force, color=PREDICTED, ls="--")
     below.set(ylabel="finger force (N)", xlabel="time after the trigger (ms)")
     end = phases.bottom * 1e3

@@ -22,7 +22,7 @@ FRAME_RATE = 25
 """Hz, frames per second."""
 MOST_FRAMES = 1500
 COLOURS = 128
-"""Of a GIF's palette."""
+"""Number of colours of a GIF's palette."""
 SAMPLED = 40
 """Every SAMPLED-th frame is used to choose the palette."""
 

@@ -19,7 +19,7 @@ PHASES = (
 )
 """Name, colour and hatching of the three phases."""
 HATCH = "#00000018"
-"""Of the hatching."""
+"""Colour of the hatching."""
 DOUBTFUL = YELLOW
 """Intervals with a quality flag."""
 SERIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)

@@ -29,7 +29,7 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:
 
     Args:
         presses: Recorded presses.
-        phases: Of the presses, in the same order.
+        phases: Phases of the presses, in the same order.
 
     Raises:
         AnalysisError: There is no press to draw, or too many for one plot.
@@ -52,12 +52,12 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:
 
 
 def _complete(axes: Axes, press: Press, found: Phases) -> None:
-    time = press.data.index.to_numpy() * 1e3
+    time = press.time * 1e3
     spare = MARGIN * max(found.bottom - found.start, 1e-3)
     inside = slice(*time.searchsorted([(found.start - spare) * 1e3, (found.bottom + spare) * 1e3]))
     if inside.stop - inside.start < 2:
         inside = slice(None)
-    axes.plot(time[inside], press.data["force"].to_numpy()[inside], color=MEASURED, lw=1.1)
+    axes.plot(time[inside], press.samples["force"][inside], color=MEASURED, lw=1.1)
     scale_to_pluck(axes, press, found)
     if len(found.plucks) == 1:
         (held,) = found.plucks
@@ -66,7 +66,7 @@ def _complete(axes: Axes, press: Press, found: Phases) -> None:
     axes.set_ylabel("finger force (N), thick", color=MEASURED)
     axes.set_xlabel("time after the trigger (ms)")
     speed = axes.twinx()
-    speed.plot(time[inside], press.data["jack_speed"].to_numpy()[inside], color=OTHER, lw=0.7)
+    speed.plot(time[inside], press.samples["jack_speed"][inside], color=OTHER, lw=0.7)
     speed.set_ylabel("jack speed (m/s), thin", color=OTHER)
     for mark in press.quality_flags:
         if mark.stop * 1e3 > time[inside][0] and mark.start * 1e3 < time[inside][-1]:

@@ -25,7 +25,7 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
 
     Args:
         rig: The bench.
-        levels: Of the plectrum, by name; one without a pluck for this rig is listed
+        levels: Plectrum models by name; one without a pluck for this rig is listed
             in the legend as out of range.
 
     Raises:

@@ -32,11 +32,11 @@ def scale_to_pluck(axes: Axes, press: Press, found: Phases, highest: float = 0.0
 
     Args:
         axes: Force [N] over time [ms].
-        press: That is drawn.
+        press: The drawn press.
         found: Its phases; without a pluck, all forces until the lowest key are in range.
         highest: N, of another curve in the axes.
     """
-    time, force = press.data.index.to_numpy(), press.data["force"].to_numpy()
+    time, force = press.time, press.samples["force"]
     first = found.plucks[0].contact if found.plucks else found.start
     before, seen = (time < first) & (time <= found.bottom), (time >= first) & (time <= found.bottom)
     if not seen.any():

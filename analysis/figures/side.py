@@ -19,12 +19,16 @@ from sautereau.trajectory.motion import Floats
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
-JACK, HEAD, BODY = 80e-3, 9e-3, 4e-3
-"""m, from a jack's lower end to its plectrum, from there to its top, and its width."""
+JACK = 80e-3
+"""Distance from a jack's lower end to its plectrum (m)."""
+HEAD = 9e-3
+"""Distance from the plectrum to the top of the jack (m)."""
+BODY = 4e-3
+"""Width of a jack (m)."""
 UNDER = 8e-3
-"""m, of the key below its pin."""
+"""Thickness of the key below its pin (m)."""
 KEY_HEAD = 14e-3
-"""m, of the key behind its last jack."""
+"""Length of the key behind its last jack (m)."""
 
 
 class BenchPose:
@@ -33,9 +37,9 @@ class BenchPose:
     Args:
         axes: In mm, with equal aspect.
         rig: The bench.
-        colour: Of the arm.
+        colour: Colour of the arm.
         ghost: Draw a dashed outline in that colour.
-        label: Of the arm, for the legend.
+        label: Label of the arm in the legend.
     """
 
     def __init__(

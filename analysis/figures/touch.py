@@ -15,7 +15,7 @@ STYLES = {
         ("release_force", "force_slope", "force_drop"), SERIES, MARKERS, strict=False
     )
 }
-"""Of values with error bars."""
+"""Styles of values with error bars."""
 SOURCES = ("press", "session", "plectrum", "unexplained")
 """Standard deviations of `sautereau.analysis.campaign.touch.Felt`."""
 

@@ -21,7 +21,7 @@ COLOURS = {
     Source.OTHER: YELLOW,
 }
 HATCHES = dict(zip(COLOURS, ("", "//", "..", "xx", "--", "||"), strict=True))
-"""Of the bars, so that they differ in grey as well."""
+"""Hatches of the bars, which then differ in grey as well."""
 SIGNAL, FITTED = "#9db4c8", "#111111"
 EDGE = {"edgecolor": "white", "lw": 0}
 SCALES = ((1e3, "force (mN)"), (1e3, "velocity (mm/s)"))

@@ -1,17 +1,18 @@
-"""Fits of a compliant key: elastic modes, one by one, where a rigid key does not fit."""
+"""Fits of a compliant key: elastic modes are added one by one while a stiffer key does not fit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.elastic import (
     LEAST_PERIODS,
     MOST,
     SHAPES,
     Mode,
     close_modes,
-    foot_parameter,
+    cloth_parameter,
     mode_parameters,
     modes_of,
     shortest_record,
@@ -26,8 +27,8 @@ from sautereau.analysis.identify.fit import (
     spread,
 )
 from sautereau.analysis.identify.fixed import ScoreTest
-from sautereau.analysis.identify.observed import LEAST, Observed
-from sautereau.analysis.identify.parameters import ENDS, FINGERTIP, FORCE, Parameter, Prior
+from sautereau.analysis.identify.observed import MIN_INSTANTS, Observed
+from sautereau.analysis.identify.parameters import Parameter, Prior
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
@@ -35,22 +36,27 @@ from sautereau.analysis.phases import Phases
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-FREQUENCIES, DAMPINGS = np.geomspace(80.0, 1200.0, 30), (0.03, 0.15)
-"""Hz and dimensionless, of the table in which a mode is sought."""
+FREQUENCIES = np.geomspace(80.0, 1200.0, 30)
+"""Frequencies at which a mode is tried (Hz)."""
+DAMPINGS = (0.03, 0.15)
+"""Damping ratios at which a mode is tried."""
 WEIGHT = 0.02
-"""Dimensionless, weight of a mode for its derivative."""
-LARGEST, RINGING = 3.0, 2.0
-"""Dimensionless and N, largest weight and ringing at which the fit of a mode starts."""
+"""Weight of a mode for numerical derivatives, dimensionless."""
+LARGEST_WEIGHT = 3.0
+"""Largest magnitude of the weight at which the fit of a mode starts, dimensionless."""
+LARGEST_RINGING = 2.0
+"""Largest magnitude of the ringing amplitudes at which the fit of a mode starts (N)."""
 FINGERTIP_STD = 0.2
-"""Dimensionless, of the fingertip's friction on the key: its moment scales the force by 1 %."""
-AT_REST = 0.2
-"""Dimensionless, by which a mode of the pressed key differs from the one found by tapping, as a
-fraction of its frequency; and of its damping ratio."""
-INERTIA, INERTIA_FACTOR = "key.inertia", 2.0
-"""Ratio of a bound of the inertia of a compliant key to the rig's value: with the inertia that is
-seen above its modes, one mode less fits almost as well."""
+"""Standard uncertainty of the fingertip's friction on the key, dimensionless. Friction of 0.2
+changes the moment of the force by 1 %."""
+TAPPED_STD = 0.2
+"""Standard uncertainty of a mode that was found by tapping the resting key: relative for its
+frequency, absolute for its damping ratio. The pressed key has other modes."""
+INERTIA_FACTOR = 2.0
+"""Ratio of the bounds of a compliant key's inertia to the rig's value. Above its modes a key shows
+a smaller inertia; with that inertia, one mode less would fit almost as well."""
 LEAST_GAIN = 0.9
-"""Dimensionless, largest residual over that without a mode which makes the mode worthwhile."""
+"""A mode is kept if it reduces the residual below this fraction."""
 
 
 def fit_presses(
@@ -64,17 +70,17 @@ def fit_presses(
 ) -> Fit:
     """Fit parameters to presses of one rig; see `identified.identify`.
 
-    The key has as many elastic modes as the way down without a string requires; those that the rig
-    states come first.
+    The key gets as many elastic modes as the residuals on the way down without a string require.
+    The modes that the rig states are tried first.
     """
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
-    best = fit(dynamics, starts, robust, levelled=FORCE in names)
+    best = fit(dynamics, starts, robust, free_offset=keys.FORCE in names)
     good, before = quality(best), best.residual_before
     while not good.quiet and len(modes_of(_named(best))) < MOST:
         dynamics = _with_mode(best)
         if dynamics is None:
             break
-        made = fit(dynamics, 1, robust, levelled=best.levelled)
+        made = fit(dynamics, 1, robust, free_offset=best.free_offset)
         found = quality(made)
         if found.free_residual > LEAST_GAIN * good.free_residual or close_modes(_named(made)):
             break
@@ -88,24 +94,24 @@ def _named(made: Fit) -> dict[str, float]:
 
 
 def _with_mode(made: Fit) -> InverseDynamics | None:
-    """Return the dynamics with the mode that reduces the residuals most; None without one."""
+    """Return the dynamics with the mode that reduces the residuals most; None if none does."""
     dynamics, number = made.problem.dynamics, len(modes_of(_named(made)))
-    # A fit of too stiff a key is far off: seek the first mode from the values of the rig.
+    # The fit of a rigid key may be far off: search the first mode at the values of the rig.
     values = made.values if number else np.array([p.start for p in dynamics.free])
     free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, values, strict=True)]
-    free = [_near_stated(dynamics.rig, p) if p.name == INERTIA else p for p in free]
-    # The way back, which separates the fingertip's friction from the force's gain, is not fitted.
-    tip, ends = dynamics.rig.arm.fingertip_friction, ENDS[FINGERTIP]
+    free = [_near_stated(dynamics.rig, p) if p.name == keys.INERTIA else p for p in free]
+    # Only the way back separates the fingertip's friction from the force's gain. It is not fitted.
+    tip, ends = dynamics.rig.arm.fingertip_friction, keys.ENDS[keys.FINGERTIP]
     unknown = [
-        foot_parameter(),
-        Parameter(FINGERTIP, "", tip, *ends, tip, FINGERTIP_STD, hidden=True),
+        cloth_parameter(),
+        Parameter(keys.FINGERTIP, "", tip, *ends, tip, FINGERTIP_STD, hidden=True),
     ]
     free += [new for new in unknown if all(p.name != new.name for p in free)]
     presses = _before_release(dynamics.presses)
     if not presses:
         return None
     dynamics = InverseDynamics(dynamics.rig, free, presses, dynamics.level)
-    found = _strongest(dynamics, number, made.levelled)
+    found = _strongest(dynamics, number, made.free_offset)
     if found is None:
         return None
     free += mode_parameters(number, found, _known(dynamics.rig, number))
@@ -113,7 +119,7 @@ def _with_mode(made: Fit) -> InverseDynamics | None:
 
 
 def _near_stated(rig: Rig, inertia: Parameter) -> Parameter:
-    """Return the inertia with bounds near the rig's value, unless it has its own prior."""
+    """Return the inertia with bounds near the rig's value, unless it has a prior."""
     if inertia.std is not None or not inertia.low < rig.key.inertia < inertia.high:
         return inertia
     low, high = rig.key.inertia / INERTIA_FACTOR, rig.key.inertia * INERTIA_FACTOR
@@ -122,43 +128,45 @@ def _near_stated(rig: Rig, inertia: Parameter) -> Parameter:
 
 
 def _known(rig: Rig, number: int) -> tuple[float, float] | None:
-    """Return the standard uncertainties of a mode's frequency [Hz] and damping in a press.
+    """Return the standard uncertainties of a tapped mode's frequency [Hz] and damping in a press.
 
-    A key that rests on its rail, untouched or under a resting finger, has other modes.
+    They are None if the rig states no mode of this number.
     """
     if number >= len(rig.key.modes):
         return None
     mode = rig.key.modes[number]
     return (
-        float(np.hypot(mode.frequency_std, AT_REST * mode.frequency)),
-        float(np.hypot(mode.damping_std, AT_REST)),
+        float(np.hypot(mode.frequency_std, TAPPED_STD * mode.frequency)),
+        float(np.hypot(mode.damping_std, TAPPED_STD)),
     )
 
 
 def _before_release(presses: Sequence[Observed]) -> list[Observed]:
-    """Return presses without what follows the first release of each.
+    """Return each press up to its first release.
 
-    There the jack leaves the key, which springs up, and excites it by an impact when it falls back.
+    After the release the key springs up and loses the jack. The jack falls back onto it, and the
+    impact excites the modes.
     """
     ends = [
         int(np.searchsorted(p.time, p.releases[0])) if len(p.releases) else len(p.time)
         for p in presses
     ]
-    # Presses of one motion keep one length.
+    # All presses keep the same length.
     cut = [p.until(max(ends), end) for p, end in zip(presses, ends, strict=True)]
-    return [press for press in cut if press.used.sum() >= LEAST]
+    return [press for press in cut if press.used.sum() >= MIN_INSTANTS]
 
 
-def _strongest(dynamics: InverseDynamics, number: int, levelled: bool) -> Mode | None:
-    """Return the mode of the table that reduces the residuals most, as the mode of this number.
+def _strongest(dynamics: InverseDynamics, number: int, free_offset: bool) -> Mode | None:
+    """Return the tried mode that reduces the residuals most, to become the mode of this number.
 
-    Its weight and its ringing from the lift of the key on are linear: they are freed together.
+    The residuals are linear in its weight and in the amplitudes of its ringing. These are freed
+    together.
     """
     values = np.array([p.start for p in dynamics.free])
     forces, rises = dynamics.residuals(values)
-    size = spread(dynamics, forces, levelled)
+    size = spread(dynamics, forces, free_offset)
     problem = problem_at(dynamics, values, factor=scatter(rises))
-    test = ScoreTest(problem, values, size, levelled)
+    test = ScoreTest(problem, values, size, free_offset)
 
     def tried(mode: Mode) -> tuple[float, Mode]:
         columns: list[Floats] = []
@@ -168,8 +176,10 @@ def _strongest(dynamics: InverseDynamics, number: int, levelled: bool) -> Mode |
             column = test.column(moved, np.append(values, [p.start for p in own]), WEIGHT)
             columns.append(column - columns[0] if columns else column)
         steps, reduction = test.freed(columns)
-        weight = float(np.clip(steps[0], -LARGEST, LARGEST))
-        cosine, sine = np.clip(steps[1:] / (weight or 1.0), -RINGING, RINGING).tolist()
+        weight = float(np.clip(steps[0], -LARGEST_WEIGHT, LARGEST_WEIGHT))
+        cosine, sine = np.clip(
+            steps[1:] / (weight or 1.0), -LARGEST_RINGING, LARGEST_RINGING
+        ).tolist()
         return reduction, replace(mode, weight=weight, cosine=cosine, sine=sine)
 
     stated = dynamics.rig.key.modes[number : number + 1]

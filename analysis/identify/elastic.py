@@ -1,70 +1,84 @@
-"""What bends between finger, laser and jack: modes of the key, and the cloth under the jack.
+"""Elastic modes of a compliant key, and the compliance of the cloth under the jack.
 
-Between the finger's force F, the string's force N on the jack and the motion stands a linear
-structure: the rotation about the pin, and elastic modes orthogonal to it. A mode moves by
+The forces F of the finger and N of the string drive a linear structure. It has the rotation about
+the balance pin and elastic modes orthogonal to it. The coordinate q of a mode obeys
 
     q'' + 2 d w q' + w^2 q = w^2 (p F - u b N) / (I w^2),
 
-where w is its angular frequency, d its damping, I the inertia of the
-key with its jacks, p and b the lever arms of finger and jack. It adds r q to the angle that the
-laser shows, and r v b q to the rise of the jack. With the mode's displacements at finger, laser
-and jack over those of a rotation, P, L and B, scaled to the mass I: r = L P, u = B / P, v = B / L.
+where w is its angular frequency, d its damping ratio, I the inertia of the key with its jacks, and
+p and b are the lever arms of finger and jack. The mode adds r q to the angle that the laser
+measures, and r v b q to the rise of the jack. Let P, L and B be the mode's displacements at finger,
+laser and jack, each divided by that of a rotation, for a modal mass of I. Then r = L P, u = B / P
+and v = B / L.
 
-Until the key leaves its back rail, the rail's force is unknown, and so is how it rings from there
-on: each mode has an initial state then. All is computed from the measured force, so that no
-equation of motion is integrated, and damped modes cannot diverge.
+The force of the back rail is unknown. Each mode therefore has an unknown initial state at the
+instant at which the key leaves the rail. The modes are computed from the measured force. No
+equation of motion of the key is integrated, so damped modes cannot diverge.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
+from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.noise import WINDOW
-from sautereau.analysis.identify.observed import PARTS, Observed
-from sautereau.analysis.identify.parameters import FOOT, MODE, Parameter
+from sautereau.analysis.identify.observed import SUBSTEPS, Observed
+from sautereau.analysis.identify.parameters import Parameter
 from sautereau.trajectory.motion import Floats
 
-FIELDS = ("frequency", "damping", "weight", "jack_by_finger", "jack_by_laser", "cosine", "sine")
-"""Of a mode: frequency [Hz], damping ratio, dimensionless r, u, v; and its ringing when the key
-leaves the rail, as the force [N] of the finger that would bend it so."""
 SHAPES = {"key": (-0.6, -0.6), "second": (0.8, -0.35), "cloth": (-2.5, -2.5)}
-"""u and v of a uniform key that bends or heaves, of its second bending, and of a jack of a few
-grams on its cloth."""
-SHAPE_STD, WEIGHT_STD = 0.4, 1.5
-"""Prior standard uncertainties of u and v, and of r."""
+"""u and v of three shapes: the first bending or the heave of a uniform key, its second bending, and
+a jack of a few grams on its cloth."""
+SHAPE_STD = 0.4
+"""Prior standard uncertainty of u and of v."""
+WEIGHT_STD = 1.5
+"""Prior standard uncertainty of r."""
 RINGING_STD = 0.3
-"""N, prior standard uncertainty of the ringing."""
-FOOT_STD = 1e-5
-"""m/N, of the compliance under the jack, where the key is compliant."""
-LOWEST, HIGHEST = 60.0, 3000.0
-"""Hz, bounds of the frequencies."""
+"""Prior standard uncertainty of the ringing amplitudes (N)."""
+CLOTH_STD = 1e-5
+"""Prior standard uncertainty of the compliance under the jack of a compliant key (m/N)."""
+LOWEST = 60.0
+"""Lower bound of the frequencies (Hz)."""
+HIGHEST = 3000.0
+"""Upper bound of the frequencies (Hz)."""
 LEAST_DAMPING = 5e-3
-"""Dimensionless, bound of the dampings: that of wood without felt."""
+"""Lower bound of the damping ratios: that of wood without felt."""
 LARGEST_STEP = 0.45 * np.pi
-"""Half the angle of a mode in one step, above which its frequency is not exact."""
-LEAST_PERIODS, CLOSE = 4.0, 1.15
-"""Fewest periods of a mode in a press, and least ratio of two frequencies."""
+"""Largest w T / 2 of a time step T up to which the frequency of a mode is exact."""
+LEAST_PERIODS = 4.0
+"""Smallest number of periods of a mode in a press."""
+CLOSE = 1.15
+"""Ratio of two frequencies below which the modes are too close to be separated."""
 MOST = 3
 """Largest number of modes."""
-BAND, POINTS = 2.0, 400
-"""Dimensionless, highest frequency that the smoothing leaves times its window; and number of
-frequencies up to it."""
+BAND = 2.0
+"""Highest frequency that passes the smoothing, times the width of the window."""
+POINTS = 400
+"""Number of frequencies up to it at which the noise gain is computed."""
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One elastic mode; see the module."""
+    """One elastic mode; the module explains its parameters."""
 
     frequency: float
+    """Hz."""
     damping: float
+    """Damping ratio."""
     weight: float
+    """r."""
     jack_by_finger: float
+    """u."""
     jack_by_laser: float
+    """v."""
     cosine: float = 0.0
+    """Cosine amplitude of its ringing from when the key leaves the rail, as the finger force that
+    would cause the same static deflection (N)."""
     sine: float = 0.0
+    """Sine amplitude of the same ringing (N)."""
 
 
 def modes_of(values: Mapping[str, float]) -> list[Mode]:
@@ -81,10 +95,10 @@ def mode_parameters(
     """Return the hidden parameters of one mode.
 
     Args:
-        number: Of the mode, from 0.
-        start: Where the fit starts.
-        stds: Standard uncertainties of frequency [Hz] and damping where they were measured
-            otherwise; None where only the recordings show them.
+        number: Number of the mode, from 0.
+        start: Values at which the fit starts.
+        stds: Standard uncertainties of frequency [Hz] and damping ratio if they were measured
+            separately; None if they are known from the recordings only.
     """
     frequency, damping = start.frequency, start.damping
     known = stds or (frequency / 2, 0.2)
@@ -108,10 +122,10 @@ def mode_parameters(
 
 
 def noise_gain(modes: Sequence[Mode], record: float) -> float:
-    """Return the RMS of a smoothed force residual over that of the white noise of the force.
+    """Return the RMS of the smoothed force residual divided by that of a rigid key.
 
-    The modes are computed from the measured force, whose noise they amplify as far as they ring
-    up in the record [s].
+    The modes are computed from the measured force and amplify its white noise. In a record of
+    finite length [s] they do not reach their full resonance.
     """
     if not modes:
         return 1.0
@@ -127,7 +141,7 @@ def noise_gain(modes: Sequence[Mode], record: float) -> float:
 
 
 def shortest_record(presses: Sequence[Observed]) -> float:
-    """Return the shortest time [s] between the first and the last fitted instant of a press."""
+    """Return the shortest time [s] from the first to the last fitted instant of a press."""
     return min(float(np.ptp(press.time[press.used])) for press in presses)
 
 
@@ -157,21 +171,21 @@ def doubtful_modes(
     return reasons
 
 
-def foot_parameter() -> Parameter:
+def cloth_parameter() -> Parameter:
     """Return the hidden compliance of the cloth under the jack."""
-    return Parameter(FOOT, "m/N", 0.0, 0.0, 10 * FOOT_STD, 0.0, FOOT_STD, hidden=True)
+    return Parameter(keys.CLOTH, "m/N", 0.0, 0.0, 10 * CLOTH_STD, 0.0, CLOTH_STD, hidden=True)
 
 
 class Bending:
-    """What the modes do in one press.
+    """The response of the modes in one press.
 
     Args:
         modes: The modes.
         press: The press.
-        lag: s, of the force behind the motion.
-        gain: True over measured force.
+        lag: s, delay of the force after the motion.
+        gain: True force divided by measured force.
         arm: m, lever arm of the finger.
-        inertia: kg m^2, of the key with its jacks.
+        inertia: kg m^2, inertia of the key with its jacks.
     """
 
     def __init__(
@@ -183,7 +197,7 @@ class Bending:
         arm: float,
         inertia: float,
     ):
-        self.modes, self._step = modes, press.step / PARTS
+        self.modes, self._step = modes, press.step / SUBSTEPS
         self._stiffnesses = [inertia * (2 * np.pi * mode.frequency) ** 2 for mode in modes]
         self._by_finger = [
             np.tensordot(
@@ -195,14 +209,14 @@ class Bending:
         ]
 
     def by(self, strings: Floats) -> tuple[Floats, Floats]:
-        """Return what the modes add to the laser's angle, and to the rise of a jack.
+        """Return what the modes add to the measured angle and to the rise of a jack.
 
         Args:
-            strings: N m, moment of the strings about the pin, at `part_time`; shape (n,).
+            strings: N m, moment of the strings about the pin at `substep_time`; shape (n,).
 
         Returns:
-            The angle [rad] with its first two derivatives, shape (3, n); and the rise [rad] of a
-            jack over its lever arm, shape (n,).
+            The angle [rad] with its first two derivatives, shape (3, n); and the rise of a jack
+            divided by its lever arm [rad], shape (n,).
         """
         angle, rise = np.zeros((3, len(strings))), np.zeros(len(strings))
         for mode, stiffness, finger in zip(
@@ -219,39 +233,40 @@ class Bending:
 
 @lru_cache(maxsize=128)
 def _driven(press: Observed, frequency: float, damping: float, lag: float) -> Floats:
-    """Return the motion of an oscillator that the measured force drives, and its free ringing.
+    """Return the response of a mode to the measured force, and its free ringing.
 
     Args:
         press: The press.
         frequency: Hz.
-        damping: Fraction of critical damping.
-        lag: s, of the force behind the motion.
+        damping: Damping ratio.
+        lag: s, delay of the force after the motion.
 
     Returns:
-        N, of the force [N], and of the parts of a ringing of 1 N from the lift of the key on that
-        begin with a cosine and with a sine; each with its first two derivatives, at `part_time`;
-        shape (3, 3, n).
+        N, at `substep_time`: the response to the force; a cosine ringing of 1 N that starts when
+        the key leaves the rail; the corresponding sine ringing. Each comes with its first two
+        derivatives; shape (3, 3, n).
     """
-    turn, time = 2 * np.pi * frequency, np.maximum(press.part_time - press.lifted, 0.0)
+    turn, time = 2 * np.pi * frequency, np.maximum(press.substep_time - press.lift_off, 0.0)
     p = turn * complex(-damping, np.sqrt(1 - damping**2))
     ringing = np.outer([1.0, p, p * p], np.exp(p * time) * (time > 0))
-    pushed = _moved(press.part_force(lag), frequency, damping, press.step / PARTS)
+    pushed = _moved(press.substep_force(lag), frequency, damping, press.step / SUBSTEPS)
     return np.stack([pushed, np.real(ringing), np.imag(ringing)])
 
 
 def _moved(push: Floats, frequency: float, damping: float, step: float) -> Floats:
-    """Return the static deflection's size, velocity and acceleration of an oscillator from rest.
+    """Return the response of an oscillator that starts at rest, with its first two derivatives.
 
-    By the bilinear transform, which is exact for slow pushes and at the mode's frequency.
+    It is computed by the bilinear transform, which is exact for slow forces and at the frequency of
+    the oscillator.
 
     Args:
-        push: Of any unit, shape (n,).
+        push: Force in any unit, shape (n,).
         frequency: Hz.
-        damping: Fraction of critical damping.
-        step: s, between values.
+        damping: Damping ratio.
+        step: s, time between values.
 
     Returns:
-        In units of the push, with its first two derivatives; shape (3, n).
+        The response in the unit of the force: 1 for a static force of 1; shape (3, n).
     """
     from scipy.signal import lfilter
 
@@ -267,5 +282,5 @@ def _moved(push: Floats, frequency: float, damping: float, step: float) -> Float
 
 
 def mode_names(number: int) -> list[str]:
-    """Return the names of the parameters of a mode, in the order of `FIELDS`."""
-    return [f"{MODE}{number}.{field}" for field in FIELDS]
+    """Return the names of the parameters of a mode, in the order of the fields of `Mode`."""
+    return [f"{keys.MODE}{number}.{field.name}" for field in fields(Mode)]

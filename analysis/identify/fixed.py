@@ -1,10 +1,10 @@
-"""The numbers that a fit keeps fixed: what each does to the results, and which should be freed.
+"""The numbers that a fit keeps fixed: their effects on the results, and which should be freed.
 
-With the Jacobian J of whitened residuals and priors by the fitted parameters, and the derivative c
-by a fixed number, a change of that number moves the fit by -J^+ c. What is left of c, which is
-d = c - J J^+ c, gives the effect of freeing it: a Gauss-Newton step of -d r / d d, which reduces
-the sum of squares of the residuals r by (d r)^2 / d d (the score test; 1 on average for a correct
-number).
+Let r be the whitened residuals and priors, J their Jacobian by the fitted parameters, and c their
+derivative by a fixed number. A unit change of the number changes the fitted values by -J^+ c. The
+part of c that the parameters do not explain is d = c - J J^+ c. If the number is freed, a
+Gauss-Newton step changes it by -(d r) / (d d) and reduces the sum of squares of r by
+(d r)^2 / (d d). This is the score test; for a correct number the reduction is 1 on average.
 """
 
 from collections.abc import Sequence
@@ -12,18 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sautereau.analysis.identify.fit import DEPENDENT, Fit, assumed_std
-from sautereau.analysis.identify.parameters import (
-    ENDS,
-    FORCE,
-    MODULUS,
-    NAMES,
-    STIFFNESS,
-    VELOCITY_GAIN,
-    unit_of_parameter,
-    value_of,
-    with_parameters,
-)
+from sautereau.analysis.identify import keys
+from sautereau.analysis.identify.fit import DEPENDENT, Fit
+from sautereau.analysis.identify.hidden import assumed_std
+from sautereau.analysis.identify.parameters import unit_of_parameter, value_of, with_parameters
 from sautereau.analysis.identify.problem import Problem, white
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.rig.schema import Rig
@@ -34,33 +26,35 @@ MEASURED = (
     *("plectrum.length", "plectrum.thickness"),
     *("string.tension", "string.length", "string.plucking_point", "string.diameter"),
 )
-"""Numbers of the rig that are measured with a rule, and never fitted."""
-CHANGE, STEP = 0.01, 1e-3
-"""Dimensionless, change of a number without a stated range in the table, and of differences."""
+"""Numbers of the rig that are measured with a ruler. They are never fitted."""
+CHANGE = 0.01
+"""Relative change in the table of effects of a number for which the rig assumes no range."""
 FRICTION_CHANGE = 0.1
-"""Dimensionless, change of a coefficient of friction in the table."""
-CONTACT, LIKELY = "plectrum.contact", 0.4
-"""The string on the surface is suggested where its fitted offset from the mid-line is larger than
-this fraction of that on the surface."""
+"""The same for a number that is 0, such as a coefficient of friction; absolute."""
+STEP = 1e-3
+"""Relative step of numerical derivatives."""
+LIKELY = 0.4
+"""The string is suggested to lie on the surface if its fitted offset from the mid-line is more than
+this fraction of the offset on the surface."""
 SUGGESTED = 16.0
-"""Reduction of the sum of squares from which freeing is suggested: 4 standard deviations."""
+"""Reduction of the sum of squares above which freeing is suggested: 4 standard deviations."""
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What one fixed number of the rig, or one calibration, does to the results."""
+    """The effect of one fixed number of the rig, or of one calibration, on the results."""
 
     name: str
     unit: str
     value: float
-    """SI; of `plectrum.contact` 1 for the surface and 0 for the mid-line."""
+    """SI; for `plectrum.contact` 1 is the surface and 0 the mid-line."""
     change: float
-    """SI; its standard uncertainty where the rig states a range, else 1 % of it; of
-    `plectrum.contact` 1, to the other one."""
+    """SI; the standard uncertainty if the rig assumes a range, otherwise 1 % of the value; 1 for
+    `plectrum.contact`."""
     stated: bool
-    """Whether the rig states that uncertainty."""
+    """Whether the rig states this uncertainty."""
     effects: dict[str, float]
-    """Change of each result by it, over the result's scale; dimensionless."""
+    """Resulting change of each result, divided by the result's scale."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +70,13 @@ class Suggestion:
 
 
 class ScoreTest:
-    """The effects of freeing one more number of a problem, at values [SI] of its parameters.
+    """The effects of freeing further numbers of a problem, at values [SI] of its parameters.
 
-    The residuals count as independent, with a standard deviation `spread` [N].
+    The residuals are treated as independent, with a standard deviation of `spread` [N].
     """
 
-    def __init__(self, problem: Problem, values: Floats, spread: float, levelled: bool):
-        self.problem = replace(problem, whitenings=white(problem.dynamics, spread, levelled))
+    def __init__(self, problem: Problem, values: Floats, spread: float, free_offset: bool):
+        self.problem = replace(problem, whitenings=white(problem.dynamics, spread, free_offset))
         point = values / problem.scales
         self._data, prior = self.problem.data(point), self.problem.prior_jacobian(point)
         rows = np.vstack([self.problem.jacobian(point, self.problem.data), prior])
@@ -90,13 +84,16 @@ class ScoreTest:
         self._residuals = np.concatenate([self._data, self.problem.prior(point)])
 
     def column(self, dynamics: InverseDynamics, values: Floats, step: float) -> Floats:
-        """Return the derivative by a number, 0 without one; arguments as `Problem.by_another`."""
+        """Return the derivative by a number; 0 if the model has no solution after the step.
+
+        Arguments as for `Problem.by_another`.
+        """
         column = self.problem.by_another(self._data, dynamics, values, step)
         column = np.zeros(len(self._data)) if column is None else column
         return np.append(column, np.zeros(len(self._residuals) - len(self._data)))
 
     def freed(self, columns: Sequence[Floats]) -> tuple[Floats, float]:
-        """Return the steps of numbers that are freed together, and the reduction."""
+        """Return the changes of numbers that are freed together, and the reduction."""
         rows = np.stack(columns, axis=1)
         left = rows - self._basis @ (self._basis.T @ rows)
         sizes = np.linalg.norm(left, axis=0)
@@ -108,7 +105,7 @@ class ScoreTest:
 
 
 def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivity, ...]:
-    """Return the effects of all fixed numbers and calibrations, the largest first.
+    """Return the effects of all fixed numbers and calibrations, the largest effect first.
 
     Args:
         made: The fit.
@@ -127,7 +124,7 @@ def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivi
 
     for k, parameter in enumerate(problem.free):
         if parameter.hidden and parameter.std:
-            # While it is fixed, its own prior does not count.
+            # A fixed number has no prior.
             others = [j for j in range(len(problem.free)) if j != k]
             kept = np.concatenate([np.ones(len(data), bool), np.any(prior[:, others] != 0, axis=1)])
             column, moved = np.concatenate([data[:, k], nothing]), np.zeros(len(problem.free))
@@ -139,7 +136,7 @@ def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivi
         for name, unit, value in _fixed(dynamics)
     ]
     place = float(dynamics.rig.plectrum.contact == "surface")
-    fixed.append((CONTACT, "", place, 1.0, False, _other_contact(dynamics.rig), 1.0))
+    fixed.append((keys.CONTACT, "", place, 1.0, False, _other_contact(dynamics.rig), 1.0))
     whitened = problem.data(made.values / problem.scales)
     for name, unit, value, change, stated, rig, step in fixed:
         moved = problem.by_another(whitened, *_moved_to(dynamics, made.values, rig), step)
@@ -150,14 +147,14 @@ def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivi
 
 
 def suggestions(made: Fit, noise: float) -> tuple[Suggestion, ...]:
-    """Return the fixed numbers whose freeing would reduce the residuals, the best first.
+    """Return the fixed numbers that should be freed, the largest reduction first.
 
     Args:
-        made: The fit, of a model that does not fit.
-        noise: N, RMS of the force residual without the error of the model.
+        made: A fit whose model does not fit.
+        noise: N, RMS of the part of the force residual that is no error of the model.
     """
     dynamics = made.problem.dynamics
-    test = ScoreTest(made.problem, made.values, noise * np.sqrt(DEPENDENT), made.levelled)
+    test = ScoreTest(made.problem, made.values, noise * np.sqrt(DEPENDENT), made.free_offset)
 
     def freed(rig: Rig, step: float) -> tuple[float, float]:
         moved, reduction = test.freed([test.column(*_moved_to(dynamics, made.values, rig), step)])
@@ -168,36 +165,38 @@ def suggestions(made: Fit, noise: float) -> tuple[Suggestion, ...]:
         if name in MEASURED:
             continue
         step, reduction = freed(*_beside(dynamics, name, value))
-        low, high = ENDS.get(name, (0.0, np.inf))
-        # An impossible number is not the cause, but a linear step may be too long.
+        low, high = keys.ENDS.get(name, (0.0, np.inf))
+        # An impossible value is not the cause. A linear step may be too long, however.
         if reduction > SUGGESTED and low <= value + step <= high + (high - low):
             found.append(Suggestion(name, unit, reduction, min(value + step, high)))
     found.sort(key=lambda s: -s.reduction)
     if dynamics.rig.plectrum.contact == "mid-line":
-        # The offset of the string's centre, as a fraction of that on the surface.
+        # The step is the offset of the string's centre, as a fraction of that on the surface.
         step, reduction = freed(_other_contact(dynamics.rig), 1.0)
         if reduction > SUGGESTED and step > LIKELY:
-            # First: it is no number to free, and friction imitates it.
-            found.insert(0, Suggestion(CONTACT, "", reduction, 1.0))
+            # It comes first, because friction has a similar effect.
+            found.insert(0, Suggestion(keys.CONTACT, "", reduction, 1.0))
     return tuple(found)
 
 
 def _other_contact(rig: Rig) -> Rig:
-    """Return the rig with the string on the surface instead of the mid-line, or the reverse."""
+    """Return the rig with the string on the surface instead of the mid-line, or vice versa."""
     other = "mid-line" if rig.plectrum.contact == "surface" else "surface"
     return rig.model_copy(update={"plectrum": rig.plectrum.model_copy(update={"contact": other})})
 
 
 def _moved(rows: Floats, column: Floats) -> Floats:
-    """Return the move of the fit by a unit of the column."""
+    """Return the change of the fitted values for a unit change of the number."""
     return -np.asarray(np.linalg.lstsq(rows, column, rcond=1e-9)[0], float)
 
 
 def _fixed(dynamics: InverseDynamics) -> list[tuple[str, str, float]]:
-    """Return name, unit and value of the fixed numbers that the model has."""
+    """Return name, unit and value of the fixed numbers of the model."""
     free = {p.name for p in dynamics.free}
-    taken = free | {FORCE, MODULUS} | ({STIFFNESS} if MODULUS in free else set())
-    names = [name for name in (*NAMES, *MEASURED) if name not in taken]
+    taken = (
+        free | {keys.FORCE, keys.MODULUS} | ({keys.STIFFNESS} if keys.MODULUS in free else set())
+    )
+    names = [name for name in (*keys.NAMES, *MEASURED) if name not in taken]
     return [(name, unit_of_parameter(name), value_of(dynamics.rig, name)) for name in names]
 
 
@@ -209,7 +208,7 @@ def _change(dynamics: InverseDynamics, name: str, value: float) -> tuple[float, 
 
 
 def _beside(dynamics: InverseDynamics, name: str, value: float) -> tuple[Rig, float]:
-    """Return the rig with another value of a fixed number, and the step to it."""
+    """Return the rig after a small step of a fixed number, and the step."""
     step = STEP * abs(value) if value else STEP
     return with_parameters(dynamics.rig, {name: value + step}), step
 
@@ -217,9 +216,9 @@ def _beside(dynamics: InverseDynamics, name: str, value: float) -> tuple[Rig, fl
 def _moved_to(
     dynamics: InverseDynamics, values: Floats, rig: Rig
 ) -> tuple[InverseDynamics, Floats]:
-    """Return the dynamics of another rig, and the values of its parameters."""
+    """Return the inverse dynamics of another rig, and the values of its parameters."""
     values = values.copy()
-    # The angle is the measured velocity over this arm.
-    gain = [p.name for p in dynamics.free].index(VELOCITY_GAIN)
+    # The angle follows from the measured velocity and this lever arm.
+    gain = [p.name for p in dynamics.free].index(keys.VELOCITY_GAIN)
     values[gain] *= dynamics.rig.key.laser_arm / rig.key.laser_arm
     return InverseDynamics(rig, dynamics.free, dynamics.presses, dynamics.level), values

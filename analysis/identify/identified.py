@@ -1,7 +1,7 @@
 """The result of a fit: values, uncertainties and identifiability.
 
-The singular values of the scaled Jacobian are the inverse standard uncertainties of its right
-singular vectors: the combinations of parameters that the data determine.
+The right singular vectors of the scaled Jacobian are combinations of parameters. The singular
+values are the inverses of their standard uncertainties.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,23 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.identify.compliant import INERTIA, fit_presses
+from sautereau.analysis.identify import keys
+from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
 from sautereau.analysis.identify.fit import Fit, informative, rms
 from sautereau.analysis.identify.fixed import (
-    CONTACT,
     SUGGESTED,
     Sensitivity,
     Suggestion,
     sensitivities,
     suggestions,
 )
-from sautereau.analysis.identify.parameters import (
-    FRICTION,
-    Parameter,
-    Prior,
-    with_parameters,
-)
+from sautereau.analysis.identify.parameters import Parameter, Prior, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.quality import Quality, quality
 from sautereau.analysis.identify.residuals import InverseDynamics
@@ -36,18 +31,19 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 INTERVAL = 1.96
-"""Standard uncertainties from a value to the ends of its 95 % interval."""
+"""Half width of a 95 % interval, in standard uncertainties."""
 UNDETERMINED = 1e-7
-"""Fraction of the largest singular value below which a combination is undetermined."""
+"""A combination is undetermined if its singular value is below this fraction of the largest."""
 IDENTIFIABLE = 0.025
-"""Dimensionless, standard uncertainty over the scale of a parameter below which it is identifiable:
-its 95 % interval is at most 5 % of the scale either way."""
+"""A parameter is identifiable if its standard uncertainty, divided by its scale, is below this. The
+ends of its 95 % interval are then at most 5 % of the scale from the value."""
 SIGNIFICANT = 3.0
-"""Standard uncertainties from the rig's value from which a hidden friction is a result."""
+"""A hidden friction is reported as a result if it differs from the rig's value by this number of
+standard uncertainties."""
 NEAR_BOUND = 1.02
-"""Ratio to a bound of a compliant key's inertia that counts as being at it."""
+"""Ratio of a compliant key's inertia to a bound up to which it counts as being at the bound."""
 LEAST_WEIGHT = 0.1
-"""Dimensionless, smallest weight of a parameter that a combination lists."""
+"""Smallest weight of a parameter that is listed in a combination."""
 
 
 @dataclass(frozen=True)
@@ -58,27 +54,28 @@ class Estimate:
     unit: str
     value: float
     start: float
-    """Value of the rig, where the fit started."""
+    """Value at which the fit started, usually the rig's."""
     std: float | None
-    """Standard uncertainty from data and prior; None where undetermined."""
+    """Standard uncertainty from data and prior; None if undetermined."""
     low: float | None
-    """Lower end of the 95 % interval; None where undetermined, or where the model does not fit."""
+    """Lower end of the 95 % interval; None if undetermined, or if the model does not fit."""
     high: float | None
     """Upper end of the 95 % interval; None as for `low`."""
     at_bound: bool
-    """Whether the value is at a bound: then the interval describes the bound, not the data."""
+    """Whether the value is at a bound. The interval then describes the bound and not the data."""
     identifiable: bool
-    """Whether the data alone determine it, to `IDENTIFIABLE` of its scale, with the others free."""
+    """Whether the data determine it without its prior while all others are free; see
+    `IDENTIFIABLE`."""
 
 
 @dataclass(frozen=True)
 class Combination:
-    """A direction among the scaled parameters."""
+    """A combination of the scaled parameters."""
 
     weights: dict[str, float]
-    """By parameter, of its change over its scale; squares sum to 1, small ones are omitted."""
+    """Weight of each parameter's scaled change. The squares sum to 1; small weights are omitted."""
     std: float | None
-    """Dimensionless standard uncertainty of the combination; None where undetermined."""
+    """Standard uncertainty of the combination, dimensionless; None if undetermined."""
     identifiable: bool
     """Whether the uncertainty is below `IDENTIFIABLE`."""
 
@@ -89,16 +86,16 @@ class Combination:
 
 @dataclass(frozen=True)
 class FittedMode:
-    """An elastic mode of the key with what moves with it."""
+    """A fitted elastic mode of the key and the parts that move with it."""
 
     frequency: float
     """Hz."""
     frequency_std: float | None
-    """Hz, standard uncertainty; None where undetermined."""
+    """Hz, standard uncertainty; None if undetermined."""
     damping: float
-    """Dimensionless, fraction of critical damping."""
+    """Damping ratio."""
     damping_std: float | None
-    """Dimensionless, standard uncertainty; None where undetermined."""
+    """Standard uncertainty of the damping ratio; None if undetermined."""
 
 
 @dataclass(frozen=True)
@@ -111,29 +108,29 @@ class Identified:
     correlation: Floats
     """Correlation coefficients of the estimates, shape (parameters, parameters)."""
     combinations: tuple[Combination, ...]
-    """Combinations of parameters, the best determined first, from the data alone."""
+    """Combinations of parameters, the best determined first; the priors are not used."""
     presses: tuple[str, ...]
     """Names of the recordings."""
     releases: int
     """Number of releases in the recordings."""
     level: str
-    """Level of the plectrum model."""
+    """Plectrum model."""
     residual: float
     """N, RMS force residual with the fitted values."""
     residual_before: float
     """N, RMS force residual with the values of the rig."""
     rise_residual: float | None
-    """m, RMS residual of the rises at release; None without a release."""
+    """m, RMS residual of the rises at release; None if no press has a release."""
     force_offsets: tuple[float, ...]
-    """N, fitted zero of the force of each press; 0 where it is known."""
+    """N, fitted zero of the force in each press; 0 if it was not fitted."""
     modes: tuple[FittedMode, ...]
     """Elastic modes of the key; empty for a rigid key."""
     quality: Quality
     """Goodness of the fit."""
     sensitivity: tuple[Sensitivity, ...]
-    """What the fixed numbers do to the results, the largest effect first."""
+    """Effects of the fixed numbers on the results, the largest effect first."""
     suggested: tuple[Suggestion, ...]
-    """Fixed numbers to free where the model does not fit, the best first."""
+    """Fixed numbers that should be freed, the best first; empty if the model fits."""
     warnings: tuple[str, ...]
 
 
@@ -151,15 +148,15 @@ def identify(
 
     Args:
         presses: Recordings of one instrument.
-        phases: Theirs, in the same order.
-        names: Of the free parameters, from `parameters.NAMES`.
-        priors: Prior knowledge of the parameters, by name.
-        level: Of the plectrum model.
-        starts: Number of starting points: the values of the rig, and others between the bounds.
+        phases: Phases of these presses, in the same order.
+        names: Free parameters, from `keys.NAMES`.
+        priors: Prior knowledge of parameters, by name.
+        level: Plectrum model.
+        starts: Number of starting points: the rig's values, and points between the bounds.
         robust: Weight large residuals linearly instead of quadratically.
 
     Raises:
-        AnalysisError: There is no press, no parameter, or the presses are of different rigs.
+        AnalysisError: There is no press or no parameter, or the presses have different rigs.
         ModelError: The model has no solution for the rig's values.
     """
     return evaluate(fit_presses(presses, phases, names, priors, level, starts, robust))
@@ -224,10 +221,12 @@ def evaluate(made: Fit) -> Identified:
 
 
 def _with_found_friction(made: Fit, stds: Floats) -> Fit:
-    """Return the fit with the plectrum's friction as a result, where it is not that of the rig."""
+    """Return the fit; the plectrum's friction is no longer hidden if it differs from the rig's."""
     dynamics = made.problem.dynamics
     free = tuple(
-        replace(p, hidden=p.hidden and (p.name != FRICTION or abs(v - p.start) < SIGNIFICANT * std))
+        replace(
+            p, hidden=p.hidden and (p.name != keys.FRICTION or abs(v - p.start) < SIGNIFICANT * std)
+        )
         for p, v, std in zip(dynamics.free, made.values.tolist(), stds.tolist(), strict=True)
     )
     if free == dynamics.free:
@@ -236,7 +235,7 @@ def _with_found_friction(made: Fit, stds: Floats) -> Fit:
 
 
 def _modes(found: Problem, values: Floats, stds: Floats) -> tuple[FittedMode, ...]:
-    """Return the elastic modes among the hidden parameters, by frequency."""
+    """Return the elastic modes among the hidden parameters, ordered by frequency."""
     names = [p.name for p in found.free]
     modes = []
     for number in range(sum(name.endswith(".frequency") for name in names)):
@@ -249,22 +248,22 @@ def _modes(found: Problem, values: Floats, stds: Floats) -> tuple[FittedMode, ..
 
 
 def _hidden_by_fit(suggested: Sequence[Suggestion]) -> list[str]:
-    """Return what the plectrum lacks by the score test, although the residuals may be small."""
+    """Return reasons why the plectrum's model is wrong although the residuals may be small."""
     return [
         f"{s.name}: freeing it would reduce the weighted sum of squares by {s.reduction:.0f}, and"
         f" {SUGGESTED:.0f} are allowed: the other parameters imitate it"
         for s in suggested
-        if s.name in (FRICTION, CONTACT)
+        if s.name in (keys.FRICTION, keys.CONTACT)
     ]
 
 
 def _inertia_at_bound(free: Sequence[Parameter], values: Floats) -> list[str]:
-    """Return why modes may imitate the inertia of a compliant key."""
+    """Return a reason if the inertia of a compliant key is at a bound."""
     return [
-        f"{INERTIA}: the fit reached a bound at {value:.4g} kg m^2, so that the modes imitate it:"
-        " give its range by a prior, or press more slowly"
+        f"{keys.INERTIA}: the fit reached a bound at {value:.4g} kg m^2, so that the modes imitate"
+        " it: give its range by a prior, or press more slowly"
         for parameter, value in zip(free, values.tolist(), strict=True)
-        if parameter.name == INERTIA
+        if parameter.name == keys.INERTIA
         and min(value / parameter.low, parameter.high / value) < NEAR_BOUND
     ]
 
@@ -288,7 +287,7 @@ def _estimate(
 
 
 def _covariance(jacobian: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the covariance of scaled parameters, and which of them are determined at all."""
+    """Return the covariance of the scaled parameters, and which of them are determined."""
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
     seen = singular > UNDETERMINED * max(float(singular[0]), 1e-300)
     bounded = np.all(np.abs(directions[~seen]) < 1e-3, axis=0)
@@ -297,7 +296,7 @@ def _covariance(jacobian: Floats) -> tuple[Floats, NDArray[np.bool_]]:
 
 
 def _apart(data: Floats, found: Problem, shown: Sequence[int]) -> Floats:
-    """Return the Jacobian of the data by the shown parameters, orthogonal to the hidden ones."""
+    """Return the Jacobian by the reported parameters, orthogonal to that by the hidden ones."""
     hidden = [k for k in range(data.shape[1]) if k not in shown]
     if not hidden:
         return data
@@ -332,8 +331,9 @@ def combinations(jacobian: Floats, names: Sequence[str]) -> list[Combination]:
     """Return the combinations of parameters, the best determined first.
 
     Args:
-        jacobian: Of whitened residuals by the scaled parameters, shape (n, parameters).
-        names: Of the parameters.
+        jacobian: Jacobian of the whitened residuals by the scaled parameters, shape
+            (n, parameters).
+        names: Names of the parameters.
     """
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
     found = []

@@ -8,32 +8,35 @@ from numpy.typing import NDArray
 from sautereau.trajectory.motion import Floats, Motion
 
 WINDOW = 2e-3
-"""s, of the smoothing window."""
-SLOW = 0.03
-"""Dimensionless, fraction of the largest speed below which the key counts as at rest."""
-BESIDE_TURN = 4e-3
-"""s, excluded on either side of a reversal or rest of the key, where friction is indeterminate."""
-LEAST_REST, AFTER_RETURN = 10e-3, 10e-3
-"""s, shortest rest from which the noise is estimated, and the time after the return before it."""
+"""Width of the smoothing window (s)."""
+REST_SPEED = 0.03
+"""Fraction of the largest speed below which the key counts as at rest."""
+TURN_MARGIN = 4e-3
+"""Time excluded before and after a reversal or a rest of the key (s). The friction is
+indeterminate there."""
+MIN_REST = 10e-3
+"""Shortest rest from which the noise is estimated (s)."""
+RETURN_MARGIN = 10e-3
+"""Time from the end of the return to the start of that rest (s)."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """RMS of smoothed signals at rest, without mean and trend."""
+    """RMS of the smoothed signals at rest, after removal of mean and linear trend."""
 
     slow_force: float
-    """N, what is slower than the smoothing window, such as hum."""
+    """N, part slower than the smoothing window, such as mains hum."""
     fast_force: float
-    """N, the rest."""
+    """N, part faster than that."""
     acceleration: float
-    """rad/s^2, of the key."""
+    """rad/s^2, of the key's angular acceleration."""
 
     def of_load(self, inertia: float, gain: float = 1.0) -> float:
-        """Return the RMS [N] of a force residual.
+        """Return the RMS [N] of the force residual that this noise causes.
 
         Args:
-            inertia: kg m, of the key with its jacks over the lever arm of the finger.
-            gain: Of the fast force, by elastic modes.
+            inertia: kg m, inertia of the key with its jacks divided by the finger's lever arm.
+            gain: Amplification of the fast force by the elastic modes.
         """
         parts = self.slow_force, gain * self.fast_force, inertia * self.acceleration
         return float(np.linalg.norm(parts))
@@ -42,22 +45,22 @@ class Noise:
 def noise_at_rest(
     rate: float, time: Floats, force: Floats, motion: Motion, clean: NDArray[np.bool_]
 ) -> Noise | None:
-    """Return the noise at rest; None without a rest.
+    """Return the noise at rest, or None if the recording has no rest.
 
     Args:
-        rate: Hz, of the samples.
+        rate: Hz, sampling rate.
         time: s, shape (n,).
         force: N, smoothed, shape (n,).
         motion: Smoothed motion of the key [rad], arrays of shape (n,).
-        clean: Which samples are none of a drop-out or overload, shape (n,).
+        clean: Which samples are outside drop-outs and overloads, shape (n,).
     """
     speed = np.abs(motion.velocity)
-    moving = time[speed > SLOW * speed.max(initial=0.0)]
-    rests = (time < moving[0] - BESIDE_TURN, time > moving[-1] + AFTER_RETURN)
+    moving = time[speed > REST_SPEED * speed.max(initial=0.0)]
+    rests = (time < moving[0] - TURN_MARGIN, time > moving[-1] + RETURN_MARGIN)
     found = []
     for rest in rests:
         kept = rest & clean
-        if np.count_nonzero(kept) >= LEAST_REST * rate:
+        if np.count_nonzero(kept) >= MIN_REST * rate:
             every, fast = _scatter(time, force, kept, rate), _fast(force, kept, rate)
             slow = float(np.sqrt(max(0.0, every**2 - fast**2)))
             found.append(Noise(slow, fast, _scatter(time, motion.acceleration, kept, rate)))
@@ -66,7 +69,7 @@ def noise_at_rest(
 
 
 def _scatter(time: Floats, signal: Floats, kept: NDArray[np.bool_], rate: float) -> float:
-    """Return the RMS of a smoothed signal without its mean and trend."""
+    """Return the RMS of a smoothed signal after removal of its mean and linear trend."""
     at, left = time[kept] - time[kept].mean(), signal[kept] - signal[kept].mean()
     left -= at * (at @ left) / (at @ at)
     # The smoothing leaves about one independent value in half a window.
@@ -74,7 +77,10 @@ def _scatter(time: Floats, signal: Floats, kept: NDArray[np.bool_], rate: float)
 
 
 def _fast(signal: Floats, kept: NDArray[np.bool_], rate: float) -> float:
-    """Return the RMS of what differs from one smoothing window to the next; 0 of too few."""
+    """Return the RMS of the part that changes from one smoothing window to the next.
+
+    It is 0 if there are too few samples.
+    """
     lag = round(WINDOW * rate)
     change = signal[lag:-lag] - (signal[: -2 * lag] + signal[2 * lag :]) / 2
     change = change[kept[lag:-lag] & kept[: -2 * lag] & kept[2 * lag :]]

@@ -1,8 +1,8 @@
 """A recorded press as input of a fit: force and motion, smoothed alike, and excluded instants.
 
-The acceleration is the slope of a line through the velocity in a window. That equals the derivative
-of the velocity smoothed by parabolic weights; force, angle and angular velocity are smoothed by the
-same weights, so that the smoothing cancels in the equation of motion.
+The acceleration is the slope of a line fitted to the velocity in a window. It equals the derivative
+of the velocity smoothed with parabolic weights. Force, angle and angular velocity are smoothed with
+the same weights. The smoothing therefore cancels in the equation of motion.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.noise import BESIDE_TURN, SLOW, WINDOW, Noise, noise_at_rest
+from sautereau.analysis.identify.noise import REST_SPEED, TURN_MARGIN, WINDOW, Noise, noise_at_rest
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.acquisition import Channel
@@ -22,89 +22,95 @@ from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
 
 STEP = 0.5e-3
-"""s, approximate time between fitted instants."""
-PARTS = 4
-"""Instants per step at which the force of the string is evaluated before smoothing."""
-BESIDE_RELEASE = 1.5e-3
-"""s, excluded on either side of a release, over which filters spread the force drop."""
-BESIDE_DIP = 0.1e-3
-"""m, path of the pressing point before the front felt that is excluded as well."""
-CAUGHT = 4.0
-"""Dimensionless, multiple of the planned acceleration of the return above which the finger catches
-a key that had lost contact with it: such an impact is shorter than the smoothing."""
-BESIDE_STRING = 0.3e-3
-"""m, height of the jack above the string below which its way down is excluded, as tongue and damper
+"""Approximate time between fitted instants (s)."""
+SUBSTEPS = 4
+"""Evaluations of the string's force per step, before smoothing."""
+RELEASE_MARGIN = 1.5e-3
+"""Time excluded before and after a release (s). Filters spread the force drop over it."""
+DIP_MARGIN = 0.1e-3
+"""Travel of the pressing point that is excluded before the front felt (m)."""
+CATCH_RATIO = 4.0
+"""Multiple of the planned return acceleration above which the key counts as caught by the finger
+after it had lost contact. Such an impact is shorter than the smoothing window."""
+STRING_MARGIN = 0.3e-3
+"""Height of the jack above the string below which its way down is excluded (m). Tongue and damper
 act there."""
 ARM_LAG = 6e-3
-"""s, lag of the deflection of a servo-driven arm behind the force."""
-AT_REST = 5e-3
-"""s, of the beginning of a recording, in which the finger rests."""
-LIFTED = 2.5e-5
-"""rad, angle of a key that has left its back rail; at rest, noise moves it by less."""
+"""Time constant with which a servo-driven arm deflects under the force (s)."""
+REST_TIME = 5e-3
+"""Time at the start of a recording in which the finger is at rest (s)."""
+LIFT_OFF_ANGLE = 2.5e-5
+"""Key angle from which the key counts as lifted off its back rail (rad). Noise is smaller."""
 RISE_STD = 1e-6
-"""m, uncertainty of the rise of a jack, without that of the instant of release."""
-FREE, HELD, BACK = range(3)
-"""Parts of a press: down without a string, with one, and the way back."""
-LEAST = 20
-"""Fewest fitted instants of a press."""
+"""Standard uncertainty of the jack's rise at release (m), without that of the time of release."""
+FREE = 0
+"""Phase of a press: the key moves down and no string is held."""
+HELD = 1
+"""Phase of a press: a string is held."""
+BACK = 2
+"""Phase of a press: the key moves up."""
+MIN_INSTANTS = 20
+"""Smallest number of fitted instants of a press."""
 
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """Input of a fit from one press; arrays of shape (n,) at n instants, `step` apart."""
+    """Input of a fit from one press; most arrays have shape (n,), for n instants `step` apart."""
 
     name: str
-    """Of the recording."""
+    """Name of the recording."""
     step: float
-    """s."""
+    """Time between two instants (s)."""
     time: Floats
-    """s."""
+    """s after the trigger."""
     motion: Motion
     """Smoothed motion of the key [rad]."""
     used: NDArray[np.bool_]
     """Which instants are fitted, shape (n,)."""
     releases: Floats
-    """s after the trigger, measured, in order; shape (plucks,)."""
+    """Measured times of release (s after the trigger), increasing; shape (plucks,)."""
     release_angles: Floats
-    """rad, of the key at those releases whose rise is fitted, the first ones; shape (releases,)."""
+    """rad, key angle at the first releases, those whose rise is fitted; shape (releases,)."""
     release_stds: Floats
-    """m, standard uncertainties of the rises of the first jack there; shape (releases,)."""
+    """m, standard uncertainties of the first jack's rise there; shape (releases,)."""
     release_speeds: Floats
     """m/s, speed of the first jack there; shape (releases,)."""
-    every_time: Floats
-    """s after the trigger, of `every_force`; shape (m,)."""
-    every_force: Floats
-    """N, smoothed finger force at the rate of the recording; shape (m,)."""
-    late_force: Floats
-    """N, `every_force` behind a lag of `ARM_LAG`, at the instants; shape (n,)."""
-    part_time: Floats
-    """s, `PARTS` times as dense as `time`, extended at both ends by half the smoothing window."""
-    part_angle: Floats
-    """rad, measured angle of the key at `part_time`."""
-    light_time: Floats
-    """s after the trigger, of `light_force`; shape (samples,)."""
-    light_force: Floats
-    """N, finger force smoothed over a part, without that at rest; shape (samples,)."""
-    lifted: float
-    """s after the trigger, at which the key leaves its back rail, or its jack the last flight."""
+    smooth_time: Floats
+    """s after the trigger, times of `smooth_force`; shape (m,)."""
+    smooth_force: Floats
+    """N, smoothed finger force at the sampling rate; shape (m,)."""
+    lagged_force: Floats
+    """N, `smooth_force` after a first-order lag of `ARM_LAG`; shape (n,)."""
+    substep_time: Floats
+    """s, `SUBSTEPS` values per step; starts before `time` and ends after it by half a smoothing
+    window."""
+    substep_angle: Floats
+    """rad, measured angle of the key at `substep_time`."""
+    net_time: Floats
+    """s after the trigger, times of `net_force`; shape (samples,)."""
+    net_force: Floats
+    """N, finger force averaged over a substep, minus its value at rest; shape (samples,)."""
+    lift_off: float
+    """s after the trigger, at which the key leaves its back rail, or at which a thrown jack has
+    landed."""
     thrown: bool
-    """Whether an impact of the finger threw the jack before."""
-    part: NDArray[np.int8]
-    """Part of the press at the instants: `FREE`, `HELD` or `BACK`; shape (n,)."""
+    """Whether an impact of the finger threw the jack."""
+    phase: NDArray[np.int8]
+    """Phase of the press: `FREE`, `HELD` or `BACK`; shape (n,)."""
     noise: Noise | None
-    """Of the smoothed force and acceleration, while the key is at rest; None without a rest."""
+    """Noise while the key is at rest; None if the recording has no rest."""
 
     def force(self, lag: float = 0.0) -> Floats:
-        """Return the force [N] at the instants, for a delay `lag` [s] of the force."""
-        return np.interp(self.time + lag, self.every_time, self.every_force)
+        """Return the force [N] at the instants if the force is delayed by `lag` [s]."""
+        return np.interp(self.time + lag, self.smooth_time, self.smooth_force)
 
-    def part_force(self, lag: float = 0.0) -> Floats:
-        """Return the force [N] at `part_time` without that at rest, for a delay [s] of it."""
-        return np.interp(self.part_time + lag, self.light_time, self.light_force)
+    def substep_force(self, lag: float = 0.0) -> Floats:
+        """Return the net force [N] at `substep_time` if the force is delayed by `lag` [s]."""
+        return np.interp(self.substep_time + lag, self.net_time, self.net_force)
 
     def until(self, count: int, end: int) -> "Observed":
-        """Return the first `count` instants, of which none from `end` on is fitted."""
-        parts = len(self.part_time) - PARTS * (len(self.time) - count)
+        """Return the first `count` instants; those from number `end` on are not fitted."""
+        parts = len(self.substep_time) - SUBSTEPS * (len(self.time) - count)
         return replace(
             self,
             time=self.time[:count],
@@ -113,18 +119,18 @@ class Observed:
             release_angles=self.release_angles[:1],
             release_stds=self.release_stds[:1],
             release_speeds=self.release_speeds[:1],
-            late_force=self.late_force[:count],
-            part_time=self.part_time[:parts],
-            part_angle=self.part_angle[:parts],
-            part=self.part[:count],
+            lagged_force=self.lagged_force[:count],
+            substep_time=self.substep_time[:parts],
+            substep_angle=self.substep_angle[:parts],
+            phase=self.phase[:count],
         )
 
     def smoothed(self, values: Floats) -> Floats:
-        """Return values at `part_time` after smoothing, at the instants."""
-        reach = (len(values) - 1 - PARTS * (len(self.time) - 1)) // 2
-        weights = 1 - (np.arange(-reach, reach + 1) * self.step / PARTS / (WINDOW / 2)) ** 2
+        """Return values given at `substep_time`, smoothed, at the instants."""
+        reach = (len(values) - 1 - SUBSTEPS * (len(self.time) - 1)) // 2
+        weights = 1 - (np.arange(-reach, reach + 1) * self.step / SUBSTEPS / (WINDOW / 2)) ** 2
         weights = np.maximum(weights, 0.0)
-        smoothed = np.convolve(values, weights / weights.sum(), "valid")[::PARTS]
+        smoothed = np.convolve(values, weights / weights.sum(), "valid")[::SUBSTEPS]
         return np.asarray(smoothed, float)
 
 
@@ -134,22 +140,21 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     Args:
         press: The recording.
         phases: Its phases.
-        shift: s, largest delay between force and motion in the fit.
+        shift: s, largest delay between force and motion that the fit may assume.
 
     Raises:
         AnalysisError: The key moves for too short a time, or samples are not numbers.
     """
-    data = press.data
-    columns = data[["velocity", "force", "angle"]].to_numpy()
-    if not np.isfinite(columns).all():
+    velocity, force, angle = (press.samples[name] for name in ("velocity", "force", "angle"))
+    if not np.isfinite([velocity, force, angle]).all():
         raise AnalysisError(
             f"press {press.path}: some samples are not finite numbers; exclude this recording"
         )
     half = max(1, round(WINDOW / 2 * press.rate))
-    time = data.index.to_numpy()[half:-half]
+    time = press.time[half:-half]
     offsets = np.arange(-half, half + 1)
     slope_weights = offsets / (offsets**2).sum()
-    # The change of the velocity between two samples has the sum of the later weights.
+    # A change of velocity between two samples is weighted by the sum of all later weights.
     weights = np.cumsum(slope_weights[::-1])[:-1]
     weights = np.convolve(weights, [0.5, 0.5])
 
@@ -157,30 +162,29 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         return np.convolve(values, weights, "valid")
 
     arm = press.rig.key.laser_arm
-    velocity, force, angle = columns.T
-    slope = np.correlate(velocity, slope_weights, "valid") * press.rate
-    part = max(1, round(STEP / PARTS * press.rate))
-    step = part * PARTS / press.rate
-    count = (len(time) - 1) // (part * PARTS) + 1
-    at = slice(None, None, part * PARTS)
-    # In rows of the recording, of which `half` come before the first instant.
+    slope = np.asarray(np.correlate(velocity, slope_weights, "valid"), float) * press.rate
+    part = max(1, round(STEP / SUBSTEPS * press.rate))
+    step = part * SUBSTEPS / press.rate
+    count = (len(time) - 1) // (part * SUBSTEPS) + 1
+    at = slice(None, None, part * SUBSTEPS)
+    # Row numbers of the recording; the first instant is at row `half`.
     first = half - half // part * part
-    rows = first + part * np.arange(PARTS * (count - 1) + 2 * (half // part) + 1)
+    rows = first + part * np.arange(SUBSTEPS * (count - 1) + 2 * (half // part) + 1)
     every, pushed = Motion(smooth(angle), smooth(velocity) / arm, slope / arm), smooth(force)
     motion = Motion(*(values[at] for values in every))
     releases = np.array([p.release for p in phases.plucks], float)
     stds = np.array([p.release_std for p in phases.plucks], float)
-    angles = np.interp(releases, data.index, data["angle"])
-    speeds = np.interp(releases, time, smooth(data["jack_speed"].to_numpy()))
+    angles = np.interp(releases, press.time, angle)
+    speeds = np.interp(releases, time, smooth(press.samples["jack_speed"]))
     used = _used(press, phases, time[at], motion, shift)
     contact = min((p.contact for p in phases.plucks), default=time[0])
     landed = landing(press.rig.key, time[at], motion, contact)
     if landed is not None:
         used &= time[at] > landed + WINDOW / 2 + shift
-    if used.sum() < LEAST:
+    if used.sum() < MIN_INSTANTS:
         raise AnalysisError(
             f"press {press.path}: the key moves freely in only {int(used.sum())} steps of"
-            f" {STEP * 1e3:.3g} ms, and {LEAST} are needed; exclude this recording, or check"
+            f" {STEP * 1e3:.3g} ms, and {MIN_INSTANTS} are needed; exclude this recording, or check"
             " whether the key was pressed"
         )
     return Observed(
@@ -193,46 +197,49 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         release_angles=angles,
         release_stds=np.hypot(stds * speeds, RISE_STD),
         release_speeds=speeds,
-        every_time=time,
-        every_force=pushed,
-        late_force=_late(pushed, press.rate)[at],
-        part_time=data.index.to_numpy()[rows],
-        part_angle=angle[rows],
-        light_time=data.index.to_numpy(),
-        light_force=_light(force, part, press.rate),
-        lifted=_lifted(data.index.to_numpy(), angle) if landed is None else landed,
+        smooth_time=time,
+        smooth_force=pushed,
+        lagged_force=_lagged(pushed, press.rate)[at],
+        substep_time=press.time[rows],
+        substep_angle=angle[rows],
+        net_time=press.time,
+        net_force=_net(force, part, press.rate),
+        lift_off=_lift_off(press.time, angle) if landed is None else landed,
         thrown=landed is not None,
-        part=_part(phases, time[at], motion),
+        phase=_phase(phases, time[at], motion),
         noise=noise_at_rest(press.rate, time, pushed, every, _clean(press, time, WINDOW / 2)),
     )
 
 
-def _late(force: Floats, rate: float) -> Floats:
-    """Return a force behind a lag of first order."""
+def _lagged(force: Floats, rate: float) -> Floats:
+    """Return a force [N] after a first-order lag of `ARM_LAG`."""
     from scipy.signal import lfilter
 
     kept = np.exp(-1 / (rate * ARM_LAG))
     return force[0] + np.asarray(lfilter([1 - kept], [1, -kept], force - force[0]), float)
 
 
-def _lifted(time: Floats, angle: Floats) -> float:
-    """Return the time at which a key leaves rest, whose acceleration then grows with time."""
-    second = int(np.argmax(angle > 8 * LIFTED))
-    first = second - int(np.argmax(angle[second::-1] < LIFTED))
+def _lift_off(time: Floats, angle: Floats) -> float:
+    """Return the time [s] at which a key leaves rest.
+
+    The angle is extrapolated to 0 as a cubic of time: the acceleration increases linearly.
+    """
+    second = int(np.argmax(angle > 8 * LIFT_OFF_ANGLE))
+    first = second - int(np.argmax(angle[second::-1] < LIFT_OFF_ANGLE))
     return float(max(time[0], 2 * time[first] - time[second]))
 
 
 def landing(key: Key, time: Floats, motion: Motion, contact: float) -> float | None:
-    """Return when the jack that the finger's impact has thrown lands; None without a flight.
+    """Return the time [s] at which a thrown jack lands, or None if the jack is not thrown.
 
-    A key that decelerates faster than its jack falls loses it. Until the jack is back, the key has
-    another inertia and other modes.
+    A key that decelerates faster than a free fall loses its jack. Until the jack is back, the key
+    has another inertia and other modes.
 
     Args:
         key: The key.
         time: s, shape (n,).
-        motion: Of the key [rad], arrays of shape (n,).
-        contact: s, first contact of a string, which ends the search.
+        motion: Motion of the key [rad], arrays of shape (n,).
+        contact: s, first contact with a string; the search ends there.
     """
     rise, speed = rise_of_angle(key, motion.position), key.jack_arm * motion.velocity
     thrown = (key.jack_arm * motion.acceleration < -GRAVITY) & (time < contact)
@@ -246,14 +253,14 @@ def landing(key: Key, time: Floats, motion: Motion, contact: float) -> float | N
     return landed
 
 
-def _light(force: Floats, width: int, rate: float) -> Floats:
+def _net(force: Floats, width: int, rate: float) -> Floats:
     from scipy.ndimage import uniform_filter1d
 
-    rest = force[: max(1, round(AT_REST * rate))].mean()
+    rest = force[: max(1, round(REST_TIME * rate))].mean()
     return np.asarray(uniform_filter1d(force - rest, width, mode="nearest"), float)
 
 
-def _part(phases: Phases, time: Floats, motion: Motion) -> NDArray[np.int8]:
+def _phase(phases: Phases, time: Floats, motion: Motion) -> NDArray[np.int8]:
     found = np.where(motion.velocity < 0, BACK, FREE).astype(np.int8)
     for pluck in phases.plucks:
         found[(time > pluck.contact) & (time < pluck.release)] = HELD
@@ -267,20 +274,20 @@ def _used(
     rig, speed, step = press.rig, np.abs(motion.velocity), float(time[1] - time[0])
     edge = WINDOW / 2 + shift
     used = (time - time[0] > shift) & (time[-1] - time > shift)
-    resting = speed <= SLOW * speed.max(initial=0.0)
+    resting = speed <= REST_SPEED * speed.max(initial=0.0)
     resting |= np.sign(motion.velocity) != np.sign(np.roll(motion.velocity, 1))
-    used &= ~_beside(resting, (BESIDE_TURN + shift) / step)
+    used &= ~_beside(resting, (TURN_MARGIN + shift) / step)
     planned = rig.press.return_acceleration / rig.key.jack_arm
-    caught = (motion.velocity < 0) & (np.abs(motion.acceleration) > CAUGHT * planned)
+    caught = (motion.velocity < 0) & (np.abs(motion.acceleration) > CATCH_RATIO * planned)
     used &= ~_beside(caught, edge / step)
     for pluck in phases.plucks:
-        used &= np.abs(time - pluck.release) > BESIDE_RELEASE + edge
+        used &= np.abs(time - pluck.release) > RELEASE_MARGIN + edge
     used &= _clean(press, time, edge)
     coupled, stretch = coupled_force(rig), np.zeros(len(time), int)
     for mark in press.quality_flags:
         if coupled and mark.channel == coupled.name and mark.kind != "drop-out":
             stretch += time > mark.stop
-    used &= rig.key.press_arm * motion.position < rig.key.dip - BESIDE_DIP
+    used &= rig.key.press_arm * motion.position < rig.key.dip - DIP_MARGIN
     down = motion.velocity < 0
     used &= ~(down & (rise_of_angle(rig.key, motion.position) < _highest_string(rig)))
     # An AC-coupled force has another level after an overload.
@@ -288,7 +295,7 @@ def _used(
 
 
 def _clean(press: Press, time: Floats, edge: float) -> NDArray[np.bool_]:
-    """Return which times are farther than `edge` [s] from every drop-out and overload."""
+    """Return which times are more than `edge` [s] away from all drop-outs and overloads."""
     clean = np.ones(len(time), bool)
     for mark in press.quality_flags:
         clean &= (time < mark.start - edge) | (time > mark.stop + edge)
@@ -296,19 +303,19 @@ def _clean(press: Press, time: Floats, edge: float) -> NDArray[np.bool_]:
 
 
 def coupled_force(rig: Rig) -> Channel | None:
-    """Return the force channel where it is AC-coupled, so that the force at rest is unknown."""
+    """Return the force channel if it is AC-coupled: the force at rest is then unknown."""
     channel = rig.daq.channel("force")
     return channel if channel is not None and channel.high_pass > 0 else None
 
 
 def _beside(which: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
-    """Return the instants at most `reach` instants away from one of the given instants."""
+    """Return which instants are at most `reach` instants away from one of those in `which`."""
     wide = np.ones(2 * max(1, round(reach)) + 1)
     return np.asarray(np.convolve(which, wide, "same") > 0.5)
 
 
 def _highest_string(rig: Rig) -> float:
-    """Return the rise [m] of the first jack below which a falling plectrum may touch its string."""
+    """Return the first jack's rise [m] below which a falling plectrum may touch a string."""
     clearances = [rig.jack.string_clearance]
     clearances += [c.jack.string_clearance * rig.key.jack_arm / c.jack_arm for c in rig.more_choirs]
-    return max(clearances) + BESIDE_STRING
+    return max(clearances) + STRING_MARGIN

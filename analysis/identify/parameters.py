@@ -6,59 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify import keys
 from sautereau.rig.faults import fault_list, unit_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity
 
-STIFFNESS, MODULUS = "plectrum.bending_stiffness", "plectrum.youngs_modulus"
-TIME, FORCE = "offset.time", "offset.force"
-FORCE_GAIN, VELOCITY_GAIN = "offset.force_gain", "offset.velocity_gain"
-"""True over measured force and velocity, 1 if correct; hidden, never a result."""
-SLIDING, LATE_SLIDING = "offset.sliding", "offset.late_sliding"
-"""1/N, relative error of the force's moment on the key over the force: the finger of a compliant
-arm slides along the key as the force bends the arm; hidden."""
-FOOT, MODE = "offset.foot", "offset.mode"
-"""m/N, compliance of the cloth under the jack; and beginning of the names of elastic modes."""
-RELEASE = "offset.release"
-"""Relative error of the static string's height of release; hidden."""
-DAMPER, DAMPER_LIFT = "offset.damper", "offset.damper_lift"
-"""True over stated stiffness of the dampers, and m, lift of the first one; hidden."""
-CHOIR = ("offset.choir{}.stiffness", "offset.choir{}.overlap", "offset.choir{}.clearance")
-"""Of a further choir, from 1: true over stated stiffness and overlap of its plectrum; and m, error
-of its clearance; hidden."""
-OVERLAP = "plectrum.overlap"
-FRICTION, FINGERTIP = "plectrum.friction", "arm.fingertip_friction"
-CLEARANCE = "jack.string_clearance"
-TIME_RANGE = 1e-3
-"""s, bound of the delay between force and motion."""
 FACTOR = 10.0
-"""Ratio of a bound to the value where the rig file assumes no range."""
-ENDS = {
-    FRICTION: (0.0, 0.5),
-    FINGERTIP: (-0.6, 0.6),
-    TIME: (-TIME_RANGE, TIME_RANGE),
-}
-"""Bounds of parameters with a natural range, SI."""
-NAMES = (
-    MODULUS,
-    STIFFNESS,
-    OVERLAP,
-    FRICTION,
-    "key.inertia",
-    "key.pivot_coulomb_friction",
-    "key.pivot_viscous_friction",
-    "key.gravity_moment",
-    "jack.mass",
-    "jack.register_friction",
-    CLEARANCE,
-    FINGERTIP,
-    TIME,
-    FORCE,
-)
-"""Names of all parameters; `offset.force` has one value for each press, and is always fitted where
-the force is AC-coupled."""
-DIFFERENCE, FRICTION_DIFFERENCE = 1e-3, 0.02
-"""Steps of numerical derivatives over the scale: the effect of friction starts with its square."""
+"""Ratio of a bound to the rig's value if the rig file assumes no range."""
+DIFFERENCE = 1e-3
+"""Step of numerical derivatives, divided by the parameter's scale."""
+FRICTION_DIFFERENCE = 0.02
+"""The same for friction, whose effect is quadratic near 0."""
 _SPREAD = re.compile(r"(.+?)\s*(?:\+-|\+/-|±)\s*(.+)")
 _RANGE = re.compile(r"(.+?)\s+to\s+(.+)")
 
@@ -68,13 +26,13 @@ class Prior:
     """Prior knowledge of a parameter; SI."""
 
     low: float | None = None
-    """Lower bound; None for the default."""
+    """Lower bound; None: default."""
     high: float | None = None
-    """Upper bound; None for the default."""
+    """Upper bound; None: default."""
     mean: float | None = None
-    """Expected value; None without one."""
+    """Expected value; None: unknown."""
     std: float | None = None
-    """Standard uncertainty of `mean`."""
+    """Standard uncertainty of `mean`; None: unknown."""
 
 
 @dataclass(frozen=True)
@@ -86,66 +44,68 @@ class Parameter:
     unit: str
     """SI, empty for a ratio."""
     start: float
-    """Value of the rig."""
+    """Value at which the fit starts: the rig's, or that of the prior."""
     low: float
     """Lower bound."""
     high: float
     """Upper bound."""
     mean: float | None = None
-    """Expected value of the prior; None without one."""
+    """Expected value from the prior; None: no prior."""
     std: float | None = None
-    """Its standard uncertainty."""
+    """Standard uncertainty of `mean`; None: no prior."""
     hidden: bool = False
-    """Whether it is fitted for the sake of the others, and not reported as a result."""
+    """Whether it is fitted only because it would bias the others, and is not reported."""
 
     def scale(self, value: float) -> float:
-        """Return the scale of changes of the parameter near a value."""
+        """Return the scale by which changes of the parameter near a value are divided."""
         width = self.high - self.low
-        return width if self.name == FRICTION else max(abs(value), width / FACTOR)
+        return width if self.name == keys.FRICTION else max(abs(value), width / FACTOR)
 
     @property
     def difference(self) -> float:
-        """Step of numerical derivatives over the scale."""
-        return FRICTION_DIFFERENCE if self.name == FRICTION else DIFFERENCE
+        """Step of numerical derivatives, divided by the scale."""
+        return FRICTION_DIFFERENCE if self.name == keys.FRICTION else DIFFERENCE
 
 
 def parameters(
     rig: Rig, names: Sequence[str], priors: Mapping[str, Prior] | None = None
 ) -> tuple[Parameter, ...]:
-    """Return the free parameters with the values of the rig and bounds.
+    """Return the free parameters with their start values and bounds.
 
-    Bounds are those of the prior, else the range assumed in the rig file, else a tenth and ten
-    times the rig's value.
+    The bounds come from the prior if it has a range. Otherwise they are the range that the rig file
+    assumes, or without one a tenth and ten times the rig's value.
 
     Args:
         rig: The nominal bench.
-        names: Of `NAMES`; the fit itself treats `offset.force`.
+        names: From `NAMES`; `offset.force` is handled by the fit itself.
         priors: Prior knowledge, by name.
 
     Raises:
-        AnalysisError: A name is unknown or given twice, none is given, or a prior is contradictory
-            or of a parameter that is not fitted; reports all faults.
+        AnalysisError: A name is unknown or given twice, no name is given, a prior contradicts
+            itself, or a prior is for a parameter that is not fitted. Reports all faults.
     """
     priors = priors or {}
     faults = [
-        f"{name}: no parameter has this name{_near(name, NAMES)}"
+        f"{name}: no parameter has this name{_near(name, keys.NAMES)}"
         for name in dict.fromkeys(names)
-        if name not in NAMES
+        if name not in keys.NAMES
     ]
     faults += [f"{name}: given twice; name it once" for name in set(names) if names.count(name) > 1]
-    if {MODULUS, STIFFNESS} <= set(names):
-        faults.append(f"{MODULUS}, {STIFFNESS}: one determines the other; fit one of them")
+    if {keys.MODULUS, keys.STIFFNESS} <= set(names):
+        faults.append(
+            f"{keys.MODULUS}, {keys.STIFFNESS}: one determines the other; fit one of them"
+        )
     faults += [
         f"prior of {name}: it is not fitted{_near(name, names)}; free it or omit the prior"
         for name in priors
-        if name not in names or name == FORCE
+        if name not in names or name == keys.FORCE
     ]
     found = []
     for name in names:
-        if name in NAMES and name != FORCE:
+        if name in keys.NAMES and name != keys.FORCE:
             found.append(_parameter(rig, name, priors.get(name, Prior()), faults))
     if not found and not faults:
-        faults.append(f"no parameter is free; name at least one of {', '.join(NAMES[:-1])}")
+        faults.append(f"no parameter is free; name at least one of {', '.join(keys.NAMES[:-1])}")
     if faults:
         raise AnalysisError(fault_list("identify", faults))
     return tuple(found)
@@ -160,11 +120,11 @@ def read_prior(text: str) -> tuple[str, Prior]:
     name, _, value = (part.strip() for part in text.partition("="))
     spread, ends = _SPREAD.fullmatch(value), _RANGE.fullmatch(value)
     found = spread or ends
-    if name not in NAMES or found is None:
+    if name not in keys.NAMES or found is None:
         raise AnalysisError(
             f"prior {text!r}: expected a key with a range or a standard uncertainty, such as"
             f" 'plectrum.overlap=0.1 mm to 0.5 mm' or 'key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2'"
-            f"{_near(name, NAMES)}"
+            f"{_near(name, keys.NAMES)}"
         )
     unit = unit_of_parameter(name)
     try:
@@ -184,53 +144,53 @@ def value_of(rig: Rig, name: str) -> float:
 
 def unit_of_parameter(name: str) -> str:
     """Return a parameter's SI unit; empty for a ratio."""
-    known = {STIFFNESS: "N*m**2", TIME: "s", FORCE: "N"}
+    known = {keys.STIFFNESS: "N*m**2", keys.TIME: "s", keys.FORCE: "N"}
     return known.get(name) or unit_of(Rig, name.split(".")) or ""
 
 
 def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
     """Return TOML values by the rig file's dotted key for parameters [SI].
 
-    The bending stiffness is written as Young's modulus. A delay of the force after the motion is
-    subtracted from the delay of the vibrometer, which is the less certain one.
+    The bending stiffness is written as Young's modulus. The delay of the force after the motion is
+    subtracted from the vibrometer's delay, which is the less certain of the two.
     """
     found: dict[str, str | float] = {}
     for name, value in values.items():
-        if name == STIFFNESS:
-            name, value = MODULUS, value * rig.plectrum.youngs_modulus / _stiffness(rig)
-        if name == TIME:
+        if name == keys.STIFFNESS:
+            name, value = keys.MODULUS, value * rig.plectrum.youngs_modulus / _stiffness(rig)
+        if name == keys.TIME:
             at, channel = next(
                 (i, c) for i, c in enumerate(rig.daq.channels) if c.quantity == "velocity"
             )
             found[f"daq.channels.{at}.delay"] = format_quantity(channel.delay - value, "s")
-        elif name != FORCE:
+        elif name != keys.FORCE:
             unit = unit_of_parameter(name)
             found[name] = format_quantity(value, unit) if unit else value
     return found
 
 
 def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
-    """Return the rig with other values of parameters [SI], which must be within their bounds."""
+    """Return the rig with these values [SI]; they must be within the bounds of the rig's keys."""
     changes: dict[str, dict[str, float]] = {}
     for name, value in values.items():
         section, _, field = name.partition(".")
-        if section != "offset" and name != STIFFNESS:
+        if section != "offset" and name != keys.STIFFNESS:
             changes.setdefault(section, {})[field] = value
     parts = {
         section: getattr(rig, section).model_copy(update=fields)
         for section, fields in changes.items()
     }
-    if STIFFNESS in values:
+    if keys.STIFFNESS in values:
         plectrum = parts.get("plectrum", rig.plectrum)
-        modulus = values[STIFFNESS] * plectrum.youngs_modulus / plectrum.bending_stiffness
+        modulus = values[keys.STIFFNESS] * plectrum.youngs_modulus / plectrum.bending_stiffness
         parts["plectrum"] = plectrum.model_copy(update={"youngs_modulus": modulus})
     return rig.model_copy(update=parts)
 
 
 def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Parameter:
-    """Return a parameter with its bounds; appends to `faults` if they are contradictory."""
+    """Return a parameter with its bounds; add contradictions to `faults`."""
     value, unit = value_of(rig, name), unit_of_parameter(name)
-    low, high = ENDS.get(name) or rig.assumed.get(name) or _around(rig, name, value)
+    low, high = keys.ENDS.get(name) or rig.assumed.get(name) or _around(rig, name, value)
     low = low if prior.low is None else prior.low
     high = high if prior.high is None else prior.high
     if prior.mean is not None and prior.std is not None:
@@ -247,18 +207,18 @@ def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Paramete
             " or a prior with a range if the value of the rig is 0"
         )
     if not low <= value <= high:
-        # A range without the value of the rig is deliberate: start in its middle.
+        # The user has excluded the rig's value: start in the middle of the range.
         value = (low + high) / 2
     return Parameter(name, unit, value, low, high, prior.mean, prior.std)
 
 
 def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
-    if name == STIFFNESS and MODULUS in rig.assumed:
+    if name == keys.STIFFNESS and keys.MODULUS in rig.assumed:
         ratio = _stiffness(rig) / rig.plectrum.youngs_modulus
-        low, high = rig.assumed[MODULUS]
+        low, high = rig.assumed[keys.MODULUS]
         return low * ratio, high * ratio
     low, high = sorted((value / FACTOR, value * FACTOR))
-    if name == OVERLAP:
+    if name == keys.OVERLAP:
         high = min(high, 0.9 * rig.plectrum.length)
     return low, high
 

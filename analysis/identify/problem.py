@@ -1,8 +1,8 @@
 """The least-squares problem of a fit: whitened residuals, their derivatives, and the solver.
 
-Residuals half a millisecond apart are correlated: by the smoothing, by mains hum, by errors of
-the model. Their autocovariance, estimated from a fit that ignores it, whitens the next fit.
-Excluded instants are not in the covariance.
+Residuals half a millisecond apart are correlated because of the smoothing, mains hum and errors of
+the model. Their autocovariance is estimated from a fit that ignores it, and whitens the next fit.
+The covariance has rows for the fitted instants only.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,33 +18,37 @@ from sautereau.analysis.phases.signals import SOLVE
 from sautereau.trajectory.motion import Floats
 
 AT_BOUND = 1e-6
-"""Fraction of the range of a parameter within which it counts as at a bound."""
-TOLERANCE, COARSE = 1e-6, 1e-4
-"""Relative tolerances of the solver: of a result, and of a fit that only shows the noise."""
+"""A parameter is at a bound if it is closer to it than this fraction of its range."""
+TOLERANCE = 1e-6
+"""Relative tolerance of the solver for a result."""
+COARSE = 1e-4
+"""Relative tolerance of the solver for a fit that only serves to estimate the noise."""
 UNSOLVED = 1e6
-"""Residual of every datum where the model has no solution, so that the solver rejects the step."""
+"""Value of every residual where the model has no solution. The solver then rejects the step."""
 REACH = 50e-3
-"""s, longest lag of the autocovariance: two and a half periods of the mains."""
-MAINS, HUM_LEAST = (50.0, 60.0), 0.15
-"""Hz, of the mains, and the shortest record [s] in which both are separated from the press."""
+"""Longest lag of the autocovariance (s): two and a half periods of the mains."""
+MAINS = (50.0, 60.0)
+"""Frequencies of the mains (Hz)."""
+HUM_LEAST = 0.15
+"""Shortest record in which both can be separated from the press (s)."""
 FLOOR = 1e-3
-"""Dimensionless, smallest value of the noise spectrum over its mean."""
+"""Smallest value of the noise spectrum, divided by its mean."""
 QUIET = 1e-12
-"""Smallest variance of scaled residuals, for presses without noise."""
+"""Smallest variance of the scaled residuals. It is needed for presses without noise."""
 
 
 @dataclass(frozen=True)
 class Whitening:
-    """Maps residuals of one press to independent ones of variance 1, without unknown trends."""
+    """Maps the residuals of one press to independent residuals of variance 1 without trends."""
 
     scale: Floats
     """N, standard deviation at each instant, shape (n,)."""
     factor: Floats
-    """Lower Cholesky factor of the correlation, banded, diagonals as rows: shape (band, n)."""
+    """Lower Cholesky factor of the correlation, banded, its diagonals as rows; shape (band, n)."""
     trends: Floats
     """Whitened trends, orthonormal; shape (n, trends)."""
     shapes: Floats
-    """N, the same trends before whitening; shape (n, trends)."""
+    """N, trends before whitening; shape (n, trends)."""
 
     def __call__(self, residual: Floats) -> Floats:
         """Return the whitened residuals [1] of residuals [N], shape (n,)."""
@@ -52,10 +56,10 @@ class Whitening:
         return white - self.trends @ (self.trends.T @ white)
 
     def coloured(self, columns: Floats) -> Floats:
-        """Return columns whose squares have the sum x' S x, for the covariance S of residuals.
+        """Return L'x for the Cholesky factor L of the residuals' covariance.
 
         Args:
-            columns: Of the residuals' unit, shape (n, columns).
+            columns: x, shape (n, columns).
         """
         scaled, found = columns * self.scale[:, None], np.zeros_like(columns)
         for row, diagonal in enumerate(self.factor):
@@ -71,7 +75,7 @@ class Whitening:
 def whitening(
     used: NDArray[np.bool_],
     covariance: Floats,
-    levelled: bool,
+    free_offset: bool,
     scale: Floats | float = 1.0,
     step: float = 0.0,
 ) -> Whitening:
@@ -79,12 +83,11 @@ def whitening(
 
     Args:
         used: Which of its equidistant instants are fitted.
-        covariance: Of residuals over their scale, over the lag in instants, from 0; longer lags
-            have covariance 0.
-        levelled: Whether the force has an unknown level and an unknown slow ramp, because of AC
-            coupling.
-        scale: N, of the residuals; shape (n,) of the fitted instants, or ().
-        step: s, between instants: the force then has unknown hum of the mains; 0 for none.
+        covariance: Covariance of the scaled residuals for lags of 0, 1, 2 ... instants; it is 0
+            for longer lags.
+        free_offset: Whether the force has an unknown offset and an unknown slow ramp.
+        scale: N, scale of the residuals; shape (n,) at the fitted instants, or ().
+        step: s, between instants. If it is not 0, the force has unknown mains hum.
     """
     from scipy.linalg import cholesky_banded
 
@@ -97,7 +100,7 @@ def whitening(
         diagonals[row, : count - row] = padded[np.minimum(lags, len(covariance))]
     factor = cholesky_banded(diagonals, lower=True, check_finite=False)
     scale = np.broadcast_to(scale, count)
-    columns = [np.ones(count), 2 * (at - at[0]) / max(at[-1] - at[0], 1) - 1] if levelled else []
+    columns = [np.ones(count), 2 * (at - at[0]) / max(at[-1] - at[0], 1) - 1] if free_offset else []
     if (at[-1] - at[0]) * step > HUM_LEAST:
         columns += [f(2 * np.pi * at * step * mains) for f in (np.sin, np.cos) for mains in MAINS]
     plain = np.stack(columns, 1) if columns else np.zeros((count, 0))
@@ -106,13 +109,15 @@ def whitening(
     return Whitening(scale, factor, trends, plain @ np.linalg.inv(mixing))
 
 
-def white(dynamics: InverseDynamics, spread: float, levelled: bool) -> tuple[Whitening, ...]:
-    """Return whitenings for independent residuals of a standard deviation [N]."""
-    return tuple(whitening(p.used, np.ones(1), levelled, spread, p.step) for p in dynamics.presses)
+def white(dynamics: InverseDynamics, spread: float, free_offset: bool) -> tuple[Whitening, ...]:
+    """Return the whitenings of independent residuals with a standard deviation of `spread` [N]."""
+    return tuple(
+        whitening(p.used, np.ones(1), free_offset, spread, p.step) for p in dynamics.presses
+    )
 
 
 def _solved(factor: Floats, values: Floats) -> Floats:
-    """Return the solution for a banded lower factor by forward substitution."""
+    """Solve with a banded lower factor by forward substitution."""
     return np.asarray(SOLVE(factor, values, uplo="L")[0], float)
 
 
@@ -123,14 +128,14 @@ def autocovariance(
     spent: int,
     floor: float = FLOOR,
 ) -> Floats:
-    """Return a positive definite autocovariance of the residuals over the lag in instants.
+    """Return a positive definite autocovariance of the residuals for lags of 0, 1, 2 ... instants.
 
     Args:
-        residuals: N, of each press at its used instants.
-        used: Which of the equidistant instants of each press those are.
+        residuals: Residuals of each press at its fitted instants.
+        used: Which of the equidistant instants of each press are fitted.
         step: s, between instants.
-        spent: Number of fitted parameters.
-        floor: Dimensionless, smallest value of the spectrum over its mean.
+        spent: Number of fitted values.
+        floor: Smallest value of the spectrum, divided by its mean.
     """
     from scipy.signal.windows import parzen
 
@@ -147,7 +152,7 @@ def autocovariance(
     total = sum(len(r) for r in residuals)
     means = np.divide(sums, pairs, out=np.zeros(count), where=pairs > 0.5)
     means *= total / max(total - spent, 1) * parzen(2 * count - 1)[count - 1 :]
-    # With missing pairs the sum may not be positive definite: add white noise.
+    # If pairs are missing, this may not be positive definite. White noise is then added.
     spectrum = np.fft.hfft(means, 16 * count)
     least = floor * float(spectrum.mean())
     means[0] = max(QUIET, float(means[0]) + max(0.0, least - float(spectrum.min())))
@@ -156,13 +161,13 @@ def autocovariance(
 
 @dataclass(frozen=True)
 class Problem:
-    """Whitened residuals as a function of the scaled parameters, for one model of the noise."""
+    """Whitened residuals as a function of the scaled parameters."""
 
     dynamics: InverseDynamics
     scales: Floats
     whitenings: tuple[Whitening, ...]
     rise_factor: float = 1.0
-    """Scatter of the rises at release over their stated uncertainties."""
+    """Scatter of the rises at release divided by their stated uncertainties."""
 
     @property
     def free(self) -> tuple[Parameter, ...]:
@@ -182,13 +187,15 @@ class Problem:
     def by_another(
         self, data: Floats, dynamics: InverseDynamics, values: Floats, step: float
     ) -> Floats | None:
-        """Return the derivative of `data` by a number that is not a parameter; None without one.
+        """Return the derivative of `data` by a number that is not a parameter.
+
+        It is None if the model has no solution after the step.
 
         Args:
-            data: Without the step.
-            dynamics: With the step of the number.
-            values: SI, of its parameters.
-            step: Of the number.
+            data: Residuals before the step.
+            dynamics: Inverse dynamics after the step.
+            values: SI, values of its parameters.
+            step: Change of the number.
         """
         moved = replace(self, dynamics=dynamics, scales=np.ones(len(values)))
         try:
@@ -198,12 +205,12 @@ class Problem:
 
     @property
     def _expected(self) -> list[int]:
-        """Indices of the parameters that have a prior with a mean."""
+        """Numbers of the parameters that have a prior."""
         return [k for k, p in enumerate(self.free) if p.std is not None]
 
     @property
     def nuisances(self) -> list[int]:
-        """Rows of `prior` that belong to hidden parameters."""
+        """Numbers of the rows of `prior` that belong to hidden parameters."""
         return [row for row, k in enumerate(self._expected) if self.free[k].hidden]
 
     def prior(self, point: Floats) -> Floats:
@@ -220,7 +227,7 @@ class Problem:
         return rows
 
     def all(self, point: Floats) -> Floats:
-        """Return the residuals [1] of data and priors; `UNSOLVED` where there is no solution."""
+        """Return the residuals [1] of data and priors; `UNSOLVED` if there is no solution."""
         try:
             found = self.data(point)
         except ModelError:
@@ -235,7 +242,7 @@ class Problem:
         return low, np.array([p.high for p in self.free]) / self.scales
 
     def jacobian(self, point: Floats, residuals: Callable[[Floats], Floats]) -> Floats:
-        """Return the derivatives by the scaled parameters, central except at bounds."""
+        """Return the derivatives of `residuals` by central differences, one-sided at bounds."""
         low, high = self.bounds
         columns = []
         for k, parameter in enumerate(self.free):
@@ -249,7 +256,7 @@ class Problem:
         return np.stack(columns, axis=1)
 
     def slopes(self, point: Floats) -> Floats:
-        """Return the derivatives of `all`, one-sided: less exact, in half the time."""
+        """Return the derivatives of `all` by one-sided differences, in half the time."""
         low, high = self.bounds
         steps = np.where(point + DIFFERENCE <= high, DIFFERENCE, -DIFFERENCE)
         at, columns = self.all(point), []
@@ -260,21 +267,21 @@ class Problem:
         return np.stack(columns, axis=1)
 
 
-def descend(
+def minimise(
     found: Problem,
     values: Floats,
     robust: bool = False,
     fixed: int | None = None,
     tolerance: float = TOLERANCE,
 ) -> tuple[float, Floats]:
-    """Return the minimum of the cost reached from a start, and the parameters [SI] there.
+    """Minimise the cost from a start; return the minimum and the parameters [SI] there.
 
     Args:
         found: The problem.
-        values: SI, the start, shape (parameters,).
+        values: SI, start, shape (parameters,).
         robust: Weight large residuals linearly instead of quadratically.
-        fixed: Index of a parameter that keeps its value; None for none.
-        tolerance: Relative, of the cost and of the parameters.
+        fixed: Number of a parameter that keeps its value; None: all are free.
+        tolerance: Relative tolerance of cost and parameters.
     """
     from scipy.optimize import least_squares
 
@@ -302,7 +309,7 @@ def descend(
         max_nfev=40,
     )
     point = complete(result.x)
-    # The solver stays inside the bounds; move parameters that are as good as at a bound onto it.
+    # The solver stays inside the bounds: move parameters that are almost at a bound onto it.
     for end in (low, high):
         near = np.abs(point - end) <= AT_BOUND * (high - low)
         point = np.where(near, end, point)

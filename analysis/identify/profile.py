@@ -1,8 +1,8 @@
 """The profile likelihood of a fitted parameter.
 
-The parameter is fixed at a series of values while all others are fitted again. Where twice the
-log-likelihood is 3.84 below its maximum, the value is an end of the 95 % interval (Wilks 1938).
-This holds for non-linear problems too, and for parameters at a bound or hardly identifiable.
+The parameter is fixed at a series of values, and all others are fitted again at each of them. The
+95 % interval ends where twice the log-likelihood is 3.84 below its maximum (Wilks 1938). This is
+valid for non-linear problems as well, for parameters at a bound and for poorly identifiable ones.
 """
 
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.fit import Fit
 from sautereau.analysis.identify.identified import Identified
-from sautereau.analysis.identify.problem import descend
+from sautereau.analysis.identify.problem import minimise
 from sautereau.trajectory.motion import Floats
 
 CRITICAL = 3.841
-"""95 % quantile of chi squared with one degree of freedom."""
+"""95 % quantile of the chi-squared distribution with one degree of freedom."""
 STEPS = 8
-"""Largest number of values on either side."""
+"""Largest number of values on either side of the estimate."""
 REACH = 4.0
-"""Standard uncertainties from the estimate to the last of these values."""
+"""Distance of the last of these values from the estimate, in standard uncertainties."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,11 @@ class Profile:
     values: Floats
     """SI."""
     rises: Floats
-    """Twice the negative log-likelihood minus its minimum."""
+    """Twice the negative log-likelihood, minus its minimum."""
     low: float | None
-    """SI, lower end of the 95 % interval; None where the bound is inside the interval."""
+    """Lower end of the 95 % interval, SI; None if the interval reaches the bound."""
     high: float | None
-    """SI, upper end of the 95 % interval; None where the bound is inside the interval."""
+    """Upper end of the 95 % interval, SI; None if the interval reaches the bound."""
 
 
 def profile(made: Fit, found: Identified, name: str) -> Profile:
@@ -43,8 +43,8 @@ def profile(made: Fit, found: Identified, name: str) -> Profile:
 
     Args:
         made: The fit.
-        found: Its result.
-        name: Of the parameter.
+        found: Result of the fit.
+        name: Name of the parameter.
 
     Raises:
         AnalysisError: The parameter was not fitted.
@@ -74,7 +74,7 @@ def profile(made: Fit, found: Identified, name: str) -> Profile:
                 break
             start = start.copy()
             start[at] = value
-            cost, start = descend(made.problem, start, fixed=at)
+            cost, start = minimise(made.problem, start, fixed=at)
             rise = max(0.0, (2 * cost - least) / excess)
             values.append(value)
             rises.append(rise)

@@ -1,8 +1,8 @@
-"""Whether the model fits the presses, apart from whether they identify its parameters.
+"""Goodness of a fit: whether the model fits the presses.
 
-A wrong model can be fitted with small residuals and narrow intervals. Four signs of it are tested:
+A wrong model can have small residuals and narrow intervals. Four signs of a wrong model are tested:
 the residual exceeds the noise at rest; it is larger while a string is held than elsewhere; it
-repeats from press to press, which noise does not; a calibration is fitted far from its value.
+repeats from press to press, unlike noise; a calibration is fitted far from its stated value.
 """
 
 from collections.abc import Sequence
@@ -10,57 +10,64 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.fit import Fit, rms
 from sautereau.analysis.identify.noise import WINDOW
 from sautereau.analysis.identify.observed import BACK, FREE, HELD, Observed
-from sautereau.analysis.identify.parameters import FORCE_GAIN, TIME, VELOCITY_GAIN
 from sautereau.trajectory.motion import Floats
 
 NOISE_MAX = 1.2
-"""Dimensionless, largest averaged residual over the noise at rest, which is not averaged."""
-HELD_MAX, HELD_STDS = 1.1, 2.0
-"""Dimensionless, largest residual of held strings over that elsewhere, and the standard deviations
-of that ratio which are allowed besides; at least the noise at rest is allowed, as the held string
-vibrates: a friction that this hides is found by its own test."""
-REPEATED_MAX, REPEATED_STDS = 0.5, 3.0
-"""Dimensionless, largest repeated part of the residual over the rest of it or over the noise at
-rest, and the standard deviations of it which are allowed besides. It widens the intervals."""
+"""Largest allowed ratio of the averaged residual to the noise at rest, which is not averaged."""
+HELD_MAX = 1.1
+"""Largest allowed ratio of the residual while a string is held to that elsewhere. A residual up to
+the noise at rest is always allowed, because the held string vibrates. A wrong friction that is
+hidden in this way is found by the score test."""
+HELD_STDS = 2.0
+"""Standard deviations of that ratio that are allowed in addition."""
+REPEATED_MAX = 0.5
+"""Largest allowed ratio of the repeated part of the residual to the other part, or to the noise at
+rest. A repeated part widens the intervals."""
+REPEATED_STDS = 3.0
+"""Standard deviations of the repeated part that are allowed in addition."""
 PRIOR_MAX = 3.0
-"""Standard uncertainties by which a calibration may differ from the rig."""
+"""Standard uncertainties by which a fitted calibration may differ from the rig's."""
 LONGEST = 9
-"""Instants, of the longest average over a period of the string."""
+"""Largest number of instants in an average over a period of the string."""
 INDEPENDENT = 0.6
-"""Dimensionless, time between independent values of a smoothed force over the windows of smoothing
-and averaging."""
+"""Time between independent values of a smoothed force, divided by the windows of smoothing and
+averaging."""
+SAME = 0.05
+"""Largest relative difference of the velocities of presses with the same motion."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """The goodness of a fit; a statistic is None where the recordings do not have it."""
+    """The goodness of a fit; a statistic is None if the recordings do not allow it."""
 
     noise: float | None
-    """N, RMS of the load on the key at rest, smoothed as in the fit."""
+    """N, RMS residual caused by the noise at rest, smoothed as in the fit."""
     free_residual: float
-    """N, RMS force residual on the way down without a string, averaged over a period of it."""
+    """N, RMS force residual on the way down without a string. It is averaged over about a period of
+    the string, as the next one is."""
     held_residual: float | None
-    """N, RMS force residual while a string is held, averaged over a period of it."""
+    """N, RMS force residual while a string is held."""
     repeated_residual: float | None
     """N, RMS of the part of the force residual that repeats from press to press."""
     repetition: float
-    """Dimensionless, at least 1: variance of the mean residual of all presses over that of
-    independent ones. What repeats does not become smaller with more presses."""
+    """Variance of the mean residual of all presses, divided by that of independent residuals; at
+    least 1. A repeated part does not become smaller with more presses."""
     autocorrelation: float
-    """Correlation of the residuals one smoothing window apart."""
+    """Correlation coefficient of residuals that are one smoothing window apart."""
     offsets: dict[str, float]
-    """Fitted errors of the calibrations, in their standard uncertainties."""
+    """Fitted errors of the calibrations, divided by their standard uncertainties."""
     quiet: bool
-    """Whether the residual without a string is that of the noise at rest, as far as is known."""
+    """Whether the noise at rest explains the residual without a string; True if it is unknown."""
     reasons: tuple[str, ...]
     """Why the model does not fit; empty if it does."""
 
     @property
     def scale(self) -> float:
-        """N, RMS of the force residual without the error of the model, as far as is known."""
+        """N, estimated RMS of the part of the force residual that is no error of the model."""
         known = (self.free_residual, self.held_residual, self.noise and NOISE_MAX * self.noise)
         return min(value for value in known if value)
 
@@ -78,7 +85,10 @@ def quality(made: Fit) -> Quality:
     period = 1 / dynamics.rig.string.frequency
     slow = [_slow(f, p, period) for f, p in zip(left, dynamics.presses, strict=True)]
     inside, outside = (
-        [f[np.isfinite(f) & (p.part == which)] for f, p in zip(slow, dynamics.presses, strict=True)]
+        [
+            f[np.isfinite(f) & (p.phase == which)]
+            for f, p in zip(slow, dynamics.presses, strict=True)
+        ]
         for which in (HELD, FREE)
     )
     free = rms(outside)
@@ -113,7 +123,10 @@ def quality(made: Fit) -> Quality:
     offsets = {
         p.name: float((value - p.mean) / p.std)
         for p, value in zip(dynamics.free, made.values.tolist(), strict=True)
-        if p.hidden and p.name in (TIME, FORCE_GAIN, VELOCITY_GAIN) and p.mean is not None and p.std
+        if p.hidden
+        and p.name in (keys.TIME, keys.FORCE_GAIN, keys.VELOCITY_GAIN)
+        and p.mean is not None
+        and p.std
     }
     reasons += [
         f"{name}: the fit is {abs(off):.1f} standard uncertainties from the calibration"
@@ -134,18 +147,18 @@ def quality(made: Fit) -> Quality:
 
 
 def _slow(residual: Floats, press: Observed, period: float) -> Floats:
-    """Return the residual averaged over about a period of the string, NaN where it is not fitted.
+    """Return the residual averaged over about a period of the string; NaN where it is not fitted.
 
-    The held string vibrates, which the model does not, and which does not bend its curve of force.
+    The held string vibrates and that of the model does not. The average removes the vibration.
     """
     count = min(2 * round(period / press.step / 2) + 1, LONGEST)
     series, slow = np.full(len(press.used), np.nan), np.full(len(press.used), np.nan)
     series[press.used] = residual
     means = np.convolve(series, np.full(count, 1 / count), "valid")
     slow[count // 2 : len(slow) - count // 2] = means
-    # Not across the ends of the pluck, and as it is where it is too short.
+    # No average extends beyond the ends of the pluck. Short phases are not averaged.
     edges = (
-        np.convolve(np.diff(press.part, prepend=press.part[0]) != 0, np.ones(count), "same") > 0.5
+        np.convolve(np.diff(press.phase, prepend=press.phase[0]) != 0, np.ones(count), "same") > 0.5
     )
     return np.where(np.isfinite(slow) & ~edges, slow, np.nan)
 
@@ -158,14 +171,14 @@ def _independent(presses: Sequence[Observed], period: float) -> float:
 def _repeated(
     presses: Sequence[Observed], slow: Sequence[Floats], floor: float, period: float
 ) -> tuple[float, float, float] | None:
-    """Return the RMS [N] of what presses of one motion have in common, its limit, the repetition.
+    """Return the RMS [N] of the residual's repeated part, its limit, and the repetition.
 
-    None without two presses of one motion.
+    The result is None unless there are at least two presses, all with the same motion.
     """
     count = max(len(p.time) for p in presses)
     every = np.full((len(presses), count), np.nan)
     for row, press, residual in zip(every, presses, slow, strict=True):
-        row[: len(residual)] = np.where(press.part == BACK, np.nan, residual)
+        row[: len(residual)] = np.where(press.phase == BACK, np.nan, residual)
     alike = np.isfinite(every).all(axis=0)
     first = presses[0].motion.velocity
     same = all(
@@ -185,7 +198,7 @@ def _repeated(
 
 
 def _autocorrelation(presses: Sequence[Observed], left: Sequence[Floats]) -> float:
-    """Return the correlation of residuals one smoothing window apart."""
+    """Return the correlation coefficient of residuals that are one smoothing window apart."""
     lag = max(1, round(WINDOW / presses[0].step))
     products, squares = [], []
     for press, residual in zip(presses, left, strict=True):
@@ -197,7 +210,3 @@ def _autocorrelation(presses: Sequence[Observed], left: Sequence[Floats]) -> flo
     every = np.concatenate(products)
     total = float(np.mean(np.concatenate(squares)))
     return float(np.mean(every)) / total if len(every) and total > 0 else 0.0
-
-
-SAME = 0.05
-"""Dimensionless, largest difference of velocities, over the largest velocity, of one motion."""

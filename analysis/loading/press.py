@@ -1,8 +1,9 @@
 """A recorded press as a table in SI units, on one time base."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import date
-from functools import cache
+from functools import cached_property
 from math import ceil, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -67,9 +68,11 @@ class Press:
     rig: Rig
     simulated: bool
     """Whether the stand-in made it; everything derived from it states so."""
-    data: "pd.DataFrame"
-    """Columns of `UNITS`, index `time` in s after the trigger, or after the start of a motion
-    that no edge has started; `attrs` holds the units.
+    time: Floats
+    """s after the trigger, or after the start of a motion that no edge has started; shape
+    (rows,)."""
+    samples: Mapping[str, Floats]
+    """SI units, by the names of `UNITS`; shape (rows,) each.
 
     `velocity` is that of the key at the laser, positive downwards, and `deflection` its
     integral; `force` is that of the finger; `jack_rise` and `jack_speed` follow from the angle
@@ -86,12 +89,24 @@ class Press:
     warnings: tuple[str, ...] = ()
     """About lost samples, calibrations, quality flags and drift."""
     missing: Signal | None = None
-    """The signal that was not recorded; `data` has no column that depends on it."""
+    """The signal that was not recorded; `samples` has nothing that depends on it."""
 
-    def columns(self, *names: str) -> tuple[Floats, ...]:
-        """Return columns of the data, shape (rows,); pandas would copy `attrs` for each."""
-        place, columns = self.data.columns.get_loc, self.data.to_numpy().T
-        return tuple(np.ascontiguousarray(columns[place(name)]) for name in names)
+    @cached_property
+    def data(self) -> "pd.DataFrame":
+        """The samples as a table with the index `time`; `attrs` holds the units.
+
+        The analysis uses the arrays: importing pandas takes longer than analysing a press.
+        """
+        import pandas as pd
+
+        frame = pd.DataFrame(dict(self.samples), index=pd.Index(self.time, name="time"))
+        frame.attrs = {"units": UNITS, "simulated": self.simulated, "path": str(self.path)}
+        return frame
+
+    def between(self, start: float, stop: float) -> slice:
+        """Return the rows from one time [s] to another, both included."""
+        first, last = np.searchsorted(self.time, start), np.searchsorted(self.time, stop, "right")
+        return slice(int(first), int(last))
 
     def from_contact(self, contact: float, start: float, stop: float) -> tuple[Floats, Floats]:
         """Return the key deflection since contact [m] and the finger force [N], shape (rows,).
@@ -101,9 +116,9 @@ class Press:
             start: s after the trigger, of the first row.
             stop: s after the trigger, of the last row.
         """
-        at_contact = np.interp(contact, self.data.index, self.data["deflection"])
-        rows = self.data.loc[start:stop]
-        return rows["deflection"].to_numpy() - at_contact, rows["force"].to_numpy()
+        deflection, rows = self.samples["deflection"], self.between(start, stop)
+        at_contact = np.interp(contact, self.time, deflection)
+        return deflection[rows] - at_contact, self.samples["force"][rows]
 
 
 def load_press(path: str | Path) -> Press:
@@ -145,8 +160,6 @@ def partial_press_of(recorded: "Recorded") -> Press:
     Raises:
         AnalysisError: Its rig has `[daq]` alone, it has neither, or it is too short.
     """
-    import pandas as pd
-
     path = recorded.path
     if recorded.rig.daq_only:
         raise AnalysisError(
@@ -205,21 +218,15 @@ def partial_press_of(recorded: "Recorded") -> Press:
     columns = columns_of(
         rig.key, signals.get("velocity", nothing), signals.get("force", nothing), rate
     )
-    frame = pd.DataFrame(
-        columns.T,
-        columns=_names(),
-        index=pd.Index(recorded.time[early : early + rows] - recorded.origin, name="time"),
-        copy=False,
-    )
+    samples = dict(zip(UNITS, columns, strict=True))
     if missing:
-        unknown = "force" if missing == "force" else frame.columns.difference(["force"])
-        frame = frame.drop(columns=unknown)
-    frame.attrs = {"units": UNITS, "simulated": recorded.simulated, "path": str(path)}
+        samples = {n: c for n, c in samples.items() if (n == "force") == (missing == "velocity")}
     return Press(
         path,
         rig,
         recorded.simulated,
-        frame,
+        recorded.time[early : early + rows] - recorded.origin,
+        samples,
         rate,
         tuple(marks),
         drift,
@@ -227,14 +234,6 @@ def partial_press_of(recorded: "Recorded") -> Press:
         tuple(warnings),
         missing,
     )
-
-
-@cache
-def _names() -> "pd.Index":
-    """Return the names of the columns; building them takes pandas longer than the samples."""
-    import pandas as pd
-
-    return pd.Index(UNITS)
 
 
 def columns_of(key: Key, velocity: Floats, force: Floats, rate: float) -> Floats:

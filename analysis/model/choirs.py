@@ -98,7 +98,7 @@ def pluck_of(plectrum: Plectrum, string: String, level: str) -> Pluck:
     Args:
         plectrum: Plectrum.
         string: String.
-        level: Of the plectrum.
+        level: Plectrum model.
 
     Raises:
         ModelError: The level has no solution for them.

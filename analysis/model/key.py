@@ -56,7 +56,7 @@ def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
 
     Args:
         rig: The bench.
-        angle: Of the key [rad], arrays (n,).
+        angle: Motion of the key [rad], arrays (n,).
         string_force: N, with which the strings push the jacks down, shape (choirs, n); or
             that of the first string alone, shape (n,).
     """

@@ -49,7 +49,7 @@ class ModalPluck:
     velocity: Floats
     """m/s, of the string at the plucking point."""
     state: ModalState
-    """Of the moving modes at release."""
+    """State of the moving modes at release."""
     newton_steps: float
     """Mean number of Newton steps per time step."""
 
@@ -81,7 +81,7 @@ def modal_pluck(
 
     Args:
         rig: The bench.
-        level: Of the plectrum.
+        level: Plectrum model.
         step: s; None for a thousandth of the spring string's pluck, or 0.3 of the shortest
             mode's period if that is less.
         modes: Number of modes that move.

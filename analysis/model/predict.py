@@ -95,8 +95,8 @@ def predict(rig: Rig, level: str = "elastica", *, speed: JackSpeed | None = None
 
     Args:
         rig: The bench; all its choirs are plucked.
-        level: Of the plectra.
-        speed: Of the first jack; None for the constant `press.jack_speed`.
+        level: Plectrum model.
+        speed: Speed of the first jack; None: the constant `press.jack_speed`.
 
     Raises:
         ModelError: The level has no solution for this rig, or the press ends before release.

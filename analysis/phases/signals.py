@@ -104,11 +104,10 @@ def signals_of(press: Press) -> Signals:
         AnalysisError: Samples of force or velocity are not numbers.
     """
     rate, key = press.rate, press.rig.key
-    time = press.data.index.to_numpy()
+    time = press.time
     if press.missing is None:
-        force, velocity, deflection, rise, speed = press.columns(
-            "force", "velocity", "deflection", "jack_rise", "jack_speed"
-        )
+        names = ("force", "velocity", "deflection", "jack_rise", "jack_speed")
+        force, velocity, deflection, rise, speed = (press.samples[name] for name in names)
     else:
         force, velocity, deflection, rise, speed = _assumed(press)
     for name, signal in (("force", force), ("velocity", velocity)):
@@ -169,11 +168,10 @@ def _assumed(press: Press) -> tuple[Floats, ...]:
         AnalysisError: The rig describes no press.
     """
     if press.missing == "force":
-        velocity, deflection, rise, speed = press.columns(
-            "velocity", "deflection", "jack_rise", "jack_speed"
-        )
+        names = ("velocity", "deflection", "jack_rise", "jack_speed")
+        velocity, deflection, rise, speed = (press.samples[name] for name in names)
         return np.zeros(len(velocity)), velocity, deflection, rise, speed
-    (force,), key = press.columns("force"), press.rig.key
+    force, key = press.samples["force"], press.rig.key
     planned = press.rig.press
     # Recordings that others made need no run-down that this arm could follow.
     sudden = {

@@ -76,7 +76,7 @@ def split_column(column: str) -> tuple[str, int]:
     """Return the quantity of a column and the number of its pluck, from 1: `release_2` is 2.
 
     Args:
-        column: Of a row of `features`, or any other, of which there is one only.
+        column: Column of a row of `features`, or any other column, which has no number.
     """
     name, _, number = column.rpartition("_")
     return (name, int(number)) if name in UNITS and number.isdecimal() else (column, 1)
@@ -121,14 +121,13 @@ def features(press: Press, phases: Phases) -> Row:
 
     Args:
         press: The recording.
-        phases: Of `sautereau.analysis.phases.find_phases`.
+        phases: As `sautereau.analysis.phases.find_phases` returns them.
     """
-    time = press.data.index.to_numpy()
+    time = press.time
     unknown = NEED[press.missing] if press.missing else ()
     nothing = np.zeros(len(time))
     rise, deflection, angle, force = (
-        press.columns(name)[0] if name in press.data else nothing
-        for name in ("jack_rise", "deflection", "angle", "force")
+        press.samples.get(name, nothing) for name in ("jack_rise", "deflection", "angle", "force")
     )
 
     def work(start: float, stop: float) -> float:

@@ -82,7 +82,7 @@ def shown_stretch(
     Raises:
         AnalysisError: The interval is not within the recording.
     """
-    first, last = float(press.data.index[0]), float(press.data.index[-1])
+    first, last = float(press.time[0]), float(press.time[-1])
     start = max(first, phases.start - BEFORE) if since is None else since
     stop = last if until is None else until
     if not first <= start < stop <= last:
@@ -106,8 +106,7 @@ def replay(press: Press, phases: Phases, time: Floats, arm: Joints | Plan | None
     Raises:
         ModelError: The model has no pluck for the rig.
     """
-    seen = press.data.index.to_numpy()
-    turned = press.data["angle"].to_numpy()
+    seen, turned = press.time, press.samples["angle"]
     strings = vibrating_strings(press.rig)
     in_turn = sorted(range(len(strings)), key=lambda number: strings[number].contact)
     found = dict(zip(in_turn, phases.plucks, strict=False))

@@ -23,8 +23,10 @@ from sautereau.analysis.model.string.string import ModalString
 from sautereau.rig.instrument import Choir, String
 from sautereau.rig.schema import Rig
 
-AIR_VISCOSITY, AIR_DENSITY = 1.8e-5, 1.2
-"""Pa s and kg/m^3, at 20 degrees."""
+AIR_VISCOSITY = 1.8e-5
+"""Viscosity of air at 20 degrees Celsius (Pa s)."""
+AIR_DENSITY = 1.2
+"""Density of air at 20 degrees Celsius (kg/m^3)."""
 QUALITY = 1500.0
 """Dimensionless quality factor of all losses except those to the air; assumed: with it the
 string of `rig/paper.toml` decays by 60 dB in 6 s."""
@@ -146,7 +148,7 @@ def vibrating_strings(
 
     Args:
         rig: The bench; its jack has a constant speed and leaves rest at time 0.
-        level: Of the plectra.
+        level: Plectrum model.
         quality: Dimensionless, see `string_decay`.
         highest: Hz, of the highest mode; None for the lowest 30 modes.
 

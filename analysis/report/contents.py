@@ -20,8 +20,10 @@ from sautereau.trajectory.motion import Floats
 
 POINTS = 50_000
 """Total number of points of all traces: half a megabyte of the page."""
-LEAST_POINTS, MOST_POINTS = 250, 1200
-"""Number of points of one trace."""
+LEAST_POINTS = 250
+"""Smallest number of points of one trace."""
+MOST_POINTS = 1200
+"""Largest number of points of one trace."""
 COLUMNS = ("deflection", "jack_speed", "force")
 """Columns of a press that are drawn over time."""
 BESIDE = 5e-3
@@ -136,13 +138,12 @@ def gather(paths: Sequence[Path], level: str) -> Contents:
 
 def _record(number: int, recorded: Recorded, whole: AnalysedPress, points: int) -> PressRecord:
     """Return the record of one press; with 0 points it is not drawn."""
-    data = whole.press.data
-    time = data.index.to_numpy()
+    press = whole.press
     traces: dict[str, Trace] = {}
     for column in COLUMNS if points else ():
-        signal = data[column].to_numpy()
+        signal = press.samples[column]
         kept = envelope(signal, points)
-        traces[column] = Trace(time[kept], signal[kept])
+        traces[column] = Trace(press.time[kept], signal[kept])
     return PressRecord(
         **vars(whole.light()),
         number=number,
@@ -150,7 +151,7 @@ def _record(number: int, recorded: Recorded, whole: AnalysedPress, points: int) 
         software=recorded.software,
         events=recorded.events,
         traces=traces,
-        held=_held(whole.press, whole.phases, points // 2) if points else None,
+        held=_held(press, whole.phases, points // 2) if points else None,
     )
 
 

@@ -23,14 +23,14 @@ from sautereau.analysis.report.plot import Plot
 from sautereau.rig.quantities import QUANTITIES
 
 COLOURS = SERIES
-"""Of the conditions; of the presses where there is one condition."""
+"""Colours of the conditions; if there is only one condition, of its presses."""
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
-"""Of presses of the same colour."""
+"""Dashes of presses with the same colour."""
 MODEL = "#5a6969"
 SHADES = ("rgba(120,120,120,0.04)", "rgba(230,159,0,0.22)", "rgba(86,180,233,0.18)")
-"""Of the three phases."""
+"""Colours of the three phases."""
 HEIGHT = 240
-"""px, of one row."""
+"""Height of one row (px)."""
 
 
 def over_time(contents: Contents) -> Plot:

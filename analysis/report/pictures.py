@@ -26,12 +26,20 @@ from sautereau.analysis.report.drawing import (
 from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats
 
-WIDE, LOW = 2000, 600
-"""Size of the pictures of string and force, in units of about a third of a pixel."""
-MARGIN, GAP = 60, 16
+WIDE = 2000
+"""Width of the pictures of string and force, in units of about a third of a pixel."""
+LOW = 600
+"""Height of these pictures, in the same unit."""
+MARGIN = 60
+"""Distance of the curves from the sides, in the same unit."""
+GAP = 16
+"""Distance of labels from what they describe, in the same unit."""
 LETTERS = 52
-LINE, BAND = 4, 8
-"""Step between the drawn points of the string, and of the band that it swept."""
+"""Font size, in the same unit."""
+LINE = 4
+"""Step between the drawn points of the string."""
+BAND = 8
+"""Step between the drawn points of the band that the string swept."""
 TRACED = 400
 """Number of points of the force."""
 TENTH = 1e4
@@ -103,9 +111,10 @@ def _path(x: Floats, z: Floats) -> Floats:
 def force_picture(scene: Replay) -> Picture:
     """Draw the finger force over time, with a mark at the frame."""
     start, stop = float(scene.time[0]), float(scene.time[-1])
-    force = scene.press.data["force"].loc[start:stop]
-    kept = envelope(force.to_numpy(), TRACED)
-    newton, time = force.to_numpy()[kept], force.index.to_numpy()[kept]
+    rows = scene.press.between(start, stop)
+    newton, time = scene.press.samples["force"][rows], scene.press.time[rows]
+    kept = envelope(newton, TRACED)
+    newton, time = newton[kept], time[kept]
     low, high = min(float(newton.min()), 0.0), max(float(newton.max()), 1e-3)
     across = (WIDE - 2 * MARGIN) / (stop - start)
     up = (LOW - 2 * (GAP + LETTERS)) / (high - low)

@@ -25,11 +25,13 @@ FRAMES = 101
 OF_ALL_CHOIRS = 202
 """Total number of frames of all choirs: a third of a megabyte of the page."""
 BESIDE = 0.25
-"""1, fraction of the time from first contact to last release, shown before and after it."""
+"""Fraction of the time from first contact to last release that is shown before and after it."""
 LEAST_BESIDE = 4e-3
 """s, shortest time shown after release, in which the string vibrates."""
-SLIDER, READING = "frame", "reading"
-"""Id of the slider that selects the frame, and start of the ids of the readings."""
+SLIDER = "frame"
+"""Id of the slider that selects the frame."""
+READING = "reading"
+"""Start of the ids of the readings."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
     contact = min(held.contact for held in phases.plucks)
     release = max(held.release for held in phases.plucks)
     margin = BESIDE * (release - contact)
-    first, last = float(press.data.index[0]), float(press.data.index[-1])
+    first, last = float(press.time[0]), float(press.time[-1])
     start = max(first, contact - margin)
     stop = min(last, release + max(margin, LEAST_BESIDE))
     frames = min(FRAMES, max(2, OF_ALL_CHOIRS // len(choirs(press.rig))))
@@ -77,10 +79,9 @@ def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
 def readings(shown: SlowMotion) -> dict[str, Frames]:
     """Return the values beside the pictures by their names, with one text per frame."""
     scene = shown.scene
-    data = scene.press.data
-    seen = data.index.to_numpy()
+    press = scene.press
     force, speed = (
-        np.interp(scene.time, seen, data[column].to_numpy()) for column in ("force", "jack_speed")
+        np.interp(scene.time, press.time, press.samples[name]) for name in ("force", "jack_speed")
     )
     return {
         "time": tuple(f"{time * 1e3:.2f} ms" for time in scene.time),

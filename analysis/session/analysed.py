@@ -17,12 +17,15 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.timing import press_law
 
 BEFORE = 0.1
-"""Dimensionless, time before contact whose rise is used as well, over the pluck duration."""
-DEGREE, LEAST, INSTANTS = 5, 20, 100
-"""Of the polynomial through the rise while a string is held, its fewest samples, and the instants
-at which its speed is taken."""
+"""Time before contact whose rise is also used, divided by the pluck duration."""
+DEGREE = 5
+"""Degree of the polynomial through the rise while a string is held."""
+LEAST = 20
+"""Smallest number of samples for that polynomial."""
+INSTANTS = 100
+"""Number of instants at which the speed is taken from it."""
 BESIDE = 1e-3
-"""s, kept before and after the cruise."""
+"""Time before and after the cruise whose samples are kept (s)."""
 
 
 @dataclass(frozen=True)
@@ -45,14 +48,15 @@ class AnalysedPress:
     def light(self) -> Self:
         """Return the press with no more samples than its repeatability needs: the jack's rise in
         the cruise."""
-        data = self.press.data
+        press, samples = self.press, {}
         try:
-            law = press_law(self.press.rig.press)
-            columns = [name for name in ("jack_rise",) if name in data]
-            kept = data.loc[law.cruise_start - BESIDE : law.cruise_end + BESIDE, columns]
+            law = press_law(press.rig.press)
+            rows = press.between(law.cruise_start - BESIDE, law.cruise_end + BESIDE)
+            if "jack_rise" in press.samples:
+                samples["jack_rise"] = press.samples["jack_rise"][rows].copy()
         except TrajectoryError:  # of a rig that describes no press
-            kept = data.iloc[:0]
-        return replace(self, press=replace(self.press, data=kept.copy()))
+            rows = slice(0)
+        return replace(self, press=replace(press, time=press.time[rows].copy(), samples=samples))
 
 
 def analyse_recording(recorded: Recorded) -> AnalysedPress:
@@ -111,11 +115,12 @@ def jack_speed(press: Press, phases: Phases) -> JackSpeed | None:
         return None
     held = phases.plucks[0]
     start = held.contact - BEFORE * held.pluck_duration
-    rise = press.data.loc[start : held.release, "jack_rise"]
+    rows = press.between(start, held.release)
+    seen, rise = press.time[rows], press.samples["jack_rise"][rows]
     if len(rise) < LEAST:
         return None
-    through = np.polynomial.Polynomial.fit(rise.index.to_numpy(), rise.to_numpy(), DEGREE)
-    time = np.linspace(rise.index[0], rise.index[-1], INSTANTS)
+    through = np.polynomial.Polynomial.fit(seen, rise, DEGREE)
+    time = np.linspace(seen[0], seen[-1], INSTANTS)
     speed = through.deriv()(time)
     # A jack that stops or turns has no speed as a function of its rise.
     return JackSpeed(through(time), speed, through.deriv(2)(time)) if np.all(speed > 0) else None

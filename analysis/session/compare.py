@@ -19,9 +19,9 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 MANY = 20
-"""Presses from which on the interval is a bootstrap's: of fewer, Student's covers better."""
+"""Smallest number of presses for a bootstrap interval. For fewer presses Student's t is better."""
 RESAMPLES = 9999
-"""Of a bootstrap."""
+"""Number of samples of a bootstrap."""
 
 
 @dataclass(frozen=True)
@@ -44,19 +44,19 @@ class Comparison:
     presses: int
     """Presses with a pluck."""
     slope_error: Mean
-    """Of the finger force on the deflection while the string is held."""
+    """Error of the slope of finger force against deflection while the string is held."""
     magnitude_error: Mean
-    """Of the rise of the finger force from contact to release."""
+    """Error of the increase of the finger force from contact to release."""
     duration_error: Mean
-    """Of the pluck duration."""
+    """Error of the pluck duration."""
 
 
 def compare(phases: Sequence[Phases], predictions: Sequence[Prediction]) -> Comparison:
     """Compare the first pluck of repeated presses with predictions.
 
     Args:
-        phases: Of the presses.
-        predictions: Of each press, for the speed that its jack had.
+        phases: Phases of the presses.
+        predictions: Prediction of each press for the measured speed of its jack.
 
     Raises:
         AnalysisError: No press has a pluck to compare.
@@ -152,7 +152,7 @@ def predicted_means(
     Args:
         rows: Features of the presses.
         rig: The predicted bench.
-        predictions: Of each press, for the speed that its jack had.
+        predictions: Prediction of each press for the measured speed of its jack.
 
     Returns:
         By the columns of `sautereau.analysis.press.features`, pluck by pluck, SI; those of

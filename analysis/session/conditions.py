@@ -28,9 +28,9 @@ class Condition(Generic[PressT]):
     """Presses that may be pooled, with their comparison and repeatability."""
 
     values: Mapping[str, Any]
-    """What they have in common, by dotted key: the values of the rig, of the `scene`, the `day`."""
+    """Their common values by dotted key: those of the rig and of the `scene`, and the `day`."""
     changed: Mapping[str, Any]
-    """Those that differ from the first condition's."""
+    """Those of `values` that differ from the first condition's."""
     rig: Rig
     """Rig of the recordings."""
     presses: tuple[PressT, ...]
@@ -69,7 +69,7 @@ class SessionAnalysis(Generic[PressT]):
     conditions: tuple[Condition[PressT], ...]
     """In the order of their first presses."""
     level: str
-    """Of the plectrum's bending model."""
+    """Plectrum model."""
 
     @property
     def simulated(self) -> bool:
@@ -89,7 +89,7 @@ def analyse(
 
     Args:
         presses: In the order in which they were made; `AnalysedPress.light` ones suffice.
-        level: Of the plectrum's bending model.
+        level: Plectrum model.
         rig: The bench to predict with; None for that of each recording.
 
     Raises:

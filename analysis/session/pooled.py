@@ -23,7 +23,7 @@ class PooledFeature:
     """Column of `sautereau.analysis.press.features`."""
     unit: str
     values: tuple[float, ...]
-    """Of the presses that have it, in the order in which they were made."""
+    """Values of the presses that have it, in the order in which they were made."""
     measured: Mean
     std: float | None
     """Standard deviation of the presses; None for a single one."""

@@ -103,9 +103,9 @@ def repeatability(presses: Sequence[Press], law: PressLaw) -> Repeatability:
 
 def _check(presses: Sequence[Press], time: Floats) -> None:
     short = [
-        f"{p.path} ends at {p.data.index[-1]:.4g} s"
+        f"{p.path} ends at {p.time[-1]:.4g} s"
         for p in presses
-        if p.data.index[0] > time[0] or p.data.index[-1] < time[-1]
+        if p.time[0] > time[0] or p.time[-1] < time[-1]
     ]
     if short:
         raise AnalysisError(
@@ -115,7 +115,7 @@ def _check(presses: Sequence[Press], time: Floats) -> None:
 
 
 def _at(press: Press, column: str, time: Floats) -> Floats:
-    return np.interp(time, press.data.index.to_numpy(), press.data[column].to_numpy())
+    return np.interp(time, press.time, press.samples[column])
 
 
 def _smooth_speed(press: Press, time: Floats) -> Floats:
@@ -139,7 +139,7 @@ def trend_of(values: Floats) -> Trend:
     """Return the slope over the number of the press, with Student's interval.
 
     Args:
-        values: Of three or more presses in their order, shape (presses,).
+        values: Values of three or more presses in their order, shape (presses,).
     """
     from scipy.special import stdtrit
 

@@ -1,1 +1,1 @@
-"""What was found, as plain values for machines and as lines of text for people."""
+"""Results as plain values for JSON, and as lines of text."""

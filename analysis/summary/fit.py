@@ -4,16 +4,18 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from sautereau.analysis.identify.fixed import CONTACT, Sensitivity, Suggestion
+from sautereau.analysis.identify import keys
+from sautereau.analysis.identify.fixed import Sensitivity, Suggestion
 from sautereau.analysis.identify.identified import IDENTIFIABLE, Estimate, FittedMode, Identified
 from sautereau.analysis.identify.profile import Profile
 from sautereau.analysis.identify.quality import Quality
-from sautereau.analysis.summary.text import counted
+from sautereau.analysis.summary.text import counted, part_of
 from sautereau.rig.quantities import QUANTITIES
 
 
 def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str, Any]:
     """Return a fit as JSON; SI units."""
+    names = [e.name for e in found.estimates]
     result: dict[str, Any] = {
         "parameters": {
             e.name: _without(e, "name", "low", "high")
@@ -21,8 +23,8 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
             for e in found.estimates
         },
         "correlation": {
-            a.name: {b.name: float(found.correlation[i, j]) for j, b in enumerate(found.estimates)}
-            for i, a in enumerate(found.estimates)
+            name: dict(zip(names, row, strict=True))
+            for name, row in zip(names, found.correlation.tolist(), strict=True)
         },
         "identifiable": {
             "all": all(c.identifiable for c in found.combinations),
@@ -35,11 +37,7 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
         "suggested": [asdict(s) for s in found.suggested],
         "sensitivity": {s.name: _without(s, "name") for s in found.sensitivity},
         "presses": list(found.presses),
-        "releases": found.releases,
-        "level": found.level,
-        "residual": found.residual,
-        "residual_before": found.residual_before,
-        "rise_residual": found.rise_residual,
+        **part_of(found, "releases", "level", "residual", "residual_before", "rise_residual"),
         "force_offsets": list(found.force_offsets),
         "warnings": list(found.warnings),
     }
@@ -67,7 +65,7 @@ def fit_lines(
 
     Args:
         found: The fit.
-        profiles: Of its parameters.
+        profiles: Profiles of its parameters.
         every: Whether to add the table of the fixed numbers' effects.
     """
     lines = [
@@ -120,8 +118,8 @@ def _quality_line(good: Quality) -> str:
 
 def _suggestion_line(suggestion: Suggestion) -> str:
     gain = f"weighted sum of squares {suggestion.reduction:.0f} less"
-    if suggestion.name == CONTACT:
-        return f'  suggested: set {CONTACT} = "surface" in the rig ({gain})'
+    if suggestion.name == keys.CONTACT:
+        return f'  suggested: set {keys.CONTACT} = "surface" in the rig ({gain})'
     value = _quantity(suggestion.value, suggestion.unit)
     return f"  suggested: free {suggestion.name}, about {value} ({gain})"
 

@@ -1,4 +1,4 @@
-"""What goes with the judgements of touch, as JSON and as text."""
+"""Judgements of touch and their associations as JSON and as text."""
 
 from dataclasses import asdict
 from typing import Any

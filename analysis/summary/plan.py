@@ -42,7 +42,7 @@ def plan_lines(
     Args:
         rig: The bench.
         draft: The plan.
-        warnings: Of the plan and of the prediction that it rests on.
+        warnings: Warnings about the plan and about the prediction that it uses.
         all_checks: List every check instead of the tightest and the failed ones.
     """
     cruise = draft.cruise
@@ -113,9 +113,9 @@ def mount_lines(rig: Rig, found: Mount) -> list[str]:
         f"rig {rig.name}: clamp the base at x = {found.base_x * 1e3:.2f} mm,"
         f" z = {found.base_z * 1e3:.2f} mm, elbow {found.elbow}"
         f" ({distance * 1e3:.3g} mm from the base in the rig file)",
-        f"finger at this base: {error} at most, {increase} more for each mm of distance from it"
-        " that the rig file states",
-        "errors for a base that differs from the rig file's:",
+        f"finger at this base: {error} at most; if you clamp it elsewhere and enter that place in"
+        f" the rig file: {increase} more per mm of distance",
+        "errors if the clamped base differs from the one in the rig file:",
     ]
     for what, cost in (
         ("1 mm along x", found.unnoticed_x),

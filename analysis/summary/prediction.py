@@ -5,6 +5,7 @@ from typing import Any
 
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.model.string.string import first_mode_release_speed
+from sautereau.analysis.summary.text import part_of
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 
@@ -16,15 +17,14 @@ def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:
     state = found.choirs[0].released_string  # at a fold a speed is infinite, and None here
     of_choir = ("contact", "release", "plectrum_force", "release_lift", "work")
     return {
-        **{name: getattr(found, name) for name in names},
+        **part_of(found, *names),
         "v_osc_first_mode": first_mode_release_speed(rig.string, found.release_lift),
         "released_string": {
             name: speed if math.isfinite(speed := getattr(state, name)) else None
             for name in ("x", "z", "velocity_x", "velocity_z")
         },
         "choirs": [
-            {name: getattr(choir, name) for name in of_choir}
-            | {"gives_way": choir.released_at_fold}
+            part_of(choir, *of_choir) | {"gives_way": choir.released_at_fold}
             for choir in found.choirs
         ],
     }

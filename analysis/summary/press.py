@@ -12,7 +12,7 @@ HEADER = (
     f"{'':<13} {'jack speed':>10}  contact  release pluck duration\n"
     f"{'press':<15} {'(m/s)':>8} {'(ms)':>8} {'(ms)':>8} {'(ms)':>8} release force (N)"
 )
-"""Of the rows, which fit into 80 columns."""
+"""Head of the rows, which fit into 80 columns."""
 
 
 def press_summary(press: Press, phases: Phases) -> dict[str, Any]:

@@ -18,7 +18,7 @@ SIGNS = {
     "magnitude_error": ("smaller", "larger"),
     "duration_error": ("shorter", "longer"),
 }
-"""Of the model where its error is negative, and where it is positive."""
+"""Words for a model whose error is negative, and for one whose error is positive."""
 DRIFTING = ("pluck_duration", "release_force")
 """Features whose drift the text reports: of more, some would be significant by chance."""
 _OF_SEVERAL = ("presses", "changed", "warnings")

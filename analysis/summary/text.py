@@ -1,4 +1,6 @@
-"""Phrases that several summaries share."""
+"""Phrases and parts that several summaries share."""
+
+from typing import Any
 
 SOME_SIMULATED = "SIMULATED: at least one of these presses was made on the stand-in"
 """First line of the text on presses of which any was made on a stand-in."""
@@ -8,6 +10,11 @@ _PLURALS = {"press": "presses", "plectrum": "plectra"}
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun in the singular or the plural: `1 press`, `2 plectra`."""
     return f"{count} {noun if count == 1 else _PLURALS.get(noun, f'{noun}s')}"
+
+
+def part_of(found: object, *names: str) -> dict[str, Any]:
+    """Return some attributes of a result by their names."""
+    return {name: getattr(found, name) for name in names}
 
 
 def percent(ratio: float) -> str:

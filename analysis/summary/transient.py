@@ -4,9 +4,10 @@ import cmath
 from collections.abc import Sequence
 from typing import Any
 
-from sautereau.analysis.summary.text import SOME_SIMULATED, counted
-from sautereau.analysis.transient import Attributed, Examined, Observed
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted, part_of
+from sautereau.analysis.transient import Attributed, Examined, ObservedMode
 
+_MODE = ("frequency", "frequency_std", "damping", "damping_std")
 UNDECIDED = "cannot be decided from these recordings"
 
 
@@ -20,16 +21,9 @@ def transient_summary(examined: Sequence[Examined], found: Sequence[Attributed])
         ],
         "oscillations": [
             {
-                "frequency": each.oscillation.frequency,
-                "frequency_std": each.oscillation.frequency_std,
-                "damping": each.oscillation.damping,
-                "damping_std": each.oscillation.damping_std,
-                "consistent": each.oscillation.consistent,
-                "source": each.source,
-                "probability": dict(each.probability),
-                "deciding": each.deciding,
-                "seen": each.oscillation.seen,
-                "presses": each.oscillation.presses,
+                **part_of(each.oscillation, *_MODE, "consistent"),
+                **part_of(each, "source", "probability", "deciding"),
+                **part_of(each.oscillation, "seen", "presses"),
                 "modes": [_mode(observed) for observed in each.oscillation.observed],
             }
             for each in found
@@ -37,7 +31,7 @@ def transient_summary(examined: Sequence[Examined], found: Sequence[Attributed])
     }
 
 
-def _mode(observed: Observed) -> dict[str, Any]:
+def _mode(observed: ObservedMode) -> dict[str, Any]:
     mode = observed.mode
     channels = {}
     for name, value, std in zip(
@@ -53,10 +47,7 @@ def _mode(observed: Observed) -> dict[str, Any]:
     return {
         "press": observed.press,
         "phase_of_press": observed.phase,
-        "frequency": mode.frequency,
-        "frequency_std": mode.frequency_std,
-        "damping": mode.damping,
-        "damping_std": mode.damping_std,
+        **part_of(mode, *_MODE),
         **channels,
         "force_over_inertia": {
             "size": abs(observed.ratio),

@@ -1,13 +1,14 @@
 """The transient phase of a press: its damped modes, and to which part of the bench they belong."""
 
-from sautereau.analysis.transient.attribute import Attributed, Source, attribute
+from sautereau.analysis.transient.attribute import Attributed, attribute
 from sautereau.analysis.transient.combine import Oscillation, combine
-from sautereau.analysis.transient.evidence import Examined, Observed, examine
+from sautereau.analysis.transient.evidence import Examined, ObservedMode, examine
+from sautereau.analysis.transient.sources import Source
 
 __all__ = [
     "Attributed",
     "Examined",
-    "Observed",
+    "ObservedMode",
     "Oscillation",
     "Source",
     "attribute",

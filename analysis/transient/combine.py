@@ -6,63 +6,65 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from sautereau.analysis.transient.evidence import PHASES, Examined, Observed
+from sautereau.analysis.transient.evidence import PHASES, Examined, ObservedMode
 from sautereau.trajectory.motion import Floats
 
 SAME = 0.04
-"""Dimensionless, difference of frequencies of one oscillation: finger contact and string add
-stiffness in some phases."""
+"""Relative difference up to which frequencies belong to one oscillation. Finger contact and string
+add stiffness in some phases."""
 DEVIATIONS = 3.0
-"""Standard uncertainties by which frequencies of one oscillation may differ as well."""
+"""Standard uncertainties by which frequencies of one oscillation may differ in addition."""
 VISIBLE = 2.0
-"""An oscillation counts as absent from a stretch where it would be this much above the limit."""
+"""An oscillation is absent from a stretch that does not show it if it would be this many times
+larger than the smallest visible amplitude there."""
 CONSISTENT = 0.01
-"""Dimensionless, least probability of the scatter of the frequencies."""
+"""Smallest probability of the scatter of frequencies that agree."""
 
 
 @dataclass(frozen=True)
 class Oscillation:
-    """Modes of one frequency in several phases and presses."""
+    """Modes of the same frequency in several phases and presses."""
 
-    observed: tuple[Observed, ...]
+    observed: tuple[ObservedMode, ...]
     frequency: float
     """Hz, weighted mean."""
     frequency_std: float
-    """Hz, standard uncertainty, with the scatter where that is larger than expected."""
+    """Hz, standard uncertainty; it includes the scatter if that is larger than expected."""
     damping: float
-    """Fraction of critical damping, weighted mean."""
+    """Damping ratio, weighted mean."""
     damping_std: float
+    """Standard uncertainty of the damping ratio."""
     consistent: bool
     """Whether the frequencies agree within their uncertainties."""
     seen: dict[str, float]
-    """Fraction of the stretches of a phase with the oscillation, of those that would show it."""
+    """For each phase: fraction of the stretches that show it, among those that could show it."""
     presses: int
     """Number of presses that show it."""
     speeds: tuple[float, float]
-    """m/s, of the slowest and the fastest of these presses."""
+    """m/s, jack speeds of the slowest and the fastest of these presses."""
 
     @property
-    def clearest(self) -> Observed:
-        """The mode with the most certain ratio of force to velocity."""
+    def clearest(self) -> ObservedMode:
+        """The mode whose ratio of force to velocity has the smallest uncertainty."""
         return min(self.observed, key=lambda each: (bool(each.unseen), each.ratio_std))
 
 
 def combine(examined: Sequence[Examined]) -> list[Oscillation]:
-    """Return the oscillations of several presses of one bench, by frequency."""
+    """Return the oscillations of several presses on one bench, ordered by frequency."""
     modes = sorted(
         (each for press in examined for each in press.observed), key=lambda o: o.mode.frequency
     )
-    groups: list[list[Observed]] = []
+    groups: list[list[ObservedMode]] = []
     for each in modes:
         if groups and _same(groups[-1], each):
             groups[-1].append(each)
         else:
             groups.append([each])
-    # What only the rest shows is no transient.
+    # An oscillation that only the rest shows is not transient.
     return [_oscillation(g, examined) for g in groups if any(o.phase != "rest" for o in g)]
 
 
-def _same(group: list[Observed], each: Observed) -> bool:
+def _same(group: list[ObservedMode], each: ObservedMode) -> bool:
     mean, std = _mean([(o.mode.frequency, o.mode.frequency_std) for o in group])[:2]
     doubt = DEVIATIONS * float(np.hypot(std, each.mode.frequency_std))
     return each.mode.frequency - mean < SAME * mean + min(doubt, SAME * mean)
@@ -81,7 +83,7 @@ def _mean(values: list[tuple[float, float]]) -> tuple[float, float, bool]:
     return mean, spread, bool(chi2.sf(scatter, dof) > CONSISTENT)
 
 
-def _oscillation(group: list[Observed], examined: Sequence[Examined]) -> Oscillation:
+def _oscillation(group: list[ObservedMode], examined: Sequence[Examined]) -> Oscillation:
     frequency, frequency_std, consistent = _mean(
         [(o.mode.frequency, o.mode.frequency_std) for o in group]
     )

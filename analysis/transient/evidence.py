@@ -1,8 +1,8 @@
 """The damped modes in the phases of one press, and the ratio of force to velocity in each.
 
-Each phase is low-passed and decimated inside itself, so that nothing of contact and release enters.
-Of a long phase the part in which a mode has the largest amplitude is used: the end of the free
-phase, and the start of the others.
+Each phase is low-passed and decimated on its own, so that contact and release have no effect. Of a
+long phase only the part is used in which the modes have their largest amplitudes: the end of the
+free phase, and the start of the other phases.
 """
 
 from dataclasses import dataclass, replace
@@ -19,26 +19,26 @@ from sautereau.trajectory.motion import Floats
 
 PHASES = ("rest", "free", "held", "released")
 LONGEST = 40e-3
-"""s, of the examined part of a phase."""
+"""Longest examined part of a phase (s)."""
 LEAST_RATE = 10e3
-"""Hz, to which faster recordings are decimated."""
+"""Smallest sampling rate after decimation (Hz)."""
 TAPS = 12
-"""Length of the low-pass in decimated samples."""
+"""Length of the low-pass filter in decimated samples."""
 DEVIATIONS = 3.0
-"""Standard uncertainties of contact and release that a stretch stays away from them."""
+"""Distance of a stretch from contact and release, in their standard uncertainties."""
 FULL_SPEED = 0.95
-"""Dimensionless, fraction of the free speed at which the run-up ends."""
+"""Fraction of the free speed at which the run-up ends."""
 CONTACT_LOST = 0.3
-"""Dimensionless, fraction of the force in the free phase below which the key leaves the finger."""
+"""Fraction of the force in the free phase below which the key is not in contact with the finger."""
 ABOVE_REST = 4.0
-"""Least amplitude of a mode in its uncertainties, with the noise at rest at its frequency."""
+"""Smallest amplitude of a mode, in its uncertainties at the noise level at its frequency."""
 SPREAD = 18
-"""Samples on either side of flagged samples that are replaced by a line."""
+"""Samples before and after flagged samples that are also replaced by a line."""
 
 
 @dataclass(frozen=True)
-class Observed:
-    """One damped mode in one phase of one press; channels are force, velocity."""
+class ObservedMode:
+    """One damped mode in one phase of one press; its channels are force and velocity."""
 
     press: int
     """Number of the press, from 0."""
@@ -46,14 +46,14 @@ class Observed:
     """One of `PHASES`."""
     mode: Mode
     ratio: complex
-    """Force over the force that the key's inertia needs for the acceleration; dimensionless.
+    """Force, divided by the force that accelerates the key's inertia in this way; dimensionless.
 
     It is 1 for a rigid key on which only the finger's force oscillates.
     """
     ratio_std: float
     """Standard uncertainty of the logarithm of `ratio`."""
     unseen: str = ""
-    """`force` or `velocity` if that channel does not show the mode; the ratio is then a limit."""
+    """`force` or `velocity` if that channel does not show the mode. The ratio is then a limit."""
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,9 @@ class Examined:
     speed: float
     """m/s, of the jack before contact."""
     stretches: tuple[Stretch, ...]
-    observed: tuple[Observed, ...]
+    observed: tuple[ObservedMode, ...]
     notes: tuple[str, ...]
-    """Phases that could not be examined, and why."""
+    """Phases that could not be examined, with reasons."""
 
 
 def examine(press: Press, phases: Phases, number: int = 0) -> Examined:
@@ -90,12 +90,12 @@ def examine(press: Press, phases: Phases, number: int = 0) -> Examined:
     Args:
         press: The recording.
         phases: Its phases, as `sautereau.analysis.phases.find_phases` returns them.
-        number: Of the press among several, from 0.
+        number: Number of the press among several, from 0.
 
     Raises:
         AnalysisError: The key does not move, or samples are not finite numbers.
     """
-    time = press.data.index.to_numpy()
+    time = press.time
     if not phases.bottom > phases.start:
         raise AnalysisError(
             f"press {press.path}: the key does not move down, so it has no transient; check the"
@@ -130,8 +130,8 @@ def examine(press: Press, phases: Phases, number: int = 0) -> Examined:
 
 
 def _bridged(press: Press, time: Floats, name: str) -> Floats:
-    """Return a channel with lines over its flagged samples."""
-    (signal,) = press.columns(name)
+    """Return a channel with straight lines in place of its flagged samples."""
+    signal = press.samples[name]
     if not np.isfinite(signal).all():
         raise AnalysisError(
             f"press {press.path}: {int(np.sum(~np.isfinite(signal)))} samples of its {name} are"
@@ -147,20 +147,20 @@ def _bridged(press: Press, time: Floats, name: str) -> Floats:
 
 
 def _rest_end(press: Press, phases: Phases) -> float:
-    """Return the end of the rest before the motion [s]."""
-    (rise,) = press.columns("jack_rise")
+    """Return the end [s] of the rest before the motion."""
+    rise = press.samples["jack_rise"]
     moved = int(np.argmax(rise > 3e-4 * rise.max()))
-    return min(phases.start, float(press.data.index[moved])) - 1e-3
+    return min(phases.start, float(press.time[moved])) - 1e-3
 
 
 def _bounds(
     press: Press, phases: Phases, force: Floats, notes: list[str]
 ) -> list[tuple[str, float, float]]:
     """Return phase, start and stop [s] of every stretch to examine."""
-    time = press.data.index.to_numpy()
+    time = press.time
     rest = _rest_end(press, phases)
     found = [("rest", max(float(time[0]), rest - LONGEST), rest)]
-    (speed,) = press.columns("jack_speed")
+    speed = press.samples["jack_speed"]
     moving = (time > phases.start) & (speed >= FULL_SPEED * phases.free_speed)
     steady = float(time[np.argmax(moving)])
     first = phases.plucks[0] if phases.plucks else None
@@ -188,7 +188,10 @@ def _bounds(
 
 
 def _touching(time: Floats, touching: np.ndarray, start: float, stop: float) -> tuple[float, float]:
-    """Return start and stop [s] of the first long stretch, or the longest, with finger contact."""
+    """Return start and stop [s] of the first long enough stretch with finger contact.
+
+    If all are short, return the longest one.
+    """
     inside = slice(*np.searchsorted(time, (start, stop)))
     edges = np.diff(np.concatenate([[0], touching[inside].astype(int), [0]]))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
@@ -201,7 +204,7 @@ def _touching(time: Floats, touching: np.ndarray, start: float, stop: float) -> 
 
 
 class _LowPass:
-    """Low-pass and decimation inside a stretch."""
+    """Low-pass filter and decimation of a stretch."""
 
     def __init__(self, rate: float):
         self.factor = max(1, int(rate // LEAST_RATE))
@@ -227,7 +230,7 @@ class _LowPass:
         )
 
     def gain(self, frequency: float) -> float:
-        """Return the response at a frequency [Hz]."""
+        """Return the gain of the filter at a frequency [Hz]."""
         place = np.arange(len(self.weights)) - len(self.weights) // 2
         return float(self.weights @ np.cos(2 * np.pi * frequency / self.full * place))
 
@@ -247,7 +250,7 @@ class _Noise:
         level = rest - (line @ np.linalg.lstsq(line, rest.T, rcond=None)[0]).T
         window = np.hanning(n)
         power = np.abs(np.fft.rfft(level * window, axis=1)) ** 2 / np.sum(window**2)
-        # The median of a band, as hum is a line in it.
+        # Hum is a narrow line, which the median of a band ignores.
         band = power[:, int(0.05 * n) : int(0.38 * n)]
         self.white = np.maximum(np.sqrt(np.median(band, axis=1) / np.log(2)), floor)
         smooth = np.array([np.convolve(p, np.ones(5) / 5, "same") for p in power])
@@ -255,15 +258,15 @@ class _Noise:
         self.frequency = np.fft.rfftfreq(n, 1 / rate)
 
     def is_below(self, mode: Mode) -> bool:
-        """Return whether a mode is larger than the noise at its frequency."""
+        """Return whether the noise at a mode's frequency is smaller than the mode."""
         local = np.array([np.interp(mode.frequency, self.frequency, row) for row in self.level])
         return bool(np.any(np.abs(mode.amplitude) > ABOVE_REST * local * mode.amplitude_std))
 
 
 def _observed(
     press: Press, number: int, stretch: Stretch, mode: Mode, low_pass: _LowPass
-) -> Observed:
-    """Return a mode with its ratio of force to velocity, undoing the low-pass."""
+) -> ObservedMode:
+    """Return a mode without the gain of the low-pass filter, with its ratio of force to inertia."""
     key = press.rig.key
     inertia = key.inertia + press.rig.jack.mass * key.jack_arm**2
     gain = low_pass.gain(mode.frequency)
@@ -276,4 +279,4 @@ def _observed(
     needed = inertia / (key.laser_arm * key.press_arm) * pole * used[1]
     relative = mode.amplitude_std / np.maximum(sizes, DEVIATIONS * mode.amplitude_std)
     ratio, ratio_std = complex(used[0] / needed), float(np.hypot(*relative))
-    return Observed(number, stretch.phase, mode, ratio, ratio_std, unseen)
+    return ObservedMode(number, stretch.phase, mode, ratio, ratio_std, unseen)

@@ -22,7 +22,7 @@ def held_frequencies(choir: Choir, highest: float) -> Floats:
     An ideal string with a spring k at the plucking point a: the slope changes there by k / T times
     the displacement, so T p sin(p L) + k sin(p a) sin(p (L - a)) = 0 with p = w / c (P. Morse,
     Vibration and Sound, 1948, section 9). k = 3 EI / s^3 is the tip stiffness of a uniform
-    plectrum that touches the string at s, its length less the overlap.
+    plectrum that touches the string at s, its length minus the overlap.
     """
     string, plectrum = choir.string, choir.plectrum
     section = plectrum.width * plectrum.thickness**3 / 12

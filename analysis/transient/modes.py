@@ -1,10 +1,10 @@
 """Damped modes of a short stretch of several channels, with standard errors.
 
 Channel c is modelled as the sum of Re(A_c exp((-d + i w) t)) over the modes, plus a polynomial.
-All channels share frequency and decay. Poles from ESPRIT (R. Roy and T. Kailath, IEEE Trans. ASSP
-37, 1989) start a least-squares fit in which amplitudes and polynomials are eliminated (variable
-projection, G. Golub and V. Pereyra, 1973). Modes are added one by one as long as noise alone would
-explain the gain with a probability below `ALARM` per stretch.
+All channels share frequency and decay. A least-squares fit starts from the poles that ESPRIT finds
+(R. Roy and T. Kailath, IEEE Trans. ASSP 37, 1989). Amplitudes and polynomials are eliminated from
+it (variable projection, G. Golub and V. Pereyra, 1973). Modes are added one by one as long as noise
+alone would cause their gain with a probability below `ALARM` per stretch.
 """
 
 from dataclasses import dataclass
@@ -17,20 +17,21 @@ from scipy.stats import chi2
 from sautereau.trajectory.motion import Floats
 
 ALARM = 1e-3
-"""Dimensionless, probability of a mode in a stretch of white noise."""
+"""Probability of finding a mode in a stretch of white noise."""
 MOST = 7
-"""Largest number of modes of a stretch, with those that are no oscillations."""
+"""Largest number of modes of a stretch, including those that are not oscillations."""
 DEGREE = 4
-"""Of the polynomial."""
+"""Degree of the polynomial."""
 LEAST_CYCLES = 3.0
-"""Fewest periods of an oscillation in a stretch; what is slower is fitted, and not reported."""
+"""Smallest number of periods of an oscillation in a stretch. A slower mode is not reported."""
 MOST_DAMPING = 0.1
-"""Dimensionless, largest fraction of critical damping of an oscillation."""
+"""Largest damping ratio of an oscillation."""
 MOST_DOUBT = 0.05
-"""Dimensionless, relative uncertainty of a frequency above which a mode is not reported."""
+"""Relative uncertainty of the frequency above which a mode is not reported."""
 BAND = 0.4
-"""Highest frequency of a mode over the sample rate."""
+"""Highest frequency of a mode, divided by the sampling rate."""
 LEAST_SAMPLES = 32
+"""Smallest number of samples of a stretch."""
 ORDER = 10
 """Number of poles that ESPRIT estimates."""
 TRIALS = 3.0
@@ -50,13 +51,13 @@ class Mode:
     decay_std: float
     """1/s."""
     amplitude: NDArray[np.complex128]
-    """At the start of the stretch, in the channels' units; phase of a cosine."""
+    """Complex amplitude of a cosine at the start of the stretch, in the channels' units."""
     amplitude_std: Floats
-    """Of the real part and of the imaginary part."""
+    """Standard uncertainty of its real part, and of its imaginary part."""
 
     @property
     def damping(self) -> float:
-        """Fraction of critical damping."""
+        """Damping ratio."""
         return self.decay / float(np.hypot(self.decay, 2 * np.pi * self.frequency))
 
     @property
@@ -68,15 +69,16 @@ class Mode:
 
 @dataclass(frozen=True)
 class Modes:
-    """The modes of a stretch, the largest in the first channel first, and how well they fit."""
+    """The fitted modes of a stretch."""
 
     modes: tuple[Mode, ...]
+    """Ordered by their amplitude in the first channel, the largest first."""
     smallest: Floats
-    """Smallest amplitude per channel that would be found, shape (channels,)."""
+    """Smallest amplitude that would be found, for each channel; shape (channels,)."""
     fit: Floats
-    """Modes and polynomials, shape (channels, n)."""
+    """Sum of modes and polynomials, shape (channels, n)."""
     excess: float
-    """Dimensionless, variance of the residuals over that of the noise."""
+    """Variance of the residuals, divided by that of the noise."""
 
 
 def fit_modes(signals: Floats, rate: float, noise: Floats) -> Modes:
@@ -100,7 +102,7 @@ def fit_modes(signals: Floats, rate: float, noise: Floats) -> Modes:
         _, after = fit.solve(more)
         gain = float(np.sum(left**2) - np.sum(after**2))
         excess = max(1.0, float(np.sum(after**2)) / (dof - 2 - 2 * white.shape[1]))
-        if gain / excess < _threshold(white, ALARM):
+        if gain / excess < _threshold(white):
             break
         poles, left = more, after
         dof -= 2 + 2 * white.shape[1]
@@ -108,20 +110,20 @@ def fit_modes(signals: Floats, rate: float, noise: Floats) -> Modes:
     scale = noise * np.sqrt(max(1.0, excess))
     return Modes(
         modes=fit.described(poles, scale),
-        smallest=scale * np.sqrt(4 * _threshold(white, ALARM) / len(white)),
+        smallest=scale * np.sqrt(4 * _threshold(white) / len(white)),
         fit=(white - left).T * noise[:, None],
         excess=excess,
     )
 
 
-def _threshold(white: Floats, alarm: float) -> float:
-    """Return the gain in chi2 that noise alone exceeds with a probability."""
+def _threshold(white: Floats) -> float:
+    """Return the gain in chi-squared that noise alone exceeds with the probability `ALARM`."""
     n, channels = white.shape
-    return float(chi2.isf(alarm / (TRIALS * n / 2), 2 + 2 * channels))
+    return float(chi2.isf(ALARM / (TRIALS * n / 2), 2 + 2 * channels))
 
 
 class _Fit:
-    """Variable projection: whitened signals (n, channels) on modes and polynomial."""
+    """Variable projection of whitened signals (n, channels) onto modes and polynomial."""
 
     def __init__(self, white: Floats, rate: float):
         self.white, self.rate = white, rate
@@ -139,7 +141,7 @@ class _Fit:
         return np.repeat(least, count), np.repeat(most, count)
 
     def oscillates(self, decay: float, omega: float) -> bool:
-        """Return whether a pole is an oscillation, and no slow or overdamped motion."""
+        """Return whether a pole is an oscillation, and not a slow or overdamped motion."""
         return bool(
             self.slowest < omega < 0.99 * self.fastest
             and -1.5 / self.duration < decay < MOST_DAMPING * omega
@@ -179,7 +181,7 @@ class _Fit:
         return (q @ (q.T @ moved) - moved).reshape(-1, len(poles))
 
     def refine(self, poles: Floats) -> Floats:
-        """Return the poles of least squares near a start."""
+        """Return the least-squares poles near a start."""
         least, most = self.bounds(poles)
         found = least_squares(
             lambda x: self.residuals(x / self.duration).T.ravel(),
@@ -197,7 +199,7 @@ class _Fit:
 
         Args:
             poles: Decays [1/s], then angular frequencies [rad/s].
-            scale: Noise per channel, in its unit, shape (channels,).
+            scale: Noise of each channel in its unit, shape (channels,).
         """
         count = len(poles) // 2
         if not count:
@@ -237,7 +239,7 @@ class _Fit:
 
 
 def _best_start(fit: _Fit, poles: Floats, left: Floats) -> Floats | None:
-    """Return the poles with the one of the residuals' that explains most; None without one."""
+    """Return the poles with the pole of the residuals that explains most; None without one."""
     found = esprit(left.T, ORDER) * fit.rate
     decay, omega = -found.real, found.imag
     decay = np.clip(decay, 0, fit.fastest / 4)

@@ -3,12 +3,12 @@
 The mobility H = v / F of taps with force F and velocity v is estimated with the least error in v
 (H1, the cross-spectrum over the spectrum of the force), with its coherence g^2 over the taps. Its
 standard uncertainty is |H| sqrt((1 - g^2) / (2 n g^2)) for n taps (J. Bendat and A. Piersol, Random
-Data, ch. 9). The modes are those of
+Data, ch. 9). The fitted modes w_k, d_k are those of
 
     H = i w (sum over modes of (A + i w A') / (w_k^2 - w^2 + 2 i d_k w_k w) + B) + C / (i w),
 
-with A' of damping that couples modes, B of the modes above and C of the rotation below. They are
-added one by one; the linear A, A', B and C are eliminated (variable projection).
+where A' describes damping that couples modes, B the modes above the band and C the rotation below
+it. Modes are added one by one; the linear A, A', B and C are eliminated (variable projection).
 """
 
 from collections.abc import Sequence
@@ -22,24 +22,36 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
 
-BEFORE, LENGTH = 5e-3, 0.2
-"""s, of a tap's record before its largest force, and in all."""
+LENGTH = 0.2
+"""Length of the record of a tap (s)."""
+BEFORE = 5e-3
+"""Time in that record before the largest force (s)."""
 APART = 0.25
-"""s, least time between two taps."""
-LEAST_TAPS, LEAST_PEAK, OVER_NOISE = 3, 0.02, 8.0
-"""Fewest taps; smallest peak [N] of a tap, and over the noise of the force."""
-BESIDE = 0.3e-3
-"""s, of a tap before and after its force exceeds the noise."""
+"""Smallest time between two taps (s)."""
+LEAST_TAPS = 3
+"""Smallest number of taps."""
+LEAST_PEAK = 0.02
+"""Smallest peak force of a tap (N)."""
+OVER_NOISE = 8.0
+"""Smallest peak force of a tap, divided by the noise of the force."""
+MARGIN = 0.3e-3
+"""Time before and after the force exceeds the noise that still belongs to a tap (s)."""
 BAND = (40.0, 2500.0)
-"""Hz, in which modes are sought."""
-COHERENT, LEAST_COHERENCE = 0.5, 0.8
-"""Dimensionless: frequencies with less coherence are omitted; least coherence at a mode."""
+"""Frequencies between which modes are searched (Hz)."""
+COHERENT = 0.5
+"""Smallest coherence of a frequency that is used in the fit."""
+LEAST_COHERENCE = 0.8
+"""Smallest coherence at the frequency of a mode that is reported."""
 ACCURACY = 0.01
-"""Dimensionless, accuracy of the frequency response besides its noise."""
-MOST, TABLE, DAMPINGS = 5, 40, (0.01, 0.08)
-"""Largest number of modes; frequencies and damping ratios of the table in which they are sought."""
+"""Relative accuracy of the frequency response, apart from its noise."""
+MOST = 5
+"""Largest number of modes."""
+TABLE = 40
+"""Number of frequencies at which a mode is tried."""
+DAMPINGS = (0.01, 0.08)
+"""Damping ratios at which a mode is tried."""
 LEAST_GAIN = 0.7
-"""Largest sum of squares over that without a mode for which the mode is kept."""
+"""A mode is kept if it reduces the sum of squares below this fraction."""
 
 
 @dataclass(frozen=True)
@@ -51,30 +63,32 @@ class TapMode:
     frequency_std: float
     """Hz, standard uncertainty."""
     damping: float
-    """Dimensionless, fraction of critical damping."""
+    """Damping ratio."""
     damping_std: float
-    """Dimensionless, standard uncertainty."""
+    """Standard uncertainty of the damping ratio."""
     coherence: float
-    """Of force and velocity at its frequency."""
+    """Coherence of force and velocity at its frequency."""
 
 
 @dataclass(frozen=True)
 class TapResponse:
-    """What the frequency response of a tapped key shows."""
+    """The modes in the frequency response of a tapped key."""
 
     taps: int
+    """Number of taps."""
     highest: float
-    """Hz, up to which modes were sought."""
+    """Highest frequency at which modes were searched (Hz)."""
     modes: tuple[TapMode, ...]
-    """By frequency."""
+    """Ordered by frequency."""
 
 
 def tap_response(recordings: Sequence[tuple[Floats, Floats]], rate: float) -> TapResponse:
     """Return the frequency response and the modes of a tapped key.
 
     Args:
-        recordings: Force [N] and velocity [m/s], without the sensors' delays; shape (n,) each.
-        rate: Hz, of all recordings.
+        recordings: Force [N] and velocity [m/s], corrected for the sensors' delays; shape (n,)
+            each.
+        rate: Hz, sampling rate of all recordings.
 
     Raises:
         AnalysisError: There are too few taps.
@@ -101,7 +115,7 @@ def tap_response(recordings: Sequence[tuple[Floats, Floats]], rate: float) -> Ta
 
 
 def _taps(force: Floats, velocity: Floats, rate: float) -> list[tuple[Floats, Floats]]:
-    """Return the records of the taps, both without their means before the tap."""
+    """Return force and velocity of each tap; their values before the tap are subtracted."""
     from scipy.signal import find_peaks
 
     before, count = round(BEFORE * rate), round(LENGTH * rate)
@@ -121,8 +135,8 @@ def _taps(force: Floats, velocity: Floats, rate: float) -> list[tuple[Floats, Fl
 
 
 def _touching(level: Floats, noise: float, rate: float) -> NDArray[np.bool_]:
-    """Return where a force is more than noise: what it records else would lower the response."""
-    near = np.ones(2 * round(BESIDE * rate) + 1)
+    """Return where a force exceeds its noise; noise elsewhere would lower the response."""
+    near = np.ones(2 * round(MARGIN * rate) + 1)
     return np.asarray(np.convolve(np.abs(level) > OVER_NOISE / 2 * noise, near, "same") > 0.5)
 
 
@@ -172,7 +186,7 @@ def _modes(
 
 
 def _left(turn: Floats, mobility: NDArray[np.complex128], spread: Floats, modes: Floats) -> Floats:
-    """Return the residuals of real and imaginary part over their uncertainty, shape (2 n,)."""
+    """Return real and imaginary parts of the residuals, divided by their uncertainty; (2 n,)."""
     columns = [1j * turn, 1 / (1j * turn)]
     for frequency, damping in modes:
         own = 2 * np.pi * frequency

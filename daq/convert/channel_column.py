@@ -1,4 +1,4 @@
-"""The column of an imported file that a channel gets, and what its values stand for."""
+"""The column of an imported file that holds a channel, and the meaning of its values."""
 
 from dataclasses import dataclass
 
@@ -17,8 +17,8 @@ class ChannelColumn:
     name: str
     """Name of the column."""
     unit_value: float
-    """What the value 1 in the column stands for, in V, in ``channel.unit`` or in m; negative
-    for an inverted sensor."""
+    """Quantity of the value 1 in the column, in V, in ``channel.unit`` or in m; negative for an
+    inverted sensor."""
     unit: str
     """V, ``channel.unit``, or m for the displacement whose derivative the channel measures."""
 
@@ -35,7 +35,7 @@ def column_of(
     column = options.column.get(name, name if name in source.names else None)
     if column is None:
         faults.append(
-            f"{name}: which column? give --column.{name} NAME or --without {name};"
+            f"{name}: its column is missing; give --column.{name} NAME or --without {name};"
             f" {names_of(source)}"
         )
     elif column not in source.names:
@@ -57,7 +57,7 @@ def _unit_value(
     options: ImportOptions,
     faults: list[str],
 ) -> tuple[float, str] | None:
-    """Return what the value 1 in a channel's column stands for, and in which unit."""
+    """Return the quantity of the value 1 in a channel's column, and its unit."""
     name, column_unit = channel.name, source.units.get(column or "", "")
     if source.full_scale:
         what, example = "full scale", '"4 V"'
@@ -71,7 +71,7 @@ def _unit_value(
         lacking = "unit" if source.full_scale else "full scale"
         faults.append(f"{name}: a {source.kind} file has no {lacking}; give {option} {example}")
     if not text:
-        faults.append(f"{name}: which {what}? give {option} {example}")
+        faults.append(f"{name}: its {what} is missing; give {option} {example}")
         return None
     integral = {"m/s": "m"}.get(channel.unit)
     for possible in filter(None, ("V", channel.unit, integral)):
@@ -87,7 +87,7 @@ def _unit_value(
 
 
 def value_in(text: str, unit: str) -> float | None:
-    """Return a quantity in a unit [SI]; NI capitalises its units: Volts."""
+    """Return a quantity in an SI unit, None if it has another dimension; NI writes Volts."""
     for spelling in (text, text.lower()):
         try:
             return parse_quantity(spelling, unit)

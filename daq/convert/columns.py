@@ -61,7 +61,7 @@ def columns_of(recorded: Recorded, raw: bool) -> Iterator[Column]:
 
 
 def si_values(channel: Channel, volts: Signal, rate: float) -> Column:
-    """Return what a channel measured at the times of the rows, as far as its sensor shows it."""
+    """Return the SI values of a channel at the times of the rows that have one."""
     n, lag = len(volts), channel.lag * rate
     early = min(n, ceil(max(0.0, -lag) - 1e-9))
     values = undelayed(correct(volts, channel, rate), lag + early)[: n - early]

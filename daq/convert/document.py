@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -200,7 +200,7 @@ def _faults(document: Document) -> list[str]:
 def _lists(series: Plan | Joints | None) -> dict[str, list[float]] | None:
     if series is None:
         return None
-    return {field.name: getattr(series, field.name).tolist() for field in fields(series)}
+    return {name: values.tolist() for name, values in vars(series).items()}
 
 
 def _arrays(kind: Any, lists: dict[str, list[float]] | None) -> Any:

@@ -8,10 +8,8 @@ from sautereau.daq.convert.columns import columns_of
 from sautereau.daq.convert.document import SIDECAR, document_text
 from sautereau.daq.convert.to_tables import to_csv, to_parquet
 from sautereau.daq.convert.to_waveforms import to_hdf5, to_tdms, to_wav
-from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.reading import read_recording
-from sautereau.rig.faults import fault_list
 
 Format = Literal["parquet", "csv", "h5", "wav", "tdms"]
 """Formats, by their file extensions."""
@@ -51,37 +49,6 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
     document = document_text(recorded, {column.name: column.about for column in columns})
     parts = WRITERS[to](recorded, columns, document)
     return _write({out.with_name(out.name + end): write for end, write in parts.items()})
-
-
-def targets(files: list[Path], to: str, out: Path | None) -> list[tuple[Path, Path]]:
-    """Return each recording with the file to write.
-
-    Args:
-        files: Recordings.
-        to: File extension.
-        out: File, or existing folder; None for the folder of each recording.
-
-    Raises:
-        RecordingError: Several recordings would go into one file.
-    """
-    if out is not None and not out.is_dir() and len(files) > 1:
-        raise RecordingError(
-            f"export to {out}: {len(files)} recordings cannot go into one file; give an existing"
-            " folder"
-        )
-    pairs = []
-    for file in files:
-        name = f"{file.stem}.{to}"
-        pairs.append((file, out / name if out and out.is_dir() else out or file.with_name(name)))
-    made = [target for _, target in pairs]
-    faults = [
-        f"{target}: given twice; export one of them with another --out"
-        for target in dict.fromkeys(made)
-        if made.count(target) > 1
-    ]
-    if faults:
-        raise RecordingError(fault_list("export", faults))
-    return pairs
 
 
 def files_of(to: str, out: Path) -> list[Path]:

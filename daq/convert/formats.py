@@ -1,4 +1,4 @@
-"""Import formats: a registry by file extension, and what each of them returns of a file.
+"""Import formats: a registry by file extension, and what each format returns for a file.
 
 A format is a function that takes a path and returns an `ImportSource`.
 docs/add-an-import-format.md shows how another package adds one.
@@ -72,7 +72,7 @@ class ImportSource:
     where: Callable[[int], str] = place_of
     """Returns the place of a row, counted from 0, for messages."""
     cut: str = ""
-    """Why the file may have been cut off, which only the user can exclude."""
+    """Why the file may be truncated; only the user knows whether it is. Empty without a reason."""
 
 
 def extensions() -> str:

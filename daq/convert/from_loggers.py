@@ -96,8 +96,9 @@ def _numbers(properties: Mapping[str, Mapping[str, Any]], key: str) -> dict[str,
 def open_wav(path: Path) -> ImportSource:
     """Open a WAV file; its channels are called 1, 2 and so on, in fractions of full scale.
 
-    Of an export, with its metadata beside it, they are volts. Integers of b bits are divided by
-    2^(b - 1), which is exact; those of 8 bits are unsigned, and 128 is subtracted first.
+    If the file is an export with its metadata beside it, the values are volts. Integers of b bits
+    are divided by 2^(b - 1), which is exact. Integers of 8 bits are unsigned, so 128 is subtracted
+    first.
 
     Raises:
         RecordingError: It is damaged, or not a WAV file.
@@ -140,7 +141,7 @@ def open_wav(path: Path) -> ImportSource:
 
 
 def _check_chunks(path: Path) -> None:
-    """Refuse a file that is shorter than its chunks say; scipy would read what there is."""
+    """Refuse a file that is shorter than its chunks say; scipy would read a part."""
     size = path.stat().st_size
     with path.open("rb") as file:
         name, length, _ = struct.unpack("<4sI4s", file.read(12))

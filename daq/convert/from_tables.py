@@ -36,6 +36,9 @@ def open_csv(path: Path) -> ImportSource:
     document = read_sidecar(path)
     refuse_size(path.stat().st_size)
     layout = find_layout(path)
+    with path.open("rb") as file:
+        file.seek(-1, io.SEEK_END)
+        ends_a_line = file.read(1) in b"\r\n"
 
     def read(names: list[str]) -> Columns:
         table = _read(path, layout, names)
@@ -69,7 +72,7 @@ def open_csv(path: Path) -> ImportSource:
         started=next(iter(layout.dates.values()), None),
         document=document,
         where=where,
-        cut="" if _ends_a_line(path) else LAST_LINE,
+        cut="" if ends_a_line else LAST_LINE,
     )
 
 
@@ -129,12 +132,6 @@ def _line_of(path: Path, layout: Layout, row: int) -> int:
     with path.open(encoding=layout.encoding) as file:
         filled = (n for n, line in enumerate(file, 1) if n > layout.skip and line.strip())
         return next(islice(filled, row, None), row + 1 + layout.skip)
-
-
-def _ends_a_line(path: Path) -> bool:
-    with path.open("rb") as file:
-        file.seek(-1, io.SEEK_END)
-        return file.read(1) in b"\r\n"
 
 
 def open_parquet(path: Path) -> ImportSource:

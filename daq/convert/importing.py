@@ -25,7 +25,7 @@ from sautereau.rig.schema import Rig
 ENDING = ".importing.part"
 """Appended to the name of a recording until its import is complete."""
 SMOOTHED = 5
-"""Samples of the polynomial of degree 4 whose derivative is a displacement's velocity."""
+"""Number of samples that a polynomial of degree 4 is fitted to, to differentiate a displacement."""
 
 
 @dataclass(frozen=True)
@@ -44,25 +44,6 @@ class Imported:
     """Time from sample 0, the nearest to the trigger, to the trigger, s."""
     warnings: tuple[str, ...] = ()
     """What is doubtful about the samples, and how to fix it."""
-
-
-def targets(files: list[Path], out: Path) -> list[tuple[Path, Path]]:
-    """Return each file with the recording to write.
-
-    Args:
-        files: Files of other programs.
-        out: Recording, or existing folder.
-
-    Raises:
-        RecordingError: Several files would become one recording.
-    """
-    pairs = [(file, out / f"{file.stem}.mcap" if out.is_dir() else out) for file in files]
-    if len({target for _, target in pairs}) < len(pairs):
-        raise RecordingError(
-            f"import into {out}: several of the {len(files)} files would become one recording; give"
-            " an existing folder, and files with different names"
-        )
-    return pairs
 
 
 def import_file(
@@ -104,7 +85,7 @@ def import_file(
 def _restore(
     source: ImportSource, document: Document, rig: Rig | None, out: Path, notes: str, origin: str
 ) -> Imported:
-    """Write the recording that an export was made of."""
+    """Write the recording from which an export was made."""
     if rig is not None and rig != document.rig:
         raise RecordingError(
             f"it was recorded on the rig {document.rig.name!r} with other values than those of"
@@ -159,7 +140,7 @@ def _import(
     if time is not None:
         start, rate, warnings = start_and_rate(data[time] * settings.time_unit, rate, source)
     if rate is None:
-        raise RecordingError("which sampling rate? give --rate")
+        raise RecordingError("the sampling rate is missing; give --rate")
     place = (start - settings.trigger) * rate
     if not abs(place) <= FARTHEST_SAMPLE:
         raise RecordingError(
@@ -208,7 +189,7 @@ def _recording(
     t0_ns: int,
     t0_std: float | None = None,
 ) -> Iterator[Recording]:
-    """Open a recording whose trigger has the date ``t0_ns``, with its volts; no fault leaves it."""
+    """Open a recording with its volts and the date of its trigger; after an error delete it."""
     ends = (first, first + volts.shape[1])
     if faults := time_faults(t0_ns, rate, *ends):
         raise RecordingError(f"{fault_list('its samples', faults)}; correct the rate")
@@ -231,18 +212,13 @@ def _recording(
     try:
         with recording:
             opened = True
-            _write_volts(recording, volts, first, rig.daq.block)
+            for at in range(0, volts.shape[1], rig.daq.block):
+                recording.write_block(Block(first + at, volts[:, at : at + rig.daq.block]))
             yield recording
     except BaseException:
         if opened:  # the samples are in the imported file
             recording.part_path.unlink(missing_ok=True)
         raise
-
-
-def _write_volts(recording: Recording, volts: Signal, first: int, size: int) -> None:
-    """Write volts of shape (n_channels, n) in blocks; ``first`` is the index of their first."""
-    for at in range(0, volts.shape[1], size):
-        recording.write_block(Block(first + at, volts[:, at : at + size]))
 
 
 def _volts(values: Signal, column: ChannelColumn, rate: float) -> Signal:

@@ -1,4 +1,4 @@
-"""Layout of a text table: where its rows begin, what its columns are called and measured in.
+"""Layout of a text table: its first row, and the names and units of its columns.
 
 Loggers and oscilloscopes write lines before the table, as `key,value`, `key = value` or comments.
 The table is the longest run of lines with numbers in the same columns.
@@ -16,19 +16,19 @@ from sautereau.rig.units import parse_quantity
 HEAD = 262_144
 """Bytes at the start of a file in which its rows must begin."""
 MOST_LINES = 500
-"""Lines of these bytes that are looked at."""
+"""Limit of the lines in these bytes that are examined."""
 DIALECTS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (" ", "."), (" ", ","))
-"""Delimiters and decimal signs; of equally good ones the first that the lines contain."""
+"""Delimiters and decimal signs. If several fit equally well, the first of them is used."""
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d.*")
 IN_NAME = re.compile(r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+))\s*")
 """A name with its unit: `force (N)`, `force [N]`, `force / N`."""
 UNIT = re.compile(r"[^\W\d_]{1,20}(\^?[23]|[²³])?(/[^\W\d_]{1,20}(\^?[23]|[²³])?)?")
-"""What a file may say of units; anything longer is no unit."""
+"""Spelling of a unit in a file; a longer text is not a unit."""
 MEASURED_IN = ("V", "s", "m/s", "N", "m", "Hz")
 """Dimensions of the units that are recognised."""
 COMMA = str.maketrans({",": ".", ".": "'"})
-"""Makes a decimal point of a comma, and of a point a sign that is in no number."""
+"""Replaces a comma by a decimal point, and a point by a character that no number contains."""
 ROWS = ("record length", "data count", "data quantity", "segmentsize", "points")
 """Keys, in lower case, of a preamble's number of rows."""
 
@@ -219,7 +219,8 @@ def _described(
 def _names_in(cells: Cells, width: int) -> Cells | None:
     """Return the names in the line above the rows; None if it is not a line of names."""
     cells = cells[cells[0] == "#" :]
-    bare = _bare(cells)
+    last = max((i for i, cell in enumerate(cells) if cell), default=-1)
+    bare = cells[: last + 1]
     if not cells or (len(bare) != width and len(cells) != width):
         return None
     if cells[0].startswith("#") and width == 1:
@@ -230,12 +231,6 @@ def _names_in(cells: Cells, width: int) -> Cells | None:
     # Keysight calls its columns x-axis, 1, 2.
     numbers = [_is_number(cell) for cell in texts]
     return texts if not any(numbers) or texts[0] == "x-axis" else None
-
-
-def _bare(cells: Cells) -> Cells:
-    """Return the cells without the empty ones at the end."""
-    last = max((i for i, cell in enumerate(cells) if cell), default=-1)
-    return cells[: last + 1]
 
 
 def _inner(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Options of an import: what the files of other programs do not hold."""
+"""Options of an import: facts that files of other programs do not state."""
 
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -11,28 +11,28 @@ MODIFIED = "modified"
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """What the file does not hold; an empty mapping or None is not given."""
+    """Facts that the file does not state; an empty value means that none is given."""
 
     column: dict[str, str] = field(default_factory=dict)
-    """Column of a channel: --column.velocity NAME. Default: the column named as the channel."""
+    """Column of a channel: --column.velocity NAME. Default: the column with the channel's name."""
     unit: dict[str, str] = field(default_factory=dict)
     """Unit of a channel's values: --unit.velocity V, or mm/s."""
     full_scale: dict[str, str] = field(default_factory=dict)
     """Full scale of a WAV file's channel: --full-scale.velocity "100 mm/s", or "4 V"."""
     without: tuple[str, ...] = ()
-    """Channel of the rig that the file does not hold; repeat it for several."""
+    """Channel of the rig that the file does not contain. Repeat it for several."""
     invert: tuple[str, ...] = ()
-    """Channel whose sensor has the opposite sign; repeat it for several."""
+    """Channel whose sensor has the opposite sign. Repeat it for several."""
     time: str | None = None
     """Column of times, or of ISO 8601 dates."""
     time_unit: str | None = None
-    """Unit of the column of times: ms. Default: as the file says, else s."""
+    """Unit of the column of times: ms. Default: the unit in the file, or s."""
     rate: str | None = None
     """Sample rate: "51.2 kHz"."""
     trigger: str | None = None
     """Time of the trigger: "12 ms" in the column of times, or after the start of the file."""
     started: str | None = None
-    """Date of the file's time 0: 2026-02-03T04:05:06+01:00, or "modified" for that of the file."""
+    """Date of the file's time 0: 2026-02-03T04:05:06+01:00, or "modified", the date of the file."""
     simulated: bool | None = None
     """Whether the data were simulated, or measured on an instrument."""
     complete: bool | None = None
@@ -46,7 +46,7 @@ class ImportOptions:
 
 
 def refuse_options(options: ImportOptions) -> None:
-    """Refuse any option for an export by sautereau, which holds all of this itself.
+    """Refuse any option for an export by sautereau, which states all of this itself.
 
     Raises:
         RecordingError: Names the options given.

@@ -9,11 +9,11 @@ from sautereau.rig.measured import MEASURED
 LIMITS = {"velocity": (1e-4, 10.0), "force": (1e-3, 200.0)}
 """Smallest and largest plausible magnitude of a press, SI units, by quantity."""
 ONSET = 0.3
-"""1, fraction of the largest magnitude at which the key counts as moving."""
+"""Dimensionless, fraction of the largest magnitude above which the key counts as moving."""
 AVERAGED = 0.005
-"""1, fraction of the record over which the first deviation is averaged."""
+"""Dimensionless, fraction of the record over which the first deviation is averaged."""
 REST = 0.02
-"""1, fraction of the record at its start that is taken as rest."""
+"""Dimensionless, fraction of the record, from its start, that counts as rest."""
 
 
 def doubts(volts: Signal, channel: Channel) -> list[str]:

@@ -23,7 +23,7 @@ class Profile(ImportOptions):
     """Path of a rig file, relative to the profile's folder, or name of a packaged one."""
 
     def under(self, given: ImportOptions) -> ImportOptions:
-        """Return the options, those that are given instead of the profile's."""
+        """Return the profile's options; those that are given replace them."""
         own = {one.name: getattr(self, one.name) for one in fields(ImportOptions)}
         for name, value in given.given().items():
             own[name] = own[name] | value if isinstance(value, dict) else value

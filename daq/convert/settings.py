@@ -1,4 +1,4 @@
-"""Settings of an import: options combined with what the file holds; or all that is missing."""
+"""Settings of an import, from the options and the file; an error lists all that is missing."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -25,7 +25,7 @@ class ImportSettings:
     rate: float | None
     """Hz; None if it follows from the column of times."""
     time_unit: float
-    """What the value 1 in the column of times stands for, s."""
+    """Duration of the value 1 in the column of times, s."""
     trigger: float
     """Time of the trigger on the file's own time axis, s."""
     start: float
@@ -60,11 +60,11 @@ def resolve_options(
     rate = _rate(source, columns, options, faults)
     time_unit = _time_unit(source, options, faults)
     if source.cut and not options.complete:
-        faults.append(f"{source.cut}; look at it, and give --complete if it is not")
+        faults.append(f"{source.cut}; if the file is complete, give --complete")
     trigger = _trigger(options, faults)
     started = _started(source, options, modified, faults)
     if options.simulated is None:
-        faults.append("measured or simulated? give --measured or --simulated")
+        faults.append("it may be measured or simulated; give --measured or --simulated")
     elif SIMULATED in source.names and not options.simulated:
         faults.append(f"its column {SIMULATED!r} says that a stand-in made it; give --simulated")
     starts = {source.starts.get(column.name, 0.0) for column in columns}
@@ -128,7 +128,7 @@ def _rate(
         return None
     if options.rate is None:
         if not in_file and options.time is None:
-            faults.append('which sampling rate? give --rate "51.2 kHz", or --time COLUMN')
+            faults.append('the sampling rate is missing; give --rate "51.2 kHz", or --time COLUMN')
         return next(iter(in_file), None)
     rate = _quantity("rate", options.rate, "Hz", "51.2 kHz", faults)
     if rate is not None and rate <= 0:
@@ -156,7 +156,7 @@ def _started(
         return datetime.fromtimestamp(modified, UTC)
     example = "--started 2026-02-03T04:05:06+01:00"
     if text is None:
-        faults.append(f"which date is the file's time 0? give {example}")
+        faults.append(f"the date of the file's time 0 is missing; give {example}")
         return None
     try:
         started = datetime.fromisoformat(text)
@@ -181,7 +181,7 @@ def _time_unit(source: ImportSource, options: ImportOptions, faults: list[str]) 
 def _trigger(options: ImportOptions, faults: list[str]) -> float | None:
     if options.trigger is None:
         faults.append(
-            'when did the trigger occur on the file\'s own time axis? give --trigger "12 ms"'
+            'the time of the trigger on the file\'s time axis is missing; give --trigger "12 ms"'
         )
         return None
     trigger = _quantity("trigger", options.trigger, "s", "12 ms", faults)

@@ -9,11 +9,11 @@ from sautereau.daq.file.recorded import Signal
 EVEN = 0.1
 """Sampling intervals by which a time may differ from an even grid, since files round times."""
 LOOSE = 1.0
-"""The same if the rate is given; at one interval and more, a sample may be missing."""
+"""The same if the rate is given; from one interval on, a sample may be missing."""
 EXACT = 1e-6
-"""Sampling intervals up to which the times are an even grid as written."""
+"""Sampling intervals by which the times of an exactly even grid may differ from it."""
 RATE_ERROR = 1e-4
-"""1, relative uncertainty of a rate above which it is reported."""
+"""Dimensionless, relative uncertainty of a rate above which a warning reports it."""
 PLAUSIBLE = (100.0, 1e7)
 """Hz, range of usual sampling rates."""
 MOST_DIGITS = 12
@@ -27,7 +27,7 @@ def start_and_rate(
 
     Args:
         times: Shape (n_samples,), s.
-        rate: Hz; None if it follows from the times. If it is given, they only have to confirm it.
+        rate: Hz; None to compute it from the times. A given rate is compared with them.
         source: The file, for the place of a row in messages.
 
     Raises:

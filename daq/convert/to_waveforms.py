@@ -17,10 +17,10 @@ from sautereau.rig.extras import require
 def to_hdf5(recorded: Recorded, columns: Sequence[Column], document: str) -> Parts:
     """Return an HDF5 file laid out as in Neurodata Without Borders.
 
-    ``acquisition/NAME/data`` are the counts or raw volts of a channel, and ``processing/NAME/data``
-    its SI values. What they are in their ``unit`` is data * ``conversion`` + ``offset``, both
-    attributes; ``starting_time`` beside them is the time of the first value in s after the
-    trigger, with the attribute ``rate`` in Hz. The data set ``sautereau`` is the document.
+    ``acquisition/NAME/data`` holds the counts or raw volts of a channel, ``processing/NAME/data``
+    its SI values. The value in ``unit`` is data * ``conversion`` + ``offset``; all three are
+    attributes. ``starting_time`` beside the data is the time of the first value in s after the
+    trigger; its attribute ``rate`` is in Hz. The data set ``sautereau`` is the document.
     """
     require("hdf5", "export to HDF5", "h5py")
     import h5py
@@ -80,9 +80,8 @@ def to_tdms(recorded: Recorded, columns: Sequence[Column], document: str) -> Par
 def to_wav(recorded: Recorded, columns: Sequence[Column], document: str) -> Parts:
     """Return a WAV file of doubles with the raw volts alone, and the document beside it.
 
-    The value 1 is the power of two from the channel's range up, in V, so that no bit changes. The
-    rate in the file is rounded to an integer, as its format requires; the document has the exact
-    one.
+    The value 1 means the smallest power of two, in V, that is not below the channel's range, so
+    that no bit changes. The format requires an integer rate; the document holds the exact one.
     """
     from scipy.io import wavfile
 

@@ -1,12 +1,9 @@
 """A recording as an xarray Dataset."""
 
-from dataclasses import fields
 from typing import Any
 
-import numpy as np
-
 from sautereau.daq.convert.columns import si_values
-from sautereau.daq.file.recorded import Joints, Plan, Recorded
+from sautereau.daq.file.recorded import Recorded
 from sautereau.rig.extras import require
 from sautereau.rig.measured import MEASURED
 
@@ -53,18 +50,10 @@ def to_xarray(recorded: Recorded, *, raw: bool = False) -> Any:
     for kind, series in (("joints", recorded.joints), ("plan", recorded.plan)):
         if series is not None:
             coordinates[f"{kind}_time"] = (f"{kind}_time", series.t, {"units": "s"})
-            variables |= _motion(kind, series)
+            for name, values in vars(series).items():
+                if name != "t" and len(values):
+                    units = {"units": JOINT_UNITS.get(name, "rad")}
+                    variables[f"{kind}_{name}"] = (f"{kind}_time", values, units)
     about = {key: text for key, text in recorded.session.to_metadata().items() if text}
     about |= {"rig": recorded.rig.name, "rate_Hz": recorded.rate, "t0_ns": recorded.t0_ns}
     return xr.Dataset(variables, coordinates, about)
-
-
-def _motion(kind: str, series: Joints | Plan) -> dict[str, Any]:
-    """Return the variables of a motion, those that were recorded."""
-    found = {}
-    for field in fields(series):
-        values = getattr(series, field.name)
-        if field.name != "t" and len(values):
-            units = {"units": JOINT_UNITS.get(field.name, "rad")}
-            found[f"{kind}_{field.name}"] = (f"{kind}_time", np.asarray(values), units)
-    return found

@@ -56,15 +56,15 @@ from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
 VIEWED = ("/preview", "/motion", "/scene", "/transforms")
-"""Starts of topics for viewers, whose messages are counted and not read."""
+"""Prefixes of the topics for viewers. Their messages are counted and not read."""
 LEAST_RECORDS = 200_000
-"""Records of chunks that any file may hold; those of previews count as one where they are alike."""
+"""Limit of the records in the chunks of any file. A run of equally long previews counts as one."""
 SMALLEST_RECORD = 16
-"""Byte of a file for each of the records that it may hold beyond those."""
+"""Bytes of a file that allow it one more record."""
 
 
 class Contents:
-    """What a recording holds besides its samples; `messages` fills it while it reads."""
+    """What a recording holds besides its samples; `blocks` fills it while it reads."""
 
     def __init__(self, size: int) -> None:
         """Start empty, for a file of ``size`` bytes."""
@@ -262,7 +262,7 @@ class Contents:
 
 
 def _of_format_1(topic: str, data: memoryview) -> tuple[SampleLayout, WireBlock]:
-    """Return a block of one channel, as format 1 has them."""
+    """Return a block of format 1, which holds one channel."""
     block = decode("Samples", bytes(data))
     layout = SampleLayout((topic.removeprefix("/daq/"),), "float64", ())
     volts = memoryview(block.volts)

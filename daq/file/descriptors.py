@@ -30,16 +30,6 @@ INFO, ERROR = 2, 4
 _Field = descriptor_pb2.FieldDescriptorProto
 _Fields = Mapping[str, "str | tuple[int, str]"]
 """Type of each field, with its number if that is not its place."""
-_TYPES = {
-    "int64": _Field.TYPE_INT64,
-    "sfixed64": _Field.TYPE_SFIXED64,
-    "float": _Field.TYPE_FLOAT,
-    "double": _Field.TYPE_DOUBLE,
-    "string": _Field.TYPE_STRING,
-    "bytes": _Field.TYPE_BYTES,
-    "bool": _Field.TYPE_BOOL,
-    "enum": _Field.TYPE_ENUM,
-}
 _ARRAY = "doubles"
 _TIMESTAMP = "google.protobuf.Timestamp"
 
@@ -130,13 +120,14 @@ def _add(file: descriptor_pb2.FileDescriptorProto, name: str, fields: _Fields) -
             continue
         if kind.startswith("repeated "):
             kind, added.label = kind.removeprefix("repeated "), _Field.LABEL_REPEATED
-        added.type = _TYPES.get(kind, _Field.TYPE_MESSAGE)
+        scalar = f"TYPE_{kind.upper()}"
+        added.type = getattr(_Field, scalar, _Field.TYPE_MESSAGE)
         if kind == "enum":
             added.type_name = f".{file.package}.{name}.Level"
             levels = message.enum_type.add(name="Level")
             for level, text in enumerate(("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL")):
                 levels.value.add(name=text, number=level)
-        elif kind not in _TYPES:
+        elif not hasattr(_Field, scalar):
             added.type_name = f".{kind}"
 
 

@@ -11,6 +11,8 @@ from typing import NamedTuple
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.checksum import crc32
 from sautereau.daq.file.container.records import (
+    CHUNK_INDEX,
+    INDEX_OFFSET,
     LARGEST_CHUNK,
     MAGIC,
     PREFIX,
@@ -22,12 +24,10 @@ from sautereau.daq.file.provenance import PROFILE
 
 _FOOTER = struct.Struct("<BQQQI")  # prefix, summary start, summary offset start, CRC
 _DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before
-_CHUNK_INDEX = struct.Struct("<QQQQI")  # start, end, offset, length, size of the offsets
-_OFFSET = struct.Struct("<HQ")  # channel, offset of its MessageIndex
 _CRC_SIZE = 4
 PIECE = 128 * 1024
-"""Bytes read at a time; a longer record as one piece, so that it is still in the processor's cache
-when it is used."""
+"""Bytes read at a time. A longer record is read as one piece: it is then still in the processor's
+cache when it is used."""
 _BEYOND = 8 * 1024  # bytes read beyond a long record: the index of its messages
 FOREIGN = "another program has changed it: use the file as sautereau wrote it"
 """End of messages about content that sautereau never writes."""
@@ -130,8 +130,8 @@ def chunk_index(file: BufferedReader) -> list[IndexedChunk]:
     for opcode, body in records(file, summary, footer):
         if opcode == Opcode.CHUNK_INDEX:
             try:
-                _, end, at, length, size = _CHUNK_INDEX.unpack_from(body)
-                offsets = _OFFSET.iter_unpack(body[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size])
+                _, end, at, length, size = CHUNK_INDEX.unpack_from(body)
+                offsets = INDEX_OFFSET.iter_unpack(body[CHUNK_INDEX.size : CHUNK_INDEX.size + size])
             except struct.error as error:
                 raise RecordingError(f"a record of its index is too short; {FOREIGN}") from error
             channels = frozenset(channel for channel, _ in offsets)
@@ -140,14 +140,14 @@ def chunk_index(file: BufferedReader) -> list[IndexedChunk]:
 
 
 class Section:
-    """Consecutive records of a file, read through one buffer and summed meanwhile."""
+    """Reads consecutive records of a file through one buffer, and sums their bytes."""
 
     def __init__(self, file: BufferedReader, start: int, end: int):
-        """Start at an offset of the file; ``end`` is that of the byte after the last."""
+        """Start at an offset of the file; ``end`` is the offset of the byte after the last."""
         self._file, self._left = file, end - start
         file.seek(start)
         self._buffer = memoryview(bytearray(min(PIECE, end - start)))
-        self._at = self._stop = 0  # of the bytes that are read and not yet taken
+        self._at = self._stop = 0  # range of unread bytes in the buffer
         self.crc = 0
         """Checksum of all bytes read so far."""
 
@@ -171,11 +171,16 @@ class Section:
                 yield Record(opcode, self._buffer[begin : self._at])
 
     def _need(self, n: int) -> None:
-        """Read on until ``n`` bytes that are not taken are in the buffer."""
+        """Fill the buffer until it holds ``n`` unread bytes."""
         held = self._stop - self._at
         if held >= n:
             return
-        _refuse_length(n, n > held + self._left)
+        if n > held + self._left:
+            raise RecordingError(f"a record of {n} bytes reaches beyond its section; {FOREIGN}")
+        if n > LARGEST_CHUNK:
+            raise RecordingError(
+                f"a record of {n} bytes exceeds the limit of {LARGEST_CHUNK} bytes; {FOREIGN}"
+            )
         rest = self._buffer[self._at : self._stop]
         stop = min(max(n + _BEYOND, PIECE), held + self._left)
         if stop > len(self._buffer):
@@ -191,16 +196,6 @@ class Section:
 def records(file: BufferedReader, start: int, end: int) -> Iterator[Record]:
     """Return the records between two offsets of a file; see `Section.records`."""
     return Section(file, start, end).records()
-
-
-def _refuse_length(length: int, beyond: bool) -> None:
-    """Refuse a record that is too long, or reaches ``beyond`` its section."""
-    if beyond:
-        raise RecordingError(f"a record of {length} bytes reaches beyond its section; {FOREIGN}")
-    if length > LARGEST_CHUNK:
-        raise RecordingError(
-            f"a record of {length} bytes exceeds the limit of {LARGEST_CHUNK} bytes; {FOREIGN}"
-        )
 
 
 def check_header(file: BufferedReader) -> None:

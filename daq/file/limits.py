@@ -15,9 +15,10 @@ FARTHEST_SAMPLE = 2**53
 FARTHEST_TIME = 9e9
 """s, limit of a time after or before the trigger: dates have 64 bits of ns."""
 MOST_VOLTS = 512 * 1024**2
-"""Byte of volts to which any file may be read at once."""
+"""Limit in bytes of the volts that are read at once from any file."""
 VOLTS_PER_BYTE = 32
-"""Byte of volts for each byte of a larger file; the noise of a converter leaves fewer."""
+"""The same limit of a larger file, per byte of the file. A converter's noise cannot be compressed
+as much."""
 MOST_EVENTS = 100_000
 """Limit for a recording."""
 
@@ -54,7 +55,7 @@ def series_faults(name: str, series: Plan | Joints | None) -> list[str]:
         required = ("t", "q1", "q2", "jack_rise")
         if len({len(a) for key, a in arrays.items() if key in required or len(a)}) < 2:
             return []
-    return [f"{name}: not columns of equally many finite numbers"]
+    return [f"{name}: its columns must have equally many numbers, all of them finite"]
 
 
 def event_faults(events: "tuple[Event, ...] | list[Event]") -> list[str]:
@@ -71,5 +72,5 @@ def event_faults(events: "tuple[Event, ...] | list[Event]") -> list[str]:
         return []
     return [
         f"events: one has no finite time within FARTHEST_TIME = {FARTHEST_TIME:g} s, no finite"
-        " uncertainty, or a kind or text that is none"
+        " uncertainty, or a kind or text that is not text"
     ]

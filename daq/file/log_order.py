@@ -1,8 +1,8 @@
 """The messages of a recording in the order of their log times.
 
-A block has the log time of its first sample. The previews up to there, and the events, precede it,
-so that only the first samples of a block must be filtered before it is written. What is given only
-after the samples of its time, as the motion of the joints, follows at the end.
+A block has the log time of its first sample. Previews and events before this time precede the
+block. Messages that are given only after the samples of their time, such as the motion of the
+joints, follow at the end.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
-from sautereau.daq.file.counts import Samples
+from sautereau.daq.file.counts import Samples, write_volts
 from sautereau.daq.file.descriptors import MOTION
 from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.recorded import Event, Signal
@@ -56,8 +56,7 @@ class LogOrder:
         self._scale = _scale(rig, layout if self._linear else None)
         self._decimator = Decimator(rate, len(layout.names))
         self.margin = self._decimator.margin
-        """Least samples of a block for the previews up to it to precede it."""
-        self._places = np.empty(0, np.int64)
+        """Number of samples that a block needs so that the previews before it are complete."""
         self._values = np.empty((len(layout.names), 0), np.float32)
         self._pending: list[_Pending] = []
 
@@ -107,29 +106,28 @@ class LogOrder:
         writer.add_message(self.topics[TOPIC], self._date(first / self._rate), head, data)
 
     def write_rest(self, writer: McapWriter) -> None:
-        """Write all previews that are left, and all that waits for its time."""
+        """Write the remaining previews and all pending messages."""
         self._write_views(writer, None)
 
     def _preview(self, samples: Samples) -> None:
-        """Add samples, shape (n_channels, n), to the preview; its new values wait."""
+        """Filter samples, shape (n_channels, n), and keep the new values of the preview."""
         with np.errstate(over="ignore", invalid="ignore"):  # samples may be any double
             room = self._decimator.room(samples.shape[1])
             if self._linear:
                 room[:] = samples
             else:
-                self._layout.write_volts(samples, room)
-            places, filtered = self._decimator.rest()
+                write_volts(samples, self._layout.scaling, room)
             offset, gain = self._scale
-            values = filtered * gain + offset
-        self._places = np.concatenate([self._places, places + self._begin])
+            values = self._decimator.rest() * gain + offset
         self._values = np.concatenate([self._values, values], axis=1)
 
     def _write_views(self, writer: McapWriter, stop: int | None) -> None:
-        """Write the previews and what waits up to a sample, or all of it."""
-        n = len(self._places) if stop is None else int(self._places.searchsorted(stop))
-        rows = encode_rows(self._values[:, :n])
-        since_trigger = self._places[:n] * (1e9 / self._rate)
-        self._places, self._values = self._places[n:], self._values[:, n:]
+        """Write the previews and the pending messages up to a sample; None for all."""
+        waiting, step = self._values.shape[1], self._decimator.factor
+        place = self._begin + self._decimator.place - step * waiting
+        n = waiting if stop is None else min(waiting, max(0, -((place - stop) // step)))
+        rows, self._values = encode_rows(self._values[:, :n]), self._values[:, n:]
+        since_trigger = np.arange(place, place + step * n, step) * (1e9 / self._rate)
         times = np.maximum(0, (self.t0 or 0) + np.rint(since_trigger).astype(np.int64))
         preview, at = self.topics["/preview"], 0
         for date, topic, data in self._due(None if stop is None else stop / self._rate):
@@ -141,7 +139,7 @@ class LogOrder:
         writer.add_run(preview, times[at:], rows[at:])
 
     def _due(self, until: float | None) -> list[tuple[int, str, Callable[[int], bytes]]]:
-        """Remove and return what waits up to a time, s after the trigger, in order of date."""
+        """Remove and return the pending messages up to a time, s after the trigger, by date."""
         due = [one for one in self._pending if until is None or one.time <= until]
         if due:
             self._pending = [
@@ -160,9 +158,11 @@ class LogOrder:
 
 
 def _scale(rig: Rig, layout: SampleLayout | None) -> NDArray[np.float32]:
-    """Return SI units at 0 and per unit of the samples of a layout, each of shape (n_channels, 1).
+    """Return offset and gain that convert samples to SI units, each of shape (n_channels, 1).
 
-    None for volts.
+    Args:
+        rig: The rig with its channels.
+        layout: Layout of the samples, with linear scaling; None for volts.
     """
     per_volt = np.array([channel.scale for channel in rig.daq.channels])
     rows = layout.scaling if layout and layout.scaling else [(0.0, 1.0)] * len(per_volt)

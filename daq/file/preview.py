@@ -13,7 +13,7 @@ PASS_BAND = 0.2
 """Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %."""
 
 Values = NDArray[np.float32]
-"""Single precision is what a preview has in the file, and half the time of the filter."""
+"""A preview has single precision, as in the file; this halves the time of the filter."""
 
 
 def low_pass(factor: int) -> NDArray[np.float64]:
@@ -55,10 +55,11 @@ class Decimator:
         self._length = len(weights)
         self._held = np.empty((n_channels, 0), np.float32)
         self._fill = 0
-        self._first = 0
+        self.place = self.margin
+        """Index of the sample at the next value of the preview, counted from the very first."""
 
     def room(self, n: int) -> Values:
-        """Return the place of the next ``n`` samples, shape (n_channels, n), to be filled."""
+        """Return a buffer for the next ``n`` samples, shape (n_channels, n), to be filled."""
         start, self._fill = self._fill, self._fill + n
         if self._fill > self._held.shape[1]:
             held = self._held[:, :start]
@@ -67,27 +68,26 @@ class Decimator:
         return self._held[:, start : self._fill]
 
     def feed(self, values: NDArray[np.float64]) -> tuple[NDArray[np.int64], Values]:
-        """Add samples, shape (n_channels, n), in any unit; return as `rest`."""
+        """Add samples, shape (n_channels, n), in any unit; return places and values as `rest`."""
+        first = self.place
         self.room(values.shape[1])[:] = values
-        return self.rest()
+        found = self.rest()
+        return np.arange(first, self.place, self.factor), found
 
-    def rest(self) -> tuple[NDArray[np.int64], Values]:
-        """Return the new values of the preview.
+    def rest(self) -> Values:
+        """Return the new values of the preview, shape (n_channels, n), in the unit of the samples.
 
-        Returns:
-            Places in samples from the very first, shape (n,), and values, shape (n_channels, n), in
-            the unit of the samples. The filter has no delay.
+        The filter has no delay.
         """
         n, fill = max(0, (self._fill - self._length) // self.factor + 1), self._fill
-        places = self._first + self.margin + self.factor * np.arange(n)
         values = self._filtered(n)
-        left = fill - n * self.factor
-        self._held[:, :left] = self._held[:, n * self.factor : fill].copy()
-        self._first, self._fill = self._first + n * self.factor, left
-        return places, values
+        used = n * self.factor
+        self._held[:, : fill - used] = self._held[:, used:fill].copy()
+        self.place, self._fill = self.place + used, fill - used
+        return values
 
     def _filtered(self, n: int) -> Values:
-        """Return n values, each the sum of the products of as many rows as there are columns."""
+        """Return ``n`` values; each sums the products of consecutive rows and columns."""
         columns = self._columns.shape[1]
         rows = n + columns - 1 if n else 0
         # The weights that the last row has beyond the samples are zero.

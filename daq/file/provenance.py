@@ -30,13 +30,13 @@ from sautereau.rig.units import shown
 PROFILE = "sautereau"
 """Profile in the header of sautereau's MCAP files."""
 COPIES = 2
-"""Copies of the metadata, so that damage to one leaves the other."""
+"""Number of copies of the metadata: one survives damage to the other."""
 LIBRARIES = ("sautereau", "numpy", "scipy", "nidaqmx", "grpcio", "pyserial", "mcap", "protobuf")
 """Distributions whose versions are recorded."""
 
 
 FORMAT = "2"
-"""Of the recordings that are written; those of format 1 do not name theirs."""
+"""Format of the recordings that are written. Recordings of format 1 do not state a format."""
 
 
 def write_head(

@@ -1,14 +1,15 @@
 """Read a recording: complete or not at all, or one stretch at a time in the memory of one."""
 
 from collections.abc import Iterator
+from itertools import takewhile
 from math import ceil
 from pathlib import Path
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.records import MAGIC, Opcode, read_metadata
+from sautereau.daq.file.container.records import MAGIC, Opcode
 from sautereau.daq.file.contents import Contents
 from sautereau.daq.file.integrity import chunk_index, opened, records, size_of
-from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch, session_from_metadata
+from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch
 from sautereau.daq.file.runs import Runs
 from sautereau.daq.file.verified import verified, verifying
 
@@ -94,15 +95,9 @@ def read_session(path: str | Path) -> SessionInfo:
         RecordingError: The file does not exist, is not from sautereau, or its start is damaged.
     """
     with opened(Path(path)) as file:
-        for opcode, body in records(file, len(MAGIC), size_of(file)):
-            if opcode == Opcode.CHUNK:
-                break
-            if (
-                opcode == Opcode.METADATA
-                and (record := read_metadata(bytes(body))).name == "session"
-            ):
-                return session_from_metadata(record.metadata)
-        raise RecordingError("it lacks the metadata session; give a recording of a press")
+        contents, every = Contents(size_of(file)), records(file, len(MAGIC), size_of(file))
+        list(contents.blocks(takewhile(lambda record: record.opcode != Opcode.CHUNK, every)))
+        return contents.session()
 
 
 def _unequal(part: Recorded) -> bool:

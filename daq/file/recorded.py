@@ -18,7 +18,7 @@ Signal = NDArray[np.float64]
 MOTION = "motion"
 """Kind of the event that is the start of the arm's motion."""
 BY_EDGE = "started, by the trigger's edge"
-"""Its text where an output of the controller has started the acquisition."""
+"""Text of that event if an output of the controller started the acquisition."""
 _BEFORE_SESSIONS = {"session": "", "item": "", "warm_up": "false"}
 """Metadata of a recording that was made before sessions had plans."""
 
@@ -95,7 +95,7 @@ def whole_number(text: str, most: int = 2**64) -> int:
     """Return an integer that is written in digits, from ``-most`` to ``most``.
 
     Raises:
-        ValueError: It is none.
+        ValueError: It is not such an integer.
     """
     if len(text) > 20 or not text.isascii() or not text.removeprefix("-").isdigit():
         raise ValueError(f"{shown(text)} is not an integer")
@@ -117,7 +117,7 @@ class Block:
     """How many samples the device had acquired, from which the date of the trigger follows; the
     block's own arrival also limits it."""
     scaling: Scaling | None = None
-    """Of counts; None for volts."""
+    """Scaling of the counts; None for volts."""
 
     @property
     def n_samples(self) -> int:
@@ -280,7 +280,7 @@ class Recorded(Stretch):
     def motion(self) -> Event | None:
         """Start of the arm's motion, to which its plan and its joints are aligned.
 
-        Recordings without such an event were started by the trigger's edge.
+        A recording without such an event was started by the trigger's edge.
         """
         for event in self.events:
             if event.kind == MOTION:
@@ -292,14 +292,17 @@ class Recorded(Stretch):
 
     @property
     def origin(self) -> float:
-        """Time that the analysis counts from, s after the trigger: 0, or the start of a motion
-        that no edge has started, since the host's delay is of no interest."""
+        """Time from which the analysis counts, s after the trigger.
+
+        It is 0 if the trigger's edge started the acquisition. Otherwise it is the start of the
+        motion, which excludes the delay of the host.
+        """
         motion = self.motion
         return 0.0 if motion is None or motion.text == BY_EDGE else motion.time
 
     @property
     def arm(self) -> Joints | Plan | None:
-        """What moved the arm, by the encoders or else as planned; its times count from `origin`."""
+        """Captured motion of the arm, or its plan without one; times count from `origin`."""
         arm = self.joints or self.plan
         return None if arm is None else replace(arm, t=arm.t - self.origin)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.durable import FLUSH_PERIOD, PART, RecordingFile, SteadyClock
+from sautereau.daq.file.container.durable import FLUSH_PERIOD, PART, RecordingFile
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.log_order import LogOrder
 from sautereau.daq.file.provenance import write_head
@@ -54,17 +54,16 @@ class Recording:
             rig: Complete rig, written into the file.
             session: Description of the press.
             rate: Actual sampling rate of the device, Hz; None for the rig's.
-            scaling: Of the device's counts; None for a recording of volts.
+            scaling: Scaling of the device's counts; None for a recording of volts.
             t0_ns: Date of the trigger, ns since 1970; None to find it from the first blocks.
             t0_std: Standard uncertainty of a date that is given, s; None if it is unknown.
             compress: Whether to compress chunks with zstd; None to compress volts only, since the
                 noise of a converter leaves little to compress in its counts.
-            clock: ns since 1970; read once, here. Every date in the file follows from it and
-                from `monotonic`, so that setting the clock meanwhile changes nothing.
-            monotonic: Time in s of a clock that is never set, that of `Counted` in the blocks; also
-                determines when to flush.
-            ending: Appended to the name of the unfinished file. With another one than `PART` it
-                is made from other files, and what a killed program left of it is replaced.
+            clock: ns since 1970; read once, here. All dates in the file follow from it and from
+                `monotonic`, so that later changes of the host's clock have no effect.
+            monotonic: Time in s of a clock that is never set. `Counted` in the blocks uses the same
+                clock. It also determines when to flush.
+            ending: Appended to the name of the unfinished file; see `DurableFile`.
         """
         self._path = Path(path)
         self._rig = rig
@@ -73,7 +72,7 @@ class Recording:
         self._layout = sample_layout((channel.name for channel in rig.daq.channels), scaling)
         self._compress = scaling is None if compress is None else compress
         self._ending = ending
-        self._clock = SteadyClock(clock, monotonic)
+        self._zero_ns = clock() - round(monotonic() * 1e9)
         self._opened: RecordingFile | None = None
         self._order = LogOrder(rig, self._rate, self._layout)
         self._given = None if t0_ns is None else (t0_ns, t0_std)
@@ -92,7 +91,7 @@ class Recording:
     def t0_ns(self) -> int | None:
         """Date of the trigger by the host's clock, ns since 1970; None before the first block.
 
-        The first blocks may still correct it, until the first of them is in the file.
+        Later blocks may correct it until the first block is in the file.
         """
         if self._first is None or self._order.t0 is not None:
             return self._order.t0
@@ -105,7 +104,7 @@ class Recording:
 
     def __enter__(self) -> "Recording":
         file = self._opened = RecordingFile(
-            self._path, compress=self._compress, seconds=self._clock.seconds, ending=self._ending
+            self._path, compress=self._compress, seconds=self._monotonic, ending=self._ending
         )
         try:
             with file.flushing() as writer:
@@ -134,7 +133,7 @@ class Recording:
         try:
             if not file.broken:
                 t0 = self.t0_ns
-                elapsed = 0.0 if t0 is None else (self._clock.now_ns() - t0) / 1e9
+                elapsed = 0.0 if t0 is None else (self._now_ns() - t0) / 1e9
                 self.event("aborted", f"{type(error).__name__}: {error}", elapsed)
                 self._close(file)
         except RecordingError as second:
@@ -192,7 +191,7 @@ class Recording:
             frames: x and z, m, and angle, rad, of each link's frame by name, shape (n, 3).
         """
         self._file()
-        self._order.add_scenes(self._clock.now_ns(), times, lines, frames)
+        self._order.add_scenes(self._now_ns(), times, lines, frames)
 
     def event(self, kind: str, text: str, time_s: float, std: float = 0.0) -> None:
         """Write an event at ``time_s`` (s after the trigger, negative before it), +-``std``.
@@ -200,7 +199,7 @@ class Recording:
         It is written with the samples of that time, or at the next `flush`.
         """
         self._file()
-        self._order.add_event(self._clock.now_ns(), Event(time_s, kind, text, std))
+        self._order.add_event(self._now_ns(), Event(time_s, kind, text, std))
 
     def flush(self) -> None:
         """Write everything so far, as at the end of the samples."""
@@ -231,7 +230,7 @@ class Recording:
             )
 
     def _date(self, block: Block) -> None:
-        """Narrow down when the trigger was, by the counts of a block and its arrival."""
+        """Narrow down the time of the trigger with the counts of a block and its arrival."""
         end = block.first_sample + block.n_samples
         for counted in (*block.counted, Counted(-math.inf, self._monotonic(), end)):
             self._trigger.add(counted)
@@ -241,7 +240,7 @@ class Recording:
         if self._given is not None:
             return self._given
         time_s, std = self._trigger.found()
-        return self._clock.date_ns(time_s), std
+        return self._zero_ns + round(time_s * 1e9), std
 
     def _write_held(self, file: RecordingFile) -> None:
         """Write the held samples as one block, in a chunk of its own."""
@@ -267,7 +266,11 @@ class Recording:
                 " at what the controller answered, and press again"
             )
         self._file()
-        self._order.add_series(self._clock.now_ns(), message, columns)
+        self._order.add_series(self._now_ns(), message, columns)
+
+    def _now_ns(self) -> int:
+        """Return the date, ns since 1970, unaffected by changes of the host's clock."""
+        return self._zero_ns + round(self._monotonic() * 1e9)
 
     def _file(self) -> RecordingFile:
         if self._opened is None:

@@ -1,4 +1,4 @@
-"""Runs of consecutive samples of each channel, joined from blocks, with gaps between them."""
+"""Runs of consecutive samples of each channel, joined from blocks; gaps separate the runs."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.counts import write_volts
 from sautereau.daq.file.integrity import FOREIGN
 from sautereau.daq.file.limits import MOST_VOLTS, VOLTS_PER_BYTE, time_faults
 from sautereau.daq.file.recorded import Gap, Signal, Stretch
@@ -35,7 +36,7 @@ class _Run:
         self._room = np.empty((n_channels, room))
 
     def extend(self, n: int) -> Signal:
-        """Return the place of the next ``n`` samples, shape (n_channels, n), to be filled."""
+        """Return an array for the next ``n`` samples, shape (n_channels, n), to be filled."""
         held = self.stop - self.first
         if held + n > self._room.shape[1]:
             grown = np.empty((len(self._room), max(held + n, 2 * held)))
@@ -98,7 +99,7 @@ class Runs:
             run.stop += n
         else:
             self._limit(n * len(layout.names))
-            layout.write_volts(layout.columns(block.data), run.extend(n))
+            write_volts(layout.columns(block.data), layout.scaling, run.extend(n))
 
     def _limit(self, volts: int) -> None:
         """Refuse further volts if they exceed the memory that the file may take."""
@@ -111,7 +112,7 @@ class Runs:
             )
 
     def _run(self, layout: SampleLayout, names: str, first: int, n: int) -> _Run:
-        """Return the run that ``n`` samples from ``first`` on continue, or begin."""
+        """Return the run that ``n`` samples from index ``first`` extend, or a new one."""
         runs = self._groups.setdefault(layout.names, [])
         if not runs:
             if again := [name for name in layout.names if name in self._rows]:

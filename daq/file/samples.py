@@ -11,11 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.daq.file.counts import TYPES, Samples, Scaling, write_volts
-from sautereau.daq.file.recorded import Signal
+from sautereau.daq.file.counts import TYPES, Scaling
 
 TOPIC = "/daq"
-"""Of the samples of all channels."""
+"""Topic of the samples of all channels."""
 # Fields 1 to 4 of a Block, each a tag and 64 bits; the tag of field 5, its length follows.
 _HEAD = struct.Struct("<BqBqBdBqB")
 _TAGS = (0x09, 0x11, 0x19, 0x21, 0x2A)
@@ -53,7 +52,7 @@ def read_block(data: memoryview) -> WireBlock:
     """Return a Block, its samples without copying them.
 
     Raises:
-        ValueError: It is not one that `block_head` starts.
+        ValueError: It does not start as `block_head` writes it.
     """
     start = _HEAD.size + _LENGTH
     if len(data) < start or (found := _HEAD.unpack_from(data))[::2] != _TAGS:
@@ -97,13 +96,9 @@ class SampleLayout:
         """Return the samples of a block, shape (n_channels, n), without copying them.
 
         Raises:
-            ValueError: They are no integer number of samples of all channels.
+            ValueError: The size is not that of a whole number of samples of all channels.
         """
         return np.frombuffer(data, TYPES[self.kind]).reshape(len(self.names), -1)
-
-    def write_volts(self, samples: Samples, into: Signal | NDArray[np.float32]) -> None:
-        """Write the volts of samples; both have the shape (n_channels, n)."""
-        write_volts(samples, self.scaling, into)
 
 
 def sample_layout(names: Iterable[str], scaling: Scaling | None) -> SampleLayout:
@@ -111,18 +106,12 @@ def sample_layout(names: Iterable[str], scaling: Scaling | None) -> SampleLayout
 
     Args:
         names: Names of the channels, in their order.
-        scaling: Of counts; None for volts.
+        scaling: Scaling of the counts; None for volts.
     """
     if scaling is None:
         return SampleLayout(tuple(names), "float64", ())
-    rows = scaling.coefficients.tolist()
-    return SampleLayout(tuple(names), scaling.kind, tuple(map(_trimmed, rows)))
-
-
-def _trimmed(coefficients: list[float]) -> tuple[float, ...]:
-    while len(coefficients) > 1 and not coefficients[-1]:
-        coefficients = coefficients[:-1]
-    return tuple(coefficients)
+    rows = [np.trim_zeros(row, "b").tolist() or [0.0] for row in scaling.coefficients]
+    return SampleLayout(tuple(names), scaling.kind, tuple(map(tuple, rows)))
 
 
 def layout_from_metadata(metadata: Mapping[str, str]) -> SampleLayout:

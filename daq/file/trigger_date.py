@@ -19,9 +19,9 @@ class Counted:
 class TriggerDate:
     """The time of the trigger as counts narrow it down.
 
-    The last sample acquired was taken before the answer, and the next one was not yet taken at
-    the question. Where a device hands its samples over late, the second is not so: an earliest
-    time after the latest one is ignored.
+    The last counted sample was taken before the answer, and the next one was not yet taken at
+    the question. If a device delivers its samples late, the second statement is false. An
+    earliest time after the latest one is therefore ignored.
     """
 
     def __init__(self, rate: float):

@@ -84,15 +84,15 @@ def correct(volts: Signal, channel: Channel, rate: float) -> Signal:
 def white_noise(signal: Signal, longest: int = 1) -> float:
     """Return the standard deviation of the white noise in a signal, in its unit.
 
-    It follows from the median of the second differences, on which motion has hardly any effect.
-    Of a long signal only `NOISE_ROWS` of them are used, which gives it to 2.6 %. Noise that a
-    low-pass limits to a part of the band has smaller differences than white noise of the same
-    density: those of the means of blocks show it.
+    It is computed from the median of the second differences, on which motion has little effect.
+    For a long signal only `NOISE_ROWS` of them are used; the result is then accurate to 2.6 %. A
+    low-pass reduces the differences between neighbouring samples, but not those between the means
+    of blocks. Blocks therefore give the density of noise in a part of the band as well.
 
     Args:
         signal: Shape (n,), in any unit.
-        longest: Samples of the longest block; blocks of 1, 2, 4 ... samples are tried, and the
-            largest result counts.
+        longest: Samples of the longest block. The result is the largest of those for blocks of 1,
+            2, 4 ... samples.
     """
     largest, block = 0.0, 1
     while block <= longest and len(signal) >= 3 * block:
@@ -117,12 +117,12 @@ def _second_difference(signal: Signal, block: int) -> float:
         second = second[np.isfinite(second)]
     if not len(second):
         return 0.0
-    # The second differences of a motion are zero but for its acceleration within two samples.
+    # Of a motion, only its acceleration within two samples contributes to the second differences.
     return NORMAL * median(np.abs(second, out=second)) / math.sqrt(6)
 
 
 def median(signal: Signal) -> float:
-    """Return the median, of an even number the upper of the two; faster than numpy's."""
+    """Return the median, or the upper of the two middle values; faster than numpy's."""
     middle = len(signal) // 2
     return float(np.partition(signal, middle)[middle])
 

@@ -14,37 +14,37 @@ from sautereau.rig.acquisition import Channel
 CLIPPING_MARGIN = 1e-3
 """Dimensionless, fraction of the range about its end within which a sample counts as clipped."""
 FLAT = 8
-"""Fewest samples without noise that count as a saturated amplifier."""
+"""Smallest number of samples without noise that counts as a saturated amplifier."""
 FLAT_NOISE = 0.05
 """Dimensionless, fraction of the signal's noise below which a step between samples is flat."""
 FLAT_LEVEL = 0.1
 """Dimensionless, fraction of the range above which a flat signal counts as saturated."""
 LEAST_NOISE = 1e-6
 """Dimensionless, fraction of the range below which a signal has too little noise to judge."""
-RESOLUTION_ROWS, LEAST_COUNTS = 2048, 2.0
-"""Samples from which the converter's resolution is read, and noise in counts below which equal
-samples are no sign of saturation."""
+RESOLUTION_ROWS = 2048
+"""Number of samples from which the resolution of the converter is estimated."""
+LEAST_COUNTS = 2.0
+"""Noise, in counts of the converter, below which equal samples do not show saturation."""
 DROP_OUT_WINDOW = 3e-3
-"""Length of the running median that drop-outs are compared with, s; it finds those of up to half
-this length."""
+"""Length of the running median, s. Drop-outs of up to half this length are found."""
 DROP_OUT_SEED = 7.0
 """Least deviation of a drop-out from the median, in standard deviations of the noise."""
 DROP_OUT_EDGE = 3.0
 """Deviation at which a drop-out starts and ends, in standard deviations."""
 DROP_OUT_JUMP = 60e-6
-"""s, within which it starts, and ends, by `DROP_OUT_FRACTION` of its depth; at least a sample."""
+"""Time in s, at least one sample, within which a drop-out starts and ends."""
 DROP_OUT_FRACTION = 0.5
-"""Dimensionless, least fraction of its depth."""
+"""Dimensionless, fraction of its depth by which a drop-out changes within `DROP_OUT_JUMP`."""
 FASTEST = 8.0
-"""m/s^2, acceleration at the laser below which a jump may be the key's own, as at a release: that
-of 0.3 N at the jack."""
+"""Acceleration at the laser, m/s^2, that a key can have at a release: that of 0.3 N at the jack.
+Slower changes are not drop-outs."""
 BESIDE = 0.4
-"""Dimensionless, fraction of its depth below which the signal beside it deviates; a key that
-vibrates deviates before and after as well."""
+"""Dimensionless, largest deviation beside a drop-out as a fraction of its depth. A vibrating key
+deviates beside it as well."""
 LONG = 0.5e-3
-"""s, duration from which on no vibrating key is so sudden."""
+"""Duration in s. A longer deviation of a vibrating key does not start or end suddenly."""
 LEAST_DROP_OUT = 2e-3
-"""Dimensionless, fraction of the range below which nothing is a drop-out, for any noise."""
+"""Dimensionless, smallest depth of a drop-out as a fraction of the range, whatever the noise."""
 
 Signal = NDArray[np.float64]
 Kind = Literal["clipped", "overload", "drop-out"]
@@ -137,22 +137,13 @@ def _saturated(
     flat = np.abs(steps, out=steps) < FLAT_NOISE * noise
     flat &= magnitude[1:] > FLAT_LEVEL * largest
     flat &= ~(known[1:] | known[:-1])
-    if not _has_run(flat, FLAT - 1):
+    found = [(start, stop + 1) for start, stop in _runs(flat) if stop + 1 - start >= FLAT]
+    if not found:
         return []
     levels = np.unique(volts[:RESOLUTION_ROWS])
     if len(levels) > 1 and noise < LEAST_COUNTS * np.diff(levels).min():
         return []
-    return [(a, b + 1) for a, b in _runs(flat) if b + 1 - a >= FLAT]
-
-
-def _has_run(which: NDArray[np.bool_], length: int) -> bool:
-    """Return whether it is True for a number of samples without interruption."""
-    held = 1
-    while held < length:
-        more = min(held, length - held)
-        which = which[more:] & which[:-more]
-        held += more
-    return bool(which.any())
+    return found
 
 
 def _drop_outs(
@@ -160,9 +151,9 @@ def _drop_outs(
 ) -> list[tuple[int, int]]:
     """Return short deviations from a running median that start and end suddenly.
 
-    A reversing key deviates from the median as well, but slowly, as at a release; after an impact
-    the deviation starts suddenly, but ends slowly; a key that vibrates deviates before and after as
-    well.
+    A key that reverses its motion, as at a release, deviates from the median too, but slowly. After
+    an impact the deviation starts suddenly and ends slowly. A vibrating key deviates before and
+    after as well.
     """
     window = math.ceil(DROP_OUT_WINDOW * rate) | 1
     if len(volts) < window:

@@ -16,21 +16,20 @@ from sautereau.daq.source.driver_faults import NOT_YET_AVAILABLE, driver_errors
 from sautereau.daq.source.inputs import read_inputs, read_scaling
 from sautereau.daq.source.server_session import create_task
 from sautereau.daq.source.source import InputSettings, SourceSettings
-from sautereau.daq.source.task import build_task, plan_task
-from sautereau.daq.source.terminals import trigger_terminal
+from sautereau.daq.source.task import build_task, plan_task, trigger_terminal
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 
 DATING = 0.25
-"""s, first part of an acquisition in which samples are counted to date the trigger."""
+"""Duration in s, from the start, in which samples are counted to date the trigger."""
 
 
 class Acquisition:
     """An acquisition of all channels of a rig's ``daq``.
 
     Use it as a context manager: entering builds the task and reserves the device, `start` arms
-    it, `blocks` reads it, and leaving clears it, also after an error. Entered without `start` it
-    is a dry run: `settings` returns what the device has accepted.
+    it, `blocks` reads it, and leaving clears it, also after an error. Without `start` it is a dry
+    run: `settings` returns what the device has accepted.
     """
 
     def __init__(self, daq: Daq, duration_s: float | None, *, triggered: bool = True):
@@ -42,7 +41,7 @@ class Acquisition:
                 integer number of samples, at least the 2 that the driver requires; None to
                 continue until the context is left.
             triggered: Whether the trigger's edge starts it, with ``daq.pre_trigger`` recorded
-                before the edge; else `start` does.
+                before the edge; if not, `start` starts it.
 
         Raises:
             DaqError: The settings are impossible for any device.

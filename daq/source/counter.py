@@ -1,4 +1,4 @@
-"""How many samples a task has acquired, which dates its trigger; around an edge and before it."""
+"""Count the samples that a task has acquired: their number dates the trigger."""
 
 import math
 import time
@@ -13,7 +13,7 @@ from sautereau.daq.source.task import TaskPlan
 PERIOD = 5e-3
 """Interval of polling for the samples before the trigger, s."""
 AGAIN = 1.0
-"""s, after which samples are counted again while the edge is awaited: clocks differ by 50 ppm."""
+"""Interval in s of counting samples while waiting for the edge: clocks differ by 50 ppm."""
 
 
 class SampleCounter:
@@ -52,14 +52,14 @@ class SampleCounter:
             self._counts.append(self.count())
 
     def await_all(self, longest: float) -> tuple[Counted, ...]:
-        """Wait for the last sample: with samples before the edge none can be read earlier.
+        """Wait for the last sample; with a pre-trigger the driver returns no sample earlier.
 
         Args:
-            longest: Wait, s.
+            longest: Longest wait, s.
 
         Returns:
-            Counts on the way there, from the edge on, which is the requested number of samples
-            before the last one; none if no edge came.
+            Counts during the wait, relative to the edge, which precedes the last sample by the
+            requested number of samples; empty if there was no edge.
         """
         from nidaqmx.errors import DaqError as DriverError
 

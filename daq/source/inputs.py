@@ -1,12 +1,12 @@
 """The analog inputs of a task: configured as the rig requests, and read back from the device.
 
-The properties are those of NI-DAQmx; their text is in the reference of its properties under the
-names given here. A device that does not have one refuses it with a code of `NOT_SUPPORTED`.
+NI-DAQmx's reference of properties describes each property under the name given here. A device that
+does not have a property refuses it with one of the codes `NOT_SUPPORTED`.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,16 +16,14 @@ from sautereau.daq.source.source import InputSettings
 from sautereau.rig.acquisition import Channel, Daq
 
 NOT_SUPPORTED = (-200197, -200452)
-"""Codes of a property that the device, or the task, does not have."""
+"""Codes of the error if the device or the task does not have a property."""
 EXCITATION_TOLERANCE = 0.1
 """Dimensionless, largest relative difference of the sensor's current from the requested one."""
 
 COUNTS = {16: "int16", 32: "int32"}
 """Type of the counts, by their bits."""
 COUNTS_REACH = (0.9, 1.5)
-"""Dimensionless, what the largest counts reach, as a fraction of the input's range."""
-
-Value = TypeVar("Value")
+"""Dimensionless, smallest and largest volts of the extreme counts, as a fraction of the range."""
 
 
 def add_input(task: Any, device: str, channel: Channel) -> None:
@@ -73,20 +71,23 @@ def read_inputs(task: Any, daq: Daq) -> tuple[InputSettings, ...]:
 
 
 def read_scaling(task: Any, inputs: Sequence[InputSettings]) -> Scaling | None:
-    """Return what the counts of the inputs are; None if the device gives volts only.
+    """Return the scaling of the inputs' counts; None if the device gives volts only.
 
-    Of ``AI.DevScalingCoeff``, the polynomial from a count to volts, which the driver itself uses.
-    None also where the polynomial of some input does not reach its range: then the counts are not
-    the signed ones that are read.
+    ``AI.DevScalingCoeff`` is the polynomial by which the driver itself converts counts to volts.
+    If the polynomial of an input does not reach its range, the counts that are read are not the
+    signed ones of this polynomial, and the result is None.
     """
     from nidaqmx.constants import DataJustification
 
     sizes, rows = set(), []
     for settings in inputs:
-        size, bits, justification, coefficients = _counts(task.ai_channels[settings.name])
+        channel = task.ai_channels[settings.name]
+        size = _optional(channel, "ai_raw_samp_size")
+        bits = _optional(channel, "ai_resolution")
+        coefficients = list(_optional(channel, "ai_dev_scaling_coeff") or ())
         if size not in COUNTS or not bits or not coefficients:
             return None
-        left = justification == DataJustification.LEFT
+        left = _optional(channel, "ai_raw_samp_justification") == DataJustification.LEFT
         ends = np.array([-1.0, 1.0]) * 2.0 ** ((size if left else bits) - 1)
         reached = np.polynomial.polynomial.polyval(ends, coefficients)
         ratios = reached / [settings.device_low, settings.device_high]
@@ -101,20 +102,10 @@ def read_scaling(task: Any, inputs: Sequence[InputSettings]) -> Scaling | None:
     return Scaling(COUNTS[sizes.pop()], padded)
 
 
-def _counts(channel: Any) -> tuple[Any, Any, Any, Any]:
-    """Return bits of a count as it is read, and of the converter; justification; coefficients."""
-    return (
-        _optional(lambda: channel.ai_raw_samp_size),
-        _optional(lambda: channel.ai_resolution),
-        _optional(lambda: channel.ai_raw_samp_justification),
-        _optional(lambda: list(channel.ai_dev_scaling_coeff)),
-    )
-
-
 def _read_input(task: Any, channel: Channel, skew: float) -> InputSettings:
     actual = task.ai_channels[channel.name]
-    configuration = _optional(lambda: actual.ai_term_cfg)
-    coupling = _optional(lambda: actual.ai_coupling)
+    configuration = _optional(actual, "ai_term_cfg")
+    coupling = _optional(actual, "ai_coupling")
     return InputSettings(
         name=channel.name,
         terminal=actual.physical_channel.name,
@@ -124,36 +115,36 @@ def _read_input(task: Any, channel: Channel, skew: float) -> InputSettings:
         device_high=actual.ai_rng_high,
         terminal_configuration=configuration and configuration.name.lower(),
         coupling=coupling and coupling.name.lower(),
-        excitation=_optional(lambda: actual.ai_excit_val) if channel.excitation else None,
+        excitation=_optional(actual, "ai_excit_val") if channel.excitation else None,
         delay=_filter_delay(task, actual) - skew,
     )
 
 
 def _filter_delay(task: Any, channel: Any) -> float:
-    """Return by how many s the samples lag the input; 0 where the driver removes this delay.
+    """Return the delay of the samples after the input, s; 0 if the driver removes it.
 
-    Of ``AI.FilterDelay``; its unit is that of ``AI.FilterDelayUnits``, seconds if it has none.
+    This is ``AI.FilterDelay``. Its unit is ``AI.FilterDelayUnits``, or seconds without one.
     """
     from nidaqmx.constants import DigitalWidthUnits
 
-    delay = _optional(lambda: channel.ai_filter_delay)
-    if not delay or _optional(lambda: channel.ai_remove_filter_delay):
+    delay = _optional(channel, "ai_filter_delay")
+    if not delay or _optional(channel, "ai_remove_filter_delay"):
         return 0.0
-    unit = _optional(lambda: channel.ai_filter_delay_units)
+    unit = _optional(channel, "ai_filter_delay_units")
     if unit == DigitalWidthUnits.SAMPLE_CLOCK_PERIODS:
         return delay / task.timing.samp_clk_rate
     return delay
 
 
 def _skew(task: Any) -> float:
-    """Return by how many s a multiplexer samples an input later than the one before.
+    """Return the time between a multiplexer's samples of two consecutive inputs, s.
 
-    Inputs are converted in the order of the task, at ``AIConv.Rate``.
+    It converts the inputs in the order of the task, at ``AIConv.Rate``.
     """
     (device,) = task.devices
-    if _optional(lambda: device.ai_simultaneous_sampling_supported) in (None, True):
+    if _optional(device, "ai_simultaneous_sampling_supported") in (None, True):
         return 0.0
-    rate = _optional(lambda: task.timing.ai_conv_rate)
+    rate = _optional(task.timing, "ai_conv_rate")
     return 1 / rate if rate else 0.0
 
 
@@ -167,7 +158,7 @@ def _differences(channel: Channel, actual: InputSettings) -> list[str]:
             f" requested +-{channel.range:g} V; lower daq.channels.{channel.name}.range, or use"
             " an attenuator"
         )
-    for what, wanted, got in (
+    for what, requested, accepted in (
         (
             "terminal_configuration",
             channel.terminal_configuration,
@@ -175,9 +166,9 @@ def _differences(channel: Channel, actual: InputSettings) -> list[str]:
         ),
         ("input_coupling", channel.input_coupling, actual.coupling),
     ):
-        if wanted != "default" and got is not None and got != wanted:
+        if requested != "default" and accepted not in (None, requested):
             found.append(
-                f"{who} is set to {what} = {got}, not to the requested {wanted}; set it to one"
+                f"{who} is set to {what} = {accepted}, not the requested {requested}; set it to one"
                 " that the device supports"
             )
     if actual.excitation is not None and not math.isclose(
@@ -190,12 +181,12 @@ def _differences(channel: Channel, actual: InputSettings) -> list[str]:
     return found
 
 
-def _optional(read: Callable[[], Value]) -> Value | None:
-    """Return a property; None if the device does not have it."""
+def _optional(owner: Any, name: str) -> Any:
+    """Return a property of a nidaqmx object; None if the device does not have it."""
     from nidaqmx.errors import DaqError as DriverError
 
     try:
-        return read()
+        return getattr(owner, name)
     except DriverError as error:
         if error.error_code not in NOT_SUPPORTED:
             raise

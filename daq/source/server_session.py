@@ -1,9 +1,10 @@
-"""The session of a task on a gRPC device server, freed if its client has died.
+"""The session of a task on a gRPC device server, which is freed if its client was killed.
 
-Such a server keeps the task of a client that was killed, with the device reserved for it (see
-NI's grpc-device, "Session management"), so the next task would be refused. A session is therefore
-named after this machine and the device, and a lock on this machine, which the operating system
-releases with the process, says whether its client still lives.
+Such a server keeps the task of a client that was killed, and the device stays reserved for it (see
+NI's grpc-device, "Session management"). It would refuse the next task. The name of a session is
+therefore that of this machine and the device, so that the next process finds it. A lock on this
+machine shows whether its client is still running: the operating system releases it with the
+process.
 """
 
 import hashlib
@@ -21,8 +22,8 @@ def create_task(daq: Daq, options: Any, stack: ExitStack) -> Any:
 
     Args:
         daq: The rig's table of the acquisition.
-        options: Of the gRPC session; None for the driver of this machine, which frees what a
-            dead process held by itself.
+        options: Options of the gRPC session; None for the driver of this machine, which frees
+            the device of a killed process itself.
         stack: Releases the lock on leaving.
 
     Raises:

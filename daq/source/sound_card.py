@@ -1,8 +1,8 @@
-"""A sound card as the acquisition: its inputs are sampled together, and one may carry the trigger.
+"""A sound card as the acquisition device; one of its inputs may receive the trigger's edge.
 
-A sound card has no trigger input. The controller's edge is wired, through a divider, to one more of
-its inputs, which is recorded from the start and searched for the edge: sample 0 is the first one at
-or after it. Its time is known within a sample.
+A sound card has no trigger input. Wire the controller's output through a voltage divider to a
+separate audio input. This input is recorded from the start and searched for the edge. Sample 0 is
+the first one at or after the edge, whose time is known within one sample.
 """
 
 import queue

@@ -1,4 +1,4 @@
-"""What measures: the interface of every acquisition, and the one that a rig names."""
+"""The interface of every acquisition device, and the function that opens a rig's device."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -32,8 +32,8 @@ class InputSettings:
     excitation: float | None
     """Current for the sensor, A; None if the device supplies none."""
     delay: float
-    """By which its samples lag the terminal, s; negative where it is sampled later than the
-    first input."""
+    """Delay of its samples after the signal at the terminal, s; negative if the input is sampled
+    later than the first one."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def open_source(daq: Daq, duration_s: float | None, *, triggered: bool = True) -
         duration_s: Duration after the trigger's edge or the start, s; None to continue until the
             context is left.
         triggered: Whether the trigger's edge starts it, with ``daq.pre_trigger`` recorded before
-            the edge; else `Source.start` does.
+            the edge; if not, `Source.start` starts it.
 
     Raises:
         DaqError: The settings are impossible for any device of that kind.

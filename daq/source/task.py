@@ -11,12 +11,12 @@ from sautereau.rig.acquisition import Daq
 RATE_TOLERANCE = 1e-2
 """Dimensionless, largest relative difference between the requested and the actual rate."""
 BUFFER = 10.0
-"""Length of the buffer of a continuous acquisition, s: reading may lag by this much."""
+"""Length of the buffer of a continuous acquisition, s: the longest delay of reading."""
 READS = (10.0, 100.0)
-"""Smallest and largest number of reads per second, 1/s: with fewer a killed process loses more,
-with more the reading itself is too slow."""
+"""Smallest and largest number of reads per second, 1/s. With fewer, a killed process loses more
+samples; with more, the reading is too slow."""
 LEAST = 2
-"""Smallest number of samples, of a finite acquisition, and on either side of an edge."""
+"""Smallest number of samples of a finite acquisition, before an edge and after it."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +116,28 @@ def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
         task.triggers.start_trigger.cfg_dig_edge_start_trig(trigger, edge)
     task.in_stream.input_buf_size = plan.buffer
     return accepted_rate(task.timing.samp_clk_rate, daq)
+
+
+def trigger_terminal(daq: Daq, options: Any) -> str:
+    """Return the trigger's terminal with its device: ``/Dev1/PFI0``.
+
+    A module of a CompactDAQ chassis has no trigger terminals; the terminal of its chassis is used.
+    A complete name, which starts with a slash, is returned unchanged.
+
+    Args:
+        daq: The rig's table of the acquisition.
+        options: Options of the gRPC session; None for the driver of this machine.
+    """
+    from nidaqmx.constants import ProductCategory
+    from nidaqmx.system import Device
+
+    if daq.trigger_source.startswith("/"):
+        return daq.trigger_source
+    device = Device(daq.device, grpc_options=options)
+    owner = daq.device
+    if device.product_category == ProductCategory.C_SERIES_MODULE:
+        owner = device.compact_daq_chassis_device.name
+    return f"/{owner}/{daq.trigger_source}"
 
 
 def accepted_rate(rate: float, daq: Daq) -> float:

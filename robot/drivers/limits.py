@@ -19,7 +19,7 @@ class Limits:
     """The arm's limits in counts and counts per second.
 
     Args:
-        arm: Of the rig.
+        arm: The rig's arm.
     """
 
     def __init__(self, arm: Arm):

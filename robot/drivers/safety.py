@@ -14,7 +14,7 @@ class Safety:
     """Switches the motors off, and adds the outcome to the error that led to it.
 
     Args:
-        states: Of the arm.
+        states: States of the arm.
         watchdog_period: s, for messages.
     """
 

@@ -12,7 +12,7 @@ from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
 
 _LOG = logging.getLogger(__name__)
 SCHEMES = ("socket", "rfc2217", "loop")
-"""Of pyserial's URLs: ports behind a network, and one that only echoes."""
+"""Accepted schemes of pyserial's URLs: ports behind a network, and one that only echoes."""
 
 
 class Port(Protocol):
@@ -144,7 +144,7 @@ class Wire:
 
     Args:
         port: An open serial port, whose reads end after its timeout.
-        name: Of the port, for messages.
+        name: Name of the port, for messages.
         timeout: s, of one read, for messages.
     """
 

@@ -44,7 +44,7 @@ class Stream:
     Where it fails, the command to switch off is sent at once, before anybody waits.
 
     Args:
-        setpoints: Of the motion; the axes follow setpoints already.
+        setpoints: Setpoints of the motion; the axes follow setpoints already.
         send: Sends a row; returns joint positions (counts) and torques (N m), shape (2,) each.
         hold: Lets both axes end what they follow, and stay there.
         send_abort: Sends what switches off, and never fails.

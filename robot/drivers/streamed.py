@@ -1,4 +1,4 @@
-"""What drivers share whose controllers keep no motion, so that the host streams it."""
+"""Base of drivers whose controllers store no motion, so that the host streams it."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -159,7 +159,7 @@ class HostTime:
 
     Args:
         wait: Advances the stand-in's time by seconds.
-        sleep: Of the host, which may raise.
+        sleep: Sleep of the host, which may raise.
     """
 
     def __init__(self, wait: Callable[[float], object], sleep: Sleep):

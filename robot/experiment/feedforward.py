@@ -39,8 +39,8 @@ def measured_force(press: Press, phases: Phases) -> Expectation:
     Raises:
         RobotError: The press has no pluck.
     """
-    rise, force = (press.data[name].to_numpy() for name in ("jack_rise", "force"))
-    time = press.data.index.to_numpy()
+    rise, force = (press.samples[name] for name in ("jack_rise", "force"))
+    time = press.time
     if not phases.plucks:
         raise RobotError(
             f"feed-forward from {press.path}: it has no pluck; give the recording of a press with"

@@ -36,7 +36,7 @@ _SECTIONS = ("press", "arm", "controller")
 
 
 class _Learned(BaseModel, extra="allow"):
-    """What a correction's text must be before anything of it is used."""
+    """Validates the text of a correction before it is used."""
 
     time: list[FiniteFloat] = Field(max_length=MOST_KNOTS)
     rise: list[FiniteFloat] = Field(max_length=MOST_KNOTS)
@@ -78,7 +78,7 @@ class IterativeLearning:
         self._used: Correction | None = None
         self._trajectory: Trajectory | None = plan_press(rig, expected)
         self.warnings = self._trajectory.warnings
-        """Of the plan."""
+        """Warnings about the plan."""
         self._learner = Learner(press_law(rig.press), rig.controller.sample_period)
         self._stopped = ""
 
@@ -124,8 +124,8 @@ class IterativeLearning:
                 " streams the motion, check the vibrometer, or use a controller with a trigger"
                 " output"
             )
-        time = press.data.index.to_numpy(dtype=float) - start.time
-        speed = press.data["jack_speed"].to_numpy(dtype=float)
+        time = press.time - start.time
+        speed = press.samples["jack_speed"]
         correction = self._learner.learn(self._used, time, speed)
         self._trajectory = None
         if correction is not None:
@@ -156,9 +156,9 @@ def write_learned(
     """Write a correction into a new file, with the press, arm and controller it was learned for.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         rig: The bench.
-        correction: That was learned.
+        correction: The learned correction.
         errors: RMS relative error of the jack speed over the cruise, of every press.
         feed_forward: SHA-256 of the recording of the feed-forward; empty for none.
 
@@ -183,7 +183,7 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
     """Read a correction that was learned for a rig's press.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         rig: The bench.
         feed_forward: SHA-256 of the recording of the feed-forward; empty for none.
 

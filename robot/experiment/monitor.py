@@ -38,7 +38,7 @@ class Samples:
 
     press: int
     channels: tuple[Channel, ...]
-    """Of the block, in its order."""
+    """Channels of the block, in its order."""
     rate: float
     """Hz."""
     block: Block

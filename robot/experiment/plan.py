@@ -36,7 +36,7 @@ class Plan:
     rest: float = 0.0
     """s, between presses."""
     scene: str = ""
-    """Of the stand-in, as JSON text; empty on the hardware."""
+    """Scene of the stand-in as JSON text; empty on the hardware."""
     files: Mapping[str, str] | None = None
     """SHA-256 of the files that the presses use, by the role of each."""
 
@@ -102,9 +102,9 @@ def to_set(rig: Rig, set_before: Mapping[str, Any], row: Row) -> dict[str, Any]:
     """Return what the operator must set before a row's presses, by the rig's dotted key.
 
     Args:
-        rig: Of the session.
+        rig: Rig of the session.
         set_before: Current settings that differ from the rig.
-        row: Of the next presses; settings that it does not change return to the rig's.
+        row: Row of the next presses; settings that it does not change return to the rig's.
     """
     document = rig_document(rig)
     needed = {}

@@ -16,7 +16,7 @@ from sautereau.robot.errors import RobotError
 
 EXAMPLE = "press.jack_speed,plectrum.overlap,repeats,notes"
 MOST_PRESSES = 100_000
-"""Of one row."""
+"""Largest number of presses of one row."""
 MOST_ROWS = 1000
 """Limit of a table's lines."""
 
@@ -34,7 +34,7 @@ class Row:
     notes: str = ""
     """The operator's."""
     line: int | None = None
-    """Of the table; None without one."""
+    """Line of the table; None without a table."""
 
     @property
     def set_up(self) -> dict[str, str | int | float]:

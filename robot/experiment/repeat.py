@@ -16,8 +16,10 @@ from sautereau.robot.experiment.plan_table import Row
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import press_law
 
-STEP, MEASURED_STEP = 2e-3, 4e-3
-"""s, between the samples of a gesture from a plan and from a measured rise."""
+STEP = 2e-3
+"""Time between the samples of a gesture from a plan (s)."""
+MEASURED_STEP = 4e-3
+"""Time between the samples of a gesture from a measured rise (s)."""
 SAME = 1e-6
 """m, within which the recorded plan is that of the recorded rig; otherwise it was corrected."""
 MOVES = 20e-6
@@ -63,10 +65,10 @@ def _press(recorded: Recorded) -> Press:
         if np.abs(planned - plan.jack_rise).max() <= SAME:
             return press
         return _with_gesture(press, plan.t, plan.jack_rise, recorded, SAME, STEP)
-    data = press_of(recorded).data
+    measured = press_of(recorded)
     n = max(1, round(MEASURED_STEP * recorded.rate))
-    both = np.stack([data.index.to_numpy(), data["jack_rise"].to_numpy()])
-    time, rise = both[:, : len(data) // n * n].reshape(2, -1, n).mean(axis=2)
+    both = np.stack([measured.time, measured.samples["jack_rise"]])
+    time, rise = both[:, : both.shape[1] // n * n].reshape(2, -1, n).mean(axis=2)
     return _with_gesture(press, time, rise, recorded, MOVES, MEASURED_STEP)
 
 

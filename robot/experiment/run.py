@@ -39,7 +39,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Crew:
-    """What a plan needs to make its presses, and who observes them."""
+    """Functions that a plan needs to make its presses, and observers."""
 
     planned: Callable[[Row], Planned]
     """Returns trajectory and feed-forward torques of a row's presses."""

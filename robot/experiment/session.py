@@ -36,7 +36,7 @@ class Item:
     """The bench, with the addresses of its devices."""
     trajectory: Trajectory
     number: int | None = None
-    """Of the press in the session's plan, from 1; None without a plan."""
+    """Number of the press in the session's plan, from 1; None without a plan."""
     warm_up: bool = False
     """Whether it only warms up the arm."""
     notes: str = ""
@@ -47,14 +47,14 @@ class Item:
 
 @dataclass(frozen=True)
 class Origin:
-    """What all recordings of a session have in common."""
+    """Common metadata of all recordings of a session."""
 
     session: str = ""
     """Identity of the session."""
     scene: str = ""
-    """Of the stand-in, as text; empty on the hardware."""
+    """Scene of the stand-in as text; empty on the hardware."""
     seed: int | None = None
-    """Of the stand-in's random numbers."""
+    """Seed of the stand-in's random numbers."""
 
 
 def make_presses(

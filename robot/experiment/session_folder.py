@@ -27,7 +27,7 @@ from sautereau.robot.experiment.plan import MOST_PRESSES, Plan, RigDocument
 MANIFEST = "session.json"
 """Name of the file in the session's folder."""
 VERSION = 1
-"""Of the file."""
+"""Version of the file."""
 LONGEST_NAME = 200
 """Characters of the session's identity, and of a date."""
 
@@ -41,7 +41,7 @@ class Manifest:
     started: str
     """ISO 8601 with the time zone."""
     seed: int | None
-    """Of the stand-in's random numbers; None on the hardware."""
+    """Seed of the stand-in's random numbers; None on the hardware."""
     plan: Mapping[str, Any]
     """The plan, as JSON holds it."""
     set_up: Mapping[str, Any]
@@ -59,7 +59,7 @@ class _Plan(BaseModel, extra="allow"):
 
 
 class _Manifest(BaseModel, extra="allow"):
-    """What a manifest's text must be before anything of it is used."""
+    """Validates the text of a manifest before it is used."""
 
     version: int
     session: str = Field(max_length=LONGEST_NAME)
@@ -120,7 +120,7 @@ class SessionFolder:
         self.session = self._manifest.session
         """Identity, which every recording of the session contains."""
         self.seed = self._manifest.seed
-        """Of the session's random numbers; None on the hardware."""
+        """Seed of the session's random numbers; None on the hardware."""
         self.done: dict[int, Path] = {}
         """Recordings by the number of the press in the plan."""
         self.others = 0

@@ -45,11 +45,19 @@ UNREAD = 141
 TERMINAL = "/dev/tty"
 """The one that controls the process, if there is one."""
 
+
+def _default_shown(value: object) -> str | None:
+    """Return a default as help texts show it; None for a flag and for nothing."""
+    if value is None or isinstance(value, bool) or value in ("", (), {}):
+        return None
+    return f"{value:g}" if type(value) is float else str(value)
+
+
 app = App(
     name="sautereau",
     version=__version__,
     help="Press a harpsichord key with a robot finger, record it, compare it with a model.",
-    default_parameter=Parameter(negative=()),  # a flag has no --no-flag
+    default_parameter=Parameter(negative=(), show_default=_default_shown),  # no --no-flag
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
@@ -138,7 +146,7 @@ def _unread(error: BaseException, as_json: bool) -> int:
     """End as the programs do that a pipe without a reader ends: silently, except for the arm."""
     end_output()
     if hasattr(error, "__notes__"):
-        message = "stopped, since nothing reads the output; run the same again to continue"
+        message = "stopped because nothing reads the output; run the same command again to continue"
         message = _with_notes(message, error)
         try:
             fail(as_json, message)

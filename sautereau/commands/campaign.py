@@ -27,15 +27,15 @@ def campaign(
 ) -> int:
     """Write one table of the features of all recordings in a folder.
 
-    Run it again to continue after an interruption or to add new recordings: recordings that are
-    in the table are not read again. Faulty recordings are listed and omitted.
+    Run it again to continue after an interruption, or to add new recordings. It does not read
+    recordings again that are in the table. Faulty recordings are listed and omitted.
 
     Parameters
     ----------
     folder
-        Folder of recordings; its subfolders are searched, too.
+        Folder of recordings, including its subfolders.
     out
-        Parquet file of the table, which is continued if it exists.
+        Parquet file of the table. If it exists, new recordings are added to it.
     """
     from sautereau.analysis.campaign.run import run_campaign
 
@@ -76,7 +76,7 @@ def touch(
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Show how the force at the key depends on the plectrum's shape, and what musicians feel.
+    """Show how the force at the key depends on the plectrum, and how musicians judge it.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ Number = Parameter(name=["-n", "--number"])
 Notes = Annotated[str, Parameter(help="Operator's notes, saved in every recording.")]
 FeedForward = Annotated[
     Path | None,
-    Parameter(help="Recording of an earlier press, for torques against its measured force."),
+    Parameter(help="Recording of an earlier press; its force is compensated by torque."),
 ]
 RigName = Annotated[str, Parameter(help="Path of a rig file, or name of a packaged one.")]
 Level = Annotated[str, Parameter(help=levels_help())]
@@ -99,12 +99,12 @@ class Recorded:
     """What becomes of the presses of a session."""
 
     out: OutFolder
-    """Folder for the recordings; nothing in it is overwritten."""
+    """Folder for the recordings. Existing files in it are kept."""
     notes: Notes = ""
     view: bool = False
     """Show arm, acquisition, force and speed in the terminal during the session."""
     live: bool = False
-    """Serve them to Foxglove on this machine."""
+    """Show the session in Foxglove on this machine."""
 
 
 @Parameter(name="*")
@@ -117,7 +117,7 @@ class Simulation:
     scene: str | None = None
     """Scene of the stand-in, by path or packaged name; implies --sim. Default: paper."""
     seed: Seed = None
-    """Seed of every random number. Default: a new one, which is recorded."""
+    """Seed of all random numbers. Default: a new one, which the recording stores."""
 
     @property
     def requested(self) -> bool:

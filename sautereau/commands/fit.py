@@ -23,9 +23,9 @@ def phases(
     Parameters
     ----------
     at
-        Contact and release of a pluck set by hand, "52.1 ms +- 0.3 ms to 72.05 ms +- 0.05 ms";
-        repeat it for several; "none" for a press without a pluck. They are stored beside the one
-        recording, in FILE.phases.toml, and used by all commands until that file is deleted.
+        Set contact and release of a pluck of one recording by hand,
+        "52.1 ms +- 0.3 ms to 72.05 ms +- 0.05 ms", or "none" for no pluck. Repeat it for several
+        plucks. All commands use the values until you delete FILE.phases.toml beside the recording.
     """
     from sautereau.analysis.summary.press import HEADER
 
@@ -35,8 +35,8 @@ def phases(
 
         if len(files) != 1 or not files[0].is_file():
             raise AnalysisError(
-                f"--at: it sets the phases of one recording, and {' '.join(map(str, files))} is"
-                " none; give one file"
+                f"--at sets the phases of one recording, but {' '.join(map(str, files))} is not one"
+                " file; give one recording"
             )
         write_by_hand(files[0], [] if at == ["none"] else at)
     session = common.opened(files, output)
@@ -57,9 +57,9 @@ def compare(
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Compare recorded presses with the model, and with those of another set.
+    """Compare recorded presses with the model, or with another set of presses.
 
-    Presses of different rigs, scenes or days are not pooled: each is a condition of its own.
+    Presses of different rigs, scenes or days are not pooled but compared separately.
 
     Parameters
     ----------
@@ -102,8 +102,8 @@ def identify(
 ) -> int:
     """Fit unknown values of the rig to recorded presses, and report which are identifiable.
 
-    The recordings are of one instrument. With --verbose, the text lists what each fixed number of
-    the rig does to the results.
+    All recordings must be of one instrument. Use --verbose to list how the results depend on the
+    fixed numbers of the rig.
 
     Parameters
     ----------
@@ -111,17 +111,17 @@ def identify(
         Parameters to fit, separated by commas: plectrum.overlap,key.inertia.
     prior
         Prior knowledge of a parameter, "key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2", or its bounds,
-        "plectrum.overlap=0.1 mm to 0.5 mm"; repeat it for several. Default bounds: the ranges
+        "plectrum.overlap=0.1 mm to 0.5 mm". Repeat it for several. Default bounds: the ranges
         assumed in the rig.
     starts
         Number of starting points: the rig's values, and others between the bounds.
     robust
         Weight large residuals linearly instead of quadratically.
     profile
-        Compute 95 % intervals by profile likelihood, too; this takes longer.
+        Also compute 95 % intervals by profile likelihood. This takes longer.
     out
-        Rig file for the identifiable values of a model that fits: a new one, written from the
-        recordings' rig, or with --force an existing one, whose other values stay.
+        Write the identifiable values to this rig file if the model fits. A new file gets all other
+        values from the recordings; with --force an existing file keeps its other values.
     """
     from sautereau.rig.progress import tracked
 

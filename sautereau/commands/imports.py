@@ -19,7 +19,7 @@ class Unstated(ImportOptions):
     """Facts that the imported file does not state."""
 
     simulated: Annotated[bool | None, Parameter(negative="--measured")] = None
-    """Whether the data were simulated, or measured on an instrument."""
+    """State whether the data were simulated, or measured on an instrument."""
 
 
 def import_(
@@ -42,19 +42,20 @@ def import_(
         .csv, .txt, .tsv, .dat, .asc, .tdms, .wav, .parquet, .mat, .npz, .h5, .hdf5, or a format
         that an installed package adds. A file written by `export` needs only --out.
     rig
-        Path of a rig file, or name of a packaged one: it holds the sensors' calibrations.
+        Path of a rig file, or name of a packaged one, with the calibrations of the sensors.
     out
-        Recording to write, or existing folder for several.
+        Recording to write, or existing folder for several files.
     notes
         Operator's notes, saved in the recording.
     profile
-        Options saved by --save-profile; those given here replace them.
+        TOML file of options, written by --save-profile. Options given here replace them.
     save_profile
-        TOML file to write these options to, if the import succeeds.
+        Write the options of this import to this TOML file, if the import succeeds.
     """
-    from sautereau.daq.convert.importing import import_file, targets
+    from sautereau.daq.convert.importing import import_file
     from sautereau.daq.convert.profile import load_profile
     from sautereau.daq.convert.profile import save_profile as write_profile
+    from sautereau.daq.convert.targets import targets
     from sautereau.daq.errors import RecordingError
     from sautereau.rig.progress import tracked
 
@@ -65,7 +66,7 @@ def import_(
     bench = None if rig is None else common.load_rig(rig)
     done: list[Imported] = []
     faults: list[str] = []
-    pairs = targets(files, out)
+    pairs = targets(files, "mcap", out)
     made = (target for _, target in pairs)
     with output.creating(*made), output.progress("importing"):
         for file, target in tracked(pairs):

@@ -29,10 +29,10 @@ class Output:
     verbose: Annotated[bool, Parameter(name=["-v", "--verbose"])] = False
     """Show every step, and all details of the result."""
     quiet: Annotated[bool, Parameter(name=["-q", "--quiet"])] = False
-    """Print errors only, and with --json the result."""
+    """Print only errors, and the result if --json is given."""
     log: Annotated[Path | None, "FILE"] = None
-    """Append everything to this file, with dates: steps, warnings, errors, and what is sent to the
-    controller and received from it."""
+    """Append steps, warnings, errors and all traffic with the controller to this file, with
+    dates."""
 
     def answer(self, result: dict[str, Any], lines: list[str], picture: Path | None = None) -> int:
         """Print the result of a command, and its plot's path: as JSON with its schema, or as lines.
@@ -110,7 +110,7 @@ class FileOutput(Output):
     """How a command prints, and whether it replaces files."""
 
     force: bool = False
-    """Replace existing files. Without it they are refused before anything is done."""
+    """Replace existing files. Without this option the command stops before it starts."""
 
     @contextmanager
     def creating(self, *paths: Path | None) -> Iterator[None]:

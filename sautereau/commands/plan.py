@@ -18,7 +18,7 @@ def plan(
 ) -> int:
     """Plan one press and check it.
 
-    The text has the five tightest checks, with --verbose all of them.
+    Prints the five checks with the smallest margins. Use --verbose to see all of them.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def mount(
     trust_homing: bool = False,
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Find where to clamp the robot, or from touches where it is clamped.
+    """Find where to clamp the robot, or measure with touches where it is clamped.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def mount(
         Columns: point [mm] (from the balance pin, negative in front), joint1 [counts] and
         joint2 [counts], or [deg].
     trust_homing
-        Take the joint zeros as exact, and estimate only the position of the base.
+        Assume that the joint zeros are exact, and estimate only the position of the base.
     """
     import numpy as np
 

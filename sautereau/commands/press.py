@@ -31,17 +31,17 @@ def press(
 ) -> int:
     r"""Press the key n times, record each press, and compare them with the model.
 
-    Ctrl-\ pauses after the present press with the motors off, and continues; Ctrl-C ends. To
-    continue an interrupted session, run the same command again.
+    Ctrl-\ pauses after the current press, with the motors off; press it again to continue. Ctrl-C
+    ends the session. To continue an interrupted session, run the same command again.
 
     Parameters
     ----------
     n
-        Number of presses; with a table, of each row without a number of repeats.
+        Number of presses. With a table: number of presses of each row without `repeats`.
     table
-        CSV file of presses: columns are the rig's dotted keys (press.jack_speed), cells
-        hold values with units; further columns are repeats and notes. If a row changes
-        the instrument, you are asked to set it.
+        CSV file of presses. Its columns are keys of the rig file (press.jack_speed), with values
+        and units in the cells, and optionally `repeats` and `notes`. If a row changes the
+        instrument, the command asks you to change it.
     warm_up
         Number of warm-up presses, at the start and after each change of the instrument.
     rest
@@ -66,10 +66,10 @@ def replay(
     simulation: common.Simulation = common.Simulation(),
     output: Output = Output(),
 ) -> int:
-    """Press again what was pressed in a recording, n times, and record it.
+    """Repeat a recorded press n times, and record it.
 
-    The motion is the planned one of the recording, with its learned correction; of a recording
-    without a plan, such as an imported one, it is the measured one.
+    The motion is the plan in the recording, with its learned correction. If the recording has no
+    plan, for example because it was imported, the motion is the measured one.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def _pausing(control: "Control") -> Iterator[None]:
             control.resume()
         else:
             control.pause()
-            sys.stderr.write("pausing after this press; the same key continues, Ctrl-C ends\n")
+            sys.stderr.write("pausing after this press; the same key continues, Ctrl-C stops\n")
 
     with on_signals(("SIGQUIT", "SIGBREAK"), toggle):
         yield

@@ -40,9 +40,9 @@ def _text(value: object) -> str:
 def recover(
     file: Path, /, *, out: common.OutFile | None = None, output: FileOutput = FileOutput()
 ) -> int:
-    """Write a valid recording with everything that is readable in a damaged one.
+    """Write a valid recording with all readable data of a damaged one.
 
-    The damaged file is not changed. No sample is invented: missing samples are reported.
+    The damaged file is not changed. Missing samples are reported, not filled in.
 
     Parameters
     ----------
@@ -83,7 +83,8 @@ def export(
         Write raw volts only, without values in SI units.
     """
     from sautereau.daq.convert.export import export as export_recording
-    from sautereau.daq.convert.export import files_of, targets
+    from sautereau.daq.convert.export import files_of
+    from sautereau.daq.convert.targets import targets
     from sautereau.entrance.session import open
     from sautereau.rig.progress import tracked
 

@@ -15,7 +15,7 @@ def report(
     level: common.Level = "elastica",
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Write one HTML page about a session; it opens offline, in any browser.
+    """Write one HTML page about a session, which works offline in any browser.
 
     Parameters
     ----------

@@ -40,13 +40,13 @@ class SessionReport(Observer):
                 f"session {folder.session}: {len(folder.done)}{of} presses are in {folder.path}"
             )
         for path in folder.left_behind:
-            self._output.say(f"not changed: {path}, of an interrupted press")
+            self._output.say(f"not changed: {path}, from an interrupted press")
         for path in folder.incomplete:
-            text = f"{path} is not a complete press; it is kept, and the press is made again"
+            text = f"{path} is not a complete press; the file is kept, and the press is repeated"
             self._warnings.append(text)
             self._output.warn(text)
         if folder.others:
-            self._output.say(f"not changed: {folder.others} recordings of other sessions")
+            self._output.say(f"not changed: {folder.others} recordings from other sessions")
 
     def on(self, bench: Connected) -> None:
         """Print the bench of the next presses."""

@@ -70,21 +70,21 @@ def setup(
 ) -> int:
     """Set up the bench: find the controller, home, check, touch the key, dry run.
 
-    Every step asks before anything moves, and reports its results. Differences from the rig
-    file are shown, and written into it if you agree.
+    Every step asks before anything moves. If its results differ from the rig file, it shows the
+    difference and, if you agree, writes it into the file.
 
     Parameters
     ----------
     step
         Run only this step. Default: all, in this order.
     yes
-        Agree to every motion in advance; for the stand-in and for supervised scripts. Manual
+        Confirm all motions in advance, for the stand-in and for supervised scripts. Manual
         measurements are skipped.
     save
         Write the results into the rig file without asking.
     recording
-        With the step `tap`: a recording of taps on the key, instead of a motion; repeat it for
-        several.
+        With the step `tap`: use this recording of taps on the key instead of a motion. Repeat it
+        for several.
     """
     from sautereau.rig.load import with_values
     from sautereau.robot.experiment.setup.steps import make_steps
@@ -173,7 +173,7 @@ class _Results:
 
     def _closing(self, saved: bool) -> str:
         if not self._values:
-            return "the rig file already holds these values"
+            return "the rig file already contains these values"
         if saved:
             return f"written into {self._rig}"
         found = ", ".join(f"{key} = {value}" for key, value in self._values.items())

@@ -66,7 +66,7 @@ def trade(
     fresh
         Measure again instead of reusing an earlier measurement on this machine.
     stability
-        Map at which steps the engines are stable, and at which they refuse to run.
+        Find the steps at which the engines are stable, and those at which they refuse to run.
     """
     from sautereau.sim_backend.scene import load_scene
     from sautereau.sim_backend.trade import results

@@ -17,13 +17,13 @@ def transient(
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Find damped modes in presses of one rig, each of string, key, finger or transducer.
+    """Find oscillations in presses of one rig, and whether string, key or finger causes them.
 
     Parameters
     ----------
     known
-        Frequency of a mode that was measured otherwise, "key=350 Hz", "finger=..." or
-        "transducer=..."; repeat it for several.
+        Frequency of a mode known from another measurement, "key=350 Hz", "finger=..." or
+        "transducer=...". Repeat it for several.
     """
     from sautereau.analysis.alike import check_alike
     from sautereau.analysis.summary.transient import transient_lines, transient_summary

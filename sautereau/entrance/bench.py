@@ -147,7 +147,7 @@ def bench(rig: Rig | schema.Rig | str | Path) -> Bench:
     own = Rig(rig)
     if own.path is None:
         raise RigError(
-            f"rig {own.name!r}: the hardware moves only with a rig file of your own, since a"
+            f"rig {own.name!r}: the hardware moves only with a rig file of your own, because a"
             " packaged rig has the limits of another arm; write one with `sautereau init"
             " my-rig.toml` and give its path, or use the stand-in (--sim, or st.stand_in)"
         )

@@ -30,9 +30,9 @@ def recordings_of(what: str | Path, folder: str | Path | None) -> tuple[list[Pat
         found = [Path(name) for name in sorted(glob(str(what)))]  # noqa: PTH207 (absolute patterns)
     missing = [str(one) for one in found if not one.is_file()]
     if missing or not found:
-        there = "it holds no recording" if path.is_dir() else "there is no such file or folder"
+        there = "it contains no recording" if path.is_dir() else "there is no such file or folder"
         raise AnalysisError(
-            f"{what}: {f'there is no {missing[0]}' if missing else there};"
+            f"{what}: {f'there is no file {missing[0]}' if missing else there};"
             " give recordings (NAME.mcap), the folder of a session, or a campaign's table with"
             " the folder of its recordings"
         )
@@ -47,7 +47,7 @@ def recordings_in(folder: Path) -> tuple[list[Path], list[str]]:
     manifest = read_manifest(folder)
     found = sorted(folder.glob("*.mcap"))
     warnings = [
-        f"{path.name} is of an interrupted press; `sautereau recover` makes it readable"
+        f"{path.name} is from an interrupted press; `sautereau recover` makes it readable"
         for path in sorted(folder.glob(f"*.mcap{PART}"))
     ]
     own = []
@@ -59,5 +59,5 @@ def recordings_in(folder: Path) -> tuple[list[Path], list[str]]:
             pass  # it stays in the list, so that its fault is reported
         own.append(path)
     if len(own) < len(found):
-        warnings.append(f"{len(found) - len(own)} recordings in the folder are of other sessions")
+        warnings.append(f"{len(found) - len(own)} recordings in the folder are from other sessions")
     return own, warnings

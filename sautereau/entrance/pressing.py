@@ -143,8 +143,8 @@ class Pressing:
         if needed or self.result.unanswered:
             what = f"set {needed} on the instrument" if needed else self.result.unanswered
             raise RobotError(
-                f"session {self._out}: it needs an operator: {what}; then run the same again to"
-                " continue"
+                f"session {self._out}: it needs an operator: {what}; then run the same command"
+                " or plan again to continue"
             )
 
 

@@ -29,7 +29,7 @@ def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iter
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise AnalysisError(f"{folder}: there is no such folder; give that of the recordings")
+        raise AnalysisError(f"{folder}: there is no such folder; give the folder of the recordings")
     return _sessions(folder, wait)
 
 

@@ -1,7 +1,6 @@
-"""What presses the key, for every engine: its interface, and a finger without motors."""
+"""What presses the key, for every engine."""
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -28,37 +27,12 @@ def joint_cubics(start: Sequence[float], counts: Floats, speeds: Floats, radians
     return np.stack([start + places[:-1], v0, 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step], axis=-1)
 
 
-class Finger(Protocol):
-    """What presses the key."""
+class Finger:
+    """What presses the key; without motors, as here, it follows its reference exactly.
 
-    def joints(self) -> tuple[float, float]:
-        """Return the joint angles [rad]."""
-        ...
-
-    def torques(self) -> tuple[float, float]:
-        """Return the motors' torques [N m]."""
-        ...
-
-    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
-        ...
-
-    def block(self, joint: int) -> None:
-        """Block the motor of a joint, counted from 0, from now on.
-
-        Raises:
-            SceneError: There are no motors.
-        """
-        ...
-
-    @property
-    def settled(self) -> bool:
-        """Whether the arm rests at its reference."""
-        ...
-
-
-class StandingFinger:
-    """A finger without motors that follows its reference exactly."""
+    Args:
+        joints: rad, at the start.
+    """
 
     def __init__(self, joints: tuple[float, float]):
         self._joints = joints
@@ -68,17 +42,21 @@ class StandingFinger:
         return self._joints
 
     def torques(self) -> tuple[float, float]:
-        """Return zero: there are no motors."""
+        """Return the motors' torques [N m]."""
         return 0.0, 0.0
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        """Do nothing: there are no loops."""
+        """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
 
     def block(self, joint: int) -> None:
-        """Refuse: there are no motors."""
+        """Block the motor of a joint, counted from 0, from now on.
+
+        Raises:
+            SceneError: There are no motors.
+        """
         raise SceneError("faults.stall: the arm has no motors; remove the table")
 
     @property
     def settled(self) -> bool:
-        """True: it is always at its reference."""
+        """Whether the arm rests at its reference."""
         return True

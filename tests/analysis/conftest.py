@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
@@ -76,8 +75,7 @@ def make_press(paper):
             "jack_rise": rise_of_angle(paper.key, turned),
             "jack_speed": spin * rise_slope(paper.key, turned),
         }
-        frame = pd.DataFrame(columns, index=pd.Index(time, name="time"))
-        return Press(Path("press-0001.mcap"), paper, simulated, frame, rate)
+        return Press(Path("press-0001.mcap"), paper, simulated, time, columns, rate)
 
     make.build = build
     return make

@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -109,7 +110,7 @@ def test_a_press_without_a_pluck_says_so(make_press):
 def test_arm_and_choirs_are_shown(make_press):
     rig = load_scene("two-choirs").true_rig(load_rig())
     press = make_press()
-    press = type(press)(press.path, rig, True, press.data, press.rate)
+    press = replace(press, rig=rig)
     plan = draft_press(rig)
     arm = Plan(plan.time, *plan.joints.position.T, plan.rise.position)
     scene = staged(press, frame_times(0.05, 0.08, 5), arm)

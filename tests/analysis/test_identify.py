@@ -21,6 +21,7 @@ from sautereau.analysis.summary.fit import fit_lines, fit_summary
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
+from tests.presses import with_data
 
 TRUTH = {
     "plectrum.youngs_modulus": "2.2 GPa",
@@ -126,6 +127,7 @@ def test_a_picture_shows_every_part(made, found):
     assert {"measured", "model before", "model fitted"} <= labels
 
 
+@pytest.mark.slow
 def test_two_frictions_with_the_same_effect_are_not_identifiable(two):
     """Dry friction of pivot and register differ by the lever of the jack, which hardly changes."""
     found = identify(*two, [*FREE, "jack.register_friction"], starts=1)
@@ -178,7 +180,7 @@ def test_a_delay_of_the_force_is_found(two):
     press, phases = (part[0] for part in two)
     data = press.data.copy()
     data["force"] = np.interp(data.index - 0.2e-3, data.index, data["force"])
-    late = replace(press, data=data)
+    late = with_data(press, data)
     names = [*FREE, "offset.time"]
     on_time = by_name(identify([press], [phases], names, starts=1))["offset.time"].value
     found = identify([late], [find_phases(late)], names, starts=1)
@@ -206,7 +208,7 @@ def test_noise_alone_is_refused(rig):
     data["velocity"] = 5e-5 * random.standard_normal(len(data))
     for name in ("angle", "deflection", "jack_rise", "jack_speed"):
         data[name] = 0.0
-    still = replace(press, data=data)
+    still = with_data(press, data)
     with pytest.raises(AnalysisError, match=r"the key moves freely in only .*, and 20 are needed"):
         identify([still], [find_phases(still)], ["key.inertia"], starts=1)
 
@@ -216,7 +218,7 @@ def test_samples_that_are_not_numbers_and_no_press_are_refused(two):
     data = pressed[0].data.copy()
     data.iloc[100, 0] = np.nan
     with pytest.raises(AnalysisError, match="not finite numbers"):
-        identify([replace(pressed[0], data=data)], phases[:1], ["key.inertia"])
+        identify([with_data(pressed[0], data)], phases[:1], ["key.inertia"])
     with pytest.raises(AnalysisError, match="there is no press to fit"):
         identify([], [], ["key.inertia"])
 
@@ -235,7 +237,7 @@ def test_a_robust_fit_is_less_affected_by_a_disturbance(two, true):
     data.loc[0.300:0.302, "force"] += 0.1
     known = {name: value_of(true, name) for name in FREE[:2]}
     rig = with_parameters(pressed[0].rig, known)
-    broken = [replace(pressed[0], data=data, rig=rig), replace(pressed[1], rig=rig)]
+    broken = [with_data(pressed[0], data, rig=rig), replace(pressed[1], rig=rig)]
     errors = []
     for robust in (False, True):
         found = identify(broken, phases, FREE[2:], starts=1, robust=robust)
@@ -324,7 +326,7 @@ def test_gains_and_lags_within_their_uncertainties_keep_the_results(two, true):
         data = press.data.copy()
         data[["velocity", "angle", "deflection", "jack_rise", "jack_speed"]] *= 0.99
         data["force"] = np.interp(data.index - 20e-6, data.index, data["force"])
-        shifted.append(replace(press, data=data))
+        shifted.append(with_data(press, data))
     found = by_name(identify(shifted, [find_phases(p) for p in shifted], FREE, starts=1))
     for name in FREE[:3]:
         estimate, value = found[name], value_of(true, name)

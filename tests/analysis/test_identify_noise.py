@@ -25,17 +25,17 @@ def with_gaps(count):
     return used
 
 
-@pytest.mark.parametrize("levelled", [False, True])
-def test_whitening_is_that_of_the_dense_covariance(levelled):
+@pytest.mark.parametrize("free_offset", [False, True])
+def test_whitening_is_that_of_the_dense_covariance(free_offset):
     used = with_gaps(400)
     covariance = 0.8 ** np.arange(100) * 4e-6
-    white = whitening(used, covariance, levelled)
+    white = whitening(used, covariance, free_offset)
     at = np.flatnonzero(used)
     dense = toeplitz(np.r_[covariance, np.zeros(300)])[np.ix_(at, at)]
     factor = np.linalg.cholesky(dense)
     residual = 1e-3 * np.random.default_rng(1).standard_normal(len(at))
     expected = np.linalg.solve(factor, residual)
-    if levelled:
+    if free_offset:
         trends = np.linalg.solve(factor, np.stack([np.ones(len(at)), at], 1).astype(float))
         expected = expected - trends @ np.linalg.lstsq(trends, expected, rcond=None)[0]
     assert white(residual) == pytest.approx(expected, abs=1e-9)

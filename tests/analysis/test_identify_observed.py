@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.elastic import Mode, foot_parameter, mode_parameters
+from sautereau.analysis.identify.elastic import Mode, cloth_parameter, mode_parameters
 from sautereau.analysis.identify.fit import inverse_dynamics
-from sautereau.analysis.identify.observed import LEAST, landing, observed
-from sautereau.analysis.identify.parameters import FORCE, MODULUS, NAMES, parameters
+from sautereau.analysis.identify.keys import FORCE, MODULUS, NAMES
+from sautereau.analysis.identify.observed import MIN_INSTANTS, landing, observed
+from sautereau.analysis.identify.parameters import parameters
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.phases import find_phases
@@ -46,21 +47,15 @@ def oscillating(press, rate):
         swing * omega * np.sin(omega * time),
         swing * omega**2 * np.cos(omega * time),
     )
-    data = press.data.iloc[: len(time)].reindex(index=press.data.index[: len(time)])
-    import pandas as pd
-
     force = finger_force(rig, motion, np.zeros_like(time))
-    data = pd.DataFrame(
-        {
-            "velocity": motion.velocity * rig.key.laser_arm,
-            "force": force,
-            "angle": motion.position,
-            "jack_rise": motion.position * rig.key.jack_arm,
-            "jack_speed": motion.velocity * rig.key.jack_arm,
-        },
-        index=pd.Index(time, name="time"),
-    )
-    return replace(press, rig=rig, data=data, rate=rate), force
+    samples = {
+        "velocity": motion.velocity * rig.key.laser_arm,
+        "force": force,
+        "angle": motion.position,
+        "jack_rise": motion.position * rig.key.jack_arm,
+        "jack_speed": motion.velocity * rig.key.jack_arm,
+    }
+    return replace(press, rig=rig, time=time, samples=samples, rate=rate), force
 
 
 @pytest.mark.parametrize("rate", [10e3, 25.6e3, 51.2e3, 102.4e3])
@@ -78,7 +73,7 @@ def test_the_residual_of_an_oscillating_key_is_zero(press, rate):
 
 
 def test_instants_outside_the_model_are_excluded(press, taken):
-    assert taken.used.sum() > LEAST
+    assert taken.used.sum() > MIN_INSTANTS
     (release,) = taken.releases
     assert release == pytest.approx(0.072, abs=1e-4)
     assert np.abs(taken.time[taken.used] - release).min() > 2.5e-3
@@ -104,10 +99,9 @@ def test_flagged_samples_are_excluded(press):
 
 
 def test_a_press_of_nothing_is_refused(press):
-    data = press.data.copy()
-    data.loc[:, :] = 0.0
+    still = dict.fromkeys(press.samples, np.zeros(len(press.time)))
     with pytest.raises(AnalysisError, match="check whether the key was pressed"):
-        observed(replace(press, data=data), replace(find_phases(press), plucks=()))
+        observed(replace(press, samples=still), replace(find_phases(press), plucks=()))
 
 
 @pytest.mark.parametrize("modes", [[], mode_parameters(0, Mode(150.0, 0.05, 0.3, -0.6, -0.5, 0.1))])
@@ -115,7 +109,7 @@ def test_a_residual_does_not_depend_on_what_was_computed_before(press, modes):
     """Strings and modes are kept from point to point, for all parameters that leave them as is."""
     names = [name for name in NAMES if name not in (FORCE, MODULUS)]
     dynamics = inverse_dynamics([press], [find_phases(press)], names)
-    free = [*dynamics.free, *([foot_parameter(), *modes] if modes else [])]
+    free = [*dynamics.free, *([cloth_parameter(), *modes] if modes else [])]
     dynamics = dynamics.with_free(free)
     point = np.array([p.start for p in free])
     before, _ = dynamics.residuals(point)

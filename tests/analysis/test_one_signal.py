@@ -19,6 +19,7 @@ from sautereau.entrance.session import open as open_session
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
+from tests.presses import with_data
 
 
 def simulated(scene, speed=0.072, *, mute=False):
@@ -46,7 +47,7 @@ def without(recorded, missing):
 def only(press, missing, rows=slice(None)):
     """Return some rows of a press without a signal."""
     data = press.data[["force"]] if missing == "velocity" else press.data.drop(columns="force")
-    return replace(press, data=data.iloc[rows], missing=missing)
+    return with_data(press, data.iloc[rows], missing=missing)
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.phases import phases_figure
-from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.summary.press import press_summary
 from tests.plots import texts
+from tests.presses import with_data
 
 CONTACT, RELEASE = 0.052, 0.072
 LAG = 1 / (2 * np.pi * 22e3)
@@ -33,7 +33,7 @@ def assert_finite(phases):
 
 
 def cut(press, rows):
-    return Press(press.path, press.rig, press.simulated, press.data.iloc[rows], press.rate)
+    return with_data(press, press.data.iloc[rows])
 
 
 @pytest.mark.parametrize("rate", RATES)
@@ -207,7 +207,7 @@ def test_samples_that_are_not_numbers_are_refused(make_press, column):
     press = make_press()
     data = press.data.copy()
     data.loc[data.index[[7, 1000]], column] = np.nan
-    broken = Press(press.path, press.rig, press.simulated, data, press.rate)
+    broken = with_data(press, data)
     with pytest.raises(AnalysisError, match=rf"press-0001\.mcap: 2 samples of its {column}"):
         find_phases(broken)
 
@@ -265,8 +265,8 @@ def test_pure_noise_is_no_press(make_press):
 def test_a_gradual_fall_is_no_pluck_but_a_warning_that_says_where(make_press):
     """As in the force curve of a computer key."""
     press = make_press(slope=0)
-    time = press.data.index.to_numpy()
-    press.data["force"] += np.interp(time, [0.06, 0.10, 0.13], [0, 0.6, 0.2]) * (time < 0.15)
+    time = press.time
+    press.samples["force"] += np.interp(time, [0.06, 0.10, 0.13], [0, 0.6, 0.2]) * (time < 0.15)
     phases = find_phases(press)
     assert phases.plucks == ()
     assert phases.fit.verdict == "poor"

@@ -260,3 +260,10 @@ def test_old_calibrations_of_measured_presses(paper, record, calibrated, count):
     assert all("calibrat" in warning for warning in press.warnings)
     press.path.unlink()
     assert load_press(record(rig, volts)).warnings == ()
+
+
+def test_the_table_has_the_samples(paper, record):
+    press = load_press(record(paper, np.stack([np.linspace(0, 0.02, 2000), np.full(2000, 0.5)])))
+    assert list(press.samples) == list(press.data)
+    for name, signal in press.samples.items():
+        np.testing.assert_array_equal(signal, press.data[name])

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.session.repeatability import repeatability
 from sautereau.trajectory.timing import press_law
+from tests.presses import with_data
 
 
 @pytest.fixture(scope="module")
@@ -24,11 +24,8 @@ def presses(paper, law, offsets, speeds):
     made = []
     for offset, factor in zip(offsets, speeds, strict=True):
         rise = offset + factor * plan.position
-        frame = pd.DataFrame(
-            {"jack_rise": rise, "jack_speed": factor * plan.velocity},
-            index=pd.Index(time, name="time"),
-        )
-        made.append(Press(path=Path("p.mcap"), rig=paper, simulated=True, data=frame, rate=1e4))
+        samples = {"jack_rise": rise, "jack_speed": factor * plan.velocity}
+        made.append(Press(Path("p.mcap"), paper, True, time, samples, 1e4))
     return made
 
 
@@ -85,6 +82,6 @@ def test_too_few_or_too_short(paper, law):
     with pytest.raises(AnalysisError, match="at least 3"):
         repeatability(presses(paper, law, np.zeros(2), np.ones(2)), law)
     made = presses(paper, law, np.zeros(3), np.ones(3))
-    short = Press(made[0].path, paper, True, made[0].data.iloc[:300], 1e4)
+    short = with_data(made[0], made[0].data.iloc[:300])
     with pytest.raises(AnalysisError, match=r"p\.mcap ends at"):
         repeatability([*made[1:], short], law)

@@ -153,7 +153,7 @@ def test_two_choirs_are_plucked_in_turn(make_press):
     """The second string is held where the first one's force would be found again."""
     rig = load_scene("two-choirs").true_rig(load_rig())
     press = make_press()
-    double = type(press)(press.path, rig, True, press.data, press.rate)
+    double = replace(press, rig=rig)
     phases = find_phases(press)
     scene = replay(double, phases, np.linspace(0.03, 0.12, 50))
     assert len(scene.choirs) == 2

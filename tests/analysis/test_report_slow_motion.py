@@ -16,6 +16,7 @@ from sautereau.analysis.report.contents import gather
 from sautereau.analysis.report.slow_motion import FRAMES, LEAST_BESIDE, about, readings, slow_motion
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
+from tests.presses import with_data
 
 MOST_DATA = 150_000
 """Bytes of the page for one choir, pictures and numbers."""
@@ -154,9 +155,7 @@ def test_a_pluck_at_the_recordings_end_is_shown_to_the_end(make_press):
     press = make_press()
     phases = find_phases(press)
     (held,) = phases.plucks
-    short = type(press)(
-        press.path, press.rig, True, press.data.loc[held.contact : held.release + 1e-3], press.rate
-    )
+    short = with_data(press, press.data.loc[held.contact : held.release + 1e-3])
     shown = slow_motion(1, short, phases)
     assert shown.scene.time[0] == short.data.index[0]
     assert shown.scene.time[-1] == short.data.index[-1]

@@ -55,8 +55,8 @@ def test_an_incomplete_session(started, write_session, capsys):
     assert list(result["left_out"]) == [str(damaged)]
     for warning in (
         "2 of 3 planned presses are on this page",
-        "1 recordings in the folder are of other sessions",
-        "press-0009.mcap.part is of",
+        "1 recordings in the folder are from other sessions",
+        "press-0009.mcap.part is from",
         "press-0010.mcap could not be read",
         "fit-1.json: parameters: Field required",
     ):

@@ -8,7 +8,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from sautereau.daq.convert.export import export, targets
+from sautereau.daq.convert.export import export
+from sautereau.daq.convert.targets import targets
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Block
@@ -119,7 +120,7 @@ def test_targets(tmp_path):
     folder.mkdir()
     assert [t for _, t in targets(files, "csv", folder)] == [folder / "a.csv", folder / "b.csv"]
     assert targets(files[:1], "csv", tmp_path / "x.csv") == [(files[0], tmp_path / "x.csv")]
-    with pytest.raises(RecordingError, match="2 recordings cannot go into one file"):
+    with pytest.raises(RecordingError, match=r"x\.csv: 2 files would be converted to it"):
         targets(files, "csv", tmp_path / "x.csv")
 
 
@@ -127,5 +128,5 @@ def test_targets_that_are_given_twice_are_all_named(tmp_path):
     files = [tmp_path / f"{name}.mcap" for name in "aabb"]
     with pytest.raises(RecordingError) as caught:
         targets(files, "csv", None)
-    assert "a.csv: given twice" in str(caught.value)
-    assert "b.csv: given twice" in str(caught.value)
+    assert "a.csv: 2 files would" in str(caught.value)
+    assert "b.csv: 2 files would" in str(caught.value)

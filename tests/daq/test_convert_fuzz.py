@@ -54,7 +54,7 @@ def test_a_table_in_any_dialect_comes_back_exactly_or_is_refused(
         ("first_sample", 2**60, "first_sample"),
         ("events", [{"time": 0, "kind": "a", "text": ""}] * 200_000, "limit MOST_EVENTS = 100000"),
         ("events", [{"time": float("nan"), "kind": "a", "text": ""}], "no finite time"),
-        ("plan", {"t": [0, 1], "q1": [0], "q2": [0], "jack_rise": [0]}, "plan: not columns"),
+        ("plan", {"t": [0, 1], "q1": [0], "q2": [0], "jack_rise": [0]}, "plan: its columns must"),
         ("rig", {}, "cannot be read"),
         ("session", None, "cannot be read"),
     ],

@@ -258,7 +258,7 @@ def test_everything_missing_is_reported_at_once(tmp_path, back, paper):
         assert word in message
     path = write_wav(tmp_path / "laser.wav", b"\0\0", 2)
     message = refused(path, back, paper, ImportOptions(without=("force",)))
-    assert 'velocity: which full scale? give --full-scale.velocity "4 V"' in message
+    assert 'velocity: its full scale is missing; give --full-scale.velocity "4 V"' in message
     assert "rate" not in message
 
 
@@ -273,7 +273,7 @@ def test_everything_missing_is_reported_at_once(tmp_path, back, paper):
         ({"without": ("force",)}, "force: both --column and --without are given"),
         ({"rate": "48"}, "'48' has no unit"),
         ({"rate": "0 Hz"}, "'0 Hz' is not above 0"),
-        ({"rate": None}, "which sampling rate?"),
+        ({"rate": None}, "the sampling rate is missing"),
         ({"trigger": "soon"}, "--trigger: 'soon' is not a number with a unit"),
         ({"started": "yesterday"}, "--started 'yesterday'"),
         ({"started": "2026-02-03T04:05:06"}, "it has no time zone"),

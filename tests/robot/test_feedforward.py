@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from sautereau.analysis.loading.press import Press
@@ -37,15 +36,13 @@ def press():
     time = np.arange(0, PLAN.law.return_start, 1 / rate)
     rise = PLAN.law.law.at(time).position
     noise = 5e-3 * np.random.default_rng(0).standard_normal(len(time))
-    frame = pd.DataFrame(
-        {"jack_rise": rise, "force": REST + curve(rise) + noise}, index=pd.Index(time, name="time")
-    )
-    return Press(Path("p.mcap"), RIG, True, frame, rate)
+    samples = {"jack_rise": rise, "force": REST + curve(rise) + noise}
+    return Press(Path("p.mcap"), RIG, True, time, samples, rate)
 
 
 @pytest.fixture
 def phases(press):
-    rise, time = press.data["jack_rise"], press.data.index
+    rise, time = press.samples["jack_rise"], press.time
     contact, release = (float(time[np.argmax(rise > at)]) for at in (CONTACT, RELEASE))
     held = HeldString(contact, release, 0, 0, 0, PEAK, PEAK - AFTER, 0)
     return Phases(0.02, PLAN.law.bottom, (held,), 0.072, 0.07, 0.072, ())

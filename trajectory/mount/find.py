@@ -28,10 +28,14 @@ from sautereau.trajectory.mount.bases import (
     unnoticed,
 )
 
-COARSE, FINE = 9, 65
-"""Number of key angles for the region, and for the neighbourhood of a good base."""
-GRID, WINDOW = 41, 9
-"""Number of bases along each side of the region, and of a window."""
+COARSE = 9
+"""Number of key angles for a search of the complete region."""
+FINE = 65
+"""Number of key angles for a search near a good base."""
+GRID = 41
+"""Number of bases along each side of the region."""
+WINDOW = 9
+"""Number of bases along each side of a window."""
 STARTS = 3
 """Points of the coarse grid, per elbow branch, from which the search is refined."""
 ACCURACY = 1e-8

@@ -45,7 +45,7 @@ class Located:
     std: Floats
     """Standard uncertainty of each of `estimated` [m, m, rad, rad]; shape (k,)."""
     covariance: Floats
-    """Of `estimated`; shape (k, k)."""
+    """Covariance of `estimated`; shape (k, k)."""
     residual: float
     """m, root mean square of the residual distances."""
     touch: float

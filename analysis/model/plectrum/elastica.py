@@ -28,7 +28,7 @@ Q_MAX = 3.43
 """Dimensionless; largest tabulated load q without friction: the tangent has turned by 90
 degrees at 3.4376."""
 DEGREE = 40
-"""Of the Chebyshev series through the integrated elastica, from which the table is taken."""
+"""Degree of the Chebyshev series through the integrated elastica. The table is computed from it."""
 CELLS = 128
 """Equal cells of the table over q."""
 ORDER = 6
@@ -75,7 +75,7 @@ def elastica_tables(friction: float) -> "tuple[PPoly, PPoly]":
     nodes = (1 + chebpts1(ORDER)) / 2
     width = edges[1]
     values = np.stack([series(edges[:-1, None] + nodes * width) for series in _series(friction)])
-    powers = np.vander(nodes)  # highest power first, as PPoly wants them
+    powers = np.vander(nodes)  # highest power first, as PPoly requires
     coefficients = np.linalg.solve(powers, values[..., None])[..., 0]  # (3, CELLS, ORDER)
     coefficients /= width ** np.arange(ORDER - 1, -1, -1)
     table = PPoly(np.ascontiguousarray(coefficients.transpose(2, 1, 0)), edges)

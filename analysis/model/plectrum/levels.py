@@ -29,7 +29,7 @@ def plectrum_map(plectrum: "Plectrum", level: str) -> "PlectrumMap":
     """Return the map of a plectrum at a level.
 
     Args:
-        plectrum: Of the rig; its friction goes into the map.
+        plectrum: The rig's plectrum; the map includes its friction.
         level: A name of `LEVELS`.
 
     Raises:

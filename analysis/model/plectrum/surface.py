@@ -79,8 +79,8 @@ def string_map(plectrum: "Plectrum", string: "String", level: str) -> StringCent
     """Return the map of a string's centre on a plectrum at a level.
 
     Args:
-        plectrum: Of the rig; `plectrum.contact` says where the string lies.
-        string: Of the rig.
+        plectrum: The rig's plectrum; `plectrum.contact` gives the place of the string.
+        string: The rig's string.
         level: A name of `sautereau.analysis.model.plectrum.levels.LEVELS`.
 
     Raises:

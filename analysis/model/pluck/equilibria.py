@@ -22,8 +22,10 @@ LOADS = np.concatenate([[0.0], np.geomspace(1e-14, 1.0, 97)])
 NEWTON_STEPS = 60
 SMALL = 1e-6
 """Fraction of the largest load at which the direction of the first friction is found."""
-TURN_POINTS, TURN_NARROWINGS = 33, 4
-"""Points of a search for the load at which the string turns, and how often it is narrowed."""
+TURN_POINTS = 33
+"""Number of points of a search for the load at which the string turns."""
+TURN_NARROWINGS = 4
+"""Number of such searches, each between the neighbours of the best point of the last one."""
 
 
 @dataclass(frozen=True)

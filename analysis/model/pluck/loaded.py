@@ -28,8 +28,9 @@ class Loaded(NamedTuple):
     angle: Floats
     """rad, by which the plectrum is bent down."""
     sine: Floats
-    """Of the angle."""
+    """Sine of the angle."""
     cosine: Floats
+    """Cosine of the angle."""
     x_s: Floats
     """dx/ds at the same load, dimensionless."""
     z_s: Floats

@@ -12,8 +12,10 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.pluck.equilibria import Curve, Equilibria
 from sautereau.analysis.model.pluck.loaded import Rows
 
-NARROWINGS, NEAR = 9, 33
-"""How often a fold is searched for, among how many points between two neighbours of it."""
+NARROWINGS = 9
+"""Number of searches for a fold, each between the neighbours of the best point of the last one."""
+NEAR = 33
+"""Number of points of such a search."""
 
 
 class Status(IntEnum):
@@ -61,7 +63,7 @@ class Paths:
     """Plucks as stretches of equilibria, one after the other."""
 
     kinds: tuple[Kind, ...]
-    """Of the curves."""
+    """Kinds of the curves."""
     curves: tuple[Curve, ...]
     """With friction a stretch that sticks, then one that slides; shape (cases, points). A
     stretch that a case does not have is of constant load."""

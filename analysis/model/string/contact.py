@@ -23,10 +23,12 @@ from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
 from sautereau.analysis.model.string.bend import point_bend
 from sautereau.analysis.model.string.string import ModalState, ModalString
 
-STEP_FRACTION, STEP_FRACTION_MAX = 0.3, 0.35
-"""Time step over the shortest mode's period, by default and at most. From 0.4 the response of
-the moving modes within a step exceeds that of the omitted ones, and force and modes of a stiff
-plectrum excite each other from step to step."""
+STEP_FRACTION = 0.3
+"""Default time step, divided by the shortest mode's period."""
+STEP_FRACTION_MAX = 0.35
+"""Largest time step, divided by that period. From 0.4 on, the moving modes respond within a step
+more than the omitted ones. Force and modes of a stiff plectrum then excite each other from step to
+step."""
 NEWTON_STEPS = 40
 """Maximum per time step; 2 are usual."""
 CLOSE = 1e-9

@@ -20,7 +20,7 @@ class FreeString:
 
     string: ModalString
     state: ModalState
-    """Of the moving modes at time 0."""
+    """State of the moving modes at time 0."""
 
     def motion(self, time: ArrayLike, place: float | None = None) -> tuple[Floats, Floats]:
         """Return displacement [m] and velocity [m/s] along x and z, shapes (n, 2).

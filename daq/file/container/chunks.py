@@ -1,4 +1,4 @@
-"""Chunks of an MCAP file: unpacked and verified, or searched for."""
+"""Unpack and verify the chunks of an MCAP file, or search a damaged file for them."""
 
 import mmap
 import re
@@ -25,11 +25,11 @@ from sautereau.daq.file.container.records import (
 )
 
 AHEAD = 3
-"""Chunks unpacked ahead of their reader, which bounds the memory."""
+"""Number of chunks unpacked ahead of their reader; it bounds the memory."""
 MOST_UNPACKED = 500
 """Limit of the unpacked size, in multiples of the file's size; a file of zeros reaches 300."""
 FEW = 8
-"""Chunks at the start of a file that are unpacked without threads; a press has no more."""
+"""Number of chunks at the start of a file, as many as of a press, unpacked without threads."""
 Unpacked = tuple[int, Bytes]
 """Opcode and body of a record."""
 ZSTD = b"zstd"
@@ -124,12 +124,12 @@ def _unzstd(packed: memoryview, size: int) -> bytes:
 def find_intact(file: BufferedReader) -> Iterator[Record]:
     """Yield all chunks and Metadata records whose own checksums match, in their order.
 
-    They are searched by the pattern of their first bytes at every offset, so that a wrong length
-    cannot hide the records after it.
+    Every offset is searched for the pattern of their first bytes, so that a wrong length cannot
+    hide the records after it.
 
     Raises:
-        RecordingError: So many false beginnings of records reach over each other that more would
-            be verified than `MOST_UNPACKED` times the file's size.
+        RecordingError: The file has so many overlapping false starts of records that verifying
+            them would read more than `MOST_UNPACKED` times its size.
     """
     with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         require_checksum = data.find(CRC_KEY, 0, _HEAD) >= 0
@@ -145,7 +145,7 @@ def find_intact(file: BufferedReader) -> Iterator[Record]:
             left -= length + (_claimed(data, start, length) if opcode == Opcode.CHUNK else 0)
             if left < 0:
                 raise RecordingError(
-                    "to verify everything in it that looks like a record would take more than"
+                    "verifying everything in it that looks like a record would read more than"
                     f" MOST_UNPACKED = {MOST_UNPACKED} times its size; use a copy of it"
                 )
             body = data[start + PREFIX.size : stop]

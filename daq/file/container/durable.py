@@ -2,7 +2,6 @@
 
 import errno
 import os
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -36,8 +35,10 @@ class DurableFile:
 
         Args:
             path: Path of the finished file.
-            ending: Appended to its name until then. A file with another ending than `PART` was
-                left by a killed program that made it from other files, and is replaced.
+            ending: Appended to its name until it is complete. With `PART` an existing unfinished
+                file is never replaced, since it may hold the only samples of a press. With
+                another ending it is replaced: a killed program left it, and it was made from
+                files that still exist.
 
         Raises:
             RecordingError: Either file exists already, or the folder cannot be written.
@@ -113,39 +114,8 @@ class DurableFile:
             sync_folder(self.path.parent)
 
 
-class SteadyClock:
-    """Dates that follow from a single reading of the host's clock, whatever is set later."""
-
-    def __init__(
-        self,
-        clock: Callable[[], int] = time.time_ns,
-        monotonic: Callable[[], float] = time.monotonic,
-    ):
-        """Read the host's clock.
-
-        Args:
-            clock: ns since 1970.
-            monotonic: Time in s of a clock that is never set.
-        """
-        self._monotonic = monotonic
-        self._start = monotonic()
-        self._start_ns = clock()
-
-    def seconds(self) -> float:
-        """Return the time since that reading, s."""
-        return self._monotonic() - self._start
-
-    def now_ns(self) -> int:
-        """Return the date, ns since 1970."""
-        return self.date_ns(self._monotonic())
-
-    def date_ns(self, time_s: float) -> int:
-        """Return the date of a time of the clock that is never set, ns since 1970."""
-        return self._start_ns + round((time_s - self._start) * 1e9)
-
-
-class RecordingFile:
-    """An MCAP file that gets its name when it is finished; after a fault it accepts no more."""
+class RecordingFile(DurableFile):
+    """A `DurableFile` with MCAP records; after a fault it accepts no more."""
 
     def __init__(
         self,
@@ -159,28 +129,28 @@ class RecordingFile:
 
         Args:
             path: Path of the finished file.
-            ending: Appended to its name until then; see `DurableFile`.
             compress: Whether to compress chunks with zstd.
             seconds: Time in s of a clock that is never set.
+            ending: Appended to its name until it is finished; see `DurableFile`.
         """
-        self._file = DurableFile(path, ending=ending)
-        self._writer = McapWriter(self._file.stream, path.parent, compress=compress)
-        self._seconds = seconds
-        self._flushed = self._synced = seconds()
         self.broken = False
         """Whether something could not be written completely."""
+        super().__init__(path, ending=ending)
+        self._writer = McapWriter(self.stream, path.parent, compress=compress)
+        self._seconds = seconds
+        self._flushed = self._synced = seconds()
 
     @contextmanager
-    def writing(self) -> Iterator[McapWriter]:
-        """Yield the writer; an error while writing marks the file as broken."""
+    def writing(self) -> Iterator[None]:
+        """Do as `DurableFile.writing`; an error while writing marks the file as broken."""
         if self.broken:
             raise RecordingError(
-                f"recording {self._file.path}: an earlier fault truncated it; recover the content"
-                f" of {self._file.part_path} with `sautereau recover`, and press again"
+                f"recording {self.path}: an earlier fault truncated it; recover the content"
+                f" of {self.part_path} with `sautereau recover`, and press again"
             )
         try:
-            with self._file.writing():
-                yield self._writer
+            with super().writing():
+                yield
         except RecordingError as error:
             self.broken |= isinstance(error.__cause__, OSError)
             raise
@@ -198,17 +168,16 @@ class RecordingFile:
         now = self._seconds()
         if now - self._synced >= SYNC_PERIOD:
             self._synced = now
-            with self.writing():
-                self._file.sync()
+            self.sync()
 
     @contextmanager
     def flushing(self) -> Iterator[McapWriter]:
-        """Yield the writer as `writing`, then flush everything to the operating system."""
+        """Yield the writer, then flush everything to the operating system."""
         self._flushed = self._seconds()
-        with self.writing() as writer:
-            yield writer
-            writer.close_chunk(least=0)
-            self._file.stream.flush()
+        with self.writing():
+            yield self._writer
+            self._writer.close_chunk(least=0)
+            self.stream.flush()
 
     def finish(self, end: dict[str, str]) -> None:
         """Complete the file, flush it to the disk and close it, still under its ``.part`` name.
@@ -217,19 +186,15 @@ class RecordingFile:
             end: Metadata at the end of the file.
         """
         try:
-            with self.writing() as writer:
-                writer.close_chunk(least=0)
-                writer.add_metadata("end", end)
-                writer.finish()
-            self._file.close()
+            with self.writing():
+                self._writer.close_chunk(least=0)
+                self._writer.add_metadata("end", end)
+                self._writer.finish()
+            self.close()
         finally:
             self.abandon()
 
-    def publish(self) -> None:
-        """Rename the finished file to its final name."""
-        self._file.publish()
-
     def abandon(self) -> None:
         """Close the file without completing it."""
-        self._file.abandon()
+        super().abandon()
         self._writer.close()

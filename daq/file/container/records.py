@@ -1,4 +1,4 @@
-"""The records of an MCAP file: parsed within limits, with the checksums of their own."""
+"""Parse the records of an MCAP file within limits, and verify the checksums that they hold."""
 
 import struct
 from collections.abc import Container, Iterator
@@ -26,12 +26,16 @@ PREFIX = struct.Struct("<BQ")
 """Opcode and length of a record."""
 MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time and publish time of a message, ns."""
+CHUNK_INDEX = struct.Struct("<QQQQI")
+"""Start, end, offset and length of a chunk, size of the offsets, which follow."""
+INDEX_OFFSET = struct.Struct("<HQ")
+"""Channel, and offset of its MessageIndex."""
 _NUMBER = struct.Struct("<H")
 _LENGTH = struct.Struct("<I")
 CHANNEL = struct.Struct("<HH")
 """Number of a channel and of its schema."""
 _LONGEST_RUN = 256
-"""Records compared at once, so that the work for each is bounded, however short the runs are."""
+"""Limit of the records compared at once. It bounds the work per record if the runs are short."""
 _HEAD = PREFIX.size + _NUMBER.size
 _CRC = "crc32"
 CRC_KEY = _CRC.encode()
@@ -150,12 +154,4 @@ def read_metadata(body: bytes, *, require_checksum: bool = False) -> Metadata:
 
 def _checksum(name: str, data: dict[str, str]) -> int:
     """Return the CRC of a Metadata record, prefix included."""
-    packed = [_packed(text) for pair in data.items() for text in pair]
-    content = b"".join(packed)
-    body = _packed(name) + _LENGTH.pack(len(content)) + content
-    return crc32(PREFIX.pack(Opcode.METADATA, len(body)) + body)
-
-
-def _packed(text: str) -> bytes:
-    data = text.encode()
-    return _LENGTH.pack(len(data)) + data
+    return crc32(record_bytes(Metadata(name, data)))

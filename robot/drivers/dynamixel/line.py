@@ -48,7 +48,7 @@ MOVING = Item("Moving", 122, 1)
 PRESENT_POSITION = Item("Present Position", 132, 4, True)
 WAIT = Item("wait", 1000, 4)
 HOLD = Item("hold", 1004, 1)
-"""Of the stand-in, see docs/decisions/0006."""
+"""The last two are items of the stand-in only, see docs/decisions/0006."""
 
 _ALERT = 0x80  # of the error byte: see Hardware Error Status
 _REASONS = {

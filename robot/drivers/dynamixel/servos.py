@@ -22,8 +22,10 @@ from sautereau.robot.errors import MotionFault, RobotError, SettingNotTaken
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments, motion_at, segment_cubics, to_counts
 
-TURN, CENTRE = 4096, 2048
-"""Counts in a turn, and in its middle."""
+TURN = 4096
+"""Counts in a turn."""
+CENTRE = 2048
+"""Count in the middle of a turn."""
 INTERVAL = 8
 """Controller samples between two setpoints: 128 per second, which both servos answer in time at
 1 Mbit/s with a return delay of 0.5 ms."""
@@ -32,7 +34,8 @@ LEAD = 13
 _SETTLE = 5  # intervals for which the end is held and recorded
 _TIME_BASED = 4  # drive mode: the profile's velocity and acceleration are times in ms
 _POSITION_CONTROL = 3  # operating mode
-_WATCHDOG, _LONGEST_WATCHDOG = 20e-3, 127  # s, its unit; units
+_WATCHDOG = 20e-3  # s, unit of the watchdog's period
+_LONGEST_WATCHDOG = 127  # units
 _RISING = 0.1  # s, of a move's speed
 _LONGEST_PROFILE = 32.0  # s
 _ERRORS = {

@@ -30,7 +30,7 @@ class CapturePlan:
     """How the controller records a motion."""
 
     rows: int
-    """Of each array."""
+    """Number of rows of each array."""
     exponent: int
     """Operand of RC: a row every 2^exponent controller samples."""
 

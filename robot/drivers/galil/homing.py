@@ -16,8 +16,10 @@ from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.segments import Counts
 
-FAST, SLOW = 0.2, 0.01
-"""rad/s, of the search and of the last approach."""
+FAST = 0.2
+"""Speed of the search (rad/s)."""
+SLOW = 0.01
+"""Speed of the last approach (rad/s)."""
 _AXES = "AB"
 
 

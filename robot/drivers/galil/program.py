@@ -9,14 +9,22 @@ host sets are named here.
 
 import zlib
 
-WATCH, PRESS, TORQUES, BOTH = 0, 1, 2, 3
-"""Threads."""
+WATCH = 0
+"""Thread of the watchdog."""
+PRESS = 1
+"""Thread of the press."""
+TORQUES = 2
+"""Thread of the torques."""
+BOTH = 3
+"""Thread that checks that no joint stops alone."""
 SETTLE = 20
 """ms that the capture continues after the motion; at TM 1000 at least as many samples."""
 LOOK = 2
 """ms between two checks whether a joint has stopped."""
-TICK, LEFT = "wtick", "wleft"
-"""ms between two counts of the watchdog, and the counts left; the host renews the latter."""
+TICK = "wtick"
+"""Time between two counts of the watchdog (ms)."""
+LEFT = "wleft"
+"""Counts that are left to the watchdog; the host renews them."""
 SIGN = "wsign"
 """What the watchdog writes at each count: the signature of this program."""
 FAULT = "wfault"
@@ -25,13 +33,15 @@ LIMIT = -1
 """A joint has reached a limit; the abort after it overwrites the stop codes."""
 RATE = "rate"
 """Logarithm to base 2 of the controller samples between two rows of a capture."""
-PUSHES, PUSH_EVERY = "pushn", "pushk"
-"""Rows of torques, 0 for none, and the negative of the samples that each row lasts."""
+PUSHES = "pushn"
+"""Number of rows of torques; 0 for none."""
+PUSH_EVERY = "pushk"
+"""Negative number of samples that each row lasts."""
 PUSH = ("pushA", "pushB")
 """Arrays of torques, in volts."""
 _FAULTS = ("AMPERR", "TCPERR")
 RESOLUTION = 2
-"""Of the times of WT (ms) and AT (samples), and of a segment's samples and velocities."""
+"""Resolution of WT (ms), of AT (samples), and of a segment's samples and velocities."""
 
 
 def controller_program(trigger_output: int) -> list[str]:

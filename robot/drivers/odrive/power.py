@@ -20,12 +20,16 @@ from sautereau.robot.errors import GarbledAnswer, MotionFault, RobotError, Setti
 
 AXES = ("axis0", "axis1")
 """Names of the axes, which turn joints 1 and 2."""
-IDLE, CLOSED_LOOP = 1, 8
-"""States of an axis."""
+IDLE = 1
+"""State of an axis whose motor is off."""
+CLOSED_LOOP = 8
+"""State of an axis whose motor is on."""
 POSITION_CONTROL = 3
 """Control mode."""
-POSITION_FILTER, TRAPEZOID = 3, 5
-"""Input modes."""
+POSITION_FILTER = 3
+"""Input mode in which an axis follows setpoints."""
+TRAPEZOID = 5
+"""Input mode for moves with a trapezoidal speed."""
 SWITCHING = 0.5
 """s that an axis may take to change its state."""
 _BEFORE_POWER = {"config.control_mode": POSITION_CONTROL, "input_vel": 0, "input_torque": 0}

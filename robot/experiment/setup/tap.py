@@ -18,10 +18,14 @@ from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, as
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Segments
 
-TAPS, REST = 8, 0.4
-"""Number of taps, and time [s] of rest before each and after the last."""
-ABOVE, BELOW = 0.3e-3, 0.2e-3
-"""m, of the fingertip above the key at rest, and below its surface at the bottom of a tap."""
+TAPS = 8
+"""Number of taps."""
+REST = 0.4
+"""Rest before each tap and after the last one (s)."""
+ABOVE = 0.3e-3
+"""Height of the fingertip above the key between taps (m)."""
+BELOW = 0.2e-3
+"""Depth of the fingertip below the key's rest at the bottom of a tap (m)."""
 
 
 def tap_key(rig: Rig, ask: Ask) -> Found:

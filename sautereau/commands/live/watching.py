@@ -61,5 +61,5 @@ def _report(feed: "Feed") -> None:
         sys.stderr.write(f"warning: live view: {fault}\n")
     if feed.dropped:
         sys.stderr.write(
-            f"warning: live view: {feed.dropped} events were not shown; the recordings hold all\n"
+            f"warning: live view: {feed.dropped} events not shown; the recordings contain all\n"
         )

@@ -3,13 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
-from typing import Any, Protocol
+from typing import Any
 
 import grpc
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
 from sautereau.sim_backend.devices.daqmx.card import ServerGone
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.inputs import invalid
 
 KINDS = (
     "Bool",
@@ -23,12 +24,6 @@ KINDS = (
     "UInt64",
 )
 _GONE = "Socket closed"
-
-
-class Storing(Protocol):
-    """What has properties that nothing computes."""
-
-    stored: dict[int, Any]
 
 
 @dataclass(frozen=True)
@@ -68,23 +63,42 @@ def kept(prefix: str, defaults: dict[str, Any]) -> Table:
 
     A default may be a function of what has the property.
     """
-    found = {}
-    for name, default in defaults.items():
-        key = number(prefix, name)
+    return {number(prefix, name): stored(prefix, name, value) for name, value in defaults.items()}
 
-        def read(subject: Storing, key=key, default=default) -> Any:
-            if key in subject.stored:
-                return subject.stored[key]
-            return default(subject) if callable(default) else default
 
-        def write(subject: Storing, value: Any, key=key) -> None:
-            subject.stored[key] = value
+def stored(
+    prefix: str,
+    name: str,
+    default: Any,
+    possible: Callable[[Any], tuple[Any, ...]] | None = None,
+    check: Callable[[Any], None] = lambda about: None,
+) -> Attribute:
+    """Return a property that is kept as it was set.
 
-        def clear(subject: Storing, key=key) -> None:
-            subject.stored.pop(key, None)
+    Args:
+        prefix: As of `table`.
+        name: Of the property.
+        default: Before it is set, or a function of what has it.
+        possible: Returns the values that a channel can have, while its task does not run.
+        check: Refuses the property itself.
+    """
+    key = number(prefix, name)
 
-        found[key] = Attribute(read, write, clear)
-    return found
+    def read(about: Any) -> Any:
+        check(about)
+        if key in about.stored:
+            return about.stored[key]
+        return default(about) if callable(default) else default
+
+    def write(about: Any, value: Any) -> None:
+        if possible is not None:
+            about.must_be_idle()
+            check(about)
+            if value not in (values := possible(about)):
+                raise invalid(name, value, f"one of {list(values)}", about.input)
+        about.stored[key] = value
+
+    return Attribute(read, write, lambda about: about.stored.pop(key, None))
 
 
 def given(request: Any, name: str) -> Any:

@@ -3,11 +3,19 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from sautereau.sim_backend.device_types import AC, DC, IDEAL
-from sautereau.sim_backend.devices.daqmx.attributes import Attribute, field, kept, number, table
+from sautereau.sim_backend.devices.daqmx.attributes import (
+    Attribute,
+    field,
+    kept,
+    number,
+    stored,
+    table,
+)
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, NO_EXCITATION, Input, invalid
+from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, NO_EXCITATION, Input
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 
 _ANALOG_INPUT = 10100
@@ -56,33 +64,6 @@ def _filter_delay(seat: Seat) -> float:
     return delay * rate if seat.stored.get(_UNITS) == _PERIODS else delay
 
 
-def _checked(prefix_name: str, default, possible, check=None) -> Attribute:
-    """Return a kept property whose values are limited.
-
-    Args:
-        prefix_name: Name of the property.
-        default: Of a channel.
-        possible: Returns the values that a channel can have.
-        check: Refuses the property itself.
-    """
-    key = number("CHANNEL", prefix_name)
-
-    def read(seat: Seat):
-        if check:
-            check(seat)
-        return seat.stored[key] if key in seat.stored else default(seat)
-
-    def write(seat: Seat, value) -> None:
-        seat.must_be_idle()
-        if check:
-            check(seat)
-        if value not in possible(seat):
-            raise invalid(prefix_name, value, f"one of {list(possible(seat))}", seat.input)
-        seat.stored[key] = value
-
-    return Attribute(read, write, lambda seat: seat.stored.pop(key, None))
-
-
 def _configuration(seat: Seat) -> int:
     seat.input.verify()
     given = seat.input.configuration
@@ -117,6 +98,7 @@ def _coupling(seat: Seat) -> int:
     return AC if AC in couplings and seat.input.measurement in _IEPE else DC
 
 
+_stored = partial(stored, "CHANNEL")
 _UNITS = number("CHANNEL", "AI_FILTER_DELAY_UNITS")
 _EXCITATION = number("CHANNEL", "AI_EXCIT_VAL")
 
@@ -170,21 +152,21 @@ CHANNEL = {
             "AI_RNG_HIGH": _of_input("requested_range", None, lambda seat: seat.input.range),
             "AI_RNG_LOW": _of_input("requested_range", None, lambda seat: -seat.input.range),
             "AI_TERM_CFG": _of_input("configuration", -1, _configuration),
-            "AI_COUPLING": _checked(
+            "AI_COUPLING": _stored(
                 "AI_COUPLING", _coupling, lambda seat: seat.task.device.couplings
             ),
-            "AI_EXCIT_SRC": _checked(
+            "AI_EXCIT_SRC": _stored(
                 "AI_EXCIT_SRC",
-                lambda seat: NO_EXCITATION,
+                NO_EXCITATION,
                 lambda seat: (
                     (INTERNAL, 10167, NO_EXCITATION)
                     if seat.task.device.excitations
                     else (10167, NO_EXCITATION)
                 ),
             ),
-            "AI_EXCIT_VAL": _checked(
+            "AI_EXCIT_VAL": _stored(
                 "AI_EXCIT_VAL",
-                lambda seat: 0.0,
+                0.0,
                 lambda seat: (0.0, *seat.task.device.excitations),
                 _has_excitation,
             ),
@@ -192,15 +174,15 @@ CHANNEL = {
                 lambda seat: seat.stored.get(_EXCITATION, 0.0),
             ),
             "AI_FILTER_DELAY": _filter_delay,
-            "AI_FILTER_DELAY_UNITS": _checked(
+            "AI_FILTER_DELAY_UNITS": _stored(
                 "AI_FILTER_DELAY_UNITS",
-                lambda seat: _SECONDS,
+                _SECONDS,
                 lambda seat: (_SECONDS, _PERIODS),
                 _has_filter,
             ),
-            "AI_REMOVE_FILTER_DELAY": _checked(
+            "AI_REMOVE_FILTER_DELAY": _stored(
                 "AI_REMOVE_FILTER_DELAY",
-                lambda seat: False,
+                False,
                 lambda seat: (False, True),
                 _has_filter,
             ),

@@ -7,6 +7,7 @@ from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import invalid
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import REFERENCES
+from sautereau.sim_backend.devices.daqmx.unsupported import UNFOLLOWED
 
 
 def _read_from(task: CardTask, relative: int) -> None:
@@ -68,7 +69,6 @@ READ = {
         {
             "READ_ALL_AVAIL_SAMP": False,
             "AUTO_START": True,
-            "OVERWRITE": 10159,
             "WAIT_MODE": 12524,
             "SLEEP_TIME": 0.001,
             "LOGGING_MODE": 10231,
@@ -78,7 +78,7 @@ READ = {
             "LOGGING_PAUSE": False,
             "LOGGING_FILE_WRITE_SIZE": 4294967295,
             "LOGGING_FILE_PREALLOCATION_SIZE": 0,
-            "LOGGING_SAMPS_PER_FILE": 0,
+            **UNFOLLOWED["READ"],
         },
     ),
 }

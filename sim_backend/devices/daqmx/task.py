@@ -201,7 +201,7 @@ class TaskSettings:
             raise DaqmxError(-200452, "The stand-in has no external clock: use the onboard clock.")
         for trigger in triggers:
             trigger.verify(self.card)
-        refuse_unsupported(self)
+        refuse_unsupported(self.stored)
         self._verify_reference()
         if self.retriggerable and not self.device.retriggers:
             raise DaqmxError(-200452, "This device has no retriggerable start trigger.")

@@ -13,6 +13,7 @@ from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST
 from sautereau.sim_backend.devices.daqmx.triggers import NONE, RISING, Trigger, terminal
+from sautereau.sim_backend.devices.daqmx.unsupported import UNFOLLOWED
 
 _SAMPLE_CLOCK, _ON_DEMAND = 10388, 10390
 _DEFAULT_RATE = 1000.0
@@ -79,9 +80,9 @@ TIMING = {
             "REF_CLK_RATE": 10e6,
             "SYNC_PULSE_SRC": "",
             "SYNC_PULSE_MIN_DELAY_TO_START": 0.0,
-            "DELAY_FROM_SAMP_CLK_DELAY": 0.0,
             "SAMP_CLK_DIG_FLTR_ENABLE": False,
             "FIRST_SAMP_TIMESTAMP_ENABLE": False,
+            **UNFOLLOWED["TIMING"],
         },
     ),
 }
@@ -132,8 +133,6 @@ def _of_trigger(pick: Callable[[CardTask], Trigger], word: str) -> Table:
                 f"ANLG_WIN_{word}_TRIG_TOP": 0.0,
                 f"ANLG_WIN_{word}_TRIG_BTM": 0.0,
                 f"ANLG_WIN_{word}_TRIG_WHEN": 10163,
-                f"{word}_TRIG_DELAY": 0.0,
-                f"{word}_TRIG_RETRIGGERABLE": False,
                 **kept_ones,
             },
         ),
@@ -144,5 +143,5 @@ TRIGGER = {
     **_of_trigger(lambda task: task.start_trigger, "START"),
     **_of_trigger(lambda task: task.reference, "REF"),
     **table("TRIGGER", {"REF_TRIG_PRETRIG_SAMPLES": field("before", LEAST)}),
-    **kept("TRIGGER", {"PAUSE_TRIG_TYPE": NONE, "ARM_START_TRIG_TYPE": NONE}),
+    **kept("TRIGGER", {"START_TRIG_RETRIGGERABLE": False, **UNFOLLOWED["TRIGGER"]}),
 }

@@ -4,13 +4,13 @@ from typing import Any
 
 from nidaqmx._stubs import nidaqmx_pb2_grpc
 
-from sautereau.sim_backend.devices.daqmx.attributes import Storing, call, number
+from sautereau.sim_backend.devices.daqmx.attributes import call, number
 from sautereau.sim_backend.devices.daqmx.creation import CREATORS
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 
 _DO_NOT_OVERWRITE, _NONE = 10159, 10230
 
-_DEFAULTS: dict[str, dict[str, object]] = {
+UNFOLLOWED: dict[str, dict[str, object]] = {
     "TRIGGER": {
         "REF_TRIG_RETRIGGERABLE": False,
         "START_TRIG_DELAY": 0.0,
@@ -21,23 +21,19 @@ _DEFAULTS: dict[str, dict[str, object]] = {
     "TIMING": {"DELAY_FROM_SAMP_CLK_DELAY": 0.0},
     "READ": {"OVERWRITE": _DO_NOT_OVERWRITE, "LOGGING_SAMPS_PER_FILE": 0},
 }
-UNSUPPORTED = {
-    number(prefix, name): (name, default)
-    for prefix, names in _DEFAULTS.items()
-    for name, default in names.items()
-}
-"""Name and only supported value, by number."""
+"""Only supported value of properties, by prefix and name."""
 
 
-def refuse_unsupported(subject: Storing) -> None:
-    """Refuse a task that requests what would not be done."""
-    for key, (name, default) in UNSUPPORTED.items():
-        if subject.stored.get(key, default) != default:
-            raise DaqmxError(
-                -200452,
-                f"The stand-in does not follow property {name}, which is set to"
-                f" {subject.stored[key]}; reset it.",
-            )
+def refuse_unsupported(stored: dict[int, Any]) -> None:
+    """Refuse a task whose stored properties request what would not be done."""
+    for prefix, names in UNFOLLOWED.items():
+        for name, default in names.items():
+            if (value := stored.get(number(prefix, name), default)) != default:
+                raise DaqmxError(
+                    -200452,
+                    f"The stand-in does not follow property {name}, which is set to {value};"
+                    " reset it.",
+                )
 
 
 def _refused(name: str, code: int, what: str) -> Any:

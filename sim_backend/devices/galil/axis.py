@@ -2,13 +2,12 @@
 
 import math
 from collections import deque
-from collections.abc import Callable
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.homing import Search, find_edge, find_index, go_home
 from sautereau.sim_backend.devices.galil.motion import (
     FIFO_LENGTH,
     SAMPLES_PER_SECOND,
+    Profile,
     Pvt,
     Ramp,
     Segment,
@@ -23,9 +22,6 @@ AXES = "AB"
 LIMIT_CODES = (StopCode.FORWARD_LIMIT, StopCode.REVERSE_LIMIT)
 SEARCHES = ("HM", "FE", "FI")
 """Modes of motion that end at a switch or an index."""
-
-Profile = Ramp | Pvt | Search
-"""A motion being executed."""
 
 
 def factory_settings() -> dict[str, float]:
@@ -122,20 +118,20 @@ class Axis:
         """
         self.executed = 0
         deceleration = math.inf if stop_at_once else self.rate("DC")
-        self._start(Pvt(self.position, self.fifo, deceleration))
+        self.start(Pvt(self.position, self.fifo, deceleration))
 
     def begin_jog(self) -> None:
         """Ramp to the speed of JG, from rest or from another jog."""
         speed = self.jog_speed / SAMPLES_PER_SECOND
         pieces = jog(self.velocity, speed, self.rate("AC"), self.rate("DC"))
-        self._start(Ramp(self.position, self.velocity, pieces, StopCode.RUNNING))
+        self.start(Ramp(self.position, self.velocity, pieces, StopCode.RUNNING))
         self.jogging = True
 
     def begin_move(self, distance: float) -> None:
         """Start a trapezoid from rest over a distance [counts]."""
         pieces = trapezoid(distance, self.speed("SP"), self.rate("AC"), self.rate("DC"))
         start = round(self.position)
-        self._start(Ramp(self.position, 0.0, pieces, StopCode.RUNNING, start + distance))
+        self.start(Ramp(self.position, 0.0, pieces, StopCode.RUNNING, start + distance))
 
     def increment(self, distance: int) -> None:
         """IP in motion: move the end of a move, or the reference of a jog at once.
@@ -146,7 +142,7 @@ class Axis:
         profile = self.profile
         if isinstance(profile, Ramp) and self.jogging:
             self.position += distance
-            self._start(profile.moved(distance))
+            self.start(profile.moved(distance))
             self.jogging = True
             return
         if not isinstance(profile, Ramp):
@@ -156,26 +152,14 @@ class Axis:
         end = profile.target + distance
         rates = self.rate("AC"), self.rate("DC")
         pieces = trapezoid(end - self.position, self.speed("SP"), *rates, self.velocity)
-        self._start(Ramp(self.position, self.velocity, pieces, StopCode.RUNNING, end))
-
-    def begin_search(self, home: Callable[[], bool]) -> None:
-        """Start HM, FE or FI; ``home`` reads the home input."""
-        if self.mode == "HM":
-            search = Search(self, go_home(self, home), StopCode.HOMED, homes=True)
-        elif self.mode == "FE":
-            search = Search(self, find_edge(self, home), StopCode.EDGE_FOUND, homes=False)
-        else:
-            legs = find_index(self, self.jog_speed / SAMPLES_PER_SECOND)
-            search = Search(self, legs, StopCode.HOMED, homes=True)
-        self._start(search)
-        self.mode = "PR"
+        self.start(Ramp(self.position, self.velocity, pieces, StopCode.RUNNING, end))
 
     def stop(self, code: StopCode, rate: str = "DC") -> None:
         """Decelerate from the present velocity, and clear the PVT buffer."""
         if self.profile is None:
             return
         pieces = brake(self.velocity, self.rate(rate))
-        self._start(Ramp(self.position, self.velocity, pieces, code))
+        self.start(Ramp(self.position, self.velocity, pieces, code))
         self.fifo.clear()
 
     def halt(self, code: StopCode) -> None:
@@ -234,7 +218,7 @@ class Axis:
             self.executed = profile.executed
         if not profile.done:
             return
-        if isinstance(profile, Search) and profile.homes and self.latched is not None:
+        if profile.homes and self.latched is not None:
             self.offset = -round(self.position)
         if profile.code == StopCode.RUNNING:
             self.stop_code = StopCode.AT_TARGET
@@ -242,7 +226,8 @@ class Axis:
         self.jogging = False
         self.stopped_at = self.reported
 
-    def _start(self, profile: Profile) -> None:
+    def start(self, profile: Profile) -> None:
+        """Start a profile with the next sample."""
         self.profile = profile
         self.jogging = False
         self.stop_code = profile.code

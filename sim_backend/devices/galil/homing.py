@@ -5,36 +5,18 @@ that is read at the start of every sample has found what it looks for.
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
+from sautereau.sim_backend.devices.galil.axis import Axis
 from sautereau.sim_backend.devices.galil.motion import (
+    SAMPLES_PER_SECOND,
+    Profile,
     Ramp,
     StopCode,
     brake,
     jog,
     trapezoid,
 )
-
-
-class Searcher(Protocol):
-    """The axis that searches, in the raw encoder's frame, in counts and samples."""
-
-    position: float
-    velocity: float
-    latched: int | None
-    """Counts of the index since the latch was armed."""
-
-    def rate(self, name: str) -> float:
-        """Return the acceleration AC or DC."""
-        ...
-
-    def speed(self, name: str) -> float:
-        """Return the speed SP, HV or JG, the last with its sign."""
-        ...
-
-    def arm_latch(self) -> None:
-        """Forget the index that was latched."""
-        ...
 
 
 class Leg(NamedTuple):
@@ -48,7 +30,7 @@ class Leg(NamedTuple):
     """Counts, of its end."""
 
 
-class Search:
+class Search(Profile):
     """The execution of a search's legs; ends at rest.
 
     Args:
@@ -58,7 +40,7 @@ class Search:
         homes: Whether its end becomes position 0.
     """
 
-    def __init__(self, axis: Searcher, legs: Iterator[Leg], code: StopCode, *, homes: bool) -> None:
+    def __init__(self, axis: Axis, legs: Iterator[Leg], code: StopCode, *, homes: bool) -> None:
         self.code = StopCode.RUNNING
         self.done = False
         self.homes = homes
@@ -84,22 +66,22 @@ class Search:
         self._ramp = Ramp(axis.position, axis.velocity, leg.pieces, StopCode.RUNNING, leg.target)
 
 
-def _jog(axis: Searcher, speed: float, found: Callable[[], bool]) -> Leg:
+def _jog(axis: Axis, speed: float, found: Callable[[], bool]) -> Leg:
     return Leg(jog(axis.velocity, speed, axis.rate("AC"), axis.rate("DC")), found)
 
 
-def _stop(axis: Searcher) -> Leg:
+def _stop(axis: Axis) -> Leg:
     return Leg(brake(axis.velocity, axis.rate("DC")))
 
 
-def find_edge(axis: Searcher, home: Callable[[], bool]) -> Iterator[Leg]:
+def find_edge(axis: Axis, home: Callable[[], bool]) -> Iterator[Leg]:
     """FE: move at SP until the home input changes; backward if it is 1."""
     start = home()
     yield _jog(axis, axis.speed("SP") * (-1 if start else 1), lambda: home() != start)
     yield _stop(axis)
 
 
-def find_index(axis: Searcher, speed: float) -> Iterator[Leg]:
+def find_index(axis: Axis, speed: float) -> Iterator[Leg]:
     """FI: move until the index passes, then back to it at HV."""
     axis.arm_latch()
     yield _jog(axis, speed, lambda: axis.latched is not None)
@@ -111,7 +93,7 @@ def find_index(axis: Searcher, speed: float) -> Iterator[Leg]:
     yield Leg(pieces, target=float(axis.latched))
 
 
-def go_home(axis: Searcher, home: Callable[[], bool]) -> Iterator[Leg]:
+def go_home(axis: Axis, home: Callable[[], bool]) -> Iterator[Leg]:
     """HM: find the edge, approach it again at HV and stop there at once, then find the index."""
     start = home()
     yield from find_edge(axis, home)
@@ -119,3 +101,16 @@ def go_home(axis: Searcher, home: Callable[[], bool]) -> Iterator[Leg]:
     yield _jog(axis, back, lambda: home() == start)
     axis.velocity = 0.0
     yield from find_index(axis, axis.speed("HV"))
+
+
+def begin_search(axis: Axis, home: Callable[[], bool]) -> None:
+    """Start HM, FE or FI on an axis; ``home`` reads the home input."""
+    if axis.mode == "HM":
+        search = Search(axis, go_home(axis, home), StopCode.HOMED, homes=True)
+    elif axis.mode == "FE":
+        search = Search(axis, find_edge(axis, home), StopCode.EDGE_FOUND, homes=False)
+    else:
+        legs = find_index(axis, axis.jog_speed / SAMPLES_PER_SECOND)
+        search = Search(axis, legs, StopCode.HOMED, homes=True)
+    axis.start(search)
+    axis.mode = "PR"

@@ -10,20 +10,16 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.formats import write_line
 from sautereau.sim_backend.devices.galil.memory import Memory, Parameters
 from sautereau.sim_backend.devices.galil.motion import SAMPLES_PER_SECOND
-from sautereau.sim_backend.devices.galil.outputs import Outputs
 from sautereau.sim_backend.devices.galil.ports import HANDLES, Ports
 from sautereau.sim_backend.devices.galil.program import Limits, Program
-from sautereau.sim_backend.devices.galil.safety import Safety
+from sautereau.sim_backend.devices.galil.safety import CheckedAxes
 from sautereau.sim_backend.devices.galil.tasks import Tasks
 from sautereau.sim_backend.devices.galil.thread import Thread
-
-INPUTS = 8
-"""Digital inputs, numbered from 1."""
 
 Execute = Callable[["Machine", str, Thread | None], str | None]
 
 
-class Machine:
+class Machine(CheckedAxes):
     """The state of the firmware from one sample to the next.
 
     Args:
@@ -43,13 +39,10 @@ class Machine:
         execute: Execute,
         host_waits: bool,
     ) -> None:
-        self.plant, self.unit = plant, unit
+        super().__init__(plant, unit, on_output)
         self.execute = execute
         lines, elements = (4000, 24_000) if unit.large_memory else (2000, 16_000)
         self.limits = Limits(lines, elements=elements, line_length=unit.line_length)
-        self.inputs = [True] * INPUTS
-        """Levels of the digital inputs, which are pulled up."""
-        self.outputs = Outputs(on_output)
         self.samples = self.started = 0
         """Samples since the start of the emulation, and those of the last power-up."""
         self.memory = Memory()
@@ -85,7 +78,7 @@ class Machine:
         self.latching_amplifier = False
         self.program = memory.program
         self.tasks = Tasks(self._run_command, self._store, self.tell, self.unit.error_routine)
-        self.safety = Safety(self)
+        self._aborted = False
         self.variables: dict[str, float] = dict(memory.variables)
         self.variable_axes: dict[str, int] = {}
         self.password, self.locked = burned.lock
@@ -132,35 +125,6 @@ class Machine:
     def in_motion(self) -> bool:
         """Whether an axis moves."""
         return any(axis.profile is not None for axis in self.axes)
-
-    def position(self, axis: int) -> int:
-        """Return the counts that TP reports."""
-        return self.plant.encoder_counts()[axis] + self.axes[axis].offset
-
-    def commanded(self, axis: int) -> int:
-        """Return the counts that RP reports, which a motor that is off keeps."""
-        return self.axes[axis].reported
-
-    def error(self, axis: int) -> int:
-        """Return the following error that TE reports [counts]."""
-        return self.commanded(axis) - self.position(axis)
-
-    def exceeds_error_limit(self, axis: int) -> bool:
-        """Return whether the error exceeds ER."""
-        return 0 <= self.axes[axis].settings["ER"] < abs(self.error(axis))
-
-    def home_state(self, axis: int) -> bool:
-        """Return what _HM reports."""
-        return self.plant.active("home", axis) == (self.config["CN"][1] > 0)
-
-    def limit_allows(self, axis: int, switch: str) -> bool:
-        """Return what _LF or _LR reports: 1 where motion is allowed."""
-        return self.plant.active(switch, axis) == (self.config["CN"][0] > 0)
-
-    @property
-    def abort_active(self) -> bool:
-        """Whether the abort input is active."""
-        return self.plant.active("abort", 0)
 
     def amplifier_bits(self, byte: int) -> int:
         """Return what TA reports: overcurrent in byte 0, nothing else."""
@@ -217,7 +181,7 @@ class Machine:
                 axis.follow(counts[index])
                 axis.brake_samples = max(0, axis.brake_samples - 1)
             self._read_encoder(index, axis, counts[index])
-        active = self.safety.check(counts)
+        active = self.check(counts)
         if self.capture.running:
             self.capture.sample()
         for axis in self.axes:

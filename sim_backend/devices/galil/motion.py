@@ -7,6 +7,7 @@ inside a PVT segment is the segment's own cubic.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections import deque
 from enum import IntEnum
 from typing import NamedTuple
@@ -51,7 +52,22 @@ class Segment(NamedTuple):
     """Controller samples; 0 ends the sequence."""
 
 
-class Ramp:
+class Profile(ABC):
+    """A motion being executed."""
+
+    code: StopCode
+    """Answer of SC while it runs and after its end."""
+    done: bool
+    """Whether the axis is at rest at the end of the last step."""
+    homes = False
+    """Whether its end becomes position 0."""
+
+    @abstractmethod
+    def step(self) -> tuple[float, float]:
+        """Advance by one sample; return position [counts] and velocity [counts per sample]."""
+
+
+class Ramp(Profile):
     """A motion of piecewise constant acceleration that ends at rest.
 
     Args:
@@ -70,10 +86,7 @@ class Ramp:
         code: StopCode,
         target: float | None = None,
     ) -> None:
-        self.code = code
-        """Answer of SC while it runs and after its end."""
-        self.done = not pieces
-        """Whether the axis is at rest at the end of the last step."""
+        self.code, self.done = code, not pieces
         self._position, self._velocity = position, velocity
         self._pieces = deque(pieces)
         self.target = target
@@ -84,7 +97,7 @@ class Ramp:
         return Ramp(self._position + distance, self._velocity, pieces, self.code)
 
     def step(self) -> tuple[float, float]:
-        """Advance by one sample; return position [counts] and velocity [counts per sample]."""
+        """Advance by one sample; see `Profile`."""
         left = 1.0
         pieces = self._pieces
         while pieces:
@@ -151,7 +164,7 @@ def jog(
     return [*pieces, (math.inf, 0.0)]
 
 
-class Pvt:
+class Pvt(Profile):
     """The execution of an axis's PVT buffer.
 
     If the buffer becomes empty, or the sequence ends at speed, the axis decelerates.
@@ -174,7 +187,7 @@ class Pvt:
         self._brake: Ramp | None = None
 
     def step(self) -> tuple[float, float]:
-        """Advance by one sample; return position [counts] and velocity [counts per sample]."""
+        """Advance by one sample; see `Profile`."""
         if self._brake is None and self._sample == self._samples:
             self._next_segment()
         if self._brake is not None:

@@ -8,9 +8,10 @@ from collections.abc import Callable
 from sautereau.sim_backend.devices.emulators import SERIAL
 from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.machine import INPUTS, Machine
+from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.memory import OUTPUTS
 from sautereau.sim_backend.devices.galil.ports import HANDLES
+from sautereau.sim_backend.devices.galil.safety import INPUTS
 from sautereau.sim_backend.devices.galil.tasks import THREADS
 
 

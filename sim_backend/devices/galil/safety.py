@@ -1,10 +1,9 @@
-"""What the controller checks in every sample: errors, switches, encoders, amplifiers."""
+"""The axes, and what the controller checks of them in every sample."""
 
 from collections.abc import Sequence
-from typing import Protocol
 
 from sautereau.sim_backend.controller_part import ControllerUnit
-from sautereau.sim_backend.devices.emulators import Plant
+from sautereau.sim_backend.devices.emulators import OnOutput, Plant
 from sautereau.sim_backend.devices.galil.axis import LIMIT_CODES, Axis
 from sautereau.sim_backend.devices.galil.memory import Config
 from sautereau.sim_backend.devices.galil.motion import Pvt, StopCode
@@ -17,45 +16,61 @@ FEW_COUNTS = 4
 ABORT_INPUTS = 4
 """Inputs before those that abort single axes, if CN says so."""
 
+INPUTS = 8
+"""Digital inputs, numbered from 1."""
+
 ON_ERROR, ON_LIMIT = 1, 2
 """Bits of OE."""
 
 
-class Checked(Protocol):
-    """The machine whose axes are checked."""
+class CheckedAxes:
+    """The axes with their switches, amplifiers and outputs, as `check` needs them.
+
+    Args:
+        plant: The motors, encoders and switches.
+        unit: The controller as bought and configured.
+        on_output: Called with number and level when a digital output changes.
+    """
 
     axes: list[Axis]
-    plant: Plant
-    unit: ControllerUnit
     config: Config
     tasks: Tasks
-    inputs: list[bool]
-    outputs: Outputs
+
+    def __init__(self, plant: Plant, unit: ControllerUnit, on_output: OnOutput) -> None:
+        self.plant, self.unit = plant, unit
+        self.inputs = [True] * INPUTS
+        """Levels of the digital inputs, which are pulled up."""
+        self.outputs = Outputs(on_output)
+        self._aborted = False
+
+    def position(self, axis: int) -> int:
+        """Return the counts that TP reports."""
+        return self.plant.encoder_counts()[axis] + self.axes[axis].offset
+
+    def commanded(self, axis: int) -> int:
+        """Return the counts that RP reports, which a motor that is off keeps."""
+        return self.axes[axis].reported
+
+    def error(self, axis: int) -> int:
+        """Return the following error that TE reports [counts]."""
+        return self.commanded(axis) - self.position(axis)
+
+    def exceeds_error_limit(self, axis: int) -> bool:
+        """Return whether the error exceeds ER."""
+        return 0 <= self.axes[axis].settings["ER"] < abs(self.error(axis))
+
+    def home_state(self, axis: int) -> bool:
+        """Return what _HM reports."""
+        return self.plant.active("home", axis) == (self.config["CN"][1] > 0)
+
+    def limit_allows(self, axis: int, switch: str) -> bool:
+        """Return what _LF or _LR reports: 1 where motion is allowed."""
+        return self.plant.active(switch, axis) == (self.config["CN"][0] > 0)
 
     @property
     def abort_active(self) -> bool:
         """Whether the abort input is active."""
-        ...
-
-    def limit_allows(self, axis: int, switch: str) -> bool:
-        """Return whether a limit switch, forward or reverse, allows motion."""
-        ...
-
-    def exceeds_error_limit(self, axis: int) -> bool:
-        """Return whether the following error exceeds ER."""
-        ...
-
-
-class Safety:
-    """The checks and their state.
-
-    Args:
-        machine: Whose axes are checked.
-    """
-
-    def __init__(self, machine: Checked) -> None:
-        self._machine = machine
-        self._aborted = False
+        return self.plant.active("abort", 0)
 
     def check(self, counts: Sequence[int]) -> set[str]:
         """Do the checks of one sample, given the raw encoder counts.
@@ -63,34 +78,33 @@ class Safety:
         Returns:
             Labels of the automatic subroutines whose conditions hold.
         """
-        machine = self._machine
         active: set[str] = set()
         self._check_abort()
-        broken = any(machine.plant.amplifier_fault(index) for index in range(len(counts)))
+        broken = any(self.plant.amplifier_fault(index) for index in range(len(counts)))
         if broken:
             active.add("#AMPERR")
-        for index, axis in enumerate(machine.axes):
+        for index, axis in enumerate(self.axes):
             if broken and axis.settings["OE"] and axis.motor_on:
                 self.switch_off(axis, StopCode.AMPLIFIER_FAULT)
-            if machine.config["CN"][3] and not machine.inputs[ABORT_INPUTS + index]:
+            if self.config["CN"][3] and not self.inputs[ABORT_INPUTS + index]:
                 axis.halt(StopCode.SELECTIVE_ABORT)
                 if int(axis.settings["OE"]) & ON_ERROR and axis.motor_on:
                     self.switch_off(axis, StopCode.SELECTIVE_ABORT)
-                    machine.tasks.raise_once("#POSERR")
+                    self.tasks.raise_once("#POSERR")
             self._check_encoder(index, axis, counts[index])
             if axis.encoder_failed:
                 active.add("#POSERR")
-            exempt = isinstance(axis.profile, Pvt) and not machine.unit.pvt_error_limit
-            if machine.exceeds_error_limit(index) and not exempt:
+            exempt = isinstance(axis.profile, Pvt) and not self.unit.pvt_error_limit
+            if self.exceeds_error_limit(index) and not exempt:
                 active.add("#POSERR")
                 if int(axis.settings["OE"]) & ON_ERROR and axis.motor_on:
                     self.switch_off(axis, StopCode.OFF_ON_ERROR)
             self._check_limits(index, axis)
         return active
 
-    def abort(self, code: StopCode) -> None:
+    def abort_axes(self, code: StopCode) -> None:
         """Stop all axes at once; where OE says so the motor is switched off as well."""
-        for axis in self._machine.axes:
+        for axis in self.axes:
             axis.halt(code)
             if int(axis.settings["OE"]) & ON_ERROR:
                 self.switch_off(axis, code)
@@ -101,21 +115,20 @@ class Safety:
             axis.stop_code = code
         axis.halt(code)
         axis.switch_off(brake_first=False)
-        self._machine.outputs.update()
+        self.outputs.update()
 
     def _check_abort(self) -> None:
-        machine, was = self._machine, self._aborted
-        self._aborted = machine.abort_active
+        was, self._aborted = self._aborted, self.abort_active
         if not self._aborted:
             return
-        self.abort(StopCode.ABORT_INPUT)
-        if not was and machine.config["CN"][4] == 0:
-            machine.tasks.halt()
+        self.abort_axes(StopCode.ABORT_INPUT)
+        if not was and self.config["CN"][4] == 0:
+            self.tasks.halt()
 
     def _check_encoder(self, index: int, axis: Axis, raw: int) -> None:
         settings = axis.settings
         watched = settings["OA"] and axis.motor_on
-        if not watched or abs(self._machine.plant.torque_volts()[index]) <= settings["OV"]:
+        if not watched or abs(self.plant.torque_volts()[index]) <= settings["OV"]:
             axis.weak_samples = 0
             return
         if axis.weak_samples == 0 or abs(raw - axis.weak_from) >= FEW_COUNTS:
@@ -128,31 +141,29 @@ class Safety:
     def _check_limits(self, index: int, axis: Axis) -> None:
         if axis.profile is None or axis.stop_code in LIMIT_CODES or axis.velocity == 0:
             return
-        machine, settings = self._machine, axis.settings
+        settings = axis.settings
         forward = axis.velocity > 0
         code = LIMIT_CODES[0] if forward else LIMIT_CODES[1]
         if self._hard_limit(index, axis, forward=forward):
             axis.stop(code, "SD")
             if int(settings["OE"]) & ON_LIMIT:
                 self.switch_off(axis, code)
-            machine.tasks.raise_once("#LIMSWI")
+            self.tasks.raise_once("#LIMSWI")
             return
-        if isinstance(axis.profile, Pvt) and not machine.unit.pvt_soft_limits:
+        if isinstance(axis.profile, Pvt) and not self.unit.pvt_soft_limits:
             return
         place = axis.position + axis.offset
         if place > settings["FL"] if forward else place < settings["BL"]:
             axis.stop(code)
-            machine.tasks.raise_once("#LIMSWI")
+            self.tasks.raise_once("#LIMSWI")
 
     def _hard_limit(self, index: int, axis: Axis, *, forward: bool) -> bool:
         disabled = int(axis.settings["LD"]) & (1 if forward else 2)
-        return not disabled and not self._machine.limit_allows(
-            index, "forward" if forward else "reverse"
-        )
+        return not disabled and not self.limit_allows(index, "forward" if forward else "reverse")
 
     def blocks(self, index: int, distance: float) -> bool:
         """Return whether a limit forbids an axis to move in the direction of a distance."""
-        axis = self._machine.axes[index]
+        axis = self.axes[index]
         if distance == 0:
             return False
         forward = distance > 0

@@ -10,7 +10,7 @@ from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.play import play
-from sautereau.sim_backend.physics.finger import SETTLED, Reference, StandingFinger, joint_cubics
+from sautereau.sim_backend.physics.finger import SETTLED, Finger, Reference, joint_cubics
 from sautereau.sim_backend.physics.presses.laws import set_laws
 from sautereau.sim_backend.physics.presses.parameters import (
     FINGERS,
@@ -71,7 +71,7 @@ class ExactWorld(World):
         self._presses = new_presses(numbers, self.start, keys, jacks, cells, order, tolerance)
         self._kind = FINGERS.index(scene.finger)
         self._steps = steps_in_sample(rig, scene.step or rig.controller.sample_period)
-        self.finger = StandingFinger(self.start)
+        self.finger = Finger(self.start)
         if scene.servo:
             self.finger = ServoFinger(self.press, rig.arm, scene.gravity)
         if not ExactWorld._compiled:  # now, and not while a host waits for an answer
@@ -118,11 +118,11 @@ class ExactWorld(World):
             lists[int(event)].append(StringEvent(time, int(choir), force))
         if kind == ix.IDEAL:
             first, second = (np.asarray(self.start) + counts[-1] * self.radians_per_count).tolist()
-            self.finger = StandingFinger((first, second))
+            self.finger = Finger((first, second))
         return Motions(*rows.T.copy())
 
 
-class ServoFinger:
+class ServoFinger(Finger):
     """Two links, their motors under the position loops; see `physics.finger.Finger`.
 
     Args:
@@ -133,13 +133,13 @@ class ServoFinger:
 
     def __init__(self, press: ix.Press, arm: Arm, gravity: float):
         self._arm, self._gravity = arm, gravity
-        self._finger, self._joints, self._speeds = press.finger, press.x[-2:], press.v[-2:]
-        self._joints[:] = press.finger.start
+        self._finger, self._angles, self._speeds = press.finger, press.x[-2:], press.v[-2:]
+        self._angles[:] = press.finger.start
         self._powered, self._blocked = False, np.zeros(2, bool)
 
     def joints(self) -> tuple[float, float]:
         """Return the joint angles [rad]."""
-        return float(self._joints[0]), float(self._joints[1])
+        return float(self._angles[0]), float(self._angles[1])
 
     def torques(self) -> tuple[float, float]:
         """Return the motors' torques [N m]."""
@@ -167,7 +167,7 @@ class ServoFinger:
         if powered == self._powered:
             return
         finger, self._powered = self._finger, powered
-        weight = gravity_torque(self._arm, self._joints) * (self._gravity / GRAVITY)
+        weight = gravity_torque(self._arm, self._angles) * (self._gravity / GRAVITY)
         finger.integral[:], finger.lag[:], finger.torque[:] = weight, 0.0, 0.0
         self._lock()
 

@@ -59,6 +59,7 @@ class ServoFinger(SteppedFinger):
         servo: Servo,
         scene: Scene,
     ):
+        super().__init__(start)
         first, second = armature(rig.arm)
         if second > 0:
             raise SceneError(

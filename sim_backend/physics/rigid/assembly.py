@@ -72,38 +72,35 @@ class Division:
         arm, inertia = rig.key.press_arm * MM, rig.key.inertia * INERTIA
         if not key.pin.fixed:  # its mass can move, too
             inertia /= 1 + inertia / (key.mass * arm**2)
-        felt = max(
-            math.sqrt(loads.felt_stiffness / inertia),
-            (loads.felt_damping + loads.viscous) / inertia,
-        )
-        slowed, padded = self._parts(loads.viscous / inertia), 1
+        damping = (loads.felt_damping + loads.viscous) / inertia
+        pad = 0.0
         if fingertip is not None:
             # Both masses on the pad, each alone.
-            masses = inertia / arm**2, rig.arm.lower_mass * MM / 3
-            mobility = sum(1 / mass for mass in masses)
-            padded = self._parts(
-                max(math.sqrt(fingertip.stiffness / MM * mobility), fingertip.damping * mobility)
-            )
-        yielding = self._parts(key.rate)
-        self._always = max(slowed, padded, yielding)
-        self._felt = self._parts(felt)
-        strings = [self._parts(_rate(j.string.stiffest, j)) for j in self._jacks if j.string]
-        faults = []
-        for parts, what, parameter in (
-            (slowed, "the pivot's viscous friction", "key.pivot_viscous_friction"),
-            (yielding, key.what, key.keys),
-            (padded, "the fingertip's pad", "fingertip.stiffness or fingertip.damping"),
-            (self._felt, "the front felt", "key.felt_stiffness or key.felt_damping"),
-            (max(strings, default=1), "a held string", "string.tension, or raise jack.mass"),
-        ):
-            if step / parts < SHORTEST:
-                faults.append(
-                    f"rig {rig.name}: {what} needs steps of {step / parts * 1e-3:.3g} s, and"
-                    f" {SHORTEST * 1e-3:.3g} s is the shortest possible; lower {parameter}"
-                )
+            mobility = arm**2 / inertia + 3 / (rig.arm.lower_mass * MM)
+            oscillation = math.sqrt(fingertip.stiffness / MM * mobility)
+            pad = max(oscillation, fingertip.damping * mobility)
+        strings = [_rate(j.string.stiffest, j) for j in self._jacks if j.string]
+        always = (
+            (loads.viscous / inertia, "the pivot's viscous friction", "key.pivot_viscous_friction"),
+            (key.rate, key.what, key.keys),
+            (pad, "the fingertip's pad", "fingertip.stiffness or fingertip.damping"),
+        )
+        felt = max(math.sqrt(loads.felt_stiffness / inertia), damping)
+        at_times = (
+            (felt, "the front felt", "key.felt_stiffness or key.felt_damping"),
+            (max(strings, default=0.0), "a held string", "string.tension, or raise jack.mass"),
+        )
+        faults = [
+            f"rig {rig.name}: {what} needs steps of {shortest * 1e-3:.3g} s, and"
+            f" {SHORTEST * 1e-3:.3g} s is the shortest possible; lower {parameter}"
+            for rate, what, parameter in (*always, *at_times)
+            if (shortest := step / self._parts(rate)) < SHORTEST
+        ]
         if faults:
             raise SceneError("\n".join(faults))
-        self.most = max(self._always, self._felt, *strings, 1)
+        self._always = max(self._parts(rate) for rate, *_ in always)
+        self._felt = self._parts(felt)
+        self.most = max(self._always, *(self._parts(rate) for rate, *_ in at_times))
         """Largest number of parts in this scene."""
 
     def step(self) -> float:

@@ -33,11 +33,13 @@ RAIL_REACH = 1e-9
 RAIL_SLACK = 1e-6
 """mm, height above the balance rail below which a key that sinks counts as on it."""
 
-# Setters of a body, called directly: through the property each takes twice as long.
+# Properties of bodies and joints, called directly: as properties they take longer.
 set_torque = cast(Callable[[pymunk.Body, float], None], pymunk.Body.torque.fset)
 set_force = cast(Callable[[pymunk.Body, tuple[float, float]], None], pymunk.Body.force.fset)
 set_angle = cast(Callable[[pymunk.Body, float], None], pymunk.Body.angle.fset)
 set_position = cast(Callable[[pymunk.Body, tuple[float, float]], None], pymunk.Body.position.fset)
+angular_velocity_of = cast(Callable[[pymunk.Body], float], pymunk.Body.angular_velocity.fget)
+impulse_of = cast(Callable[[Constraint], float], Constraint.impulse.fget)
 
 _HEAVY = 1e9
 """g, of the key: the pin carries it, so only the moment of inertia matters."""

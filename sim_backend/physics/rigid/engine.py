@@ -11,7 +11,6 @@ impulses of the old step and does not count the difference.
 """
 
 import math
-from collections.abc import Iterable
 from itertools import chain
 
 import numpy as np
@@ -192,30 +191,28 @@ class RigidWorld(World):
         self._drift((self._ahead - drift) / 2, drift)
         start, self._elapsed = self.time + self._elapsed / MM, self._elapsed + drift
         now = self.time + self._elapsed / MM
-        rate, moments = key.seen(key.node, key.second.node), key.moments()
+        rate = key.seen(key.node, key.second.node)
         # A string may return a mean force over the drift; its present force counts for half of it.
-        forces = [
+        before = [
             2 * jack.forces(start, drift / MM) - jack.forces(now, 0.0) if drift else 0.0
             for jack in jacks
         ]
+        before += key.moments()
         pulled = sum(jack.pull for jack in self._loaded)
         if event is not None:
             event.change(now)
             self._step = self._division.step()
         left = end - self._elapsed
         self._ahead = ahead = even_steps(left, self._step)[1] if left > TICK else self._step
-        after = [jack.forces(now, 0.0) for jack in jacks]
-        self._kick(
-            Kick(ahead, self._step, (drift + ahead) / 2 / self._step),
-            _means(forces, after, drift, ahead),
-            _means(moments, key.moments(), drift, ahead),
-        )
+        after = [*(jack.forces(now, 0.0) for jack in jacks), *key.moments()]
+        both = drift + ahead
+        means = [(b * drift + a * ahead) / both for b, a in zip(before, after, strict=True)]
+        self._kick(Kick(ahead, self._step, both / 2 / self._step), means)
         impact = event is not None and event.impact
         key.update_at_event(drift, ahead, impact)
-        weight = (drift + ahead) / 2
         for jack in jacks:
-            jack.update(weight)
-        self._append_rows(rate, pulled, finger.contact_force(weight), drift, ahead, impact)
+            jack.update(both / 2)
+        self._append_rows(rate, pulled, finger.contact_force(both / 2), drift, ahead, impact)
 
     def _drift(self, back: float, drift: float) -> None:
         """Undo the surplus of the last impulse and compute the state after a drift.
@@ -232,20 +229,20 @@ class RigidWorld(World):
         key.stays(drift)
         self._move_jacks(drift)
 
-    def _kick(self, kick: Kick, forces: list[float], moments: list[float]) -> None:
+    def _kick(self, kick: Kick, forces: list[float]) -> None:
         """Let the engine take the step about an event.
 
         Args:
             kick: How the forces act.
-            forces: N, on each jack, downwards.
-            moments: N mm, on the key; see `StiffKey.moments`.
+            forces: N, on each jack, downwards; then N mm, as of `StiffKey.moments`.
         """
+        *pulls, back, front = forces
         key, pressed, step = self._key, self._key.pressed, self._step
         for _ in range(2 if step != self._engine_step else 1):
             self._finger.set_bodies(step)
             key.set_bodies(step)
-            key.apply(moments[0], moments[1], kick.fraction)
-            for jack, force in zip(self._jacks, forces, strict=True):
+            key.apply(back, front, kick.fraction)
+            for jack, force in zip(self._jacks, pulls, strict=True):
                 jack.set_bodies(step, force * kick.fraction)
             self._finger.apply_forces(self._elapsed, pressed.next, pressed.node, kick)
             self._parts.kick(step, kick.fraction)
@@ -321,11 +318,3 @@ class RigidWorld(World):
             f" {self._step * 1e3:.4g} us; lower the scene's step or a stiffness, or stop"
             " the key with felt = true"
         )
-
-
-def _means(
-    before: Iterable[float], after: Iterable[float], drift: float, ahead: float
-) -> list[float]:
-    """Return the means of forces before and after an event, over half of the times [ms] there."""
-    weights = drift + ahead
-    return [(b * drift + a * ahead) / weights for b, a in zip(before, after, strict=True)]

@@ -1,15 +1,14 @@
 """What presses the key, as the rigid-body engine advances it; and a push without an arm."""
 
 import math
-from typing import Protocol
 
 from sautereau.sim_backend.parts import Push
-from sautereau.sim_backend.physics.finger import Finger, Reference, StandingFinger
+from sautereau.sim_backend.physics.finger import Finger, Reference
 from sautereau.sim_backend.physics.rigid.pad import Pad
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 
 
-class SteppedFinger(Finger, Protocol):
+class SteppedFinger(Finger):
     """A finger as the rigid-body engine advances it; mm, g and ms.
 
     The methods given here are those of a finger without a body in the engine, which no contact can
@@ -27,7 +26,7 @@ class SteppedFinger(Finger, Protocol):
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         """Start a controller sample at a time [s]; return whether the forces jump there."""
-        ...
+        raise NotImplementedError
 
     def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Apply the finger's forces to the bodies at the end of a step.
@@ -45,7 +44,7 @@ class SteppedFinger(Finger, Protocol):
         Args:
             weight: ms, for which the forces acted in it.
         """
-        ...
+        raise NotImplementedError
 
     def reaches_key(self, angle: float, step: float) -> bool:
         """Return whether a separated finger reaches the key, at an angle [rad] after a step."""
@@ -92,7 +91,7 @@ class SteppedFinger(Finger, Protocol):
         return angle, 0.0
 
 
-class PushFinger(StandingFinger, SteppedFinger):
+class PushFinger(SteppedFinger):
     """A force on the key from the first instant on; the arm is not simulated and stays still."""
 
     def __init__(self, push: Push, press_arm: float, start: tuple[float, float], period: float):

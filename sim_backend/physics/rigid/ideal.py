@@ -7,8 +7,8 @@ import pymunk
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.finger import Reference, StandingFinger
-from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver
+from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver, impulse_of
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.step_event import Kick
@@ -35,7 +35,7 @@ def touching_angle(rig: Rig, centre: Floats) -> Floats:
     return contact_angle(height, centre)
 
 
-class IdealFinger(StandingFinger, SteppedFinger):
+class IdealFinger(SteppedFinger):
     """A fingertip of prescribed motion.
 
     The key's angle is never below that of contact with the fingertip. In each step a kinematic
@@ -102,7 +102,7 @@ class IdealFinger(StandingFinger, SteppedFinger):
 
     def contact_force(self, weight: float) -> float:
         """Return the force [N] on the key; see `SteppedFinger`."""
-        return self._contact.impulse / (weight * self._reach)
+        return impulse_of(self._contact) / (weight * self._reach)
 
     def stays_clear(self, angle: float) -> bool:
         """Return whether no contact angle of the sample reaches the key's."""

@@ -14,6 +14,7 @@ from sautereau.sim_backend.physics.rigid.bodies import (
     REACH,
     add_jack,
     add_register_friction,
+    impulse_of,
     set_force,
     set_position,
 )
@@ -172,7 +173,7 @@ class CarriedJack:
             self.acceleration = (self.speed - before) / weight
         elif self._landed:  # without an impulse, too, where the surface only accelerates towards it
             self._landed = False
-        elif not self.foot_contact.impulse > 0:
+        elif not impulse_of(self.foot_contact) > 0:
             self.standing = False
             self.speed, self.acceleration = self.body.velocity[1], 0.0
             self.foot_contact.min = 0.0

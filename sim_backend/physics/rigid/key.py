@@ -3,7 +3,12 @@
 import pymunk
 
 from sautereau.rig.instrument import Key
-from sautereau.sim_backend.physics.rigid.bodies import add_key, set_angle, set_torque
+from sautereau.sim_backend.physics.rigid.bodies import (
+    add_key,
+    angular_velocity_of,
+    set_angle,
+    set_torque,
+)
 from sautereau.sim_backend.physics.rigid.coordinate import Coordinate
 from sautereau.sim_backend.physics.rigid.key_loads import KeyLoads
 from sautereau.sim_backend.physics.rigid.step_event import Event
@@ -88,7 +93,7 @@ class StiffKey(Coordinate):
         """Update the state after a step [ms]; return the angle and the rate that the laser sees."""
         # As `Coordinate.advance`, whose call would take longer than it does.
         before, self.value = self.speed, self.next
-        self.speed = speed = self.body.angular_velocity
+        self.speed = speed = angular_velocity_of(self.body)
         self.acceleration = (speed - before) / step
         return self.value, (before + speed) / 2
 

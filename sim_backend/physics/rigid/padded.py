@@ -6,7 +6,7 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.parts import Fingertip
-from sautereau.sim_backend.physics.finger import Reference, StandingFinger, joint_cubics
+from sautereau.sim_backend.physics.finger import Reference, joint_cubics
 from sautereau.sim_backend.physics.rigid.bodies import MM
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.key import StiffKey
@@ -17,7 +17,7 @@ from sautereau.trajectory.motion import Floats
 _ENDS = np.array([0.0, 1.0])
 
 
-class PaddedIdealFinger(StandingFinger, SteppedFinger):
+class PaddedIdealFinger(SteppedFinger):
     """A fingertip of prescribed motion with a pad.
 
     Args:

@@ -1,7 +1,6 @@
 """How forces act in a step, and events inside one, located on the parabola of its motion."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from scipy.optimize import brentq
@@ -21,8 +20,7 @@ class Kick(NamedTuple):
     """Dimensionless, of the forces to apply in it."""
 
 
-@dataclass(frozen=True)
-class Event:
+class Event(NamedTuple):
     """A possible change of mode within a step."""
 
     margin: Callable[[float], float]

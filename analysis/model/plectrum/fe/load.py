@@ -26,7 +26,7 @@ class Patch:
     """Distribution of the load over the nodes, and what its direction depends on."""
 
     fractions: Floats
-    """Of the load at each node, sum 1, shape (nodes,)."""
+    """Fraction of the load at each node; the sum is 1; shape (nodes,)."""
     slopes: Floats
     """Weights of the nodes' positions in the mean tangent, shape (nodes,)."""
     friction: float

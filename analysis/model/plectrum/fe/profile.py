@@ -12,8 +12,10 @@ from sautereau.rig.instrument import Plectrum
 
 SAME_LENGTH = 1e-3
 """Dimensionless tolerance on the length of an outline."""
-COLUMNS, LAYERS = 60, 4
-"""Elements from clamp to tip, and through the thickness."""
+COLUMNS = 60
+"""Number of elements from clamp to tip."""
+LAYERS = 4
+"""Number of elements through the thickness."""
 
 
 @dataclass(frozen=True)
@@ -133,9 +135,9 @@ class Grid:
     cells: NDArray[np.intp]
     """Nodes of each element, shape (elements, 9)."""
     gradients: Floats
-    """Of the shape functions, shape (elements, points, 9, 2)."""
+    """Gradients of the shape functions, shape (elements, points, 9, 2)."""
     weights: Floats
-    """Of the quadrature, shape (elements, points)."""
+    """Weights of the quadrature, shape (elements, points)."""
 
     @property
     def height(self) -> int:

@@ -1,6 +1,7 @@
 """Commands that move: motors, references, profiles, PVT, stops."""
 
 import re
+from functools import partial
 
 from sautereau.sim_backend.devices.galil.axis import SEARCHES
 from sautereau.sim_backend.devices.galil.commands.call import Call
@@ -12,6 +13,7 @@ from sautereau.sim_backend.devices.galil.grammar import (
     parse_axes,
     split_arguments,
 )
+from sautereau.sim_backend.devices.galil.homing import begin_search
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.motion import Segment, StopCode
 from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, whole
@@ -81,7 +83,7 @@ def begin(machine: Machine, call: Call) -> None:
         if axis.mode == "JG":
             axis.begin_jog()
         elif axis.mode in SEARCHES:
-            axis.begin_search(lambda index=index: machine.home_state(index))
+            begin_search(axis, partial(machine.home_state, index))
         else:
             axis.begin_move(distance)
 
@@ -99,7 +101,7 @@ def _direction(machine: Machine, index: int) -> float:
 def _check_begin(machine: Machine, index: int, distance: float) -> None:
     if not machine.axes[index].motor_on:
         raise CommandError(20)
-    if machine.safety.blocks(index, distance):
+    if machine.blocks(index, distance):
         raise CommandError(22)
 
 
@@ -160,6 +162,6 @@ def stop(machine: Machine, call: Call) -> None:
 
 def abort(machine: Machine, call: Call) -> None:
     """AB: stop at once and end the programs; AB 1 does not end the programs."""
-    machine.safety.abort(StopCode.ABORTED)
+    machine.abort_axes(StopCode.ABORTED)
     if call.number() == 0:
         machine.tasks.halt()

@@ -1,0 +1,103 @@
+"""Hidden parameters: fitted in every fit because they bias the others, and not reported.
+
+They are errors of the calibrations, and numbers of the rig that are seldom known well enough.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sautereau.analysis.identify import keys
+from sautereau.analysis.identify.parameters import Parameter
+from sautereau.rig.acquisition import Channel
+from sautereau.rig.schema import Rig
+
+CLEARANCE_STD = 0.1e-3
+"""Standard uncertainty of the string clearance in the rig (m). A recording shows the clearance to
+some micrometres. It is therefore always fitted, so that the rise at contact does not act as a
+calibration of the vibrometer."""
+SLIDING_STD = 2e-3
+"""Standard uncertainty of the sliding (1/N): a force of 1 N moves the finger of a compliant arm
+along the key by about 0.3 mm."""
+RELEASE_STD = 5e-3
+"""Relative standard uncertainty of the height of release. The string moves, and the model is
+static."""
+FRICTION_STD = 0.1
+"""Standard uncertainty of the plectrum's friction in the rig, dimensionless. Friction is fitted
+with stiffness and overlap because its effect resembles theirs: an error of 0.03 disappears in the
+noise and makes the overlap 8 % too large. A string on the mid-line, which no instrument has, also
+resembles friction. Friction is therefore not fitted there: the place of the string comes first."""
+DAMPER_STD = 0.2
+"""Relative standard uncertainty of the dampers' stiffness if the rig assumes no range."""
+DAMPER_LIFT_STD = 0.1e-3
+"""Standard uncertainty of the dampers' lift if the rig assumes no range (m)."""
+CHOIR_STD = 0.3
+"""Relative standard uncertainty of stiffness and overlap of the plectra of further choirs."""
+BOUND_STDS = 10
+"""Distance of the bounds of a hidden parameter from its value, in standard uncertainties."""
+
+
+def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
+    """Return the hidden parameters of a rig.
+
+    Args:
+        rig: The nominal bench.
+        names: Names of the free parameters; they are omitted.
+    """
+    found = [
+        _hidden(keys.CLEARANCE, rig.jack.string_clearance, CLEARANCE_STD, "m"),
+        _hidden(keys.TIME, 0.0, delay_std(rig), "s"),
+    ]
+    for name, quantity in ((keys.FORCE_GAIN, "force"), (keys.VELOCITY_GAIN, "velocity")):
+        # Not 0, which would give an empty range.
+        found.append(_hidden(name, 1.0, max(_channel(rig, quantity).gain_std, 1e-6)))
+    found += [
+        _hidden(keys.SLIDING, 0.0, SLIDING_STD, "1/N"),
+        _hidden(keys.LATE_SLIDING, 0.0, SLIDING_STD, "1/N"),
+        _hidden(keys.RELEASE, 0.0, RELEASE_STD),
+    ]
+    for choir in range(1, len(rig.more_choirs) + 1):
+        stiffness, overlap, clearance = (name.format(choir) for name in keys.CHOIR)
+        found += [
+            _hidden(stiffness, 1.0, CHOIR_STD),
+            _hidden(overlap, 1.0, CHOIR_STD),
+            _hidden(clearance, 0.0, CLEARANCE_STD, "m"),
+        ]
+    damper = rig.jack.damper
+    if damper is not None and damper.stiffness > 0:
+        std = assumed_std(rig, "jack.damper.stiffness") / damper.stiffness or DAMPER_STD
+        lift_std = assumed_std(rig, "jack.damper.lift") or DAMPER_LIFT_STD
+        found += [
+            _hidden(keys.DAMPER, 1.0, std),
+            _hidden(keys.DAMPER_LIFT, damper.lift, lift_std, "m"),
+        ]
+    if {keys.MODULUS, keys.STIFFNESS, keys.OVERLAP} & set(
+        names
+    ) and rig.plectrum.contact == "surface":
+        value = rig.plectrum.friction
+        ends = keys.ENDS[keys.FRICTION]
+        found.append(Parameter(keys.FRICTION, "", value, *ends, value, FRICTION_STD, hidden=True))
+    return [parameter for parameter in found if parameter.name not in names]
+
+
+def delay_std(rig: Rig) -> float:
+    """Return the standard uncertainty [s] of the delay between force and motion, above 0."""
+    force, velocity = (_channel(rig, quantity) for quantity in ("force", "velocity"))
+    return max(float(np.hypot(force.delay_std, velocity.delay_std)), 1e-9)
+
+
+def assumed_std(rig: Rig, name: str) -> float:
+    """Return the standard uncertainty of a value with an assumed range; 0 without a range."""
+    low, high = rig.assumed.get(name, (0.0, 0.0))
+    return float(high - low) / np.sqrt(12)
+
+
+def _hidden(name: str, value: float, std: float, unit: str = "") -> Parameter:
+    """Return a hidden parameter with its value as the mean of its prior."""
+    low = value - min(BOUND_STDS * std, 0.9 * value) if value else -BOUND_STDS * std
+    return Parameter(name, unit, value, low, value + BOUND_STDS * std, value, std, hidden=True)
+
+
+def _channel(rig: Rig, quantity: str) -> Channel:
+    """Return the first channel of a quantity that every press has."""
+    return next(c for c in rig.daq.channels if c.quantity == quantity)

@@ -1,0 +1,34 @@
+"""The files that a conversion writes, one for each file that it reads."""
+
+from collections import Counter
+from pathlib import Path
+
+from sautereau.daq.errors import RecordingError
+from sautereau.rig.faults import fault_list
+
+
+def targets(files: list[Path], extension: str, out: Path | None) -> list[tuple[Path, Path]]:
+    """Return each file to read with the file to write.
+
+    Args:
+        files: Files to read.
+        extension: File extension of the files to write, without the dot.
+        out: File to write, or existing folder; None for the folder of each file.
+
+    Raises:
+        RecordingError: Several files would be converted to the same file.
+    """
+    pairs = []
+    for file in files:
+        name = f"{file.stem}.{extension}"
+        pairs.append((file, out / name if out and out.is_dir() else out or file.with_name(name)))
+    counts = Counter(target for _, target in pairs)
+    faults = [
+        f"{target}: {n} files would be converted to it; give files with different names, and an"
+        " existing folder as the target"
+        for target, n in counts.items()
+        if n > 1
+    ]
+    if faults:
+        raise RecordingError(fault_list("several files", faults))
+    return pairs
