@@ -53,11 +53,6 @@ class Capture:
 class Player(Protocol):
     """What a `MotionController` and the `Driver` of a `PoweredArm` have in common."""
 
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        """The torques of the loaded motion, as the controller holds them; None for none."""
-        ...
-
     def arm(self) -> None:
         """Prepare capture, trigger and start."""
 

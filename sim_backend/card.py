@@ -2,21 +2,16 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
-from typing import TypeVar
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.device_types import DEVICE_TYPES
-from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
+from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
 from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
 from sautereau.sim_backend.devices.daqmx.runs import SampledRun, Wiring
 from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import Scene
-
-AnyRun = TypeVar("AnyRun", bound=SampledRun)
 
 
 def input_terminals(rig: Rig, scene: Scene) -> tuple[str, ...]:
@@ -75,26 +70,22 @@ class BenchCard:
             DaqmxError: The card is disconnected, or the bench has failed.
         """
         with self._wiring.lock:
+            run = self._new_run(setup)
             if setup.before is not None:
-                run = self._new_run(PreTriggerRun, setup)
-                run.begin(None if setup.start_trigger else self._now(), setup.before)
-                return run
-            if setup.per_trigger is not None:
-                run = self._new_run(RetriggeredRun, setup)
-                run.begin(setup.per_trigger, self._parts(setup, setup.per_trigger))
-                return run
-            run = self._new_run(SampledRun, setup)
-            if setup.trigger is None:
+                if setup.start_trigger is None:
+                    run.trigger(self._now())
+            elif setup.trigger is None and setup.per_trigger is None:
                 self.starts.append(self._now())
                 self._injection.begin_press()
                 run.trigger(self._now(), self._injection.of_run())
             return run
 
-    def _new_run(self, kind: type[AnyRun], setup: TaskSetup) -> AnyRun:
+    def _new_run(self, setup: TaskSetup) -> SampledRun:
         self._injection.check_plugged()
         if self._failure is not None:
             raise self._failure()
-        run = self._constructed(kind, setup, self._armed)
+        kind = SampledRun if setup.per_trigger is None else RetriggeredRun
+        run = kind(self._wiring, setup, self._armed, self._last)
         self._armed += 1
         self.runs = [*(other for other in self.runs if not other.over), run]
         self._wiring.lock.notify_all()  # in effect once the lock is released
@@ -102,15 +93,6 @@ class BenchCard:
         used = [terminal for terminal in (setup.trigger, setup.start_trigger) if terminal]
         run.unwired = any(terminal.rpartition("/")[2] != wired for terminal in used)
         return run
-
-    def _constructed(self, kind: type[AnyRun], setup: TaskSetup, number: int) -> AnyRun:
-        """Return a run, the noise of which follows from its number."""
-        return kind(self._wiring, setup, number, self._last)
-
-    def _parts(self, setup: TaskSetup, length: int) -> Callable[[int], SampledRun]:
-        """Return what constructs the parts of the run that was armed last."""
-        part, run = replace(setup, n_samples=length, buffer=ENDLESS), self._armed - 1
-        return lambda number: self._constructed(SampledRun, part, run + (number << 32))
 
     # Called by the bench, under the lock.
 

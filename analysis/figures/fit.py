@@ -11,11 +11,11 @@ from sautereau.analysis.identify.identified import Estimate, Identified
 from sautereau.analysis.summary.text import counted
 
 
-def fit_figure(made: Fit, found: Identified, simulated: bool) -> Figure:
+def fit_figure(fitted: Fit, found: Identified, simulated: bool) -> Figure:
     """Return a figure of the first press's force, the residuals of all, and the correlation.
 
     Args:
-        made: The fit.
+        fitted: The fit.
         found: Its result.
         simulated: Whether a stand-in made any of the presses.
     """
@@ -24,7 +24,7 @@ def fit_figure(made: Fit, found: Identified, simulated: bool) -> Figure:
     grid = figure.add_gridspec(2, 1 + several, width_ratios=(1.6, 1)[: 1 + several])
     top = figure.add_subplot(grid[0, 0])
     below = figure.add_subplot(grid[1, 0], sharex=top)
-    _forces(top, below, made)
+    _forces(top, below, fitted)
     if several:
         _correlation(figure, figure.add_subplot(grid[0, 1]), found)
         _combinations(figure.add_subplot(grid[1, 1]), found)
@@ -40,12 +40,12 @@ def fit_figure(made: Fit, found: Identified, simulated: bool) -> Figure:
     return figure
 
 
-def _forces(top, below, made: Fit) -> None:
+def _forces(top, below, fitted: Fit) -> None:
     """Draw the first press's force and its models, and the residual of every press."""
-    dynamics, noise = made.problem.dynamics, made.problem.whitenings
+    dynamics, noise = fitted.problem.dynamics, fitted.problem.whitenings
     start = np.array([p.start for p in dynamics.free])
     before, _ = dynamics.residuals(start)
-    after, _ = dynamics.residuals(made.values)
+    after, _ = dynamics.residuals(fitted.values)
     press = dynamics.presses[0]
     time = press.time * 1e3
     force = np.full(len(time), np.nan)

@@ -80,24 +80,24 @@ def fit_presses(
         dynamics = _with_mode(best)
         if dynamics is None:
             break
-        made = fit(dynamics, 1, robust, free_offset=best.free_offset)
-        found = quality(made)
-        if found.free_residual > LEAST_GAIN * good.free_residual or close_modes(_named(made)):
+        fitted = fit(dynamics, 1, robust, free_offset=best.free_offset)
+        found = quality(fitted)
+        if found.free_residual > LEAST_GAIN * good.free_residual or close_modes(_named(fitted)):
             break
-        best, good = made, found
+        best, good = fitted, found
     return replace(refined(best, robust), residual_before=before)
 
 
-def _named(made: Fit) -> dict[str, float]:
-    free = made.problem.free
-    return dict(zip((p.name for p in free), made.values.tolist(), strict=True))
+def _named(fitted: Fit) -> dict[str, float]:
+    free = fitted.problem.free
+    return dict(zip((p.name for p in free), fitted.values.tolist(), strict=True))
 
 
-def _with_mode(made: Fit) -> InverseDynamics | None:
+def _with_mode(fitted: Fit) -> InverseDynamics | None:
     """Return the dynamics with the mode that reduces the residuals most; None if none does."""
-    dynamics, number = made.problem.dynamics, len(modes_of(_named(made)))
+    dynamics, number = fitted.problem.dynamics, len(modes_of(_named(fitted)))
     # The fit of a rigid key may be far off: search the first mode at the values of the rig.
-    values = made.values if number else np.array([p.start for p in dynamics.free])
+    values = fitted.values if number else np.array([p.start for p in dynamics.free])
     free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, values, strict=True)]
     free = [_near_stated(dynamics.rig, p) if p.name == keys.INERTIA else p for p in free]
     # Only the way back separates the fingertip's friction from the force's gain. It is not fitted.
@@ -111,7 +111,7 @@ def _with_mode(made: Fit) -> InverseDynamics | None:
     if not presses:
         return None
     dynamics = InverseDynamics(dynamics.rig, free, presses, dynamics.level)
-    found = _strongest(dynamics, number, made.free_offset)
+    found = _strongest(dynamics, number, fitted.free_offset)
     if found is None:
         return None
     free += mode_parameters(number, found, _known(dynamics.rig, number))

@@ -124,7 +124,7 @@ def fit(
     return Fit(problem_at(dynamics, values, noise, factor), values, residual_before, free_offset)
 
 
-def refined(made: Fit, robust: bool = False) -> Fit:
+def refined(fitted: Fit, robust: bool = False) -> Fit:
     """Continue a fit to the final tolerance, with whitened residuals.
 
     Whitening gives most weight to the frequencies that are weakest in the residuals. A model with
@@ -132,28 +132,28 @@ def refined(made: Fit, robust: bool = False) -> Fit:
     part. The values of a correct model do not depend on the weights (Hausman 1978); the change that
     whitening causes is counted as an uncertainty.
     """
-    dynamics, values, problem = made.problem.dynamics, made.values, made.problem
+    dynamics, values, problem = fitted.problem.dynamics, fitted.values, fitted.problem
     compliant = any(p.name.startswith(keys.MODE) for p in dynamics.free)
     floor = COMPLIANT_FLOOR if compliant else FLOOR
     for tolerance in [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
         forces, rises = dynamics.residuals(values)
         left = [f - w.trend(f) for f, w in zip(forces, problem.whitenings, strict=True)]
-        noise = _noise(dynamics, left, dynamics.floor, made.spent, made.free_offset, floor)
+        noise = _noise(dynamics, left, dynamics.floor, fitted.spent, fitted.free_offset, floor)
         problem = problem_at(dynamics, values, noise, scatter(rises))
         _, values = minimise(problem, values, robust, tolerance=tolerance)
     problem = problem_at(dynamics, values, problem.whitenings, problem.rise_factor)
-    moved = (values - made.values) / problem.scales if compliant else None
-    return replace(made, problem=problem, values=values, moved=moved)
+    moved = (values - fitted.values) / problem.scales if compliant else None
+    return replace(fitted, problem=problem, values=values, moved=moved)
 
 
-def informative(made: Fit, jacobian: Floats) -> Floats:
+def informative(fitted: Fit, jacobian: Floats) -> Floats:
     """Return rows R with R'R equal to the information that correlated residuals contain.
 
     The information of a least-squares fit with the Jacobian J and residuals of covariance S is
     J'J (J'SJ)^-1 J'J, for any weights (White 1980, Newey and West 1987).
 
     Args:
-        made: The fit.
+        fitted: The completed fit.
         jacobian: Derivatives of its weighted residuals, shape (n, parameters).
 
     Returns:
@@ -161,10 +161,10 @@ def informative(made: Fit, jacobian: Floats) -> Floats:
     """
     from scipy.linalg import solve_triangular
 
-    dynamics, problem = made.problem.dynamics, made.problem
-    forces, _ = dynamics.residuals(made.values)
+    dynamics, problem = fitted.problem.dynamics, fitted.problem
+    forces, _ = dynamics.residuals(fitted.values)
     left = [w(f) for f, w in zip(forces, problem.whitenings, strict=True)]
-    noise = _noise(dynamics, left, DEPENDENT**-0.5, made.spent, free_offset=False)
+    noise = _noise(dynamics, left, DEPENDENT**-0.5, fitted.spent, free_offset=False)
     basis, mixing = np.linalg.qr(jacobian)
     parts = np.split(basis, np.cumsum([len(f) for f in left]))
     shaped = [w.coloured(rows) for w, rows in zip(noise, parts[:-1], strict=True)]

@@ -104,17 +104,17 @@ class ScoreTest:
         return steps / scales, float(moved @ moved)
 
 
-def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivity, ...]:
+def sensitivities(fitted: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivity, ...]:
     """Return the effects of all fixed numbers and calibrations, the largest effect first.
 
     Args:
-        made: The fit.
+        fitted: The completed fit.
         jacobian: Derivatives of its whitened residuals by the scaled parameters.
         excess: Mean square of the whitened residuals.
     """
-    problem, dynamics = made.problem, made.problem.dynamics
+    problem, dynamics = fitted.problem, fitted.problem.dynamics
     shown = [k for k, p in enumerate(problem.free) if not p.hidden]
-    prior = problem.prior_jacobian(made.values / problem.scales)
+    prior = problem.prior_jacobian(fitted.values / problem.scales)
     data, nothing = jacobian / np.sqrt(excess), np.zeros(len(prior))
     rows, table = np.vstack([data, prior]), []
 
@@ -129,7 +129,7 @@ def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivi
             kept = np.concatenate([np.ones(len(data), bool), np.any(prior[:, others] != 0, axis=1)])
             column, moved = np.concatenate([data[:, k], nothing]), np.zeros(len(problem.free))
             moved[others] = _moved(rows[kept][:, others], column[kept]) / problem.scales[k]
-            value = float(made.values[k])
+            value = float(fitted.values[k])
             add(parameter.name, parameter.unit, value, parameter.std, True, moved)
     fixed = [
         (name, unit, value, *_change(dynamics, name, value), *_beside(dynamics, name, value))
@@ -137,27 +137,27 @@ def sensitivities(made: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivi
     ]
     place = float(dynamics.rig.plectrum.contact == "surface")
     fixed.append((keys.CONTACT, "", place, 1.0, False, _other_contact(dynamics.rig), 1.0))
-    whitened = problem.data(made.values / problem.scales)
+    whitened = problem.data(fitted.values / problem.scales)
     for name, unit, value, change, stated, rig, step in fixed:
-        moved = problem.by_another(whitened, *_moved_to(dynamics, made.values, rig), step)
+        moved = problem.by_another(whitened, *_moved_to(dynamics, fitted.values, rig), step)
         if moved is not None:
             column = np.concatenate([moved / np.sqrt(excess), nothing])
             add(name, unit, value, change, stated, _moved(rows, column))
     return tuple(sorted(table, key=lambda s: -max(map(abs, s.effects.values()), default=0.0)))
 
 
-def suggestions(made: Fit, noise: float) -> tuple[Suggestion, ...]:
+def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
     """Return the fixed numbers that should be freed, the largest reduction first.
 
     Args:
-        made: A fit whose model does not fit.
+        fitted: A fit whose model does not fit.
         noise: N, RMS of the part of the force residual that is no error of the model.
     """
-    dynamics = made.problem.dynamics
-    test = ScoreTest(made.problem, made.values, noise * np.sqrt(DEPENDENT), made.free_offset)
+    dynamics = fitted.problem.dynamics
+    test = ScoreTest(fitted.problem, fitted.values, noise * np.sqrt(DEPENDENT), fitted.free_offset)
 
     def freed(rig: Rig, step: float) -> tuple[float, float]:
-        moved, reduction = test.freed([test.column(*_moved_to(dynamics, made.values, rig), step)])
+        moved, reduction = test.freed([test.column(*_moved_to(dynamics, fitted.values, rig), step)])
         return float(moved[0]), reduction
 
     found = []

@@ -162,23 +162,23 @@ def identify(
     return evaluate(fit_presses(presses, phases, names, priors, level, starts, robust))
 
 
-def evaluate(made: Fit) -> Identified:
+def evaluate(fitted: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
-    found, values, good = made.problem, made.values, quality(made)
+    found, values, good = fitted.problem, fitted.values, quality(fitted)
     point = values / found.scales
     data, prior = found.jacobian(point, found.data), found.prior_jacobian(point)
-    rows = informative(made, data) / np.sqrt(good.repetition)
+    rows = informative(fitted, data) / np.sqrt(good.repetition)
     lacking = np.zeros((len(values), len(values)))
-    if made.moved is not None:
-        lacking = np.outer(made.moved, made.moved)
+    if fitted.moved is not None:
+        lacking = np.outer(fitted.moved, fitted.moved)
     covariance, known = _covariance(np.vstack([rows, prior]))
     covariance += lacking
     stds = np.where(known, np.sqrt(np.diag(covariance)), np.inf)
-    made = _with_found_friction(made, stds * found.scales)
-    found, dynamics = made.problem, made.problem.dynamics
-    suggested = suggestions(made, good.scale)
+    fitted = _with_found_friction(fitted, stds * found.scales)
+    found, dynamics = fitted.problem, fitted.problem.dynamics
+    suggested = suggestions(fitted, good.scale)
     doubts = (*_hidden_by_fit(suggested), *doubtful_modes(found.free, values, dynamics.presses))
-    if made.moved is not None:
+    if fitted.moved is not None:
         doubts += tuple(_inertia_at_bound(found.free, values))
     good = replace(good, reasons=(*good.reasons, *doubts))
     alone, seen = _covariance(np.vstack([rows, prior[found.nuisances]]))
@@ -209,29 +209,29 @@ def evaluate(made: Fit) -> Identified:
         releases=len(rises),
         level=dynamics.level,
         residual=rms([f - w.trend(f) for f, w in zip(forces, found.whitenings, strict=True)]),
-        residual_before=made.residual_before,
+        residual_before=fitted.residual_before,
         rise_residual=rms([rises * dynamics.rise_stds]) if len(rises) else None,
         force_offsets=tuple(offsets),
         modes=_modes(found, values, stds),
         quality=good,
-        sensitivity=sensitivities(made, data, made.excess * good.repetition),
+        sensitivity=sensitivities(fitted, data, fitted.excess * good.repetition),
         suggested=() if good.fits else suggested,
         warnings=_warnings(estimates, dynamics),
     )
 
 
-def _with_found_friction(made: Fit, stds: Floats) -> Fit:
+def _with_found_friction(fitted: Fit, stds: Floats) -> Fit:
     """Return the fit; the plectrum's friction is no longer hidden if it differs from the rig's."""
-    dynamics = made.problem.dynamics
+    dynamics = fitted.problem.dynamics
     free = tuple(
         replace(
             p, hidden=p.hidden and (p.name != keys.FRICTION or abs(v - p.start) < SIGNIFICANT * std)
         )
-        for p, v, std in zip(dynamics.free, made.values.tolist(), stds.tolist(), strict=True)
+        for p, v, std in zip(dynamics.free, fitted.values.tolist(), stds.tolist(), strict=True)
     )
     if free == dynamics.free:
-        return made
-    return replace(made, problem=replace(made.problem, dynamics=dynamics.with_free(free)))
+        return fitted
+    return replace(fitted, problem=replace(fitted.problem, dynamics=dynamics.with_free(free)))
 
 
 def _modes(found: Problem, values: Floats, stds: Floats) -> tuple[FittedMode, ...]:

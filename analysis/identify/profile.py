@@ -38,34 +38,34 @@ class Profile:
     """Upper end of the 95 % interval, SI; None if the interval reaches the bound."""
 
 
-def profile(made: Fit, found: Identified, name: str) -> Profile:
+def profile(fitted: Fit, found: Identified, name: str) -> Profile:
     """Return the profile of one parameter around a fit.
 
     Args:
-        made: The fit.
+        fitted: The completed fit.
         found: Result of the fit.
         name: Name of the parameter.
 
     Raises:
         AnalysisError: The parameter was not fitted.
     """
-    names = [p.name for p in made.problem.free]
+    names = [p.name for p in fitted.problem.free]
     estimate = next((e for e in found.estimates if e.name == name), None)
     if estimate is None:
-        fitted = ", ".join(e.name for e in found.estimates)
+        results = ", ".join(e.name for e in found.estimates)
         raise AnalysisError(
-            f"{name}: it was not fitted, so it has no profile; fitted parameters: {fitted}"
+            f"{name}: it was not fitted, so it has no profile; fitted parameters: {results}"
         )
     at = names.index(name)
-    parameter = made.problem.free[at]
-    residuals = made.problem.all(made.values / made.problem.scales)
-    least, excess = float(residuals @ residuals), made.excess
+    parameter = fitted.problem.free[at]
+    residuals = fitted.problem.all(fitted.values / fitted.problem.scales)
+    least, excess = float(residuals @ residuals), fitted.excess
     step = (parameter.high - parameter.low) / STEPS
     if estimate.std is not None:
         step = min(step, estimate.std * REACH / STEPS)
     values, rises, ends = [estimate.value], [0.0], []
     for sign in (-1.0, 1.0):
-        start, end = made.values, None
+        start, end = fitted.values, None
         last = (estimate.value, 0.0)
         for number in range(1, STEPS + 1):
             value = estimate.value + sign * number * step
@@ -74,7 +74,7 @@ def profile(made: Fit, found: Identified, name: str) -> Profile:
                 break
             start = start.copy()
             start[at] = value
-            cost, start = minimise(made.problem, start, fixed=at)
+            cost, start = minimise(fitted.problem, start, fixed=at)
             rise = max(0.0, (2 * cost - least) / excess)
             values.append(value)
             rises.append(rise)

@@ -77,11 +77,11 @@ class Quality:
         return not self.reasons
 
 
-def quality(made: Fit) -> Quality:
+def quality(fitted: Fit) -> Quality:
     """Return the goodness of a fit."""
-    dynamics = made.problem.dynamics
-    forces, _ = dynamics.residuals(made.values)
-    left = [f - w.trend(f) for f, w in zip(forces, made.problem.whitenings, strict=True)]
+    dynamics = fitted.problem.dynamics
+    forces, _ = dynamics.residuals(fitted.values)
+    left = [f - w.trend(f) for f, w in zip(forces, fitted.problem.whitenings, strict=True)]
     period = 1 / dynamics.rig.string.frequency
     slow = [_slow(f, p, period) for f, p in zip(left, dynamics.presses, strict=True)]
     inside, outside = (
@@ -122,7 +122,7 @@ def quality(made: Fit) -> Quality:
             )
     offsets = {
         p.name: float((value - p.mean) / p.std)
-        for p, value in zip(dynamics.free, made.values.tolist(), strict=True)
+        for p, value in zip(dynamics.free, fitted.values.tolist(), strict=True)
         if p.hidden
         and p.name in (keys.TIME, keys.FORCE_GAIN, keys.VELOCITY_GAIN)
         and p.mean is not None

@@ -50,8 +50,6 @@ class ModalPluck:
     """m/s, of the string at the plucking point."""
     state: ModalState
     """State of the moving modes at release."""
-    newton_steps: float
-    """Mean number of Newton steps per time step."""
 
     @property
     def release(self) -> float:
@@ -116,7 +114,6 @@ def modal_pluck(
         displacement=rows[:, 4:6],
         velocity=rows[:, 6:8],
         state=contact.state,
-        newton_steps=contact.newton_steps / (len(time) - 1),
     )
 
 

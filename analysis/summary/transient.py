@@ -8,7 +8,7 @@ from sautereau.analysis.summary.text import SOME_SIMULATED, counted, part_of
 from sautereau.analysis.transient import Attributed, Examined, ObservedMode
 
 _MODE = ("frequency", "frequency_std", "damping", "damping_std")
-UNDECIDED = "cannot be decided from these recordings"
+UNDECIDED = "source undecided by these recordings"
 
 
 def transient_summary(examined: Sequence[Examined], found: Sequence[Attributed]) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def transient_lines(examined: Sequence[Examined], found: Sequence[Attributed]) -
     for each in found:
         o = each.oscillation
         if each.deciding:
-            lines.append(f"{o.frequency:.4g} Hz {UNDECIDED}; this would decide: {each.deciding}")
+            lines.append(f"{o.frequency:.4g} Hz: {UNDECIDED}; to decide it: {each.deciding}")
         if not o.consistent:
             lines.append(
                 f"{o.frequency:.4g} Hz: the frequencies of its phases and presses differ by more"

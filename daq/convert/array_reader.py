@@ -1,8 +1,8 @@
 """Reads a MATLAB or HDF5 file and writes its arrays of numbers as npz on standard output.
 
-A program of its own, because the compiled readers end or block their process on some damaged
-files. The first array holds, as JSON, the names of the others, what the file says of them (unit;
-rate in Hz and start in s) and the document of an export by sautereau.
+It runs as a separate program, because the compiled readers crash or block their process on some
+damaged files. The first array holds, as JSON, the names of the others, their properties in the file
+(unit; rate in Hz and start in s) and the document of an export by sautereau.
 
 python array_reader.py mat|hdf5 FILE MOST_VALUES
 """
@@ -21,7 +21,7 @@ UNIT_ATTRIBUTES = ("units", "unit")
 DOCUMENT = "sautereau"
 
 Found = tuple[dict[str, np.ndarray], dict[str, dict[str, str | float]], str | None]
-"""Arrays; what the file says of each: `unit`, `rate`, `start`; the document of an export."""
+"""Arrays; properties of each in the file: `unit`, `rate`, `start`; the document of an export."""
 
 
 def main() -> None:

@@ -23,7 +23,7 @@ class Column:
     """One column of an export."""
 
     name: str
-    """Its unit is in it: `velocity [V]`."""
+    """Name with its unit: `velocity [V]`."""
     unit: str
     what: str
     """Meaning."""

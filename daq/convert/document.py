@@ -38,12 +38,12 @@ DOCUMENT_KEY = "sautereau"
 PARQUET_KEY = DOCUMENT_KEY.encode()
 """Key of the document in the metadata of a Parquet file's schema."""
 SIDECAR = ".json"
-"""Appended to the name of a file that has its document beside it."""
+"""Appended to the name of an exported file to name the file that holds its document."""
 MOST_DOCUMENT = 200_000_000
 """Limit of the size of an export's metadata file, byte."""
 
 Parts = dict[str, Callable[[BinaryIO], object]]
-"""What an export writes: a function for each file, by what is appended to the file's name."""
+"""Files of an export: by what is appended to the name, a function that writes the file."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def volts_name(channel: str) -> str:
 
 
 def full_scale(channel: Channel) -> float:
-    """Return what the value 1 in an exported WAV file is, V: a power of two."""
+    """Return the volts of the value 1 in an exported WAV file, V: a power of two."""
     return 2.0 ** math.ceil(math.log2(channel.range))
 
 

@@ -21,7 +21,7 @@ ENDING = ".exporting.part"
 
 
 def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> list[Path]:
-    """Write a recording: of each channel the raw volts and the SI values.
+    """Write the raw volts and the SI values of each channel of a recording.
 
     The name of a column ends with its unit: ``velocity [V]`` holds the raw volts, bit for bit,
     and ``velocity [m/s]`` the measured quantity at the row's time: calibrated, AC coupling

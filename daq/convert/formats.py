@@ -38,8 +38,6 @@ Columns = dict[str, NDArray[np.float64]]
 
 MOST_ROWS = 20_000_000
 """Limit of the samples of each channel, 390 s at 51.2 kHz."""
-MOST_BYTES = 2**30
-"""Limit of the size of a text file, byte."""
 
 
 def place_of(row: int) -> str:
@@ -124,13 +122,4 @@ def refuse_rows(rows: int) -> None:
         raise RecordingError(
             f"its columns have {rows} rows, more than the limit MOST_ROWS = {MOST_ROWS}; cut it"
             " into single presses"
-        )
-
-
-def refuse_size(size: int) -> None:
-    """Refuse a text that is larger than `MOST_BYTES`, before it is read."""
-    if size > MOST_BYTES:
-        raise RecordingError(
-            f"it has {size} bytes, more than the limit MOST_BYTES = {MOST_BYTES}; cut it into"
-            " single presses"
         )

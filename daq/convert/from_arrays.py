@@ -87,7 +87,7 @@ def open_npz(path: Path) -> ImportSource:
 
 
 def _read(kind: str, path: Path) -> array_reader.Found:
-    """Return what a file holds, read in a process of its own."""
+    """Return the content of a file, read in a separate process."""
     command = [sys.executable, array_reader.__file__, kind, str(path), str(MOST_VALUES)]
     fault = "its reader has ended"
     try:

@@ -13,7 +13,6 @@ from sautereau.daq.convert.formats import (
     ImportSource,
     refuse_missing,
     refuse_rows,
-    refuse_size,
 )
 from sautereau.daq.convert.layout import Layout, find_layout
 from sautereau.daq.errors import RecordingError
@@ -21,6 +20,8 @@ from sautereau.daq.errors import RecordingError
 if TYPE_CHECKING:
     import pyarrow as pa
 
+MOST_BYTES = 2**30
+"""Limit of the size of a text file, byte."""
 LAST_LINE = "its last line has no line end, so its last number may be cut off"
 
 
@@ -34,7 +35,11 @@ def open_csv(path: Path) -> ImportSource:
         RecordingError: The file has no rows or is not text, or its metadata file cannot be read.
     """
     document = read_sidecar(path)
-    refuse_size(path.stat().st_size)
+    if (size := path.stat().st_size) > MOST_BYTES:
+        raise RecordingError(
+            f"it has {size} bytes, more than the limit MOST_BYTES = {MOST_BYTES}; cut it into"
+            " single presses"
+        )
     layout = find_layout(path)
     with path.open("rb") as file:
         file.seek(-1, io.SEEK_END)

@@ -10,7 +10,7 @@ import numpy as np
 from sautereau.daq.convert.channel_column import ChannelColumn
 from sautereau.daq.convert.document import Document, digest, sha256, volts_name
 from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
-from sautereau.daq.convert.options import ImportOptions, refuse_options
+from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.convert.plausible import doubts
 from sautereau.daq.convert.settings import ImportSettings, resolve_options
 from sautereau.daq.convert.times import start_and_rate
@@ -43,7 +43,7 @@ class Imported:
     trigger_shift: float
     """Time from sample 0, the nearest to the trigger, to the trigger, s."""
     warnings: tuple[str, ...] = ()
-    """What is doubtful about the samples, and how to fix it."""
+    """Doubts about the samples, each with how to fix it."""
 
 
 def import_file(
@@ -70,7 +70,11 @@ def import_file(
         source = open_source(path)
         origin = f"imported from {path.name}, sha256 {sha256(path)}"
         if source.document is not None:
-            refuse_options(options)
+            if given := options.given():
+                names = ", ".join("--" + name.replace("_", "-") for name in given)
+                raise RecordingError(
+                    f"it is an export by sautereau, which needs no further options; remove {names}"
+                )
             return _restore(source, source.document, rig, out, notes, origin)
         if rig is None:
             raise RecordingError("--rig is required: it holds the sensors' calibrations")

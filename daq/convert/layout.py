@@ -37,7 +37,7 @@ Cells = list[str]
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the rows of a text file begin, and what its first lines say."""
+    """First row of a text file, and the information in the lines before it."""
 
     names: tuple[str, ...]
     skip: int
@@ -64,25 +64,23 @@ def find_layout(path: Path) -> Layout:
     """
     lines, encoding = _head(path)
     texts = [(number, line) for number, line in enumerate(lines) if line.strip()]
-    best: tuple[tuple[int, int], int, list[Cells], tuple[str, str]] | None = None
+    fitting: list[tuple[int, int, int, list[Cells], tuple[str, str]]] = []
     for dialect in DIALECTS:
         table = [_cells(line, *dialect) for _, line in texts]
         start, length = _longest_run(table)
         if length and (dialect[0] in texts[start][1] or dialect == (",", ".")):
-            score = (length, sum(map(_is_number, table[start])))
-            if best is None or score > best[0]:
-                best = (score, start, table, dialect)
-    if best is None:
+            fitting.append((length, sum(map(_is_number, table[start])), start, table, dialect))
+    if not fitting:
         raise RecordingError(
             f"it has no rows of numbers in its first {max(1, len(lines))} lines; give a table with"
             " numbers"
         )
-    _, start, table, dialect = best
+    _, _, start, table, dialect = max(fitting, key=lambda one: one[:2])  # the first of equals
     return _described(table, start, texts[start][0], dialect, encoding)
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is a unit of what sensors, clocks and cards give."""
+    """Return whether a text is a unit that sensors, clocks or cards use."""
     if not UNIT.fullmatch(text):
         return False
     for spelling in {text, text.lower()}:

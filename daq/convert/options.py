@@ -3,8 +3,6 @@
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from sautereau.daq.errors import RecordingError
-
 MODIFIED = "modified"
 """Value of `started`: the date of the file's last change."""
 
@@ -43,16 +41,3 @@ class ImportOptions:
         default = ImportOptions()
         every = ((one.name, getattr(self, one.name)) for one in fields(ImportOptions))
         return {name: value for name, value in every if value != getattr(default, name)}
-
-
-def refuse_options(options: ImportOptions) -> None:
-    """Refuse any option for an export by sautereau, which states all of this itself.
-
-    Raises:
-        RecordingError: Names the options given.
-    """
-    if given := options.given():
-        names = ", ".join("--" + name.replace("_", "-") for name in given)
-        raise RecordingError(
-            f"it is an export by sautereau, which needs no further options; remove {names}"
-        )

@@ -15,7 +15,7 @@ _PIECE = 16384  # samples converted at a time, which the cache of a processor ho
 
 @dataclass(frozen=True)
 class Scaling:
-    """What the counts of a device are, and how they become volts."""
+    """Type of a device's counts, and the polynomials that convert them to volts."""
 
     kind: str
     """Type of a count: `int16` or `int32`."""

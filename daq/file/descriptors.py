@@ -23,7 +23,7 @@ SCENE = "foxglove.SceneUpdate"
 TRANSFORMS = "foxglove.FrameTransforms"
 """The message that says where the links of a rig are."""
 FRAME = "rig"
-"""Name of the frame of what is drawn: the pin is its origin, x points to the jack, z up."""
+"""Name of the frame of drawings: the balance pin is its origin, x points to the jack, z up."""
 INFO, ERROR = 2, 4
 """Levels of a `LOG`."""
 

@@ -114,8 +114,8 @@ class Block:
     """Shape (n_channels, n), channels in the order of ``daq.channels``: volts as float64, V, or the
     device's counts as int16 or int32."""
     counted: tuple[Counted, ...] = ()
-    """How many samples the device had acquired, from which the date of the trigger follows; the
-    block's own arrival also limits it."""
+    """Counts of the samples that the device had acquired. They and the arrival of the block limit
+    the date of the trigger."""
     scaling: Scaling | None = None
     """Scaling of the counts; None for volts."""
 

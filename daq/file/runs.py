@@ -102,7 +102,7 @@ class Runs:
             write_volts(layout.columns(block.data), layout.scaling, run.extend(n))
 
     def _limit(self, volts: int) -> None:
-        """Refuse further volts if they exceed the memory that the file may take."""
+        """Refuse volts that exceed the limit of memory for the file."""
         self._left -= volts * np.dtype(float).itemsize
         if self._left < 0:
             raise RecordingError(

@@ -5,13 +5,14 @@ import math
 import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.file.counts import TYPES, Scaling
+from sautereau.daq.file.schemas import varint
 
 TOPIC = "/daq"
 """Topic of the samples of all channels."""
@@ -39,13 +40,7 @@ class WireBlock(NamedTuple):
 def block_head(t0: int, first_sample: int, rate: float, begin: int, size: int) -> bytes:
     """Return the bytes of a Block that precede ``size`` bytes of samples."""
     a, b, c, d, e = _TAGS
-    return _HEAD.pack(a, t0, b, first_sample, c, rate, d, begin, e) + _length(size)
-
-
-@lru_cache(16)
-def _length(size: int) -> bytes:
-    """Return a length as a varint of five bytes, however small it is."""
-    return bytes(size >> 7 * i & 127 | (128 if i < 4 else 0) for i in range(_LENGTH))
+    return _HEAD.pack(a, t0, b, first_sample, c, rate, d, begin, e) + varint(size, _LENGTH)
 
 
 def read_block(data: memoryview) -> WireBlock:
@@ -57,7 +52,7 @@ def read_block(data: memoryview) -> WireBlock:
     start = _HEAD.size + _LENGTH
     if len(data) < start or (found := _HEAD.unpack_from(data))[::2] != _TAGS:
         raise ValueError("a block has other fields than those of its message")
-    if data[_HEAD.size : start] != _length(len(data) - start):
+    if data[_HEAD.size : start] != varint(len(data) - start, _LENGTH):
         raise ValueError(f"a block has another length than that of its {len(data) - start} bytes")
     _, t0, _, first_sample, _, rate, _, begin, _ = found
     return WireBlock(t0, first_sample, rate, begin, data[start:])
@@ -65,7 +60,7 @@ def read_block(data: memoryview) -> WireBlock:
 
 @dataclass(frozen=True)
 class SampleLayout:
-    """How the blocks of a recording hold the samples, from the metadata of their topic."""
+    """Layout of the samples in the blocks of a recording, from the metadata of their topic."""
 
     names: tuple[str, ...]
     """Names of the channels, in their order."""

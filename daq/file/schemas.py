@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -97,7 +97,7 @@ def encode_rows(columns: ArrayLike) -> NDArray[np.void]:
 @cache
 def _row_of(n_fields: int) -> tuple[np.dtype[np.void], bytes]:
     """Return the type of a message of so many numbers of 32 bits, and one of zeros."""
-    tags = {number: _varint(number << 3 | 5) for number in range(1, n_fields + 1)}  # 5: 32 bits
+    tags = {number: varint(number << 3 | 5) for number in range(1, n_fields + 1)}  # 5: 32 bits
     fields = []
     for number, tag in tags.items():
         fields += [(f"tag {number}", f"V{len(tag)}"), (f"value {number}", "<f4")]
@@ -107,12 +107,12 @@ def _row_of(n_fields: int) -> tuple[np.dtype[np.void], bytes]:
     return row.dtype, row.tobytes()
 
 
-def _varint(value: int) -> bytes:
-    found = bytearray()
-    while value > 127:
-        found.append(value & 127 | 128)
-        value >>= 7
-    return bytes([*found, value])
+@lru_cache(64)
+def varint(value: int, length: int = 1) -> bytes:
+    """Return an integer as a varint of at least ``length`` bytes."""
+    while value >> 7 * length:
+        length += 1
+    return bytes(value >> 7 * i & 127 | 128 * (i < length - 1) for i in range(length))
 
 
 def decode(name: str, data: bytes) -> Any:

@@ -1,4 +1,4 @@
-"""What a driver of one kind of controller implements; `PoweredArm` does the rest."""
+"""The interface of a driver for one kind of controller; `PoweredArm` does everything else."""
 
 from collections.abc import Callable
 from typing import ClassVar, Protocol
@@ -10,26 +10,26 @@ from sautereau.robot.drivers.serial_port import Port
 from sautereau.trajectory.segments import Counts, Segments
 
 Clock = Callable[[], float]
-"""Returns seconds, of any origin."""
+"""Returns seconds from any origin."""
 Sleep = Callable[[float], None]
 """Waits for seconds."""
 
 
 class Driver(Player, Protocol):
-    """One connection to a controller: it sends what `PoweredArm` decides.
+    """One connection to a controller, which sends the commands that `PoweredArm` decides on.
 
-    It is made from an open port, and `set_up` is called first. `PoweredArm` checks the order
-    of the calls, the arm's limits and that the arm is where a motion starts, and aborts after a
-    failure: a method only does its work and raises `RobotError`. Positions are encoder counts,
+    It is made from an open port, and `set_up` is called first. `PoweredArm` checks the order of
+    the calls, the arm's limits and the start position of a motion, and aborts after a failure. A
+    method therefore only does its work and raises `RobotError`. Positions are encoder counts,
     speeds counts per second, both of joints 1 and 2, shape (2,).
     """
 
     CAPABILITIES: ClassVar[Capabilities]
-    """What it can do; `load` gets torques, and `home_levels` is called, only where it can."""
+    """Its capabilities, on which depend the torques of `load` and the calls of `home_levels`."""
     WITHOUT_HOST: ClassVar[str]
-    """Sentence on what the controller does without its host, for {period:g} s."""
+    """Sentence on what the controller does without its host, with the period {period:g} s."""
     ABORT_AFTER: ClassVar[frozenset[str]]
-    """Which of `home_levels` and `arm` switch or move a motor: a failure there aborts."""
+    """Those of `home_levels` and `arm` that switch or move a motor: a failure in them aborts."""
 
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep, /) -> None:
         """Hold the port; nothing is sent."""
@@ -76,5 +76,5 @@ class Driver(Player, Protocol):
         """
 
     def load(self) -> Segments:
-        """Load the planned motion; return what was really sent."""
+        """Load the planned motion; return the motion as it was sent."""
         ...

@@ -54,7 +54,7 @@ class EthernetPort:
         return len(data)
 
     def reset_input_buffer(self) -> None:
-        """Discard what has come in."""
+        """Discard the bytes received so far."""
         if self.in_waiting:
             self._received.clear()
 

@@ -8,16 +8,16 @@ from types import FrameType
 from typing import Self
 
 PAUSE = 1.0
-"""s after an interrupt, in which further ones wait: it is on its way through the program."""
+"""Time in s after an interrupt in which further ones wait, while the program handles it."""
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 class Interrupts:
-    """A context manager that handles signals as before it, but never two in a row.
+    """A context manager that passes signals to their handlers, but delays those that follow soon.
 
-    In the main thread only, where signals are handled; in others it does nothing. A signal that
-    nobody handles keeps its default action. A signal that waited is raised as `KeyboardInterrupt`
-    at the end, where no error is raised already.
+    It acts in the main thread only, which handles signals. A signal without a handler keeps its
+    default action. At the end a delayed signal is raised as `KeyboardInterrupt`, unless an error is
+    being raised already.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class Interrupts:
         return self
 
     def hold(self) -> None:
-        """Let every signal wait from now on."""
+        """Delay all signals from now on."""
         self._holding = True
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:

@@ -1,4 +1,4 @@
-"""The keep-alive: signs of life from the host, which the controller's watchdog waits for."""
+"""The keep-alive: the host renews the count of the controller's watchdog."""
 
 import threading
 from collections.abc import Callable
@@ -9,19 +9,19 @@ from sautereau.robot.errors import RobotError
 TICKS = 10
 """Parts of the watchdog's period, each of which the controller counts down."""
 _RENEWALS = 4
-"""Signs of life in a period, so that one may be lost."""
+"""Renewals in a period of the watchdog, so that one may be lost."""
 
 
 class KeepAlive:
-    """A context manager that gives signs of life while the thread that entered it is alive.
+    """A context manager that renews the watchdog while the thread that entered it is alive.
 
-    They come from a thread of its own, so that a busy host continues to give them; a dead
-    process, a dead thread and a stopped process give none.
+    A separate thread renews it, also while the host is busy. The renewals end with the process or
+    with that thread, and while the process is stopped.
 
     Args:
-        renew: Gives one sign of life; its argument returns whether to continue to wait for the
+        renew: Renews the watchdog once; its argument returns whether to continue to wait for the
             controller's answer.
-        period: s, of the watchdog.
+        period: Period of the watchdog, s.
     """
 
     def __init__(self, renew: Callable[[Callable[[], bool]], None], period: float):

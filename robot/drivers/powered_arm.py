@@ -29,20 +29,20 @@ from sautereau.trajectory.segments import Counts, Segments, to_counts
 MakeKeepAlive = Callable[
     [Callable[[Callable[[], bool]], None], float], AbstractContextManager[object]
 ]
-"""Makes what gives the watchdog its signs of life; called as `KeepAlive` is."""
+"""Makes the context manager that renews the watchdog; it has the arguments of `KeepAlive`."""
 DriverT = TypeVar("DriverT", bound=Driver)
 
 
 class PoweredArm(MotionController, Generic[DriverT]):
-    """A `MotionController` whose commands a `Driver` sends; documented there.
+    """A `MotionController` whose commands a `Driver` sends; see there for its methods.
 
     Args:
         driver: Class of the driver; an instance is made for each connection.
         rig: Its controller and arm are used.
         open_port: Opens the port: name, baud rate, timeout in seconds.
-        clock: Seconds, of any origin.
-        sleep: Wait for seconds.
-        keep_alive: Gives the controller's watchdog signs of life while the motors are on.
+        clock: Returns seconds from any origin.
+        sleep: Waits for seconds.
+        keep_alive: Renews the controller's watchdog while the motors are on.
     """
 
     def __init__(
@@ -232,10 +232,6 @@ class PoweredArm(MotionController, Generic[DriverT]):
         self._motion = driver.load()
         self._states.enter(State.LOADED)
         return self._motion
-
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        return None if self._driver is None else self._driver.loaded_torque
 
     def arm(self) -> None:
         """Prepare capture, trigger and start; refuse where the arm is not at the start."""

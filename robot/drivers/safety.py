@@ -15,7 +15,7 @@ class Safety:
 
     Args:
         states: States of the arm.
-        watchdog_period: s, for messages.
+        watchdog_period: Period of the watchdog, s, for messages.
     """
 
     def __init__(self, states: States, watchdog_period: float):
@@ -26,8 +26,8 @@ class Safety:
         """Abort a motion that fails, and report the outcome in the error.
 
         Args:
-            driver: Of the connection.
-            call: Method that only some drivers want guarded; empty for every driver.
+            driver: The driver of the connection.
+            call: Method that is guarded for some drivers only; empty for every driver.
         """
         try:
             yield
@@ -44,8 +44,8 @@ class Safety:
         """Stop with deceleration where possible, then abort.
 
         Args:
-            driver: Of the connection.
-            error: That is being raised: the outcome is added to it, and nothing is raised.
+            driver: The driver of the connection.
+            error: Error that is being raised. The outcome is added to it, and nothing is raised.
         """
 
         def off() -> None:

@@ -32,14 +32,14 @@ class Port(Protocol):
         ...
 
     def reset_input_buffer(self) -> None:
-        """Discard what has come in."""
+        """Discard the bytes received so far."""
 
     def close(self) -> None:
         """Release the port."""
 
 
 class _LoggedPort:
-    """An open port that logs what is sent and received; the name is that in the log."""
+    """An open port that logs what is sent and received, under a name."""
 
     def __init__(self, port: Port, name: str):
         self._port, self._name = port, name
@@ -114,7 +114,7 @@ def port_errors() -> tuple[type[Exception], ...]:
 
 
 def _reason(error: Exception) -> str:
-    """Return what the system says; pyserial's own text names the port, and repeats the error."""
+    """Return the system's text; pyserial's own text names the port and repeats the error."""
     numbers = (getattr(each, "errno", None) or 0 for each in (error, error.__context__))
     number = next((number for number in numbers if number > 0), None)
     return os.strerror(number) if number else str(error)
@@ -140,7 +140,7 @@ def machine_ports() -> list[str]:
 
 
 class Wire:
-    """Bytes to a controller and from it.
+    """Sends bytes to a controller, and receives bytes from it.
 
     Args:
         port: An open serial port, whose reads end after its timeout.
@@ -153,7 +153,7 @@ class Wire:
         self._port, self._gone = port, port_errors()
 
     def close(self) -> None:
-        """Close the port; a port that has gone away counts as closed."""
+        """Close the port; a port that has disappeared counts as closed."""
         try:
             self._port.close()
         except self._gone:  # nothing is left to close
@@ -161,7 +161,7 @@ class Wire:
 
     @contextmanager
     def _reaching(self, asked: str) -> Iterator[None]:
-        """Report a port that goes away in the block as lost, with what was asked."""
+        """Report a port that disappears inside the context as lost, with the command sent."""
         try:
             yield
         except self._gone as error:
@@ -172,7 +172,7 @@ class Wire:
             ) from error
 
     def _waiting(self) -> bytes:
-        """Return what has come in already."""
+        """Return the bytes received so far."""
         count = self._port.in_waiting
         return (self._port.read(count) or b"") if count else b""
 
@@ -181,7 +181,7 @@ class Wire:
         return self._port.read(max(1, self._port.in_waiting)) or b""
 
     def _silence(self, asked: str, so_far: str) -> SilentController:
-        """Return the error of a controller that does not answer; ``so_far`` is what came in."""
+        """Return the error of a controller that does not answer; ``so_far`` was received."""
         return SilentController(
             f"controller on {self.name} did not answer {asked!r} within"
             f" {self.timeout:g} s{f' after {so_far}' if so_far else ''}; check its power, the"

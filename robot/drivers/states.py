@@ -35,7 +35,7 @@ WAYS_OUT = {
     State.MOVING: "a motion is running: call wait() or stop() first",
     State.FAULTED: "press the emergency stop, then call disconnect() and connect()",
 }
-"""What to do where a call was refused, by state."""
+"""How to proceed after a refused call, by state."""
 
 _STANDING = frozenset({State.HOMED, State.LOADED, State.ARMED})
 _ON = _STANDING | {State.STOPPED, State.MOVING}

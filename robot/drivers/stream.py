@@ -1,4 +1,4 @@
-"""Setpoints sent one by one from a thread of their own, and the timing that was achieved."""
+"""Send setpoints one by one from a separate thread, and measure their timing."""
 
 import threading
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts
 
 LARGEST_GAP = 3.0
-"""Intervals that may pass between two setpoints."""
+"""Largest time between two setpoints, in intervals."""
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,9 @@ class Punctuality:
     """Timing of the setpoints of one motion."""
 
     largest_gap: float
-    """s, longest time between two setpoints."""
+    """Longest time between two setpoints, s."""
     jitter: float
-    """s RMS, of the setpoints about their due times."""
+    """RMS difference of the setpoints from their due times, s."""
     skipped: int
     """Setpoints that were not sent because the next one was due."""
 
@@ -41,16 +41,16 @@ class Rows:
 class Stream:
     """The setpoints of one motion.
 
-    Where it fails, the command to switch off is sent at once, before anybody waits.
+    If sending fails, the command to switch off is sent immediately, before anything waits.
 
     Args:
         setpoints: Setpoints of the motion; the axes follow setpoints already.
         send: Sends a row; returns joint positions (counts) and torques (N m), shape (2,) each.
-        hold: Lets both axes end what they follow, and stay there.
-        send_abort: Sends what switches off, and never fails.
+        hold: Ends the motion of both axes; they stay where they are.
+        send_abort: Sends the command to switch off, and never fails.
         polling: The clock.
-        lead: Rows of the rest before the motion.
-        error_limit: Counts between a joint and its plan at which the motors go off.
+        lead: Number of rows before the motion, in which the arm rests.
+        error_limit: Difference of a joint from its plan, in counts, at which the motors go off.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Stream:
         self._thread = threading.Thread(target=self._run, name="setpoints", daemon=True)
 
     def start(self) -> None:
-        """Start, and return at once."""
+        """Start, and return immediately."""
         self._thread.start()
 
     def wait(self) -> None:
@@ -87,13 +87,13 @@ class Stream:
             raise self._fault
 
     def cancel(self) -> None:
-        """Send no more setpoints, and ignore an error of the motion."""
+        """Stop sending setpoints, and ignore an error of the motion."""
         self.cancelled.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def capture(self, sample_period: float) -> Capture:
-        """Return what was recorded so far, at the host's times."""
+        """Return the record so far, at the host's times."""
         counts, known = np.array(self._counts), self._torques
         planned = np.rint(self._setpoints.planned[self._sent]).astype(np.int64)
         return Capture(

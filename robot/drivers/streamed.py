@@ -6,7 +6,7 @@ from functools import partial
 from typing import Generic, TypeVar
 
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import Capture, TorqueTable
+from sautereau.robot.controller import Capture
 from sautereau.robot.drivers.driver import Clock, Driver, Sleep
 from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.polling import POLL, Polling
@@ -20,16 +20,16 @@ RowsT = TypeVar("RowsT", bound=Rows)
 
 
 class StreamedDriver(Driver, ABC, Generic[RowsT]):
-    """A `Driver` that plays and records motions; documented there, but for what is its own.
+    """A `Driver` for a controller to which the host streams setpoints.
 
-    `plan` of a class of it sets ``_planned``.
+    A derived class implements `plan`, which sets ``_planned``.
 
     Args:
         rig: As for `Driver`.
         clock: As for `Driver`.
         sleep: As for `Driver`.
-        wire: To the controller.
-        supply: What powers the motors, for messages.
+        wire: Connection to the controller.
+        supply: Name of the power supply of the motors, for messages.
     """
 
     stepped = False
@@ -71,7 +71,7 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
 
     @abstractmethod
     def hold(self) -> None:
-        """Let both axes end what they follow, and stay there."""
+        """End the motion of both axes; they stay where they are."""
 
     @abstractmethod
     def switch_off(self) -> None:
@@ -100,7 +100,7 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
         return self._streamed("punctuality").punctuality
 
     def cancel(self) -> None:
-        """Send no more setpoints."""
+        """Stop sending setpoints."""
         if self.stream is not None:
             self.stream.cancel()
 
@@ -108,10 +108,6 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
         """Keep the planned motion for `start`; nothing is sent."""
         self._loaded = self._planned
         return self._motion("load")[0]
-
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        return None
 
     def arm(self) -> None:
         """Let the axes follow setpoints."""
@@ -140,7 +136,7 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
         self.polling.settle(self.positions, motion.end, self.limits.tolerance)
 
     def capture(self) -> Capture:
-        """Return what the host recorded of the last motion, at the host's times."""
+        """Return the host's record of the last motion, at the host's times."""
         return self._streamed("capture").capture(self._settings.sample_period)
 
     def _motion(self, call: str) -> tuple[Segments, RowsT]:

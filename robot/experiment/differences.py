@@ -23,10 +23,10 @@ def check_same(folder: Path, started: Mapping[str, Any], asked: Mapping[str, Any
         return
     more = f"\n  and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
     raise RobotError(
-        f"session folder {folder}: the session in it was started with another plan\n  "
+        f"session folder {folder}: its session was started with another plan\n  "
         + "\n  ".join(found[:MOST_LISTED])
         + more
-        + "\ngive the command as it was to continue that session, or another --out for this one"
+        + "\nto continue that session, give its original command; for a new session, another --out"
     )
 
 

@@ -1,4 +1,4 @@
-"""The bench that presses keys: the hardware, or the stand-in in its place."""
+"""The bench that presses keys: the hardware, or the stand-in."""
 
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -36,7 +36,7 @@ class Bench(Devices):
         self.control.abort()
 
     def pause(self) -> None:
-        """From another thread: end the present press, then go home and switch the motors off."""
+        """From another thread: finish the current press, go home and switch the motors off."""
         self.control.pause()
 
     def resume(self) -> None:
@@ -44,7 +44,7 @@ class Bench(Devices):
         self.control.resume()
 
     def abort(self) -> None:
-        """From another thread: stop the arm and end the session, which can be continued later."""
+        """From another thread: stop the arm and end the session. It can be continued later."""
         self.control.abort()
 
     def press(
@@ -66,19 +66,19 @@ class Bench(Devices):
         Args:
             what: Number of presses, a CSV file of them, or a plan: a generator of `press`, `scan`,
                 `repeat_until` and `ask`, or a function that returns it.
-            out: Folder of the recordings; nothing in it is overwritten.
+            out: Folder for the recordings. Existing files in it are kept.
             warm_up: Number of warm-up presses, at the start and after each change of the
                 instrument.
             rest: Time between presses: a text with its unit, or s.
-            notes: The operator's, saved in every recording.
+            notes: Operator's notes, saved in every recording.
             learned: Correction of the trajectory, written by `sautereau learn`.
-            feed_forward: Recording of an earlier press, for torques against its measured force.
+            feed_forward: Recording of an earlier press; its force is compensated by torque.
             watch: Called with each event of the session.
 
         Raises:
-            RobotError: An operator is needed and there is none, or the folder holds another
+            RobotError: An operator is needed but not present, or the folder contains another
                 session.
-            SautereauError: Of any kind; the arm has been stopped and switched off.
+            SautereauError: Any other error. The arm has been stopped and switched off.
         """
         settings = Settings(warm_up, rest, notes, learned, feed_forward)
         pressing = Pressing(self, what, out, settings)
@@ -87,7 +87,7 @@ class Bench(Devices):
         return pressing.session
 
     def replay(self, recording: str | Path, n: int = 1, *, out: str | Path) -> Session:
-        """Press again what was pressed in a recording: its planned, or else its measured, motion.
+        """Repeat a recorded press: its planned motion or, without a plan, its measured motion.
 
         Raises:
             RobotError: The motion cannot be pressed on this bench; see `press` for the others.
@@ -106,14 +106,14 @@ class Bench(Devices):
 
         Args:
             n: Maximum number of presses; learning stops when the error no longer improves.
-            out: Folder of the recordings, and of the correction, learned.json.
-            notes: The operator's, saved in every recording.
-            feed_forward: Recording of an earlier press, for torques against its measured force.
+            out: Folder for the recordings and the correction, learned.json.
+            notes: Operator's notes, saved in every recording.
+            feed_forward: Recording of an earlier press; its force is compensated by torque.
 
         Raises:
-            RobotError: The folder holds a correction, or the start of a motion is not known well
+            RobotError: The folder contains a correction, or the start of a motion is not known well
                 enough.
-            SautereauError: Of any kind; the arm has been stopped and switched off.
+            SautereauError: Any other error. The arm has been stopped and switched off.
         """
         pushed = None if feed_forward is None else Path(feed_forward)
         return Learning(self, n, Path(out), notes, pushed).run()
@@ -129,7 +129,7 @@ def stand_in(
     Args:
         rig: A rig, the path of its file, or the name of a packaged one.
         scene: A scene, the path of its file, or the name of a packaged one.
-        seed: Of every random number; None for a new one, which is recorded.
+        seed: Seed of all random numbers; None for a new one, which the recording stores.
 
     Raises:
         RigError: The rig is not valid.

@@ -1,4 +1,4 @@
-"""The analysis of a session, and of two set side by side."""
+"""The analysis of a session, and the comparison of two."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Comparison(Shown):
-    """Presses by condition, beside the model and beside another set."""
+    """Presses by condition, compared with the model and with another set."""
 
     found: SessionAnalysis
     pairs: tuple[Pair, ...] = ()

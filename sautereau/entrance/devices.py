@@ -1,4 +1,4 @@
-"""The devices of a bench: the hardware, or the stand-in in its place."""
+"""The devices of a bench: the hardware, or the stand-in."""
 
 import json
 import sys
@@ -57,8 +57,8 @@ class Devices:
     Args:
         rig: The nominal rig.
         scene: The stand-in's scene; None for the hardware.
-        seed: Of the stand-in's random numbers; None for a new one in each session.
-        ask: Asks the operator; None as the answer if there is nobody.
+        seed: Seed of the stand-in's random numbers; None for a new one in each session.
+        ask: Asks the operator; returns None if there is none.
     """
 
     def __init__(
@@ -83,8 +83,8 @@ class Devices:
         """Yield the devices of the bench.
 
         Args:
-            rig: With the instrument as it is set up; None for the nominal one.
-            seed: Of the stand-in; None for that of the bench, or else a new one.
+            rig: Rig with the instrument as it is set up; None for the nominal one.
+            seed: Seed of the stand-in; None for that of the bench or, without one, a new seed.
         """
         rig = rig or self.rig.values
         if self.scene is None:

@@ -64,7 +64,7 @@ class Fit(Shown):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is doubtful about the fit."""
+        """Warnings about doubtful results."""
         mixed = f"fitted together, although the presses differ in {', '.join(self.mixed)}"
         return (*self.found.warnings, *([mixed] * bool(self.mixed)))
 
@@ -80,8 +80,7 @@ class Fit(Shown):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Values of the rig that the fit determines, by dotted key: those identifiable, of a model
-        that fits."""
+        """Identifiable values by dotted key; empty if the model does not fit."""
         sure = [e for e in self.found.estimates if e.identifiable and self.found.quality.fits]
         return rig_values(self.nominal, {e.name: e.value for e in sure})
 
@@ -92,7 +91,7 @@ class Fit(Shown):
         return Rig(parse_rig(text))
 
     def write(self, path: Path) -> None:
-        """Write `values` into a rig file, whose other values stay; a new file is that of `rig`."""
+        """Write `values` into a rig file and keep its other values; a new file is that of `rig`."""
         if not path.exists():
             self.rig.save(path)
         elif self.values:

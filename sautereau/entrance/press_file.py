@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class PressFile(Shown):
-    """One recording; it is read when it is used."""
+    """One recording. It is read when it is used."""
 
     def __init__(self, path: str | Path):
         self.path = Path(path)

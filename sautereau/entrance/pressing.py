@@ -35,7 +35,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Replay:
-    """What was pressed in a recording."""
+    """A recorded press to repeat."""
 
     recording: Path
     repeats: int = 1

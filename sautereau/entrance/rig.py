@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Rig(Shown):
-    """A bench; nothing changes it, and `with_values` returns another one.
+    """A bench. It cannot be changed; `with_values` returns another one.
 
     Args:
         source: Path of a rig file, name of a packaged one, or a rig.
@@ -71,8 +71,8 @@ class Rig(Shown):
         """Return the rig with other values.
 
         Args:
-            values: By dotted key: texts with units, or numbers in SI units.
-            named: By the last part of the key, where only one key has it: `overlap="0.3 mm"`.
+            values: Values by dotted key: texts with units, or numbers in SI units.
+            named: Values by the last part of a key, if it is unique: `overlap="0.3 mm"`.
 
         Raises:
             RigError: A key is unknown or ambiguous, or the new rig is not valid.
@@ -108,7 +108,7 @@ class Rig(Shown):
             named: The same by the last part of the key: `overlap=["0.2 mm", "0.3 mm"]`.
 
         Raises:
-            ModelError: A value cannot be varied; a case out of range has a status only.
+            ModelError: A value cannot be varied. A case out of range only has a status.
         """
         from sautereau.entrance.sweep import sweep
 

@@ -37,8 +37,8 @@ class Session(Shown, Sequence[PressFile]):
 
     Args:
         presses: Recordings.
-        warnings: About the folder that they are from.
-        folder: Of the session; None for presses of several.
+        warnings: Warnings about their folder.
+        folder: Folder of the session; None for presses of several folders.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Session(Shown, Sequence[PressFile]):
 
         Raises:
             RecordingError: A file is not a complete recording.
-            AnalysisError: A recording holds no press.
+            AnalysisError: A recording contains no press.
         """
         for press in tracked(self):
             _ = press.press if samples else press.partial
@@ -106,12 +106,12 @@ class Session(Shown, Sequence[PressFile]):
     ) -> Comparison:
         """Compare the presses with the model, with each other, and with those of another set.
 
-        Presses of different rigs, scenes or days are not pooled: each is a condition of its own.
+        Presses of different rigs, scenes or days are not pooled but compared separately.
 
         Args:
             against: The other set.
-            rig: The bench to predict with; None for that of each recording.
-            level: Of the plectrum's bending model.
+            rig: Rig to predict with; None for that of each recording.
+            level: Plectrum model.
 
         Raises:
             AnalysisError: There is no press, or the sets have no condition in common.
@@ -133,13 +133,13 @@ class Session(Shown, Sequence[PressFile]):
         starts: int = 3,
         robust: bool = False,
     ) -> Fit:
-        """Fit unknown values of the rig to the presses, without those for warm-up.
+        """Fit unknown values of the rig to the presses, except warm-up presses.
 
         Args:
             names: Parameters to fit: `["plectrum.overlap", "key.inertia"]`.
             priors: Prior knowledge: `"key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2"`, or bounds:
                 `"plectrum.overlap=0.1 mm to 0.5 mm"`.
-            level: Of the plectrum's bending model.
+            level: Plectrum model.
             starts: Number of starting points.
             robust: Weight large residuals linearly instead of quadratically.
 
@@ -162,7 +162,7 @@ class Session(Shown, Sequence[PressFile]):
 
         Args:
             out: File of the page; None for report.html in the folder of the session.
-            level: Of the plectrum's bending model.
+            level: Plectrum model.
 
         Raises:
             AnalysisError: No recording can be read, or the presses are of several folders and
@@ -186,7 +186,7 @@ class Session(Shown, Sequence[PressFile]):
 
 
 def open(what: "str | Path | Iterable[str | Path]", *, folder: str | Path | None = None) -> Session:
-    """Open recordings; they are read when they are used.
+    """Open recordings. They are read when they are used.
 
     Args:
         what: A recording, a folder (of one session: its manifest excludes others), a pattern

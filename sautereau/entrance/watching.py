@@ -16,12 +16,12 @@ PERIOD = 0.5
 
 
 def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iterator[Session]:
-    """Return an iterator without end, of the session of a folder whenever recordings have arrived.
+    """Return an endless iterator that gives the session of a folder whenever recordings arrive.
 
     A recording that cannot be analysed is omitted, with a warning.
 
     Args:
-        folder: Of the recordings.
+        folder: Folder of the recordings.
         wait: Waits for seconds.
 
     Raises:

@@ -221,7 +221,7 @@ def test_limits_have_names(tmp_path, monkeypatch, bring):
     monkeypatch.setattr("sautereau.daq.convert.from_arrays.MOST_VALUES", 10)
     with pytest.raises(RecordingError, match="MOST_VALUES = 10"):
         bring(None, "a.npz", **given)
-    monkeypatch.setattr("sautereau.daq.convert.formats.MOST_BYTES", 10)
+    monkeypatch.setattr("sautereau.daq.convert.from_tables.MOST_BYTES", 10)
     with pytest.raises(RecordingError, match="MOST_BYTES = 10"):
         bring(None, **given)
 

@@ -30,7 +30,6 @@ def test_transcript_of_a_press(request, through, lines, segments, rig):
     assert capture.counts.dtype == np.int64
     np.testing.assert_array_equal(capture.following_errors[:, 1], -np.arange(27))
     np.testing.assert_allclose(capture.torques[5], [1.0, -2.0], rtol=1e-4)
-    assert controller.loaded_torque is None
     assert capture.times[-1] == pytest.approx(52 * rig.controller.sample_period)
 
 

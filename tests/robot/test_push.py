@@ -9,6 +9,7 @@ import pytest
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.galil.program import PUSH, PUSHES
 from sautereau.robot.drivers.galil.push import LEAST_INTERVAL, MOST_ROWS, plan_push
 from sautereau.robot.drivers.states import State
 from sautereau.robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
@@ -77,19 +78,23 @@ def test_a_torque_is_played_from_the_start_of_motion_to_its_end(bench):
     assert pushed.following_errors[:, 0].min() < bare.following_errors[:, 0].min() - 100
 
 
-def test_the_torques_that_were_sent_are_returned(bench):
+def test_the_controller_holds_the_planned_torques(bench):
     stand_in, controller = bench()
     with controller.powered():
         motion = still(controller.home())
         table = pulse(motion, stand_in.rig, -PUSHED, joint=1)
         controller.load(motion, table)
-        sent = controller.loaded_torque
+        line, rows = controller.driver.line, motion.total_samples // LEAST_INTERVAL
+        assert line.read(PUSHES) == [rows]
+        first, second = (np.array(line.upload(name, rows)) for name in PUSH)
         controller.load(motion)
-        assert controller.loaded_torque is None
-    assert len(sent.time) == motion.total_samples / LEAST_INTERVAL
-    planned = np.interp(sent.time, table.time, table.torques[:, 1])
-    np.testing.assert_allclose(sent.torques[:, 1], planned, atol=1e-4)
-    assert not sent.torques[:, 0].any()
+        assert line.read(PUSHES) == [0]
+    rig = stand_in.rig
+    middles = (np.arange(rows) + 0.5) * LEAST_INTERVAL * rig.controller.sample_period
+    planned = np.interp(middles, table.time, table.torques[:, 1])
+    per_volt = rig.arm.torque_limit / rig.controller.full_torque
+    np.testing.assert_allclose(second * per_volt, planned, atol=1e-4)
+    assert not first.any()
 
 
 @pytest.mark.parametrize("way", ["stop", "abort", "exception", "poserr"])

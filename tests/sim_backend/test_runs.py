@@ -1,14 +1,11 @@
 """Acquisitions that are fed here, one controller sample at a time."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
-from sautereau.sim_backend.devices.daqmx.pre_trigger import PreTriggerRun
 from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
 from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun, Wiring
 from sautereau.sim_backend.fault_tables import Faults, Speckle
@@ -237,10 +234,7 @@ def retriggered(rig, terminals, length):
     scene = load_scene("ideal")
     wiring = Wiring(scene.as_wired(rig), scene, 0, FairLock())
     setup = TaskSetup(terminals, 51_200.0, ENDLESS, "/Dev1/PFI0", per_trigger=length)
-    part = replace(setup, n_samples=length)
-    run = RetriggeredRun(wiring, setup, 0)
-    run.begin(length, lambda n: SampledRun(wiring, part, n << 32))
-    return run
+    return RetriggeredRun(wiring, setup, 0)
 
 
 def test_every_edge_starts_a_part_and_none_during_it(rig):
@@ -280,9 +274,8 @@ def test_an_overrun_ends_all_parts(rig):
 
 def test_one_edge_starts_the_samples_and_a_later_one_is_the_reference(rig):
     scene = load_scene("ideal")
-    setup = TaskSetup(("ai0",), 51_200.0, 60, "/Dev1/PFI0", start_trigger="/Dev1/PFI0")
-    run = PreTriggerRun(Wiring(scene.as_wired(rig), scene, 0, FairLock()), setup, 0)
-    run.begin(None, before=20)
+    setup = TaskSetup(("ai0",), 51_200.0, 60, "/Dev1/PFI0", before=20, start_trigger="/Dev1/PFI0")
+    run = SampledRun(Wiring(scene.as_wired(rig), scene, 0, FairLock()), setup, 0)
     play(run, 2)
     assert run.acquired == 0
     run.trigger(2 * PERIOD)

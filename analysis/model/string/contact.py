@@ -81,7 +81,6 @@ class ModalContact:
         self.bend, self.length = point_bend(plectrum), plectrum.length
         self.string = string
         self.rest = self.length - overlap
-        self.newton_steps = 0
         self.found = self._last = Found(self.rest, 0.0, 0.0, 0.0)
         """At the last step's end; without force if the string is off the plectrum."""
         self._modes = np.zeros((2, 2, len(string.order)))
@@ -164,7 +163,6 @@ class ModalContact:
         give, bend, (s, f, _, _), last = carry.give, self.bend, self.found, self._last
         s, f = 2 * s - last.s, 2 * f - last.force
         for _ in range(NEWTON_STEPS):
-            self.newton_steps += 1
             s = min(max(s, 0.5 * self.rest), 1.01 * self.length)
             f = min(max(f, 0.0), bend.limit(s))
             bx, bz, out, up, bx_s, bz_s, out_s, up_s, bx_f, bz_f, out_f, up_f = bend.at(s, f)

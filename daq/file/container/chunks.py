@@ -155,7 +155,7 @@ def find_intact(file: BufferedReader) -> Iterator[Record]:
 
 
 def _claimed(data: mmap.mmap, start: int, length: int) -> int:
-    """Return the unpacked size that a chunk claims; 0 where `unpack_chunk` refuses it at once."""
+    """Return the unpacked size in a chunk's head; 0 if `unpack_chunk` refuses the chunk at once."""
     if length < CHUNK.size:
         return 0
     size = CHUNK.unpack_from(data, start + PREFIX.size)[2]

@@ -98,7 +98,7 @@ class DurableFile:
                 self.stream.close()
 
     def abandon(self) -> None:
-        """Close a file that cannot be written any further; its content so far is kept."""
+        """Close a file that can no longer be written; its content so far is kept."""
         with suppress(OSError):
             self.stream.close()
 
@@ -115,7 +115,7 @@ class DurableFile:
 
 
 class RecordingFile(DurableFile):
-    """A `DurableFile` with MCAP records; after a fault it accepts no more."""
+    """A `DurableFile` with MCAP records, which cannot be written after a fault."""
 
     def __init__(
         self,

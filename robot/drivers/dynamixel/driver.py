@@ -1,12 +1,12 @@
 """The driver of Dynamixel X servos on one bus: for teaching and for slow presses.
 
-IDs 1 and 2 turn joints 1 and 2. A servo keeps no motion: the host streams 128 setpoints per second,
-and each is a straight line in time. What this costs:
+IDs 1 and 2 turn joints 1 and 2. A servo stores no motion: the host streams 128 setpoints per
+second, and the servo moves linearly from each to the next. This has disadvantages:
 
-- A count is 1/4096 of a turn, about 0.2 to 0.3 mm at the fingertip, and so coarse is the speed.
-- The times of a press are the host's; the motion is found in the samples of the acquisition.
+- A count is 1/4096 of a turn, about 0.2 to 0.3 mm at the fingertip. The speed is as coarse.
+- The host determines the times of a press. The analysis finds the motion in the samples.
 - The servos limit their torque by their own settings, current limit and shutdown. This driver sets
-  no limit, and `arm.torque_limit` is what the planner assumes of them.
+  no limit; the planner assumes `arm.torque_limit`.
 - If the host dies, the watchdogs stop the servos, which keep holding their position.
 
 The encoders are absolute, so that nothing moves to find home.
@@ -91,7 +91,7 @@ class DynamixelDriver(Servos):
         return f"Dynamixel, {', '.join(named)}{simulated}"
 
     def halt(self) -> None:
-        """Send no more setpoints, and let the joints come to rest."""
+        """Stop sending setpoints, and let the joints come to rest."""
         self.cancel()
         self.hold()
         if self.line.read(table.TORQUE_ENABLE).all():

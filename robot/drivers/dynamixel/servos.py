@@ -80,7 +80,7 @@ class Servos(StreamedDriver[Goals]):
         """Switch off, set modes and limits, and verify them.
 
         Raises:
-            RobotError: Lists what of the rig or of the servos' settings does not fit.
+            RobotError: Lists the values of the rig and settings of the servos that do not match.
         """
         self.abort()
         arm, period = self._rig.arm, self._settings.watchdog_period
@@ -205,7 +205,7 @@ class Servos(StreamedDriver[Goals]):
         self._hold_time(True)
 
     def hold(self) -> None:
-        """End what the servos follow; they stay at the last setpoint."""
+        """End the motion of the servos; they stay at the last setpoint."""
         self._hold_time(False)
 
     def _hold_time(self, held: bool) -> None:
@@ -218,7 +218,7 @@ class Servos(StreamedDriver[Goals]):
 
 
 def _fault(on: int, errors: int, watchdog: int) -> str:
-    """Return what is wrong with a servo that should be on; empty for nothing."""
+    """Return the faults of a servo that should be on; empty without a fault."""
     if errors:
         bits = [name for bit, name in _ERRORS.items() if errors >> bit & 1]
         return f"hardware error: {', '.join(bits) or hex(errors)}"

@@ -84,7 +84,7 @@ class Axes(Connection):
             )
 
     def _limits_reached(self) -> str:
-        """Name the joints at a limit switch or a software limit, as far as they are still there."""
+        """Name the joints that are at a limit switch or a software limit now."""
         names = ("_LFA", "_LRA", "_TPA", "_FLA", "_BLA", "_LFB", "_LRB", "_TPB", "_FLB", "_BLB")
         values = self.line.read(*names)
         reached = []

@@ -1,4 +1,4 @@
-"""How the controller records a motion, and how the record is read."""
+"""Plan how the controller records a motion, and read the record."""
 
 from dataclasses import dataclass
 
@@ -72,7 +72,7 @@ def make_room(line: Line, total_samples: int, torque_rows: int) -> CapturePlan:
 
 
 def read_capture(line: Line, plan: CapturePlan, rig: Rig) -> Capture:
-    """Read what the controller has recorded."""
+    """Read the controller's record."""
     columns = {name: line.upload(name, plan.rows) for name in SOURCES}
     pairs = {
         name: np.column_stack([columns[f"{name}A"], columns[f"{name}B"]])

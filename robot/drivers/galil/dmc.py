@@ -32,7 +32,7 @@ LONGEST_SEGMENT = 2048
 _STEP_OF_ACCELERATION = 1024  # counts/s^2, resolution of AC and DC
 _LARGEST_ACCELERATION = 1_073_740_800  # counts/s^2
 CAUSES = frozenset({2, 3, 6, 8, 11, 12, 15})
-"""Stop codes of what switches the motors off, other than the watchdog."""
+"""Stop codes of all causes that switch the motors off, except the watchdog."""
 _STOP_CODES = {
     0: "running, or never moved",
     1: "at the commanded position",
@@ -90,7 +90,7 @@ def software_limits(lower: Counts, upper: Counts) -> tuple[str, str]:
 
 
 def software_limit_settings(lower: Counts, upper: Counts) -> dict[str, float]:
-    """Return what the controller should read back of `software_limits`."""
+    """Return the values that should be read back after `software_limits`."""
     (low_a, low_b), (high_a, high_b) = lower.tolist(), upper.tolist()
     return {"_FLA": high_a, "_FLB": high_b, "_BLA": low_a, "_BLB": low_b}
 

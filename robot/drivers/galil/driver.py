@@ -31,7 +31,7 @@ from sautereau.robot.drivers.galil.dmc import (
 )
 from sautereau.robot.drivers.galil.homing import find_switches
 from sautereau.robot.drivers.galil.program import PRESS, RATE, WATCH
-from sautereau.robot.drivers.galil.push import Push, plan_push, table_of, write_push
+from sautereau.robot.drivers.galil.push import Push, plan_push, write_push
 from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.drivers.serial_port import Port
@@ -60,7 +60,6 @@ class GalilDriver(Axes):
         self._planned: tuple[Segments, Push | None] | None = None
         self._motion: Segments | None = None
         self._plan: CapturePlan | None = None
-        self._push: Push | None = None
 
     def find_home(self, home: Counts) -> None:
         find_switches(self, home)
@@ -85,16 +84,16 @@ class GalilDriver(Axes):
         self._planned = segments, push
 
     def load(self) -> Segments:
-        """Preload the motion; return what was really sent.
+        """Preload the motion; return the motion as it was sent.
 
-        The controller repeats every segment as it hears it, and holds the torques in arrays
-        that are read back.
+        The controller repeats every segment that it receives. Its arrays of torques are read
+        back.
         """
         if self._planned is None:
             raise NotReady("load: no motion is planned; call plan() first")
         segments, push = self._planned
         line, count = self.line, len(segments)
-        self._motion = self._plan = self._push = None
+        self._motion = self._plan = None
         free = self._empty_fifo()
         line.ask_packed([*segment_commands(segments), *END_OF_MOTION])
         left = line.read("_PVA", "_PVB")
@@ -106,13 +105,9 @@ class GalilDriver(Axes):
                 f" {falls[0]:g} and {falls[1]:g}; load() again, and check the cable's shield"
             )
         self._plan = make_room(line, segments.total_samples, 0 if push is None else len(push.volts))
-        self._push = write_push(line, push)
+        write_push(line, push)
         self._motion = segments
         return segments
-
-    @property
-    def loaded_torque(self) -> TorqueTable | None:
-        return None if self._push is None else table_of(self._push, self.rig)
 
     def _empty_fifo(self) -> list[float]:
         """Return the free space of both FIFOs, emptied of a motion that was never played."""
@@ -170,7 +165,7 @@ class GalilDriver(Axes):
     def _ended(self) -> bool:
         """Return whether both axes are at rest and the program has ended, or something stopped it.
 
-        That is the watchdog, or what stops one axis and leaves the other moving: a limit.
+        The watchdog can stop it, or a limit, which stops one axis while the other moves.
         """
         names = ("_BGA", "_BGB", "_SCA", "_SCB", f"_XQ{PRESS}", f"_XQ{WATCH}")
         *moving, code_a, code_b, press, watch = self.line.read(*names)

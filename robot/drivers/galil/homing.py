@@ -1,9 +1,9 @@
 """Home: the edges of the home switches, or the encoders' next index beyond them.
 
-Find Edge goes backward where the home input reads 1 and forward where it reads 0, so towards
-an edge with 0 below it and 1 above, and decelerates behind it. The last approach is always slow
-and from the same side. The torque is low, and software limits around the place where the arm
-stands end a search that goes the wrong way.
+Find Edge moves backward if the home input reads 1 and forward if it reads 0. It thus moves towards
+the edge that has 0 below it and 1 above, and decelerates behind it. The last approach is always
+slow and from the same side. The torque is low, and software limits around the position of the arm
+end a search in the wrong direction.
 """
 
 import math

@@ -1,9 +1,9 @@
 """The request/answer line of a Galil controller: commands out, `:` or `?` back.
 
-With its echo on, the controller repeats what it has received, and every command is compared
-with that: a corrupted byte is always noticed. There is an echo on a serial port only; Ethernet
-has checksums, and what the controller took is read back. What a program in the controller sends
-by itself has the most significant bit of every byte set (CW 1), which separates it from answers.
+With its echo on, the controller repeats each command, and the line compares it with what was sent:
+this detects every corrupted byte. Only a serial port has an echo. Ethernet has checksums, and the
+values that the controller accepted are read back. In messages of a program in the controller, the
+most significant bit of every byte is set (CW 1), which separates them from answers.
 """
 
 import re
@@ -43,7 +43,7 @@ class Line(Wire):
         self.echo = False
         """Whether the controller repeats what it receives, and the host compares it."""
         self.piece = 1 << 16
-        """Most elements of an array that are uploaded at once."""
+        """Largest number of elements of an array in one upload."""
         self._lock = FairLock()
 
     def ask(self, *commands: str, keep_waiting: Callable[[], bool] | None = None) -> str:
@@ -51,8 +51,8 @@ class Line(Wire):
 
         Args:
             commands: What to send.
-            keep_waiting: Of the keep-alive: returns after each timeout whether to wait longer
-                for the answer. The wait ends early where a command waits for the line.
+            keep_waiting: For the keep-alive: returns after each timeout whether to wait longer
+                for the answer. The wait ends early if another command waits for the line.
 
         Raises:
             CommandRefused: With the code and text of `TC1`.
@@ -138,7 +138,7 @@ class Line(Wire):
             self.ask(*line)
 
     def send_unacknowledged(self, *commands: str) -> None:
-        """Send commands, a line each; their answers and a lost line are ignored."""
+        """Send commands, one per line; answers and a lost line are ignored."""
         with self._lock.held(), suppress(LineLost):
             for command in commands:
                 self._send(command)
@@ -146,7 +146,7 @@ class Line(Wire):
     def send_unchecked(self, commands: Iterable[str], *operands: str) -> list[float]:
         """Send commands, a line each, ignore their answers, and return operands read after them.
 
-        For a line that cannot be trusted, where there is no time to wait for each answer.
+        Use it for an unreliable line when there is no time to wait for each answer.
         """
         with self._lock.command_despite_silence():
             self.resynchronise()
@@ -155,7 +155,7 @@ class Line(Wire):
             return self._after_mark(operands)[0]
 
     def _after_mark(self, operands: tuple[str, ...]) -> tuple[list[float], str]:
-        """Ask for a number of our own and operands; return the operands, and all that came in."""
+        """Ask for `_MARK` and operands; return the operands, and everything received."""
         self._send(f"MG {','.join((_MARK, *operands))}")
         received = ""
         while True:
@@ -193,7 +193,7 @@ class Line(Wire):
         self._lock.report(error)
 
     def resynchronise(self) -> None:
-        """Discard what has come in so far."""
+        """Discard the bytes received so far."""
         with self._reaching("reset"):
             self._port.reset_input_buffer()
 
@@ -222,7 +222,7 @@ class Line(Wire):
         return answer.replace(":", "").strip()
 
     def _after_echo(self, sent: str, received: str) -> str:
-        """Return what follows the echo of what was sent."""
+        """Return the text after the echo of the commands."""
         if not self.echo:
             return received
         echo, answer = received[: len(sent)], received[len(sent) :]

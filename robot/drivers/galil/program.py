@@ -1,10 +1,10 @@
-"""The program in the controller: a press, its torques, the watchdog, and what ends in safety.
+"""The program in the controller: a press, its torques, the watchdog, and the reactions to faults.
 
-Thread 0 runs the watchdog, and is interrupted by the automatic routines; thread 1 runs the press,
-thread 2 the torques; thread 3 sees that no joint stops alone. Every fault ends at `AB 1;MO AB`: the
-abort alone switches off, because off-on-error is set, so that it does not matter whether anything
-after it succeeds. No message is sent: a full port would hold the program up. Variables that the
-host sets are named here.
+Thread 0 runs the watchdog, and the automatic routines interrupt it. Thread 1 runs the press,
+thread 2 the torques. Thread 3 checks that no joint stops alone. Every fault ends at `AB 1;MO AB`.
+The abort alone switches the motors off, because off-on-error is set, even if the commands after it
+fail. The program sends no message: a full port would block it. This file names the variables that
+the host sets.
 """
 
 import zlib
@@ -18,15 +18,15 @@ TORQUES = 2
 BOTH = 3
 """Thread that checks that no joint stops alone."""
 SETTLE = 20
-"""ms that the capture continues after the motion; at TM 1000 at least as many samples."""
+"""Duration in ms of the capture after the motion; at TM 1000 at least as many samples."""
 LOOK = 2
 """ms between two checks whether a joint has stopped."""
 TICK = "wtick"
 """Time between two counts of the watchdog (ms)."""
 LEFT = "wleft"
-"""Counts that are left to the watchdog; the host renews them."""
+"""Counts until the watchdog trips; the host renews them."""
 SIGN = "wsign"
-"""What the watchdog writes at each count: the signature of this program."""
+"""The watchdog writes the signature of this program to it at each count."""
 FAULT = "wfault"
 """Error code (TC) of a command that the controller refused its program, or `LIMIT`; 0 for none."""
 LIMIT = -1

@@ -80,12 +80,12 @@ def plan_push(rig: Rig, torque: TorqueTable, motion: Segments, volts: float) -> 
     return Push(np.array(np.round(np.transpose(offsets), 4) + 0.0, dtype=np.float64), interval)
 
 
-def write_push(line: Line, push: Push | None) -> Push | None:
-    """Write the offsets into the controller, and return what it holds; None for no offsets."""
+def write_push(line: Line, push: Push | None) -> None:
+    """Write the offsets to the controller and read them back; None writes no offsets."""
     if push is None:
         line.ask(f"{PUSHES}=0")
         line.verify({PUSHES: 0})
-        return None
+        return
     rows = len(push.volts)
     arrays = [
         f"{name}[{row}]={value:.4f}"
@@ -100,13 +100,3 @@ def write_push(line: Line, push: Push | None) -> Push | None:
             f"controller on {line.name}: a torque that it holds differs by {wrong:.4g} V from"
             " what was sent; load() again, and check the cable's shield"
         )
-    return Push(held, push.interval)
-
-
-def table_of(push: Push, rig: Rig) -> TorqueTable:
-    """Return the torques of offsets, at the middles of their rows."""
-    middles = np.arange(len(push.volts), dtype=np.float64) + 0.5
-    return TorqueTable(
-        middles * push.interval * rig.controller.sample_period,
-        push.volts * (rig.arm.torque_limit / rig.controller.full_torque),
-    )

@@ -1,4 +1,4 @@
-"""What a Galil controller is set to before its motors are switched on, and what it keeps itself."""
+"""Settings of a Galil controller: those made before its motors are on, and those it stores."""
 
 from sautereau.rig.controller import Controller
 from sautereau.rig.schema import Rig
@@ -14,7 +14,7 @@ from sautereau.robot.errors import CommandRefused, RobotError, SettingNotTaken
 from sautereau.trajectory.segments import Counts
 
 VOLTAGE_STEP = 5e-4
-"""V, to which the controller rounds TL, OV and OF."""
+"""Step in V to which the controller rounds TL, OV and OF."""
 _SAMPLE_PERIODS = (970e-6, 1001e-6)  # s, what firmwares make of TM 1000
 _AMPLIFIERS = (7.0, 5.0)  # V, largest TL of internal amplifiers at their largest gain
 _OUT_OF_RANGE = 6  # error code
@@ -41,7 +41,7 @@ class ControllerSettings:
         """Fraction to which every limit of the torque is lowered."""
 
     def read_memory(self) -> None:
-        """Read what the controller keeps in its memory.
+        """Read the settings that the controller stores.
 
         Raises:
             RobotError: The trigger's output is a brake.

@@ -1,14 +1,14 @@
 """The driver of an ODrive 3.x, firmware 0.5.6: a press that the host streams.
 
-An ODrive keeps no motion: the host sends 256 setpoints per second. This has a price:
+An ODrive stores no motion: the host sends 256 setpoints per second. This has disadvantages:
 
-- The times of a press are the host's, with milliseconds of jitter on a busy computer.
+- The host determines the times of a press, with milliseconds of jitter on a busy computer.
   `OdriveDriver.punctuality` measures it, and a press with too large a gap is refused.
-- No property of the firmware sets a pin, so that there is no trigger: the acquisition starts before
-  the motion, and `sautereau.analysis.loading.alignment` finds the motion in it.
+- No property of the firmware sets a pin, so there is no trigger. The acquisition starts before the
+  motion, and `sautereau.analysis.loading.alignment` finds the motion in the samples.
 - The host reads the encoders, at its own times.
 - Only this driver watches the joints' limits and the following error; the firmware has neither.
-  If the host dies, the joints run out (`Setpoints.run_out`), and the watchdogs switch the
+  If the host stops, the joints come to rest (`Setpoints.run_out`), and the watchdogs switch the
   motors off.
 
 The command `q` is never used: its torque limit replaces the configured one.
@@ -78,7 +78,7 @@ class OdriveDriver(Axes):
         self.line.ask(f"w stand_in.wait {seconds:.9f}")
 
     def halt(self) -> None:
-        """Send no more setpoints, and decelerate to a standstill."""
+        """Stop sending setpoints, and decelerate to a standstill."""
         self.cancel()
         self.line.resynchronise()
         if self.running:

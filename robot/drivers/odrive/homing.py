@@ -1,7 +1,7 @@
 """Find the home switches of an arm behind an ODrive, and read them again later.
 
-They are the axes' min endstops, closed at home and below. The firmware takes an enabled switch
-that closes while its motor is on for an error, so they are enabled only to find or read them.
+The switches are the axes' min endstops, closed at home and below. If an enabled switch closes while
+its motor is on, the firmware reports an error. They are therefore enabled only to be found or read.
 """
 
 import math
@@ -24,12 +24,12 @@ _READING = 0.01  # s, until an enabled switch has been read, debounced
 def find_switches(axes: Axes, home: Counts) -> None:
     """Find both home switches, then slowly find them exactly, and move there.
 
-    There the motors' turns are 0. One joint moves after the other, and its motor is off for a
-    moment when it has found its switch.
+    The motors' turns are 0 there. The joints move one after the other. A joint's motor is off for a
+    moment after it has found its switch.
 
     Args:
-        axes: With power.
-        home: Counts, of the switches; shape (2,).
+        axes: The axes, with power.
+        home: Counts of the switches, shape (2,).
     """
     fast, slow = map(axes.limits.in_counts, _SPEEDS)
     off = axes.limits.in_counts(_BACK_OFF)
@@ -42,7 +42,7 @@ def find_switches(axes: Axes, home: Counts) -> None:
 
 
 def switches_closed(axes: Axes) -> list[bool]:
-    """Read whether each joint is at its home switch or below; its motor is off meanwhile."""
+    """Read whether each joint is at its home switch or below, while its motor is off."""
     for joint in (1, 2):
         _enable_switch(axes, joint, True)
     closed = [_closed(axes, joint) for joint in (1, 2)]

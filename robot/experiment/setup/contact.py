@@ -124,7 +124,7 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
         controller.move_to(hover, approach_speed(rig))
         raise NoContact(
             f"setup contact: no contact down to {creep.below * 1e3:g} mm below the surface given by"
-            f" the rig, {along * 1e3:.4g} mm in front of the pin; look where the finger is, and"
+            f" the rig, {along * 1e3:.4g} mm in front of the pin; check where the finger is, and"
             " correct arm.base_x and arm.base_z by hand"
         )
     fine = replace(creep, step=creep.step / FINER)

@@ -24,8 +24,8 @@ def play_in_air(rig: Rig, ask: Ask) -> Found:
     ask_first(
         ask,
         "dry-run",
-        f"The arm homes and plays the press, {lift * 1e3:.1f} mm higher than in earnest. Is its way"
-        " free?",
+        f"The arm homes and plays the press, {lift * 1e3:.1f} mm above its real height. Is"
+        " the space free?",
     )
     with homed(rig) as controller:
         controller.move_to(trajectory.hover, approach_speed(rig))

@@ -1,10 +1,11 @@
 """Acquisitions that every edge of the start trigger starts again."""
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun
+from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
+from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun, Wiring
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.trajectory.motion import Floats
 
@@ -12,17 +13,16 @@ from sautereau.trajectory.motion import Floats
 class RetriggeredRun(SampledRun):
     """Parts of equally many samples, one for each edge; their samples are counted together.
 
-    An edge during a part is ignored. Construct it as a `SampledRun`, then call `begin`.
+    An edge during a part is ignored. Arguments as of `SampledRun`; the setup's `per_trigger` is the
+    length of a part.
     """
 
-    def begin(self, length: int, new_part: Callable[[int], SampledRun]) -> None:
-        """Wait for edges.
-
-        Args:
-            length: Samples of each channel in a part.
-            new_part: Constructs the acquisition of a part, by its number from 0.
-        """
-        self._length, self._new_part = length, new_part
+    def __init__(self, wiring: Wiring, setup: TaskSetup, number: int, rest: Motions | None = None):
+        super().__init__(wiring, setup, number, rest)
+        self._first = 0
+        self._length = length = setup.per_trigger or 0
+        self._part = wiring, replace(setup, n_samples=length, buffer=ENDLESS), number
+        self._rest = rest
         self._runs: list[SampledRun] = []
         self._dropped_parts = 0
 
@@ -41,7 +41,9 @@ class RetriggeredRun(SampledRun):
         """Start a part at a simulated time [s], unless one is being acquired."""
         if not self.waiting_for_trigger:
             return
-        self._runs.append(self._new_part(self._dropped_parts + len(self._runs)))
+        wiring, setup, number = self._part
+        number += (self._dropped_parts + len(self._runs)) << 32
+        self._runs.append(SampledRun(wiring, setup, number, self._rest))
         self._runs[-1].trigger(time)
         if fault is not None and fault.sample < self._length:
             self._end = self._done + fault.sample
@@ -49,6 +51,7 @@ class RetriggeredRun(SampledRun):
 
     def feed(self, motions: Motions) -> None:
         """Store the motion of one controller sample."""
+        self._rest = motions
         if self._runs:
             self._runs[-1].feed(motions)
             before = (self._dropped_parts + len(self._runs) - 1) * self._length

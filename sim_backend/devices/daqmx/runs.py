@@ -61,11 +61,14 @@ class SampledRun:
         self.n_samples = n_samples = setup.n_samples
         self.rate = setup.rate
         self.trigger_time: float | None = None
-        """s, simulated."""
+        """s, simulated, of the first sample taken."""
         self.stopped = False
         self._falling, self._starts_falling = setup.falling
         self.unwired = False
         """Whether nothing is wired to the terminal of its trigger."""
+        self._before = setup.before
+        self._first: int | None = None
+        """Number of the first sample kept; None until the edge that decides it."""
         self._fault: RunFault | None = None
         self._end = n_samples
         self._lock = wiring.lock
@@ -114,16 +117,18 @@ class SampledRun:
     @property
     def waiting_for_trigger(self) -> bool:
         """Whether an edge on the trigger's terminal would start it."""
-        return self.trigger_time is None and not self.stopped and not self.unwired
+        return self._first is None and not self.stopped and not self.unwired
 
     def waits_for(self, falling: bool) -> bool:
-        """Return whether it waits for a rising or a falling edge."""
-        return self.waiting_for_trigger and self._falling == falling
+        """Return whether it waits for a rising or a falling edge: its start's, then its own."""
+        starts = self._before is not None and self.trigger_time is None
+        edge = self._starts_falling if starts else self._falling
+        return self.waiting_for_trigger and edge == falling
 
     @property
     def over(self) -> bool:
         """Whether no further sample will be acquired."""
-        return self.stopped or self._done >= self._end
+        return self.stopped or (self._first is not None and self._done >= self._end)
 
     @property
     def due(self) -> bool:
@@ -137,20 +142,35 @@ class SampledRun:
 
     @property
     def _readable(self) -> int:
-        """Samples that can be read."""
-        return self._done
-
-    @property
-    def _last(self) -> int:
-        """Samples after which no more are taken."""
-        return self._end
+        """Samples that can be read; of a pre-trigger acquisition none before it is complete."""
+        if self._before is None:
+            return self._done
+        complete = self._first is not None and self._done >= self._end
+        return self._end - (self._first or 0) if complete else 0
 
     def trigger(self, time: float, fault: RunFault | None = None) -> None:
-        """Start at a simulated time [s]; a second edge changes nothing."""
-        if self.trigger_time is None and not self.stopped:
-            self.trigger_time = time
-            self._fault = fault
-            self._end = self.n_samples if fault is None else min(fault.sample, self.n_samples)
+        """Accept an edge at a simulated time [s], which starts the samples.
+
+        In a pre-trigger acquisition a later edge, with enough samples before it, decides which of
+        them are kept. Other edges change nothing.
+        """
+        if self._first is not None or self.stopped:
+            return
+        if self.trigger_time is not None:
+            edge = math.ceil((time - self.trigger_time) * self.rate * (1 - 1e-12))
+            if edge >= (self._before or 0):
+                self._keep(edge - (self._before or 0), fault)
+            return
+        self.trigger_time = time
+        if self._before is None:
+            self._keep(0, fault)
+        else:
+            self._end = self._before
+
+    def _keep(self, first: int, fault: RunFault | None) -> None:
+        """Keep the samples from one on, up to a fault."""
+        self._first, self._fault = first, fault
+        self._end = first + (self.n_samples if fault is None else min(fault.sample, self.n_samples))
 
     def feed(self, motions: Motions) -> None:
         """Store the motion of one controller sample."""
@@ -161,7 +181,8 @@ class SampledRun:
             return
         self._fed.append(motions)
         converted = (elapsed - self._skew) * self.rate * (1 + 1e-12)
-        self._done = min(self._last, math.floor(converted) + 1)
+        last = ENDLESS if self._first is None else self._end
+        self._done = min(last, math.floor(converted) + 1)
         if self._paced and self._done - self._read_to > self._buffer:
             self._end = self._done  # as the driver: unread samples are not overwritten
 
@@ -181,11 +202,12 @@ class SampledRun:
             return self._readable
 
     def read(self, first: int, n: int) -> Floats:
-        """Return samples first to first + n [V], shape (n_channels, n).
+        """Return samples first to first + n of those kept [V], shape (n_channels, n).
 
         Earlier samples of an endless run are dropped.
         """
         with self._lock:
+            first += self._first or 0
             stop = min(first + n, self._done)
             self._read_to = max(self._read_to, stop)
             if stop > self._computed:
@@ -199,7 +221,7 @@ class SampledRun:
     def fail(self, error: Callable[[], Exception]) -> None:
         """End the acquisition now; a read of a later sample raises what ``error`` makes."""
         if not self.over:
-            self._end = self._done
+            self._end, self._first = self._done, self._first or 0
             self._fault = RunFault(self._done, error)
 
     def stop(self) -> None:

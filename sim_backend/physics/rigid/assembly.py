@@ -100,8 +100,6 @@ class Division:
             raise SceneError("\n".join(faults))
         self._always = max(self._parts(rate) for rate, *_ in always)
         self._felt = self._parts(felt)
-        self.most = max(self._always, *(self._parts(rate) for rate, *_ in at_times))
-        """Largest number of parts in this scene."""
 
     def step(self) -> float:
         """Return the step [ms] for the present contacts."""
@@ -229,7 +227,7 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     period = rig.controller.sample_period
     steps = steps_in_sample(rig, scene.step or period)
     division = Division(rig, key, jacks, period * MM / steps, scene.fingertip)
-    finger = _finger(space, key, rig, scene, start, (steps, steps * division.most))
+    finger = _finger(space, key, rig, scene, start)
     iterations = scene.iterations, ITERATIONS[scene.finger]
     return Assembly(space, gravity, key, jacks, finger, division, dry, iterations)
 
@@ -255,21 +253,16 @@ def _key(space: pymunk.Space, rig: Rig, scene: Scene, start: tuple[float, float]
 
 
 def _finger(
-    space: pymunk.Space,
-    key: StiffKey,
-    rig: Rig,
-    scene: Scene,
-    start: tuple[float, float],
-    divisions: tuple[int, int],
+    space: pymunk.Space, key: StiffKey, rig: Rig, scene: Scene, start: tuple[float, float]
 ) -> SteppedFinger:
-    """Return the scene's finger; `divisions` as steps and cells of `IdealFinger`."""
+    """Return the scene's finger."""
     if scene.push is not None:
         return PushFinger(scene.push, rig.key.press_arm, start, rig.controller.sample_period)
     if scene.servo is not None:
         return ServoFinger(space, key, rig, start, scene.servo, scene)
     if scene.fingertip is not None:
         return PaddedIdealFinger(key, rig, scene.fingertip, start)
-    return IdealFinger(space, key, rig, start, *divisions)
+    return IdealFinger(space, key, rig, start)
 
 
 def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> StringForce | None:

@@ -2,22 +2,16 @@
 
 import math
 
-import numpy as np
-
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.parts import Fingertip
-from sautereau.sim_backend.physics.finger import Reference, joint_cubics
-from sautereau.sim_backend.physics.rigid.bodies import MM
-from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
+from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.key import StiffKey
-from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
+from sautereau.sim_backend.physics.rigid.pad import Pad
+from sautereau.sim_backend.physics.rigid.prescribed import PrescribedFinger
 from sautereau.sim_backend.physics.rigid.step_event import Kick
-from sautereau.trajectory.motion import Floats
-
-_ENDS = np.array([0.0, 1.0])
 
 
-class PaddedIdealFinger(SteppedFinger):
+class PaddedIdealFinger(PrescribedFinger):
     """A fingertip of prescribed motion with a pad.
 
     Args:
@@ -34,29 +28,19 @@ class PaddedIdealFinger(SteppedFinger):
         fingertip: Fingertip,
         start: tuple[float, float],
     ):
-        super().__init__(start)
-        arm = rig.arm
-        self._start, self._radians = start, arm.radians_per_count
-        self._period = rig.controller.sample_period * MM
-        self._base = arm.base_x * MM, arm.base_z * MM
-        self._lengths = arm.upper_length * MM, arm.lower_length * MM
-        height = (rig.key.surface_height + arm.fingertip_radius) * MM
-        self._pad = self.pad = Pad(fingertip, key, height)
-        self._cubics = [[start[0], 0.0, 0.0, 0.0], [start[1], 0.0, 0.0, 0.0]]
+        super().__init__(rig, start)
+        self._pad = self.pad = Pad(fingertip, key, self._height)
         self._elapsed = 0.0
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Adopt the reference of a controller sample; see `SteppedFinger`."""
-        cubics: Floats = joint_cubics(self._start, *reference(_ENDS), self._radians)[0]
-        self._cubics, self._elapsed = cubics.tolist(), 0.0
-        first, second = cubics.sum(axis=1).tolist()
-        self._joints = first, second
-        return False
+        """Adopt the reference; see `SteppedFinger`."""
+        self._elapsed = 0.0
+        return super().begin_sample(reference, powered, time)
 
     def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Apply the pad's force; see `SteppedFinger`."""
         self._elapsed = elapsed
-        self._pad.press(*self._tip(elapsed), angle, omega, kick)
+        self._pad.press(*self.tip(elapsed), angle, omega, kick)
 
     def contact_force(self, weight: float) -> float:
         """Return the force [N] on the key at the end of the last step."""
@@ -71,16 +55,9 @@ class PaddedIdealFinger(SteppedFinger):
         """Return the gap [mm] of a separated pad; see `SteppedFinger`."""
         if not self._pad.separated:
             return math.inf
-        x, z = self._tip(self._elapsed + time)[0]
+        x, z = self.tip(self._elapsed + time)[0]
         return self._pad.gap(x, z - self._pad.pin.at(time, ahead), angle)
 
     def make_contact(self, time: float) -> None:
         """Be in contact with the key from now on."""
         self._pad.make_contact()
-
-    def _tip(self, elapsed: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return place [mm] and velocity [mm/ms] of the fingertip's centre at a time [ms]."""
-        u = elapsed / self._period
-        first, second = (a + u * (b + u * (c + u * d)) for a, b, c, d in self._cubics)
-        rate1, rate2 = ((b + u * (2 * c + u * 3 * d)) / self._period for _, b, c, d in self._cubics)
-        return fingertip_state(self._base, self._lengths, (first, second), (rate1, rate2))
