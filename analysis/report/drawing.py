@@ -36,7 +36,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Picture:
-    """One SVG picture, in units of its own."""
+    """One SVG picture; it has its own unit of length."""
 
     name: str
     about: str

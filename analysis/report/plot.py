@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 TEMPLATE = {"data": {"scatter": [{"type": "scatter"}]}}
-"""Without it plotly.js draws in a style of its own."""
+"""Without a template, plotly.js uses its own style."""
 
 
 class Plot:

@@ -14,7 +14,7 @@ from scipy.signal import firwin
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.transient.modes import LEAST_SAMPLES, Mode, Modes, fit_modes
+from sautereau.analysis.transient.modes import LEAST_SAMPLES, DampedMode, StretchModes, fit_modes
 from sautereau.trajectory.motion import Floats
 
 PHASES = ("rest", "free", "held", "released")
@@ -44,7 +44,7 @@ class ObservedMode:
     """Number of the press, from 0."""
     phase: str
     """One of `PHASES`."""
-    mode: Mode
+    mode: DampedMode
     ratio: complex
     """Force, divided by the force that accelerates the key's inertia in this way; dimensionless.
 
@@ -67,7 +67,7 @@ class Stretch:
     """Shape (n,)."""
     signals: Floats
     """Force [N] and velocity [m/s], shape (2, n)."""
-    modes: Modes
+    modes: StretchModes
 
 
 @dataclass(frozen=True)
@@ -257,14 +257,14 @@ class _Noise:
         self.level = np.maximum(1.0, np.sqrt(smooth) / self.white[:, None])
         self.frequency = np.fft.rfftfreq(n, 1 / rate)
 
-    def is_below(self, mode: Mode) -> bool:
+    def is_below(self, mode: DampedMode) -> bool:
         """Return whether the noise at a mode's frequency is smaller than the mode."""
         local = np.array([np.interp(mode.frequency, self.frequency, row) for row in self.level])
         return bool(np.any(np.abs(mode.amplitude) > ABOVE_REST * local * mode.amplitude_std))
 
 
 def _observed(
-    press: Press, number: int, stretch: Stretch, mode: Mode, low_pass: _LowPass
+    press: Press, number: int, stretch: Stretch, mode: DampedMode, low_pass: _LowPass
 ) -> ObservedMode:
     """Return a mode without the gain of the low-pass filter, with its ratio of force to inertia."""
     key = press.rig.key

@@ -39,7 +39,7 @@ TRIALS = 3.0
 
 
 @dataclass(frozen=True)
-class Mode:
+class DampedMode:
     """One damped mode of a stretch; arrays of shape (channels,)."""
 
     frequency: float
@@ -68,10 +68,10 @@ class Mode:
 
 
 @dataclass(frozen=True)
-class Modes:
+class StretchModes:
     """The fitted modes of a stretch."""
 
-    modes: tuple[Mode, ...]
+    modes: tuple[DampedMode, ...]
     """Ordered by their amplitude in the first channel, the largest first."""
     smallest: Floats
     """Smallest amplitude that would be found, for each channel; shape (channels,)."""
@@ -81,7 +81,7 @@ class Modes:
     """Variance of the residuals, divided by that of the noise."""
 
 
-def fit_modes(signals: Floats, rate: float, noise: Floats) -> Modes:
+def fit_modes(signals: Floats, rate: float, noise: Floats) -> StretchModes:
     """Return the damped modes of a stretch; there may be none.
 
     Args:
@@ -108,7 +108,7 @@ def fit_modes(signals: Floats, rate: float, noise: Floats) -> Modes:
         dof -= 2 + 2 * white.shape[1]
     excess = float(np.sum(left**2)) / dof
     scale = noise * np.sqrt(max(1.0, excess))
-    return Modes(
+    return StretchModes(
         modes=fit.described(poles, scale),
         smallest=scale * np.sqrt(4 * _threshold(white) / len(white)),
         fit=(white - left).T * noise[:, None],
@@ -194,7 +194,7 @@ class _Fit:
         )
         return found.x / self.duration
 
-    def described(self, poles: Floats, scale: Floats) -> tuple[Mode, ...]:
+    def described(self, poles: Floats, scale: Floats) -> tuple[DampedMode, ...]:
         """Return the modes with the standard errors of the Cramer-Rao bound.
 
         Args:
@@ -223,7 +223,7 @@ class _Fit:
         of_amplitude = np.sqrt(np.mean(of_amplitude.reshape(channels, 2, count) ** 2, axis=1))
         units = scale / np.sqrt(excess)
         return tuple(
-            Mode(
+            DampedMode(
                 frequency=float(omega[k] / (2 * np.pi)),
                 frequency_std=float(std[count + k] / (2 * np.pi)),
                 decay=float(decay[k]),

@@ -8,7 +8,7 @@ from sautereau.robot.errors import NotReady
 
 
 class State(StrEnum):
-    """State of the arm, as far as the host knows it."""
+    """State of the arm, as known to the host."""
 
     OFF = "off"
     """Motors off, confirmed by the controller."""

@@ -91,7 +91,7 @@ class View(Protocol):
 
 
 class Feed:
-    """Takes events without waiting, and shows them from a thread of its own.
+    """Takes events without waiting, and shows them from a separate thread.
 
     Events that come while its queue is full are dropped and counted. A view that fails gets no
     more events; the session continues. Use it as a context manager.

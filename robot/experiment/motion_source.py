@@ -15,8 +15,8 @@ from sautereau.robot.controller import Capture, MotionController
 from sautereau.trajectory.segments import to_angles
 
 LATEST = 0.1
-"""s, by which the host may be late: where no edge starts the acquisition, it is as much longer,
-and the motion is sought as far from where it should be."""
+"""Largest delay of the host (s). An acquisition that no edge starts is longer by this time, and the
+motion is searched within this time of its expected start."""
 
 
 class MotionSource:

@@ -69,7 +69,7 @@ def make_presses(
     watch: Watch = lambda seen: None,
     sleep: Callable[[float], None] = time.sleep,
 ) -> list[Path]:
-    """Make presses with the motors on throughout, each recorded in a file of its own.
+    """Make presses with the motors on throughout, and record each one in a separate file.
 
     A press is on the disk before the next starts. Numbers continue from the highest in the
     folder, so that no earlier recording is ever overwritten.

@@ -94,7 +94,7 @@ def test_a_controller_that_is_as_assumed_is_verified(unit):
     found = run(unit, present=False)
     assert found.values["controller.verified"].endswith("serial number 12345")
     assert "MTA=1" in found.values["controller.verified_settings"]
-    odd = "refused" if unit.get("odd_pvt") else "taken"
+    odd = "refused" if unit.get("odd_pvt") else "accepted"
     assert any(f"odd velocity and time is {odd}" in line for line in found.lines)
 
 

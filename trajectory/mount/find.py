@@ -63,9 +63,9 @@ class Mount:
     slide_max: float
     """m, largest slide of the contact along the key."""
     tilt_per_metre: float
-    """rad/m, derivative of `tilt_max` in the worst direction, with the plan made for the place."""
+    """rad/m, derivative of `tilt_max` in the worst direction; the plan is for the moved base."""
     slide_per_metre: float
-    """Dimensionless, derivative of `slide_max` in the worst direction, likewise."""
+    """Derivative of `slide_max` in the worst direction; the plan is for the moved base."""
     unnoticed_x: Misplacement
     """Errors by 1 mm along x that the plan does not include."""
     unnoticed_z: Misplacement
@@ -175,8 +175,8 @@ def mount_map(rig: Rig, n: int = 201) -> MountMap:
 def _refine(rig: Rig, elbow: str, base: Floats) -> tuple[Floats, BaseAssessment]:
     """Minimise the cost from a base on, in windows that halve around the best point.
 
-    The residual is a cone elongated along a valley. Each window is elongated likewise, by the
-    singular values of the residual's derivative, and its width is limited by the residual.
+    The residual is a cone elongated along a valley. Each window is elongated in the same way, by
+    the singular values of the residual's derivative, and its width is limited by the residual.
     """
     angles = key_angles(rig, FINE)
     low, high = np.array([rig.arm.mount_x, rig.arm.mount_z]).T

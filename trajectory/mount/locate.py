@@ -144,7 +144,7 @@ def _solve_determined(
 def _solve(
     rig: Rig, joints: Floats, points: Floats, lengths: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the k unknowns by Gauss-Newton, what is left over and the Jacobian (2 m, k)."""
+    """Return the k unknowns by Gauss-Newton, the residuals and the Jacobian (2 m, k)."""
     arm, key = rig.arm, rig.key
     height = key.surface_height + arm.fingertip_radius
     centre = np.stack([points, np.full_like(points, height)], -1)

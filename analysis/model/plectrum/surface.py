@@ -3,7 +3,7 @@
 The wire lies on the upper surface, so that its centre is off the mid-line by half the thickness
 plus half its diameter, along the surface's normal. As the plectrum bends by the angle a, this
 offset d moves the centre outwards by d sin a and down by d (1 - cos a). The normal force acts
-through the mid-line all the same; the moment of the friction about it, mu F times half the
+through the mid-line nevertheless; the moment of the friction about it, mu F times half the
 thickness, is neglected: 1 % of that at the clamp at mu = 0.2.
 """
 

@@ -58,7 +58,7 @@ def find_switches(axes: Axes, home: Counts) -> None:
 
 
 def approach(axes: Axes) -> Counts:
-    """Cross the edges slowly, at last in the direction of the rig; return where that ends."""
+    """Cross the edges slowly, the last time in the rig's direction; return the final positions."""
     _find_edges(axes, _AXES, SLOW)
     behind = 1.0 if axes.rig.controller.home_approach == "forward" else 0.0
     levels = axes.line.read("_HMA", "_HMB")

@@ -42,7 +42,7 @@ def play_in_air(rig: Rig, ask: Ask) -> Found:
                 f" {TOUCHED:g} N; check what is in the way, and whether the force channel's cable"
                 " moves with the arm"
             )
-    lines = [f"dry-run: the complete press was played, {lift * 1e3:.1f} mm higher"]
+    lines = [f"dry-run: the complete press was played {lift * 1e3:.1f} mm above its height"]
     figures = {"lift": lift}
     if errors:
         counts = float(max(errors))

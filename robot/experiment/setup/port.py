@@ -63,7 +63,7 @@ def identify(rig: Rig, ask: Ask) -> Found:
         return Found(
             (
                 f"controller: {controller.identity}{simulated}, on {settings.port}",
-                "it has taken the rig's limits; its motors are off",
+                "it uses the limits of the rig; its motors are off",
             )
         )
 

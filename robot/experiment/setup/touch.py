@@ -67,7 +67,7 @@ def _found(rig: Rig, located: Located, touches: list[Touch], measured: bool) -> 
         (
             f"touch: the base is at x = {base_x * 1e3:.2f} mm ({along}), z ="
             f" {located.base_z * 1e3:.2f} mm (+-{std_z * 1e3:.2f}), {away * 1e3:.2f} mm from"
-            " its place in the rig",
+            " the base in the rig",
         ),
         values,
         {

@@ -20,7 +20,7 @@ ACCURACY = 2e-4
 """Dimensionless; largest accepted error of the series between their nodes, relative to rotation,
 displacement and shortening. The specified accuracy is 5e-4."""
 _SIZES = ((9, 10), (17, 12), (33, 14))
-"""Numbers of positions and loads, tried in turn until the series are that accurate."""
+"""Numbers of positions and loads, tried one after another until the series are accurate."""
 
 
 class Solver:

@@ -65,7 +65,7 @@ def set_up(bench: Workbench) -> None:
     bench.say(f"{driver.record}: settings, limits and program read back as sent")
     memory = driver.settings.memory
     if not (memory["KIA"] and memory["KIB"]):
-        bench.warn("KI is 0: an encoder lost at a standstill is not noticed; burn a KI above 0")
+        bench.warn("KI is 0: an encoder that fails at rest is not detected; burn a KI above 0")
 
 
 STEPS = (

@@ -37,7 +37,7 @@ def holding(bench: Workbench) -> None:
         "if it ran away, the encoder counts against the torque: change MT or CE. If it sank, its"
         " weight needs more torque: check arm.torque_limit and controller.full_torque",
     )
-    bench.say(f"the arm stands, within {moved.max()} counts")
+    bench.say(f"the arm holds its position within {moved.max()} counts")
 
 
 def watchdog(bench: Workbench) -> None:
@@ -76,7 +76,7 @@ def segments(bench: Workbench) -> None:
     line.ask(*CLEAR_SEGMENTS)
     try:
         line.ask("PVA=10,101,11")
-        found = "taken (the driver never sends one)"
+        found = "accepted (the driver never sends one)"
     except CommandRefused as error:
         found = f"refused, code {error.code}"
     line.ask(*CLEAR_SEGMENTS)
@@ -112,7 +112,7 @@ def underrun(bench: Workbench) -> None:
         f"a motion without its end mark ended with stop codes {codes[0]:g} and {codes[1]:g}",
         "compare SC with the command reference of this firmware",
     )
-    bench.say("a motion without its end mark stops, and the motors are off or standing")
+    bench.say("a motion without its end mark stops, and the motors are off or at rest")
 
 
 def stop_in_segment(bench: Workbench) -> None:

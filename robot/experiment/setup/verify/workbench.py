@@ -70,7 +70,7 @@ class Workbench:
         """Have the operator do something; note it where nobody is there to do it."""
         done = self.ask.act(instruction)
         if not done:
-            self.warn(f"not measured, nobody was there: {instruction}")
+            self.warn(f"not measured without an operator: {instruction}")
         return done
 
     def say(self, text: str) -> None:
