@@ -33,14 +33,6 @@ def scene(make_press):
     return staged(make_press(), frame_times(0.05, 0.08, 5))
 
 
-def test_frames_are_as_far_apart_as_the_slowness_says():
-    time = frame_times(0.05, 0.15, 20)
-    assert len(time) == 51
-    np.testing.assert_allclose(np.diff(time), 1 / (20 * FRAME_RATE))
-    assert time[0] == 0.05
-    assert time[-1] == pytest.approx(0.15)
-
-
 @pytest.mark.parametrize(
     ("slow", "word"),
     [

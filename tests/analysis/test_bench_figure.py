@@ -5,11 +5,10 @@ import pytest
 from matplotlib.patches import Circle
 
 from sautereau.analysis.figures.bench import bench_figure
-from sautereau.analysis.figures.side import BenchPose, jack_foot, string_height
+from sautereau.analysis.figures.side import jack_foot, string_height
 from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.load import load_rig, with_values
-from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.key import angle_of_rise, rise_of_angle
+from sautereau.trajectory.key import angle_of_rise
 from sautereau.trajectory.press import draft_press
 from tests.plots import texts
 
@@ -31,11 +30,6 @@ def test_it_names_the_parts_and_gives_the_lengths():
     assert "* assumed in the rig file" in said
 
 
-def test_a_rig_that_assumes_nothing_has_no_marks():
-    said = texts_of(with_values(RIG, {}).model_copy(update={"assumed": {}}), PLAN)
-    assert "*" not in said
-
-
 @pytest.mark.parametrize("hold", ["point", "normal"])
 def test_the_fingertip_touches_the_key(hold):
     rig = with_values(RIG, {"press.hold": hold})
@@ -54,24 +48,6 @@ def test_the_jack_stands_on_the_key_and_its_plectrum_meets_the_string():
     foot = jack_foot(RIG, choir, angle)
     assert foot[1] == pytest.approx(RIG.key.jack_surface_height + clearance)
     assert foot[1] + 80e-3 == pytest.approx(string_height(RIG, choir))
-
-
-def test_every_choir_has_a_jack():
-    from matplotlib.figure import Figure
-
-    rig = load_scene("two-choirs").true_rig(RIG)
-    axes = Figure().add_subplot()
-    pose = BenchPose(axes, rig)
-    pose.put(0.04, None)
-    jacks = [patch.get_xy() for patch in pose.artists[1:3]]
-    for jack, choir in zip(jacks, choirs(rig), strict=True):
-        assert jack[:, 0].mean() == pytest.approx(choir.jack_arm * 1e3, abs=1.0)
-        lever = rig.key.model_copy(update={"jack_arm": choir.jack_arm})
-        rise = float(rise_of_angle(lever, 0.04))
-        low = (rig.key.jack_surface_height + rise) * 1e3
-        assert jack[:, 1].min() == pytest.approx(low)
-    assert not pose.artists[-1].get_visible()  # no arm
-    assert "1 more choir" in texts_of(rig, draft_press(rig))
 
 
 @pytest.mark.parametrize("change", [{"damper": None}, {"tongue": None}])

@@ -6,7 +6,6 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -131,22 +130,6 @@ def test_a_table_of_a_later_version_is_refused(complete, tmp_path, monkeypatch):
         read_campaign(out)
 
 
-def test_an_interrupted_campaign_is_continued(campaign_folder, complete, tmp_path, monkeypatch):
-    monkeypatch.setattr(campaign_run, "BATCH", 1)
-    out = tmp_path / "table.parquet"
-
-    def stop(fraction):
-        if round(fraction * GOOD) == 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt), progress_to(stop):
-        run_campaign(campaign_folder, out)
-    assert len(read_campaign(out).table) == 3
-    found = run_campaign(campaign_folder, out)
-    assert (found.read, found.kept) == (GOOD - 3, 3)
-    assert found.campaign.table.equals(complete.table)
-
-
 KILLED = """
 import os, signal, sys
 from sautereau.analysis.campaign import run
@@ -205,18 +188,3 @@ def test_a_folder_without_recordings_is_refused(tmp_path):
         with pytest.raises(AnalysisError, match="the folder holds no recordings"):
             run_campaign(folder, out)
     assert not out.exists()
-
-
-def test_columns_of_later_plucks_are_last(tmp_path):
-    of_two = {"path": "b", "size": 1, "mtime": 1, "contact": 0.1, "warnings": 0, "contact_2": 0.2}
-    of_none = {"path": "a", "size": 1, "mtime": 1, "contact": None, "warnings": 0}
-    tables = [
-        empty_campaign(tmp_path / "a.parquet", "x").grown(first, ()).grown(second, ()).table
-        for first, second in (([of_two], [of_none]), ([of_none], [of_two]), ([of_none, of_two], []))
-    ]
-    assert tables[0].equals(tables[1])
-    assert tables[0].equals(tables[2])
-    names = tables[0].column_names
-    assert names[-1] == "contact_2"
-    assert names.index("contact") < names.index("warnings")
-    assert np.array_equal(tables[0]["contact"].to_pylist(), [None, 0.1])

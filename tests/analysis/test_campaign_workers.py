@@ -101,6 +101,7 @@ def test_without_dask_the_message_says_how_to_install_it(monkeypatch):
         list(run_over(abs, [1], NOWHERE))
 
 
+@pytest.mark.slow
 def test_a_killed_worker_changes_no_table(campaign_folder, tmp_path, monkeypatch):
     monkeypatch.setattr(campaign_run, "BATCH", 1)
     here = run_campaign(campaign_folder, tmp_path / "here.parquet").campaign

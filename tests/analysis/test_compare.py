@@ -1,10 +1,7 @@
 """Comparison with presses that differ from the prediction by known amounts."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from scipy.stats import bootstrap
 
 from benchmarks.simulated import simulated_press
 from sautereau.analysis.errors import AnalysisError
@@ -134,16 +131,6 @@ def test_equal_presses_have_an_interval_of_zero_width(n):
     assert (found.low, found.high) == pytest.approx((0.25, 0.25), abs=1e-15)
 
 
-def test_a_skewed_feature_has_a_skewed_interval():
-    """BCa reaches further to the side of the long tail, unlike Student's t; as SciPy has it."""
-    values = list(np.random.default_rng(1).exponential(1.0, 30))
-    found = mean_of(values)
-    assert found.interval == "bootstrap"
-    assert found.high - found.value > found.value - found.low
-    scipy = bootstrap((values,), np.mean, method="BCa", rng=np.random.default_rng(0))
-    assert (found.low, found.high) == pytest.approx(scipy.confidence_interval, rel=1e-12)
-
-
 def pooled(rows, rig, predictions):
     """Return the features that are compared, by name."""
     found = pooled_features(rows, predicted_means(rows, rig, predictions))
@@ -203,16 +190,3 @@ def test_the_held_work_of_a_prediction_is_its_own(paper, prediction):
         alone.work, rel=1e-3
     )
     assert held > alone.work
-
-
-def test_features_of_a_line_are_the_lines(prediction):
-    """A force that rises in proportion to the deflection has that slope, and its own rise."""
-    held = prediction.string_force > 0
-    held[np.argmax(held) - 1] = True
-    force = np.where(held, 0.4 + 900 * prediction.deflection, 0.2)
-    slope, rise = predicted_features(replace(prediction, finger_force=force))
-    assert slope == pytest.approx(900, rel=1e-9)
-    deflected = np.interp(
-        [prediction.contact, prediction.release], prediction.time, prediction.deflection
-    )
-    assert rise == pytest.approx(900 * np.ptp(deflected), rel=1e-9)

@@ -60,24 +60,6 @@ def test_the_deflection_drifts_by_less_than_5_um(offset):
     assert unheld > min(5e-6, abs(offset) * 0.025 * 0.5) / 2
 
 
-def test_the_rests_lie_outside_the_motion():
-    velocity = undelayed(correct(sampled(), VELOCITY, RATE), VELOCITY.lag * RATE)
-    rests = find_rests(velocity, RATE)
-    time = np.arange(len(velocity)) / RATE
-    assert 0.015 < time[rests.before][-1] < 0.025
-    assert 0.49 < time[rests.after][0] < 0.51
-    assert np.abs(motion(time[rests.before])).max() < 1e-4
-    assert np.abs(motion(time[rests.after])).max() < 1e-4
-
-
-def test_times_are_from_the_trigger():
-    velocity = undelayed(correct(sampled(), VELOCITY, RATE), VELOCITY.lag * RATE)
-    rests = find_rests(velocity, RATE)
-    _, drift, _ = without_drift(velocity, rests, RATE, -0.1, 0.5, True)
-    assert drift.before[0] == -0.1
-    assert drift.after[1] == pytest.approx(-0.1 + len(velocity) / RATE)
-
-
 @pytest.mark.parametrize("returns", [True, False])
 def test_the_deflection_of_a_key_that_stays_down_is_kept(returns):
     """Whether planned or not; if a return was planned there is a warning."""

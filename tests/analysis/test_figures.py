@@ -53,13 +53,6 @@ def test_all_curves_meet_at_contact(figure, prediction):
         assert np.interp(0, x, y) == pytest.approx(contact_force, abs=0.02)
 
 
-def test_a_mute_press_is_drawn(make_press, prediction):
-    press = make_press(slope=0)
-    shown = texts(comparison_figure([press], [find_phases(press)], prediction))
-    assert "free" in shown
-    assert "string held" not in shown
-
-
 def test_no_press_is_refused(prediction):
     with pytest.raises(AnalysisError, match="no press to draw"):
         comparison_figure([], [], prediction)

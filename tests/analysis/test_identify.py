@@ -18,11 +18,9 @@ from sautereau.analysis.phases import find_phases
 from sautereau.analysis.session.analysed import jack_speed
 from sautereau.analysis.session.compare import compare
 from sautereau.analysis.summary.fit import fit_lines, fit_summary
-from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.key import rise_of_angle, rise_slope
 from tests.presses import with_data
 
 TRUTH = {
@@ -64,7 +62,7 @@ def two(five):
 
 @pytest.fixture(scope="module")
 def made(two):
-    return refined(fit(inverse_dynamics(*two, FREE), 2))
+    return refined(fit(inverse_dynamics(*two, FREE), 1))
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +108,7 @@ def test_the_slope_error_falls_from_tens_of_per_cent_to_under_three(two, found, 
     assert abs(after) < 0.03
 
 
+@pytest.mark.slow
 def test_the_profile_of_an_identifiable_parameter_is_a_parabola(made, found):
     estimate = by_name(found)["plectrum.overlap"]
     drawn = profile(made, found, "plectrum.overlap")
@@ -129,16 +128,6 @@ def test_a_picture_shows_every_part(made, found):
 
 
 @pytest.mark.slow
-def test_one_press_is_enough_and_five_are_more_certain(five, true):
-    pressed, phases = five
-    one = identify(pressed[:1], phases[:1], FREE, starts=1)
-    all_five = identify(pressed, phases, FREE, starts=1)
-    for alone, together in zip(one.estimates, all_five.estimates, strict=True):
-        assert alone.value == pytest.approx(value_of(true, alone.name), rel=0.05)
-        assert together.value == pytest.approx(value_of(true, alone.name), rel=0.03)
-        assert alone.std > together.std
-
-
 def test_two_frictions_with_the_same_effect_are_not_identifiable(two):
     """Dry friction of pivot and register differ by the lever of the jack, which hardly changes."""
     found = identify(*two, [*FREE, "jack.register_friction"], starts=1)
@@ -185,42 +174,6 @@ def test_a_parameter_at_a_bound_gives_a_warning(two):
     assert estimate.at_bound
     assert estimate.value == pytest.approx(7.5e-4, rel=1e-6)
     assert any("key.inertia: the fit reached a bound" in warning for warning in found.warnings)
-
-
-def residuals_at(dynamics, **changes):
-    """Force residuals of the first press for other values of hidden parameters."""
-    values = [changes.get(p.name.removeprefix("offset."), p.start) for p in dynamics.free]
-    return dynamics.residuals(np.array(values))[0][0]
-
-
-def test_a_damper_carries_its_jack_below_its_lift(two):
-    dynamics = inverse_dynamics(*two, FREE)
-    press, rig = dynamics.presses[0], dynamics.rig
-    carried = residuals_at(dynamics, damper=1.0) - residuals_at(dynamics, damper=0.0)
-    angle = press.motion.position[press.used]
-    rise = rise_of_angle(rig.key, angle)
-    damper = rig.jack.damper.stiffness * np.maximum(rig.jack.damper.lift - rise, 0.0)
-    # But for the kink at the lift, which is smoothed.
-    expected = damper * rise_slope(rig.key, angle) / rig.key.press_arm
-    assert expected.max() > 5e-3
-    np.testing.assert_allclose(carried, expected, atol=0.3e-3)
-
-
-def test_a_further_plectrum_has_hidden_parameters_of_its_own(two, true):
-    def rig(overlap):
-        plectrum = true.plectrum.model_copy(update={"overlap": overlap})
-        choir = Choir.model_construct(
-            jack_arm=0.25, jack=true.jack, plectrum=plectrum, string=true.string
-        )
-        return true.model_copy(update={"more_choirs": (choir,)})
-
-    other = [
-        inverse_dynamics([replace(p, rig=rig(overlap)) for p in two[0]], two[1], FREE)
-        for overlap in (0.25e-3, 0.3e-3)
-    ]
-    fitted = residuals_at(other[0], **{"choir1.overlap": 1.2})
-    np.testing.assert_allclose(fitted, residuals_at(other[1]), atol=1e-9)
-    assert np.abs(fitted - residuals_at(other[0])).max() > 1e-3
 
 
 def test_a_delay_of_the_force_is_found(two):

@@ -25,16 +25,6 @@ def with_gaps(count):
     return used
 
 
-def test_the_autocovariance_of_an_autoregression_is_found_through_gaps():
-    """Of x[k] = a x[k-1] + e it is a^lag / (1 - a^2)."""
-    random = np.random.default_rng(0)
-    used = [with_gaps(4000) for _ in range(10)]
-    residuals = [autoregressive(random, 4000)[u] for u in used]
-    found = autocovariance(residuals, used, STEP, 0)
-    lags = np.arange(6)
-    assert found[:6] == pytest.approx(0.8**lags / (1 - 0.64), rel=0.08)
-
-
 @pytest.mark.parametrize("free_offset", [False, True])
 def test_whitening_is_that_of_the_dense_covariance(free_offset):
     used = with_gaps(400)
@@ -49,14 +39,6 @@ def test_whitening_is_that_of_the_dense_covariance(free_offset):
         trends = np.linalg.solve(factor, np.stack([np.ones(len(at)), at], 1).astype(float))
         expected = expected - trends @ np.linalg.lstsq(trends, expected, rcond=None)[0]
     assert white(residual) == pytest.approx(expected, abs=1e-9)
-
-
-def test_a_level_and_a_ramp_are_removed():
-    used = with_gaps(400)
-    white = whitening(used, np.array([1e-6]), True)
-    ramp = 0.3 + 2.0 * np.flatnonzero(used) * STEP
-    assert np.abs(white(ramp)).max() < 1e-9
-    assert white.trend(ramp) == pytest.approx(ramp, abs=1e-12)
 
 
 def test_whitened_noise_is_white_with_variance_one():

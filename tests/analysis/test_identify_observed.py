@@ -98,11 +98,6 @@ def test_flagged_samples_are_excluded(press):
         assert not (parted.used & ~kept).any()
 
 
-def test_a_requested_shift_widens_the_excluded_intervals(press):
-    phases = find_phases(press)
-    assert observed(press, phases, 1e-3).used.sum() < observed(press, phases).used.sum()
-
-
 def test_a_press_of_nothing_is_refused(press):
     still = dict.fromkeys(press.samples, np.zeros(len(press.time)))
     with pytest.raises(AnalysisError, match="check whether the key was pressed"):

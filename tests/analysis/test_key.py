@@ -7,9 +7,8 @@ from scipy.integrate import trapezoid
 from sautereau.analysis.model.key import finger_force, jack_load
 from sautereau.rig.load import with_values
 from sautereau.rig.section import GRAVITY
-from sautereau.trajectory.key import key_motion
 from sautereau.trajectory.motion import Motion
-from tests.key_oracle import dissipated_power, energy, slope, static_moment
+from tests.key_oracle import dissipated_power, energy, slope
 
 
 @pytest.fixture
@@ -29,23 +28,6 @@ def still(rise):
     return Motion(rise, np.zeros_like(rise), np.zeros_like(rise))
 
 
-def test_statics_at_rest_is_the_weight_through_the_lever(paper):
-    """F a_p = m g b - M_g, the static gravity moment; without motion there is no friction."""
-    found = finger_force(paper, still(0.0), np.zeros(1))
-    assert found[0] == pytest.approx(static_moment(paper) / paper.key.press_arm, rel=1e-12)
-    assert found[0] / GRAVITY == pytest.approx(0.005, abs=0.003)
-
-
-def test_statics_of_a_held_string_at_any_angle(paper):
-    """With the rise b tan a + hb (1 / cos a - 1): F a_p = (m g + F_s)(b + hb sin a) / cos^2 a."""
-    paper = with_values(paper, {"key.dip": "1 m"})  # the felt out of the way
-    angle = np.radians([0.0, 1.0, 3.0])
-    key = paper.key
-    found = finger_force(paper, still(angle), np.full(3, 0.5))
-    moment = static_moment(paper, angle, string=0.5)
-    np.testing.assert_allclose(found, moment / key.press_arm, rtol=1e-12)
-
-
 def test_friction_works_against_the_motion(paper, smooth):
     """Up and down differ by twice the dry friction, and by the viscous one."""
     key, jack = paper.key, paper.jack
@@ -56,6 +38,18 @@ def test_friction_works_against_the_motion(paper, smooth):
     expected = (dry + key.pivot_viscous_friction * 0.4) / key.press_arm
     assert rubbing[0] == pytest.approx(expected, rel=1e-9)
     assert finger_force(paper, down, np.zeros(1)) - bare == pytest.approx(-rubbing, rel=1e-9)
+
+
+@pytest.mark.parametrize("speed", [0.1, -0.1])
+def test_friction_of_the_fingertip_changes_its_lever_by_the_height_of_the_surface(paper, speed):
+    """F (a_p + mu h) downwards, F (a_p - mu h) upwards."""
+    rough = paper.model_copy(
+        update={"arm": paper.arm.model_copy(update={"fingertip_friction": 0.3})}
+    )
+    motion = Motion(*(np.array([value]) for value in (0.01, speed, 0.0)))
+    smooth, rubbed = (finger_force(rig, motion, np.array([0.5])) for rig in (paper, rough))
+    lever = paper.key.press_arm + np.sign(speed) * 0.3 * paper.key.surface_height
+    assert rubbed * lever == pytest.approx(smooth * paper.key.press_arm, rel=1e-12)
 
 
 def test_the_jack_leaves_the_key_when_the_key_falls_faster(paper):
@@ -87,16 +81,6 @@ def test_the_fingers_work_is_energy_and_heat(paper):
     orders = np.log2(np.abs(np.divide(errors[:-1], errors[1:])))
     np.testing.assert_allclose(orders, 2, atol=0.1)
     assert abs(errors[-1]) < 1e-6 * work
-
-
-def test_inertia_of_key_and_jack_at_the_pressing_point(smooth):
-    """From rest at angle 0: F a_p = (I + m b^2) a'' + weight, the curvature having no speed."""
-    key, jack = smooth.key, smooth.jack
-    rise = Motion(np.zeros(1), np.zeros(1), np.array([12.0]))
-    angle = key_motion(key, rise)
-    found = finger_force(smooth, angle, np.zeros(1)) - finger_force(smooth, still(0.0), np.zeros(1))
-    inertia = key.inertia + jack.mass * key.jack_arm**2
-    assert found[0] == pytest.approx(inertia * 12.0 / key.jack_arm / key.press_arm, rel=1e-12)
 
 
 def test_the_felt_adds_a_spring_and_a_damper_past_the_dip(paper):

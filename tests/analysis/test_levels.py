@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Bend
-from sautereau.analysis.model.plectrum.beam import Beam
 from sautereau.analysis.model.plectrum.levels import LEVELS, plectrum_map
 from sautereau.analysis.model.pluck.pluck import solve_pluck
 from sautereau.rig.load import load_rig
@@ -49,33 +48,6 @@ def test_derivatives_are_those_of_the_map(level, place, share, friction):
         found = getattr(bend, f"{name}_s") * s / scale, getattr(bend, f"{name}_f") * force / scale
         expected = [weights @ getattr(b, name) / step / scale for b in (by_s, by_f)]
         np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
-@every_level
-def test_shapes_broadcast(level):
-    plectrum = plectrum_map(PLECTRUM, level)
-    s, force = np.array([1e-3, 2e-3, 4e-3]), np.array([0.1, 0.2])
-    bend = plectrum.bend(s[:, None], force)
-    one = plectrum.bend(s[2], force[1])
-    for field, alone in zip(bend, one, strict=True):
-        assert field.shape == (3, 2)
-        assert np.shape(alone) == ()
-        assert field[2, 1] == pytest.approx(float(alone), rel=1e-14)
-    assert plectrum.bend([], 0.1).x.shape == (0,)
-    assert plectrum.force_limit(s).shape == (3,)
-
-
-@every_level
-@pytest.mark.parametrize("friction", [0.0, 0.5])
-def test_a_small_load_gives_the_beam(level, friction):
-    """To second order in the load; rods to 1 / 2 N^2 of it, friction to first order."""
-    s, force = np.array([0.5e-3, 2e-3, 4.5e-3]), 1e-6
-    found = plectrum_map(other(friction=friction), level).bend(s, force)
-    beam = Beam(PLECTRUM).bend(s, force)
-    np.testing.assert_allclose(found.x, beam.x, rtol=1e-9)
-    for name in ("z", "theta", "theta_s", "z_f", "theta_f"):
-        loose = 1.3e-3 if level == "rods" else 1e-5
-        np.testing.assert_allclose(getattr(found, name), getattr(beam, name), rtol=loose)
 
 
 @every_level

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.phases import covered, study
-from benchmarks.simulated import random_case, sensed, simulated_press
+from benchmarks.simulated import random_case, simulated_press
 from sautereau.analysis.phases import find_phases
 from sautereau.rig.load import load_rig, with_values
-from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
 
 
@@ -95,17 +94,6 @@ def test_sampling_rates(rate):
     limit = 1 / press.rate
     assert held.contact == pytest.approx(truth.contacts[0], abs=max(0.2e-3, limit))
     assert held.release == pytest.approx(truth.releases[0], abs=max(0.02e-3, limit))
-
-
-def test_the_same_press_with_other_noise_scatters_as_its_uncertainty():
-    rig, scene = load_rig(), load_scene("paper")
-    seen = observe(rig, scene)
-    scores = []
-    for seed in range(12):
-        press, truth = sensed(rig, scene, seen, seed)
-        (held,) = find_phases(press).plucks
-        scores.append((held.contact - truth.contacts[0]) / held.contact_std)
-    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.6
 
 
 def test_a_few_random_presses():

@@ -39,13 +39,3 @@ def test_the_poses_are_drawn_where_the_fingertip_is(tmp_path):
     np.testing.assert_allclose(tip, draft.fingertip.position[0] * 1e3, atol=1e-9)
     plan_figure(rig, draft, None).savefig(tmp_path / "plan.png")
     assert (tmp_path / "plan.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_gesture_is_drawn_too():
-    rise = [0, 0.1, 1, 3, 6, 8, 8.2, 8.2]
-    gesture = {
-        "time": [f"{20 * i} ms" for i in range(len(rise))],
-        "rise": [f"{r} mm" for r in rise],
-    }
-    rig = with_values(load_rig(), {"press.gesture": gesture})
-    assert "gesture" in " ".join(texts(plan_figure(rig, draft_press(rig), None)))

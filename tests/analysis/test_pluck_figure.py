@@ -69,8 +69,3 @@ def test_nothing_to_draw_is_refused():
         pluck_figure(rig, ["beam", "two-beam"])
     with pytest.raises(ModelError, match="no level"):
         pluck_figure(RIG, [])
-
-
-def test_an_unknown_level_is_refused():
-    with pytest.raises(ModelError, match="'granite' is unknown"):
-        pluck_figure(RIG, ["elastica", "granite", "jelly"])

@@ -8,7 +8,7 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import with_values
-from tests.key_oracle import dissipated_power, energy, slope, static_moment
+from tests.key_oracle import dissipated_power, energy, slope
 
 
 @pytest.fixture(scope="module")
@@ -81,33 +81,10 @@ def test_the_fingers_work_is_energy_and_heat(paper, prediction):
         assert work == pytest.approx(gained + heat + string, rel=1e-6)
 
 
-def test_statics_before_contact(paper):
-    """So slow that nothing but weight and dry friction is left."""
-    slow = with_values(
-        paper, {"press.jack_speed": "0.005 m/s", "key.pivot_viscous_friction": "0 N m s/rad"}
-    )
-    found = predict(slow).finger_force[0]
-    expected = static_moment(paper, friction=1) / paper.key.press_arm
-    assert found == pytest.approx(expected, rel=1e-5)
-
-
-def test_durations_go_with_the_speed_and_forces_hardly(paper, prediction):
-    double = predict(with_values(paper, {"press.jack_speed": "0.144 m/s"}))
-    assert double.pluck_duration == pytest.approx(prediction.pluck_duration / 2, rel=1e-9)
-    assert double.contact == pytest.approx(prediction.contact / 2, rel=1e-9)
-    assert double.plectrum_force == prediction.plectrum_force
-
-
 def test_a_press_that_ends_before_release_is_refused(paper):
     short = with_values(paper, {"press.jack_rise": "3 mm"})
     with pytest.raises(ModelError, match=r"jack_rise: 3 mm ends before .* released at 3\.38\d mm"):
         predict(short)
-
-
-def test_work_is_that_of_the_jack_against_the_string(prediction):
-    by_hand = trapezoid(prediction.string_force, prediction.rise)
-    assert prediction.work == pytest.approx(by_hand, rel=1e-4)
-    assert prediction.work == prediction.choirs[0].work
 
 
 def test_the_released_string_moves_as_it_did_just_before(paper, prediction):

@@ -97,11 +97,6 @@ def test_an_input_that_a_multiplexer_samples_later(paper, record, early):
     assert (press.data.index[0], len(press.data)) == (skipped / RATE, 4000 - skipped)
 
 
-def test_nothing_is_filled_in(paper, record):
-    press = load_press(record(paper, np.random.default_rng(0).standard_normal((2, 3000))))
-    assert np.isfinite(press.data.to_numpy()).all()
-
-
 @pytest.mark.parametrize(("n", "left"), [(70, 13), (57, 0), (56, 0), (20, 0), (1, 0)])
 def test_too_short_for_its_delay(paper, record, n, left):
     """1.1 ms are 56.3 samples."""

@@ -7,7 +7,7 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.replay import EXPOSURES, replay, shown_stretch
+from sautereau.analysis.press.replay import replay, shown_stretch
 from sautereau.daq.file.recorded import Joints
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.scene import load_scene
@@ -31,11 +31,6 @@ def scene(press, phases):
 def held(scene):
     (pluck,) = scene.phases.plucks
     return (scene.time >= pluck.contact) & (scene.time < pluck.release)
-
-
-def test_the_key_is_where_it_was_measured(scene, press):
-    data = press.data
-    np.testing.assert_allclose(scene.angle, np.interp(scene.time, data.index, data["angle"]))
 
 
 def test_the_wire_lies_on_the_plectrum_while_it_is_held(scene):
@@ -82,15 +77,6 @@ def test_after_release_it_vibrates_at_the_strings_pitch(press, phases):
     assert np.fft.rfftfreq(40_000, 1 / 20_000)[np.argmax(size)] == pytest.approx(365, abs=2)
     assert np.all(motion.deflection[:, :, 0] == 0)
     np.testing.assert_allclose(motion.deflection[:, :, -1], 0, atol=1e-12)
-
-
-def test_a_frames_exposures_lead_to_the_next_frame(press, phases):
-    (pluck,) = phases.plucks
-    coarse = np.linspace(pluck.release + 1e-4, pluck.release + 2e-3, 20)
-    fine = np.linspace(coarse[0], coarse[-1], 19 * EXPOSURES + 1)
-    shown = replay(press, phases, coarse).choirs[0].deflection[:-1]
-    dense = replay(press, phases, fine).choirs[0].deflection[:-1, 0]
-    np.testing.assert_allclose(shown.reshape(dense.shape), dense, atol=1e-9)
 
 
 def test_a_press_without_a_pluck_leaves_the_string_at_rest(make_press):

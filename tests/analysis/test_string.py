@@ -87,19 +87,6 @@ def test_a_step_under_a_linear_force_is_exact(decay):
     np.testing.assert_allclose(found.v, v, rtol=1e-8, atol=1e-9)
 
 
-def test_steps_compose():
-    """One step, or ten, or free motion in one go, lead to the same state."""
-    string, start, still = ModalString(STRING, decay=3.0), moving(2), np.zeros(2)
-    state = start
-    for _ in range(10):
-        state = advance(string.propagator(1e-4), state, still, still)
-    once = advance(string.propagator(1e-3), start, still, still)
-    free = string.free(start, [1e-3])
-    np.testing.assert_allclose(state.q, once.q, atol=1e-15)
-    np.testing.assert_allclose(free.q[:, 0], once.q, atol=1e-15)
-    np.testing.assert_allclose(free.v[:, 0], once.v, atol=1e-12)
-
-
 def test_energy_stays_without_damping_and_falls_with_it():
     still = np.zeros(2)
     string, state = ModalString(STRING), moving(3)
@@ -111,16 +98,6 @@ def test_energy_stays_without_damping_and_falls_with_it():
     energies = damped.energy(damped.free(moving(3), [0.0, 0.3]))
     # Averaged over a swing, energy falls as exp(-2 decay t).
     assert energies[1] / energies[0] == pytest.approx(np.exp(-2 * 5.0 * 0.3), rel=0.02)
-
-
-def test_after_a_period_all_is_as_before_and_after_half_of_one_mirrored():
-    string, state = ModalString(STRING, 60), moving(4, 60)
-    period, x = 1 / STRING.frequency, 0.2
-    q = string.free(state, [0.0, period / 2, period]).q
-    here = string.displacement(q, x)
-    there = string.displacement(q, STRING.length - x)
-    np.testing.assert_allclose(here[:, 2], here[:, 0], atol=1e-15)
-    np.testing.assert_allclose(there[:, 1], -here[:, 0], atol=1e-15)
 
 
 def test_the_held_string_loads_the_bridge_by_its_fraction():

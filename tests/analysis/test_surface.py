@@ -9,7 +9,6 @@ from sautereau.analysis.model.batch import predict_many
 from sautereau.analysis.model.modal_pluck import modal_pluck
 from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.predict import predict, rig_pluck
-from sautereau.analysis.model.string.bend import point_bend
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 from tests.outlines import outline_from
@@ -85,34 +84,6 @@ def test_every_level_has_the_surface(level, error):
     exact, found = rig_pluck(paper()), rig_pluck(paper(), level)
     assert found.release_height == pytest.approx(exact.release_height, rel=error)
     assert found.force[-1] == pytest.approx(exact.force[-1], rel=error)
-
-
-def test_a_beam_releases_where_its_slope_moves_the_string_by_the_overlap():
-    pluck, rig = rig_pluck(paper(), "beam"), paper()
-    plectrum = rig.plectrum
-    force, offset = pluck.force[-1], (plectrum.thickness + rig.string.diameter) / 2
-    sine = np.sin(force * plectrum.length**2 / (2 * plectrum.bending_stiffness))
-    out = plectrum.overlap + offset * sine
-    assert force * sine / rig.string.static_stiffness == pytest.approx(out, rel=1e-9)
-
-
-def test_the_map_of_the_centre_has_the_derivatives_of_its_values():
-    rig = paper(friction=0.1)
-    for level in ("elastica", "fe"):
-        centre = string_map(rig.plectrum, rig.string, level)
-        at, step = centre.bend(4.3e-3, 0.4), 1e-5
-        for k, s, f in ((3, 4.3e-3 * step, 0.0), (6, 0.0, 0.4 * step)):
-            high, low = centre.bend(4.3e-3 + s, 0.4 + f), centre.bend(4.3e-3 - s, 0.4 - f)
-            slopes = [(b - a) / (2 * (s + f)) for a, b in zip(low[:3], high[:3], strict=True)]
-            assert slopes == pytest.approx(at[k : k + 3], rel=1e-5, abs=1e-6)
-        point = np.array(point_bend(centre).at(4.3e-3, 0.4))[[0, 1, 4, 5, 8, 9]]
-        assert point == pytest.approx([at.x, at.z, at.x_s, at.z_s, at.x_f, at.z_f], rel=1e-9)
-
-
-def test_little_friction_is_as_good_as_none():
-    none, little = rig_pluck(paper()), rig_pluck(paper(friction=1e-5))
-    height = np.linspace(0, none.release_height, 50)
-    assert little.force_on_jack(height) == pytest.approx(none.force_on_jack(height), abs=2e-5)
 
 
 @pytest.mark.parametrize("friction", [0.05, 0.12, 0.3])

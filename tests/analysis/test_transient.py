@@ -12,9 +12,7 @@ from benchmarks.judged import judged_press
 from benchmarks.simulated import simulated_press
 from benchmarks.transient import true_phases, truth_of
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.transient import transient_figure
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.analysis.summary.transient import transient_lines, transient_summary
 from sautereau.analysis.transient import Source, attribute, combine, examine
 from sautereau.analysis.transient.held_string import free_frequencies, held_frequencies
 from sautereau.commands.output import FileOutput
@@ -116,16 +114,6 @@ def test_presses_are_combined(examined):
     for one, both in zip(once, twice, strict=True):
         assert both.presses == 2
         assert both.frequency_std < one.frequency_std
-
-
-def test_results_are_complete(examined, found_in):
-    presses = [examined("all stiff")]
-    found, _ = found_in("all stiff")
-    text = json.dumps(transient_summary(presses, found), allow_nan=False)
-    assert json.loads(text)["oscillations"][0]["source"] == "string"
-    assert any("string (" in line for line in transient_lines(presses, found))
-    figure = transient_figure(presses, found)
-    assert len(figure.axes) == 8
 
 
 def test_the_stand_ins_string_is_found():

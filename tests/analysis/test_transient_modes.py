@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.transient.modes import esprit, fit_modes
+from sautereau.analysis.transient.modes import fit_modes
 
 RATE, SAMPLES = 10_240.0, 256
 TIME = np.arange(SAMPLES) / RATE
@@ -27,14 +27,6 @@ def test_modes_without_noise_are_exact():
     assert [m.frequency for m in found] == pytest.approx([300, 1234], rel=1e-6)
     assert [m.decay for m in found] == pytest.approx([40, 10], rel=1e-4)
     assert found[0].amplitude == pytest.approx(NOISE * [5, 2j], rel=1e-4)
-
-
-def test_esprit_finds_shared_poles():
-    signals = ringing(300, 40, [5, 2j]) + ringing(330, 10, [1, 1])
-    poles = esprit(signals, 4) * RATE
-    above = sorted(poles[poles.imag > 0], key=lambda p: p.imag)
-    expected = [-40 + 2j * np.pi * 300, -10 + 2j * np.pi * 330]
-    np.testing.assert_allclose(above, expected, rtol=1e-6)
 
 
 def _coverage(draws):

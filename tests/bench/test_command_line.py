@@ -72,11 +72,6 @@ def test_an_infeasible_plan_is_reported_and_plotted_but_not_written(sautereau, r
     assert not (tmp_path / "plan.json").exists()
 
 
-def test_a_cruise_that_starts_after_contact_warns(sautereau, rig_file):
-    done = sautereau("plan", rig_file(run_up_acceleration='"1 m/s^2"'), "--json")
-    assert "cruises from" in json.loads(done.stdout)["warnings"][0]
-
-
 def test_mount_answers_the_keys_of_the_contract(sautereau, tmp_path):
     done = sautereau("mount", "--json", "--plot", "mount.png")
     found = json.loads(done.stdout)
@@ -236,22 +231,10 @@ def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, mes
     assert answer["error"]["message"].startswith(message)
 
 
-def test_an_unreachable_pressing_point(sautereau, rig_file):
-    path = rig_file(base_x='"-390 mm"')
-    refused(sautereau("plan", path), "reach", "arm.base_x")
-    done = sautereau("press", path, "--sim", "--out", "out")
-    refused(done, "reach", "arm.base_x")
-
-
 def test_a_packaged_rig_does_not_move_the_hardware(sautereau, tmp_path):
     for command in ("press", "learn"):
         done = sautereau(command, "--out", "out")
         refused(done, "rig 'paper'", "only with a rig file of your own", "sautereau init")
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_serial_port_that_does_not_exist(sautereau, rig_file, tmp_path):
-    refused(sautereau("press", rig_file(), "--out", "out"), "/dev/ttyUSB0", "controller.port")
     assert not (tmp_path / "out").exists()
 
 

@@ -84,11 +84,6 @@ def test_a_sweep_is_a_grid_of_predictions():
         rig.sweep(jack_speed=...)
 
 
-def test_a_packaged_rig_does_not_move_the_hardware():
-    with pytest.raises(RigError, match="only with a rig file of your own"):
-        st.bench("paper")
-
-
 def test_a_plan_as_a_program_continues_after_a_kill(bare, quick_rig, tmp_path):
     """Each press is made once, over TCP, with the answers that were given before the kill."""
     bare.write_text(bare.read_text() + '\n[controller]\ninterface = "ethernet"\n')

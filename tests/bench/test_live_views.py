@@ -9,13 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from rich.console import Console
 
 from sautereau.commands.live import LiveError
-from sautereau.commands.live.terminal import TerminalView, thinned, trace_lines
+from sautereau.commands.live.terminal import TerminalView
 from sautereau.commands.live.watching import watching
 from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.recorded import Block
@@ -37,31 +36,6 @@ def samples(press=1, first=0, n=1024):
     return Samples(
         press, RIG.daq.channels, RATE, Block(first, np.stack([np.sin(9 * time), np.cos(9 * time)]))
     )
-
-
-@given(SIGNALS, st.integers(1, 40), st.integers(1, 8))
-def test_a_trace_fits_its_place_and_reaches_its_ends(values, width, height):
-    lines = trace_lines(values, width, height)
-    assert [len(line) for line in lines] == [width] * height
-    assert all(0x2800 <= ord(c) <= 0x28FF for line in lines for c in line)
-    finite = values[np.isfinite(values)]
-    drawn = [any(ord(c) != 0x2800 for c in line) for line in lines]
-    assert drawn[-1] == bool(len(finite))
-    if len(finite) and np.ptp(finite):
-        assert drawn[0]
-
-
-def test_a_step_is_drawn_where_it_is():
-    assert trace_lines(np.array([0.0, 0, 0, 0, 1, 1, 1, 1]), 4, 1) == ["⣀⣀⠉⠉"]
-    assert trace_lines(np.array([3.0, 3.0]), 2, 1) == ["⣀⠀"]
-
-
-@given(SIGNALS, st.integers(1, 50))
-def test_thinning_keeps_the_ends(values, stretch):
-    kept = thinned(values, stretch)
-    assert len(kept) == 2 * -(-len(values) // stretch)
-    if np.isfinite(values).all():
-        assert (kept.min(), kept.max()) == (values.min(), values.max())
 
 
 def terminal():

@@ -7,7 +7,6 @@ from cyclopts import CycloptsError
 from PIL import Image
 from scipy.io import wavfile
 
-from sautereau.analysis.press.strings import QUALITY
 from sautereau.commands.app import app
 
 STRETCH = ("--since", "60 ms", "--until", "80 ms")
@@ -54,17 +53,3 @@ def test_a_press_is_heard(sautereau, tmp_path):
     assert 0.1 < result["full_scale"] < 1.0
     rate, samples = wavfile.read(tmp_path / "pluck.wav")
     assert (rate, len(samples)) == (48_000, 14_400)
-
-
-def test_the_quality_by_default_is_the_models(tmp_path, capsys):
-    words = ("listen", "--out", tmp_path / "pluck.wav", "--duration", "100 ms", "--json")
-    call(*words)
-    default = capsys.readouterr().out
-    call(*words, "--quality", QUALITY, "--force")
-    assert capsys.readouterr().out == default
-
-
-def test_a_time_without_a_unit_is_refused(tmp_path):
-    with pytest.raises(CycloptsError, match="has no unit"):
-        call("listen", "--out", tmp_path / "pluck.wav", "--held", "1")
-    assert not list(tmp_path.iterdir())

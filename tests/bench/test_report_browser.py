@@ -131,17 +131,6 @@ def test_a_click_highlights_a_press(page):
     assert {opacity for _, opacity in opacities(page, "over-time")} == {0.6}
 
 
-def test_a_click_on_a_point_or_a_line_highlights_its_press(page):
-    point = page.locator("#over-session .scatterlayer path.point").nth(4)
-    point.scroll_into_view_if_needed()
-    box = point.bounding_box()
-    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    button = page.get_by_role("button", name="press 5", exact=True)
-    until(page, lambda: button.get_attribute("aria-pressed") == "true")
-    for press, opacity in opacities(page, "force-on-deflection"):
-        assert opacity == (1 if press == 5 else 0.1)
-
-
 def shows(page, part):
     """Return the page's button that shows a part of the plot."""
     return page.locator("button[data-plot]").filter(has_text=part)

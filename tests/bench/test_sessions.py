@@ -9,19 +9,12 @@ import subprocess
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from sautereau.analysis.loading.press import load_press
-from sautereau.analysis.session.repeatability import repeatability
 from sautereau.daq.file.reading import read_recording, read_session
-from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.session import Item, make_presses
+from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
-from sautereau.trajectory.press import plan_press
-from sautereau.trajectory.timing import press_law
 
 
 def names(out: Path) -> list[str]:
@@ -182,38 +175,6 @@ def test_on_a_terminal_the_session_waits_for_the_operator(command_server, bare, 
         for end in (master, slave):
             os.close(end)
     assert (len(result["recordings"]), result["left"], result["to_set"]) == (1, 0, {})
-
-
-@pytest.mark.slow
-def test_a_known_jitter_is_recovered_within_its_interval(bare, quick_rig, tmp_path):
-    """Each press is planned with a different speed; the recordings have the nominal one."""
-    presses, sigma = 10, 4e-3
-    speeds = 1 + sigma * np.random.default_rng(5).standard_normal(presses)
-    with StandIn(quick_rig, load_scene(str(bare))) as stand_in:
-        rig = stand_in.rig
-        nominal = rig.press.jack_speed
-        plans = [
-            plan_press(with_values(rig, {"press.jack_speed": f"{nominal * speed} m/s"}))
-            for speed in speeds
-        ]
-        paths = make_presses(GalilController(rig), tmp_path, (Item(rig, plan) for plan in plans))
-    found = repeatability([load_press(path) for path in paths], press_law(rig.press))
-    spread = found.velocity_repeatability
-    assert spread.low < 3 * sigma < spread.high
-    assert spread.value == pytest.approx(3 * speeds.std(ddof=1), rel=0.02)
-    assert found.velocity_accuracy == pytest.approx(speeds.mean() - 1, abs=3e-4)
-
-
-@pytest.mark.slow
-def test_sensors_noise_is_far_below_a_robots_repeatability(quick_rig, tmp_path):
-    """The path depends on the time of the trigger's edge, up to a sample before the motion."""
-    with StandIn(quick_rig, load_scene("paper"), 1) as stand_in:
-        rig = stand_in.rig
-        items = [Item(rig, plan_press(rig))] * 4
-        paths = make_presses(GalilController(rig), tmp_path, items)
-    found = repeatability([load_press(path) for path in paths], press_law(rig.press))
-    assert found.velocity_repeatability.value < 1e-3
-    assert found.path_repeatability < rig.press.jack_speed * rig.controller.sample_period
 
 
 @pytest.mark.slow

@@ -76,8 +76,8 @@ def test_bash_completes(tmp_path, typed, offered):
     assert offered <= set(done.stdout.split())
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
-def test_completion_exists_for_every_shell(shell):
+@pytest.mark.parametrize("shell", ["zsh", "fish", "powershell"])
+def test_completion_exists_for_other_shells(shell):
     assert "stand-in" in app.generate_completion(shell=shell)
 
 

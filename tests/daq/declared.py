@@ -2,6 +2,7 @@
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
+from mcap.stream_reader import StreamReader
 
 
 def declared_class(data, name):
@@ -25,3 +26,9 @@ def messages(path, *topics):
                 (channel.topic, message.log_time, classes[schema.id].FromString(message.data))
             )
     return found
+
+
+def records(path):
+    """Return all records of a file, in its order."""
+    with path.open("rb") as file:
+        return list(StreamReader(file, validate_crcs=True).records)

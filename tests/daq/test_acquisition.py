@@ -60,16 +60,6 @@ def test_the_last_block_is_shorter_and_duration_is_rounded_up(bench):
         ]
 
 
-def test_one_channel_is_enough(bench):
-    card, _, rig = bench()
-    daq = rig.daq.model_copy(update={"channels": rig.daq.channels[1:]})
-    with Acquisition(daq, 0.02) as acquisition:
-        acquisition.start()
-        (block,) = acquisition.blocks()
-    assert card.setups[-1].terminals == ("ai1",)
-    assert np.array_equal(block.volts, volts(0, 1024))
-
-
 def test_leaving_by_an_exception_frees_the_card(bench):
     card, _, rig = bench()
     with pytest.raises(ZeroDivisionError):

@@ -1,7 +1,6 @@
 """`sautereau acquire` on the stand-in, as users' scripts meet it."""
 
 import json
-import math
 import os
 import signal
 import threading
@@ -18,9 +17,7 @@ from sautereau.commands.acquire import acquire
 from sautereau.commands.app import app
 from sautereau.commands.common import Simulation
 from sautereau.commands.output import FileOutput
-from sautereau.daq.errors import DaqError
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.source.continuous import record
 from sautereau.rig.errors import RigError, SautereauError
 from sautereau.rig.load import load_rig
 
@@ -98,15 +95,3 @@ def test_wrong_usage_ends_with_two(capsys):
     assert "--triggered: nothing presses" in capsys.readouterr().err
     with pytest.raises(CycloptsError, match=r'has no unit; write it like "1\.5 s"'):
         app(["acquire", "--sim", "--duration", "10"], exit_on_error=False, print_error=False)
-
-
-def test_a_folder_is_no_file_to_write(tmp_path):
-    words = ["acquire", "--sim", "--duration", "1 s", "--out", str(tmp_path), "--force"]
-    with pytest.raises(SautereauError, match="is a folder; give the name of a file in it"):
-        app(words, exit_on_error=False, print_error=False)
-
-
-@pytest.mark.parametrize("seconds", [0.0, -1.0, math.inf, math.nan])
-def test_a_duration_that_is_none(paper, tmp_path, seconds):
-    with pytest.raises(DaqError, match="a number above 0 s"):
-        record(paper, tmp_path / "a.mcap", seconds)

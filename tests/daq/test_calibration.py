@@ -10,7 +10,6 @@ from scipy import signal
 from sautereau.daq.signals.calibration import (
     calibration_warning,
     correct,
-    to_si,
     to_volts,
     undo_high_pass,
     white_noise,
@@ -23,12 +22,6 @@ RATE = 51_200.0
 
 def with_high_pass(channel, corner):
     return channel.model_copy(update={"high_pass": corner})
-
-
-def test_volts_to_si_and_back(velocity):
-    volts = np.array([-4.0, 0.0, 2.0])
-    np.testing.assert_allclose(to_si(volts, velocity), [-0.1, 0.0, 0.05], rtol=1e-15)
-    np.testing.assert_allclose(to_volts(to_si(volts, velocity), velocity), volts, rtol=1e-15)
 
 
 @pytest.mark.parametrize("corner", [0.1, 0.5, 1.0])
@@ -60,13 +53,6 @@ def test_the_sampled_filter_is_undone_exactly(corner):
     x[0] = 0.0
     y = signal.lfilter(*signal.butter(1, corner, "high", fs=RATE), x)
     np.testing.assert_allclose(undo_high_pass(y, corner, RATE), x, atol=1e-9)
-
-
-def test_no_high_pass_leaves_the_scaled_signal(velocity):
-    volts = np.array([1.0, 2.0, -3.0])
-    found = correct(volts, with_high_pass(velocity, 0.0), RATE)
-    assert np.array_equal(found, volts * velocity.scale)
-    assert correct(np.empty(0), velocity, RATE).shape == (0,)
 
 
 @pytest.mark.parametrize(("order", "corner"), [(1, 1000.0), (2, 1000.0), (2, 22_400.0), (8, 500.0)])

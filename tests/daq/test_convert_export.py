@@ -8,7 +8,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from sautereau.daq.convert.export import ENDING, export
+from sautereau.daq.convert.export import export
 from sautereau.daq.convert.targets import targets
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
@@ -103,12 +103,6 @@ def test_nothing_is_overwritten_and_nothing_left_behind(tmp_path, recording, tak
         export(recording, "csv", tmp_path / "table.csv")
     assert (tmp_path / taken).read_text() == "precious"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["press.mcap", taken]
-
-
-def test_the_leftover_of_a_killed_export_is_replaced(tmp_path, recording):
-    (tmp_path / f"table.csv{ENDING}").write_text("half")
-    export(recording, "csv", tmp_path / "table.csv")
-    assert len(list(tmp_path.glob(f"*{ENDING}"))) == 0
 
 
 def test_a_folder_that_is_not_there(tmp_path, recording):

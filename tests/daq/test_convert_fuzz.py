@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.daq.convert.export import export
@@ -12,12 +12,13 @@ from sautereau.daq.convert.formats import open_source
 from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
+from tests.budget import examples
 
 PREAMBLES = ("", "Model,X\nScale,1.5\nGain;2\n", "# a\n\n", "DATE = 3.2.2026\nMAX = 5,7\n")
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(20, 300)
 @given(
     rows=st.lists(st.tuples(NUMBERS, NUMBERS), min_size=1, max_size=20),
     dialect=st.sampled_from([",.", ";,", ";.", "\t,", "\t.", " ."]),

@@ -198,26 +198,6 @@ def test_columns_named_as_the_channels_or_not_at_all(tmp_path, back, paper, text
     assert found.volts["force"].tolist() == [1.0, 3.0]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "# a comment\n\nt,a\n0,1.25\n0.001,-2.5\n0.002,0.1\n",
-        "t;a\n0,000;1,25\n0,001;-2,5\n0,002;0,1\n",
-        "t\ta\r\n0.000\t1.25\r\n0.001\t-2.5\r\n0.002\t0.1\r\n",
-        '\ufeff"t","a"\n0.000,1.25\n0.001,-2.5\n0.002,0.1\n',
-    ],
-)
-def test_dialects_of_csv(tmp_path, back, paper, text):
-    path = tmp_path / "table.csv"
-    path.write_text(text, encoding="utf-8", newline="")
-    options = answers(**ONE, time="t")
-    done = import_file(path, back, rig=paper, options=options)
-    assert done.rate == 1000.0
-    found = read_recording(back)
-    assert found.volts["velocity"].tolist() == [1.25, -2.5, 0.1]
-    assert [channel.name for channel in found.rig.daq.channels] == ["velocity"]
-
-
 def write_wav(path, frames, width, rate=48_000, channels=1):
     with wave.open(str(path), "wb") as file:
         file.setnchannels(channels)
@@ -358,50 +338,6 @@ def test_rows_that_are_none(tmp_path, back, paper, text, word):
         import_file(path, back, rig=paper, options=options)
     else:
         assert word in refused(path, back, paper, options)
-
-
-@pytest.mark.parametrize(
-    ("times", "word"),
-    [
-        ([0, 1e-3, 2e-3, 4e-3], "is not even at"),
-        ([0, 1e-3, 1e-3, 3e-3], "is not even at"),
-        ([0], "fewer than two rows"),
-    ],
-)
-def test_uneven_times_are_never_resampled(tmp_path, back, paper, times, word):
-    path = tmp_path / "table.csv"
-    path.write_text("t,a\n" + "".join(f"{t!r},1\n" for t in times))
-    options = answers(**ONE, time="t")
-    assert word in refused(path, back, paper, options)
-
-
-@pytest.mark.parametrize("extension", [".tdms", ".wav", ".parquet", ".csv", ".xlsx"])
-def test_files_of_random_bytes(tmp_path, back, paper, extension):
-    path = tmp_path / f"rubbish{extension}"
-    path.write_bytes(b"\xff\xfe\x00rubbish" * 10)
-    message = refused(path, back, paper, answers())
-    assert str(path) in message
-    assert ";" in message or "damaged" in message
-
-
-@pytest.mark.parametrize("kind", ["tdms", "wav", "parquet"])
-def test_truncated_files_are_refused(tmp_path, back, paper, volts, complete_recording, kind):
-    """No truncation changes the number of samples silently; of CSV it cannot be detected."""
-    path = tmp_path / f"complete.{kind}"
-    options = answers(column=AI, started=None)
-    if kind == "tdms":
-        write_tdms(path, volts)
-    elif kind == "wav":
-        write_wav(path, np.arange(1000, dtype="<i2").tobytes(), 2)
-        options = answers(**WAV)
-    else:
-        export(complete_recording, "parquet", path, raw=True)
-        options = NO_OPTIONS
-    data = path.read_bytes()
-    cut = tmp_path / f"cut.{kind}"
-    for size in (0, 3, 40, len(data) // 2, len(data) - 9, len(data) - 1):
-        cut.write_bytes(data[:size])
-        refused(cut, back, paper, options)
 
 
 def test_a_missing_file_and_no_rig(tmp_path, back, paper):

@@ -43,12 +43,6 @@ def test_near_the_ends_the_polynomial_is_through_fewer():
     np.testing.assert_allclose(found[1:-1], exact[1:-1], atol=1e-14)
 
 
-def test_integer_delays_keep_the_samples():
-    signal = np.random.default_rng(0).standard_normal(100)
-    for lag in (3.0, 3 + 1e-12, 3 - 1e-12):
-        assert np.array_equal(undelayed(signal, lag), signal[3:])
-
-
 def test_white_noise_keeps_its_power_in_the_band_that_counts():
     """Half a sample is the worst: nothing of the power below 0.3 of the rate goes."""
     noise = np.random.default_rng(0).standard_normal(2**16)
@@ -69,20 +63,3 @@ def test_what_is_no_number_spoils_what_is_near_it_alone(bad, at):
     np.testing.assert_allclose(found[far], expected[far], rtol=0, atol=1e-12)
     near = np.abs(np.arange(len(found)) + 3.3 - at) < 1
     assert not np.any(np.abs(found[near]) < 1e300)
-
-
-@pytest.mark.parametrize("n", [34, 100, 1000])
-def test_it_is_a_correlation_with_the_weights_of_lagrange(n):
-    signal = np.random.default_rng(n).standard_normal(n)
-    places = np.arange(1 - HALF_WIDTH, HALF_WIDTH + 1)
-    weights = lagrange_weights(places, 0.37)
-    expected = np.correlate(signal, weights, "valid")
-    inner = slice(HALF_WIDTH - 1, HALF_WIDTH - 1 + len(expected))
-    np.testing.assert_allclose(undelayed(signal, 0.37)[inner], expected, atol=1e-13)
-
-
-def lagrange_weights(places, at):
-    return [
-        np.prod([(at - other) / (place - other) for other in places if other != place])
-        for place in places
-    ]

@@ -59,33 +59,9 @@ def test_an_mcap_of_another_program(tmp_path):
     assert "does not name sautereau" in refused(path)
 
 
-def test_every_truncation_is_refused(tmp_path, good):
-    data = good.read_bytes()
-    path = tmp_path / "short.mcap"
-    sizes = {*range(1, 60), *range(60, len(data), 997), *range(len(data) - 80, len(data))}
-    for size in sorted(sizes):
-        message = refused(write(path, data[:size]))
-        assert "it is truncated" in message, size
-        assert f"`sautereau recover {path}`" in message
-        assert "it is truncated" in described(path, "damage")
-
-
 def test_more_bytes_than_were_written_are_refused(tmp_path, good):
     refused(write(tmp_path / "long.mcap", good.read_bytes() + b"\x00"))
     refused(write(tmp_path / "twice.mcap", good.read_bytes() * 2))
-
-
-def test_every_changed_byte_is_refused(tmp_path, good):
-    """Bytes all over the file, and those that steer a reader: prefixes, checksums, footer."""
-    data = bytearray(good.read_bytes())
-    path = tmp_path / "changed.mcap"
-    places = {*range(50), *range(50, len(data), 251), *range(len(data) - 60, len(data))}
-    for place in sorted(places):
-        data[place] ^= 0x41
-        message = refused(write(path, bytes(data)))
-        data[place] ^= 0x41
-        assert any(word in message for word in ("corrupted", "truncated", "not an MCAP", "header"))
-        assert "sautereau recover" in message
 
 
 def test_a_chunk_with_its_checksums_removed_is_refused(tmp_path, good):

@@ -17,7 +17,7 @@ from sautereau.daq.file.reading import read_parts, read_recording
 from sautereau.daq.file.recording import Block, Recording
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
-from tests.daq.damage import chunks, corrupt, record_and
+from tests.daq.damage import chunks, corrupt
 
 RATE = 51_200.0
 N = 60_000
@@ -173,29 +173,6 @@ def test_a_head_whose_copies_are_both_damaged(make):
         recover(path)
     assert path.read_bytes() == spoilt
     assert [p.name for p in path.parent.iterdir()] == ["press.mcap"]
-
-
-def test_an_aborted_press_takes_its_name(tmp_path, paper, session):
-    recording = Recording(tmp_path / "press.mcap", paper, session=session)
-    with pytest.raises(ZeroDivisionError):
-        record_and(recording, VOLTS, lambda: 1 / 0)
-    found = recover(recording.part_path)
-    assert found.gaps == ()
-    read = read_recording(found.path)
-    assert read.complete is False
-    assert np.array_equal(np.stack(list(read.volts.values())), VOLTS)
-
-
-def test_a_recovered_file_damaged_again(make):
-    path = make()
-    place, _ = chunks(path)[1]
-    corrupt(path, place)
-    once = recover(path).path
-    place, _ = chunks(once)[1]
-    corrupt(once, place + 99)
-    found = recover(once)
-    assert found.path.name == "press-recovered-recovered.mcap"
-    assert {(g.first_sample, g.stop_sample) for g in found.gaps} == {(CHUNK, 3 * CHUNK)}
 
 
 def test_what_needs_no_recovery_and_what_allows_none(make, tmp_path):

@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.descriptors import FIELDS, FRAME, schema_data
@@ -17,8 +14,6 @@ from sautereau.daq.file.samples import (
     sample_layout,
 )
 from sautereau.daq.file.schemas import (
-    decode,
-    doubles,
     encode,
     encode_log,
     encode_rows,
@@ -28,29 +23,6 @@ from tests.daq.declared import declared_class
 
 NAMES = [f"c{i}" for i in range(20)]
 DATA = schema_data({"Preview": NAMES})
-INT64 = st.integers(-(2**63), 2**63 - 1)
-
-
-@given(hnp.arrays(np.uint64, st.integers(0, 50)))
-def test_any_bits_survive_the_twin(bits):
-    values = bits.view(np.float64)
-    data = encode("Samples", t0=-1, first_sample=-(2**63), rate=51_200.0, volts=values)
-    assert np.array_equal(doubles(decode("Samples", data).volts).view(np.uint64), bits)
-
-
-def test_an_index_from_zero_on_is_what_it_was_as_uint64():
-    """Field 2, a varint of 300: recordings from before the samples could be negative."""
-    data = encode("Samples", t0=0, first_sample=300, rate=0.0, volts=[])
-    assert data == b"\x10\xac\x02"
-
-
-@given(INT64, INT64, st.floats(allow_nan=False), INT64, st.binary(max_size=300))
-def test_a_block_is_the_declared_message(t0, first, rate, begin, samples):
-    data = block_head(t0, first, rate, begin, len(samples)) + samples
-    declared = declared_class(DATA, "sautereau.Block").FromString(data)
-    values = (declared.t0, declared.first_sample, declared.rate, declared.begin)
-    assert (*values, declared.data) == (t0, first, rate, begin, samples)
-    assert tuple(read_block(memoryview(data))) == (*values, samples)
 
 
 @pytest.mark.parametrize("place", [0, 9, 36, 40, None])

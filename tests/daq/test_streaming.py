@@ -46,11 +46,6 @@ def test_samples_before_the_trigger(long, volts):
     assert np.array_equal(read.volts["velocity"], volts[0])
 
 
-def test_a_stream_of_single_samples(long):
-    first = next(stream(long, 1e-6))
-    assert (first.first_sample, first.n_samples) == (BEGIN, 1)
-
-
 @pytest.mark.parametrize("seconds", [0.01, 0.25, 100.0])
 def test_a_stream_is_complete(long, volts, seconds):
     stretches = list(stream(long, seconds))
@@ -94,13 +89,6 @@ def test_a_window_beyond_the_recording(long, start, stop):
     with pytest.raises(RecordingError, match=r"samples are missing.*sautereau info") as caught:
         read_window(long, start, stop)
     assert str(long) in str(caught.value)
-
-
-def test_a_window_without_sense(long):
-    with pytest.raises(RecordingError, match="give a later stop"):
-        read_window(long, 0.5, 0.5)
-    with pytest.raises(RecordingError, match="more than 0 s"):
-        next(stream(long, 0.0))
 
 
 def test_a_window_over_a_gap(holed):

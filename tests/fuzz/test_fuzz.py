@@ -35,13 +35,13 @@ def test_what_failed_once(tmp_path, name, number):
 @pytest.mark.parametrize("name", ["rig", "csv", "parquet", "wav", "tdms", "npz", "mat", "h5"])
 def test_damaged_rigs_and_files_of_other_programs_are_refused_or_read_right(tmp_path, name):
     target = TARGETS[name]()(tmp_path)
-    for number in range(2 if name in ("mat", "h5") else 25):  # read in a process of their own
+    for number in range(2 if name in ("mat", "h5") else 12):  # read in a process of their own
         one(target, name, number)
 
 
 def test_damaged_recordings_give_no_crash_no_hang_and_no_wrong_sample():
     """In a process of its own, for its peak memory."""
-    words = ["recording", "lengths", "--first", "0", "--count", "30", "--seconds", "1000"]
+    words = ["recording", "lengths", "--first", "0", "--count", "15", "--seconds", "1000"]
     done = subprocess.run(
         [sys.executable, "-W", "error", "-m", "tests.fuzz", *words],
         cwd=Path(__file__).parents[2],
@@ -51,10 +51,10 @@ def test_damaged_recordings_give_no_crash_no_hang_and_no_wrong_sample():
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "60 cases, 0 failed" in done.stdout
+    assert "30 cases, 0 failed" in done.stdout
     assert max(map(int, re.findall(r"(\d+) MiB", done.stdout))) < 500
     recovered = re.findall(r"recovered (\d+)", done.stdout)
-    assert sum(map(int, recovered)) >= 30
+    assert sum(map(int, recovered)) >= 15
 
 
 @pytest.mark.slow

@@ -149,14 +149,6 @@ def test_each_rule_between_fields(changed, replacements, messages):
         assert message in str(raised.value)
 
 
-def test_rules_between_fields_are_reported_together(changed):
-    with pytest.raises(RigError) as raised:
-        changed(('"171 mm"', '"190 mm"'), ('"108 mm"', '"500 mm"'), ('"4.5 mm"', '"0.2 mm"'))
-    assert "3 faults" in str(raised.value)
-    for start in ("press_arm", "overlap", "plucking_point"):
-        assert f"line {line_with(start)}: " in str(raised.value)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -219,9 +211,3 @@ def test_files_that_cannot_be_read(tmp_path):
 def test_a_name_that_no_rig_has(name):
     with pytest.raises(RigError, match=r"give the path of a .*file"):
         load_rig(name)
-
-
-def test_a_file_is_loaded_whatever_its_ending(tmp_path, paper):
-    for name in ("bench.toml", "bench"):
-        (tmp_path / name).write_text(PAPER, encoding="utf-8")
-        assert load_rig(str(tmp_path / name)) == paper

@@ -161,11 +161,6 @@ def test_pixels_are_no_lengths(outline_of):
         outline_of(csv(WEDGE, "x [mm], y [mm]"), table)
 
 
-def test_an_empty_file_is_refused():
-    with pytest.raises(ValueError, match="0 different points are too few"):
-        split(np.empty((0, 2)))
-
-
 POINTS = st.lists(st.tuples(st.integers(-3, 9), st.integers(-3, 3)), max_size=12)
 """Integers, so that points and edges often coincide."""
 
@@ -180,16 +175,6 @@ def test_any_points_are_an_outline_or_refused(points):
     assert x[0] == 0
     assert np.all(np.diff(x) > 0)
     assert np.all(top >= bottom)
-
-
-def test_a_dense_tracing_is_thinned():
-    """Of 1,600 points, with noise of 0.2 um."""
-    x = np.linspace(0, 4.5e-3, 800)
-    half = 0.24e-3 - 0.02 * x + 2e-7 * np.sin(1e7 * x)
-    edges = [np.column_stack([x, half]), np.column_stack([x, -half])[::-1]]
-    x, top, bottom = split(np.concatenate(edges))
-    assert len(x) == THINNED_PLACES
-    np.testing.assert_allclose(top - bottom, 0.48e-3 - 0.04 * x, atol=4e-7)
 
 
 def test_a_rig_with_an_outline_reads_back(paper_text, tmp_path, outline_of):

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from sautereau.daq.file.reading import read_recording
 from sautereau.rig.edit import edit_rig
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, parse_rig, with_values
@@ -28,11 +27,6 @@ def test_a_rig_file_is_read_with_a_note_on_what_to_rename(caplog):
     ]
 
 
-def test_a_current_rig_file_has_no_note(caplog):
-    load_rig("paper")
-    assert not caplog.records
-
-
 def test_a_key_under_both_names_is_refused():
     text = (OLD / "rig.toml").read_text()
     both = text.replace("front_heaviness", 'gravity_moment = "1 mN m"\nfront_heaviness', 1)
@@ -50,12 +44,6 @@ def test_an_edit_of_an_old_file_keeps_its_name_of_the_key(tmp_path):
 def test_values_may_be_given_by_the_old_key():
     changed = with_values(load_rig(), {"key.front_heaviness": "5 mN m"})
     assert changed.key.gravity_moment == 5e-3
-
-
-def test_a_recording_is_read():
-    rig = read_recording(OLD / "session" / "press-0001.mcap").rig
-    assert rig.key.gravity_moment == MOMENT
-    assert "key.gravity_moment" in rig.assumed
 
 
 def test_a_plan_table_with_the_old_key(tmp_path):

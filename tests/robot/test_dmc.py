@@ -1,34 +1,17 @@
 """A press in DMC code, and counts."""
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.robot.drivers.galil.capture import plan_capture
-from sautereau.robot.drivers.galil.dmc import segment_commands
 from sautereau.robot.drivers.galil.program import SETTLE, controller_program
 from sautereau.robot.errors import UnsafeRequest
-from sautereau.trajectory.segments import Segments
 
 row = st.tuples(
     *[st.integers(-(2**31), 2**31)] * 4,
     st.integers(1, 2048),
 )
-
-
-@given(st.lists(row, min_size=1, max_size=20))
-def test_each_segment_is_one_command_of_each_axis(rows):
-    table = np.array(rows, dtype=np.int64)
-    segments = Segments(np.array([5, -5]), table[:, :2], table[:, 2:4], table[:, 4])
-    assert segment_commands(segments) == [
-        command
-        for first, second, first_speed, second_speed, samples in rows
-        for command in (
-            f"PVA={first},{first_speed},{samples}",
-            f"PVB={second},{second_speed},{samples}",
-        )
-    ]
 
 
 @pytest.mark.parametrize("output", [1, 16])

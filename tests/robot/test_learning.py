@@ -128,14 +128,6 @@ def test_a_correction_too_large_is_halved_until_it_can_be_pressed():
     assert not learning.stopped
 
 
-def test_the_last_correction_stays_where_a_larger_one_cannot_be_pressed():
-    learning = IterativeLearning(RIG, None, 5)
-    learning.plan(bump(0.4e-3))
-    learning.plan(bump(8e-3))
-    rise = next(learning.presses_on(RIG)).trajectory.law.law.states[:, 0].max()
-    assert rise > plan_press(RIG, None, bump(0.4e-3)).law.law.states[:, 0].max()
-
-
 def test_a_correction_that_cannot_be_pressed_after_halving_ends_learning():
     learning = IterativeLearning(RIG, None, 5)
     learning.plan(bump(0.2))

@@ -142,154 +142,27 @@ def test_a_press_through_the_seam(controller: MotionController, port, segments, 
     assert capture.sample_period == rig.controller.sample_period
 
 
-CONNECT = [
-    "i",
-    "w axis0.requested_state 1",
-    "w axis1.requested_state 1",
-    "i",
-    "r axis0.current_state",
-    "r axis1.current_state",
-    *(
-        f"r axis{axis}.{name}"
-        for axis in (0, 1)
-        for name in (
-            "config.enable_sensorless_mode",
-            "config.enable_step_dir",
-            "config.startup_closed_loop_control",
-            "config.startup_homing",
-            "controller.config.circular_setpoints",
-            "controller.config.enable_overspeed_error",
-            "controller.config.enable_vel_limit",
-            "encoder.is_ready",
-            "motor.is_calibrated",
-            "encoder.config.cpr",
-            "controller.config.load_encoder_axis",
-        )
-    ),
-    *itertools.chain.from_iterable(
-        (f"w axis{axis}.{name} {value}", f"r axis{axis}.{name}")
-        for axis in (0, 1)
-        for name, value in (
-            ("config.watchdog_timeout", "0.5"),
-            ("controller.config.vel_limit", "0.954929659"),
-            ("motor.config.torque_lim", "2"),
-            ("controller.config.input_filter_bandwidth", "64"),
-            ("min_endstop.config.offset", "0"),
-            ("min_endstop.config.debounce_ms", "2"),
-        )
-    ),
-    "w axis0.config.enable_watchdog 1",
-    "r axis0.config.enable_watchdog",
-    "w axis1.config.enable_watchdog 1",
-    "r axis1.config.enable_watchdog",
-    "r axis0.motor.config.torque_constant",
-    "r axis1.motor.config.torque_constant",
-]
-HEARD = "r vbus_voltage"
-ERRORS = [
-    "r error",
-    *(
-        f"r axis{axis}.{register}error"
-        for axis in (0, 1)
-        for register in ("", "motor.", "encoder.", "controller.")
-    ),
-]
-BEFORE_POWER = [
-    line
-    for axis in (0, 1)
-    for name, value in (("config.control_mode", 3), ("input_vel", 0), ("input_torque", 0))
-    for line in (f"w axis{axis}.controller.{name} {value}", f"r axis{axis}.controller.{name}")
-]
-HOLD = [
-    line
-    for axis in (0, 1)
-    for line in (
-        f"w axis{axis}.controller.config.input_mode 5",
-        f"r axis{axis}.controller.config.input_mode",
-    )
-]
-ON = [
-    "r axis0.config.enable_watchdog",
-    "r axis1.config.enable_watchdog",
-    "r axis0.config.watchdog_timeout",
-    "r axis1.config.watchdog_timeout",
-    *BEFORE_POWER,
-    *HOLD,
-    "sc",
-    HEARD,
-    *ERRORS,
-    "w axis0.requested_state 8",
-    "w axis1.requested_state 8",
-    HEARD,
-    "w stand_in.wait 0.010000000",
-    "r axis0.current_state",
-    "r axis1.current_state",
-]
-ABORT = ["w axis0.requested_state 1", "w axis1.requested_state 1", "i",
-         "r axis0.current_state", "r axis1.current_state"]  # fmt: skip
+SET = {
+    "config.enable_watchdog": 1,
+    "config.watchdog_timeout": 0.5,
+    "controller.config.vel_limit": 0.954929659,
+    "controller.config.input_filter_bandwidth": 64,
+    "motor.config.torque_lim": 2,
+    "min_endstop.config.debounce_ms": 2,
+}
+"""Properties of both axes before they have power."""
+RESET = ("config.control_mode 3", "input_vel 0", "input_torque 0", "config.input_mode 5")
+"""Settings of an axis's controller with which it holds its position when it is switched on."""
 
 
-def test_transcript_of_connecting(controller, port):
-    assert "SIM" in controller.connect()
-    assert controller.simulated
-    assert port.said == CONNECT
-
-
-def test_transcript_of_switching_on_and_aborting(controller, port):
-    with controller:
-        port.said.clear()
-        with controller.powered():
-            assert port.said == ON
-            assert port.firmware.motors_on == (True, True)
-            port.said.clear()
-            controller.abort()
-            assert port.said == ABORT
-            port.said.clear()
-        assert port.said == []
-
-
-def test_transcript_of_a_motion(controller, port, segments):
+def test_the_motors_are_switched_on_last(controller, port):
+    """Watchdogs and limits are set, errors cleared, and inputs of an earlier motion removed."""
     with controller, controller.powered():
-        ready(controller, segments)
-        move = port.said.index("t 0 0.0005000")
-        assert port.said[move - 12 : move + 2] == [
-            *itertools.chain.from_iterable(
-                (f"w axis{axis}.trap_traj.config.{name} {value}",
-                 f"r axis{axis}.trap_traj.config.{name}")
-                for axis in (0, 1)
-                for name, value in (
-                    ("vel_limit", "0.05"), ("accel_limit", "0.5"), ("decel_limit", "0.5")
-                )
-            ),
-            "t 0 0.0005000",
-            "t 1 -0.0005000",
-        ]  # fmt: skip
-        assert port.said[-7:] == [
-            "w axis0.controller.config.input_mode 3",
-            "r axis0.controller.config.input_mode",
-            "w axis1.controller.config.input_mode 3",
-            "r axis1.controller.config.input_mode",
-            "p 0 0.0005000 0",
-            "p 1 -0.0005000 0",
-            HEARD,
-        ]
-        port.said.clear()
-        controller.start()
-        controller.wait()
-        assert port.said[:2] == ["p 0 0.0005000 0.000000", "p 1 -0.0005000 0.000000"]
-        assert port.said[2:7] == [
-            "f 0",
-            "f 1",
-            "r axis0.motor.current_control.Iq_setpoint",
-            "r axis1.motor.current_control.Iq_setpoint",
-            "w stand_in.wait 0.003906250",
-        ]
-        setpoints = [line for line in port.said if line.startswith("p 0 ")]
-        assert len(setpoints) == 23 + LEAD
-        last = next(i for i, line in enumerate(port.said) if line == HOLD[0])
-        assert port.said[last:][: len(HOLD)] == HOLD
-        assert setpoints[-1] == "p 0 0.0020000 0.000000"
-    assert not any(line.startswith("q") for line in port.said)
+        before = port.said[: port.said.index("w axis0.requested_state 8")]
+        assert {f"w axis{axis}.controller.{to}" for axis in (0, 1) for to in RESET} < set(before)
+        assert "sc" in before
+        for axis in port.firmware.axes:
+            assert {name: axis.settings[name] for name in SET} == pytest.approx(SET)
 
 
 # What it is.

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.errors import MotionFault, PortUnavailable, RobotError
+from sautereau.robot.errors import MotionFault, RobotError
 from sautereau.robot.experiment.setup.contact import Creep, find_contact
 from sautereau.robot.experiment.setup.dry_run import play_in_air, raised
-from sautereau.robot.experiment.setup.joints import TURN, check_encoders, find_home
+from sautereau.robot.experiment.setup.joints import check_encoders
 from sautereau.robot.experiment.setup.port import find_port, identify
 from sautereau.robot.experiment.setup.step import Declined
 from sautereau.robot.experiment.setup.steps import STEPS, make_steps
@@ -115,16 +115,7 @@ def test_the_controller_is_identified_and_nothing_moves(stand_in, rig):
     assert stand_in.bench.firmware.samples == before
 
 
-def test_a_controller_that_is_not_there(rig):
-    with pytest.raises(PortUnavailable):
-        identify(with_values(rig, {"controller.port": "/dev/ttyNONE"}), Person())
-
-
 # The joints.
-
-
-def test_home_is_found_twice(rig):
-    assert "found twice" in find_home(rig, Person()).lines[0]
 
 
 def test_joints_with_correct_encoders(rig):
@@ -147,13 +138,6 @@ def test_joints_with_wrong_encoders(rig, fractions, said):
     left = list(fractions)
     with pytest.raises(MotionFault, match=said):
         check_encoders(rig, Person(measures=lambda expected: expected * left.pop(0)))
-
-
-def test_an_encoder_that_is_not_measured_is_not_checked(rig):
-    found = check_encoders(rig, Person())
-    assert found.warnings == ("direction and scale of the encoders are not checked",)
-    assert found.values == {}
-    assert math.radians(5) < TURN
 
 
 # The key.

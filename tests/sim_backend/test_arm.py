@@ -7,17 +7,14 @@ import pytest
 
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import rig_pluck
-from sautereau.sim_backend.physics.drive import LEAD, PressDrive
+from sautereau.sim_backend.physics.drive import PressDrive
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.physics.world import new_world
-from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.dynamics import gravity_torque
-from sautereau.trajectory.key import key_under_fingertip, rise_slope
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
 from tests.sim_backend.scenes import MUTE, RIG, at_rest, press_solved, scene_of
 
-PERIOD = RIG.controller.sample_period
 RADIANS = 2 * math.pi / RIG.arm.counts_per_revolution
 PLAN = plan_press(RIG)
 DRIVE = PressDrive(RIG, PLAN.segments)
@@ -39,30 +36,6 @@ def test_the_press_agrees_with_the_reference_to_a_count(seen):
     angle = np.interp(moved.time, true.motions.time, true.motions.angle)
     count = RADIANS * RIG.arm.upper_length / RIG.key.press_arm
     np.testing.assert_allclose(moved.angle, angle, rtol=0, atol=3 * count)
-
-
-def test_the_jack_slows_while_the_string_is_held(seen):
-    """By 10 to 30 % of its speed; less before contact."""
-    moved = seen.motions
-    contact, release = seen.events.contacts[0].time, seen.events.releases[0].time
-    speed = moved.angular_velocity * rise_slope(RIG.key, moved.angle)
-
-    def mean(start, end):
-        return speed[(moved.time > start) & (moved.time < end)].mean()
-
-    before = mean(contact - 3e-3, contact)
-    assert before == pytest.approx(0.072, rel=0.1)
-    assert 0.10 < 1 - mean(release - 2e-3, release) / before < 0.30
-    free = mean(contact - 10e-3, contact - 5e-3)
-    assert abs(before / free - 1) < 0.10
-
-
-def test_the_servos_press_comes_to_the_same_end(seen):
-    moved = seen.motions
-    centre = fingertip_motion(RIG.arm, DRIVE.joints(moved.time))
-    planned = key_under_fingertip(RIG.key, RIG.arm.fingertip_radius, centre).position
-    at_bottom = np.searchsorted(moved.time, LEAD * PERIOD + PLAN.law.return_start)
-    assert moved.angle[at_bottom] == pytest.approx(planned[at_bottom], abs=3e-4)
 
 
 def test_the_servos_finger_force_is_the_models(seen):

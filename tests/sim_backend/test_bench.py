@@ -1,7 +1,5 @@
 """The bench in this process: choices, truth, and memory."""
 
-from types import SimpleNamespace
-
 import pytest
 
 from sautereau.rig.load import load_rig
@@ -41,26 +39,6 @@ def test_without_an_edge_there_is_no_truth():
 def test_an_event_on_the_edge_belongs_to_the_press_that_it_starts():
     one, other = truths(PluckEvents([event(1.0), event(2.0)], [], []), [1.0, 2.0])
     assert one.contacts == other.contacts == (0.0,)
-
-
-def test_a_solver_is_selected_for_an_accuracy(monkeypatch):
-    """The bench simulates the scene that was selected."""
-    from sautereau.sim_backend.trade import select
-
-    class Selected(SimpleNamespace):
-        def __str__(self):
-            return "1 us"
-
-    def select_solver(rig, scene):
-        assert scene.accuracy == "10 us"
-        return Selected(scene=mute_scene())
-
-    monkeypatch.setattr(select, "select_solver", select_solver)
-    scene = load_scene("ideal").model_copy(update={"step": None, "accuracy": "10 us"})
-    bench = Bench(load_rig(), scene)
-    assert bench.reached == "1 us"
-    assert bench.scene.step == 1e-3
-    assert Bench(load_rig(), mute_scene()).reached == ""
 
 
 def test_an_acquisition_that_is_over_is_not_kept():

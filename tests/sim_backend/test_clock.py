@@ -68,14 +68,6 @@ def test_a_host_gets_the_lock_while_time_advances():
     assert sorted(seen) == seen
 
 
-def test_it_stops_at_once_for_a_thread_that_waits_for_complete_samples():
-    bench = Count()
-    bench.awaited = True
-    with clock(bench):
-        bench.go(20)
-    assert bench.ticks == 20
-
-
 def test_a_failing_bench_is_reported_and_not_advanced():
     bench = Count()
     with clock(bench):
@@ -103,17 +95,3 @@ def test_waiting_threads_get_the_lock_in_order():
         done.set()
         thread.join()
     assert greedy[0] > 0
-
-
-def test_a_condition_is_waited_for_without_the_lock():
-    lock, state = FairLock(), []
-
-    def fulfil():
-        with lock:
-            state.append(1)
-            lock.notify_all()
-
-    with lock:
-        threading.Thread(target=fulfil).start()
-        assert lock.wait_for(lambda: bool(state), 10)
-        assert not lock.wait_for(lambda: False, 0.0)

@@ -5,7 +5,6 @@ import pytest
 
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
-from sautereau.sim_backend.devices.serial_port import PortGone
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import BadLine, disturbed
 from sautereau.sim_backend.fault_tables import Drift, Faults, Overload, Speckle
@@ -137,11 +136,6 @@ def test_bytes_are_lost_and_changed_with_their_probabilities():
     assert set(flipped) == {1 << i for i in range(8)}
 
 
-@pytest.mark.parametrize(("share", "left"), [(0.0, DATA), (1.0, b"")])
-def test_all_or_nothing(share, left):
-    assert disturbed(DATA, share, 0.0, np.random.default_rng(1)) == left
-
-
 def test_how_bytes_are_grouped_changes_none():
     whole = disturbed(DATA, 0.05, 0.05, np.random.default_rng(3))
     random = np.random.default_rng(3)
@@ -168,41 +162,6 @@ def test_only_the_direction_asked_for_is_bad(towards):
         b"x" if towards == "controller" else b""
     )
     assert heard == [b"" if towards == "controller" else b"TP\r"]
-
-
-def test_the_cable_is_disconnected_after_a_number_of_bytes():
-    heard = []
-    line = echo_line(cable_out={"after_bytes": 5})
-    assert line.carry(b"TP\r", lambda data: heard.append(data) or b":") == b":"
-    assert line.carry(b"SH\r", lambda data: heard.append(data) or b":") == b""
-    assert line.carry(b"MO\r", lambda data: heard.append(data) or b":") == b""
-    assert b"".join(heard) == b"TP\rSH"
-
-
-def test_the_cable_takes_the_port_with_it_in_its_press():
-    now = [0.0]
-    line = echo_line(
-        lambda press, at: press == 2 and now[0] >= at,
-        cable_out={"press": 2, "at": "3 ms", "port_closes": True},
-    )
-    assert line.carry(b"TP\r", lambda data: b":") == b":"
-    now[0] = 3e-3
-    with pytest.raises(PortGone):
-        line.carry(b"TP\r", lambda data: b":")
-
-
-def test_a_line_is_late_from_its_press_on():
-    now = [0]
-    line = echo_line(lambda press, at: now[0] >= press, line={"delay": "30 ms", "press": 2})
-    assert line.delay == 0.0
-    now[0] = 2
-    assert line.delay == 0.03
-
-
-def test_a_good_line_changes_nothing():
-    line = BadLine(None, 0, lambda press, at: True)
-    assert line.carry(DATA, lambda data: data) == DATA
-    assert line.delay == 0.0
 
 
 # The sensors.
@@ -248,11 +207,6 @@ def test_blocks_do_not_change_a_drop_out(block):
     np.testing.assert_array_equal(np.concatenate(found), whole)
 
 
-def test_a_drop_out_shorter_than_a_sample_is_mostly_not_sampled():
-    shown = dropouts(rate="1000 Hz", duration="1 ns").disturb(TIMES, np.ones_like(TIMES))
-    assert np.count_nonzero(shown != 1) < 5
-
-
 @pytest.mark.parametrize("block", [1, 97, 5120])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_an_overload_holds_until_it_has_recovered(block, sign):
@@ -270,17 +224,6 @@ def test_an_overload_holds_until_it_has_recovered(block, sign):
     free = (times < 0.025 - 1e-9) | (times > 0.085)
     np.testing.assert_array_equal(shown[held], sign * 1.0)
     np.testing.assert_array_equal(shown[free], force[free])
-
-
-def test_an_amplifier_without_recovery_only_clips():
-    force = 3 * np.sin(100 * TIMES)
-    amplifier = Overloading(Overload.model_validate({"force": "1 N", "recovery": "0 s"}))
-    np.testing.assert_array_equal(amplifier.disturb(TIMES, force), np.clip(force, -1, 1))
-
-
-def test_a_drift_is_a_ramp():
-    drift = Drifting(Drift.model_validate({"rate": "-0.2 N/s"}))
-    np.testing.assert_allclose(drift.disturb(TIMES, 1 + 0 * TIMES), 1 - 0.2 * TIMES, rtol=1e-15)
 
 
 def test_ac_coupling_turns_a_drift_into_an_offset():

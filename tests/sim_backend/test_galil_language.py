@@ -81,12 +81,6 @@ def test_a_branch_without_its_end(run, bench):
     assert bench.send("TC1") == "63 IF statement without ENDIF\r\n:"
 
 
-def test_loops_and_subroutines(run, bench):
-    bench.accept("sum=0", "n=0")
-    run("#LOOP", "n=n+1;JS #ADD;sum=sum+1", "JP #LOOP,n<10", "EN", "#ADD", "sum=sum+n", "EN")
-    assert bench.number("sum") == 65
-
-
 def test_a_subroutine_may_be_skipped(run, bench):
     run("x=1", "JS #SUB,x>1", "JS #SUB,x=1", "EN", "#SUB", "x=x+10", "EN")
     assert bench.number("x") == 11
@@ -115,11 +109,6 @@ def test_at_keeps_time_however_long_the_lines_take(run, bench):
     run("n=0;AT 0", "#L", "SB 1;CB 1", "n=n+1", "NO", "NO", "AT -7,1", "JP #L,n<20", "EN")
     rises = [at for at, _, level in bench.outputs if level]
     assert np.diff(rises)[1:].tolist() == [6] * 18  # its resolution is 2
-
-
-def test_time_is_given_in_samples(run, bench):
-    run("t0=TIME", "WT 100", "t1=TIME-t0", "EN")
-    assert bench.number("t1") == pytest.approx(100, abs=1)
 
 
 def test_a_watchdog_that_is_not_renewed_switches_off(bench):

@@ -25,18 +25,6 @@ def test_a_move_takes_the_time_of_its_trapezoid(bench, distance):
     bench.assert_smooth()
 
 
-def test_absolute_and_relative_moves_in_the_hosts_frame(bench):
-    bench.accept("SH", "DP 1000,0", "PA 1500,-200", "BG")
-    bench.run()
-    assert bench.counts == [500, -200]
-    assert bench.send("TP") == " 1500,-200\r\n:"
-    bench.accept("PR -10", "BGA")
-    bench.run()
-    bench.accept("BGA")
-    bench.run()
-    assert bench.send("TP") == " 1480,-200\r\n:"
-
-
 @pytest.mark.parametrize("after", [0, 10, 60, 120])
 def test_a_move_that_is_extended_ends_there_and_is_no_slower_than_one_move(bench, after):
     bench.accept("SP 20000;AC 512000;DC 512000;SH;PRA=-3000;BGA")

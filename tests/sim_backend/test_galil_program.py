@@ -96,14 +96,6 @@ def test_a_faster_sample_has_time_for_fewer_lines(bench):
     assert bench.run() == pytest.approx(44 * LINE_TIME * 4096, abs=1)
 
 
-def test_threads_take_turns_line_by_line(bench):
-    download(bench, "#A", "SB 1", "CB 1", "JP #A", "#B", "a=a+1", "JP #B,a<10", "SB 2", "EN")
-    bench.accept("a=0", "XQ #A", "XQ #B,1", "XQ #A,2")
-    bench.tick(25)
-    assert bench.number("a") == 10
-    assert len([level for _, number, level in bench.outputs if number == 1]) > 10
-
-
 def test_a_trip_point_releases_the_rest_of_its_line(bench):
     bench.accept("SH", "PVA=100,0,10;PVA=,,0")
     download(bench, "#WAIT", "AI -2;SB 1;BTA", "AM;CB 1;EN")

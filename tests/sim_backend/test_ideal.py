@@ -11,7 +11,7 @@ from sautereau.sim_backend.physics.drive import LEAD, PressDrive
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.trajectory.arm import fingertip_motion, joints_holding_point
-from sautereau.trajectory.key import jack_motion, key_under_fingertip, rise_of_angle
+from sautereau.trajectory.key import key_under_fingertip, rise_of_angle
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
 from tests.key_oracle import static_moment
@@ -71,14 +71,6 @@ def test_the_key_follows_the_fingertip(seen):
     )
 
 
-def test_the_jack_stands_on_the_key(seen):
-    moved = seen.motions
-    np.testing.assert_allclose(moved.rise, rise_of_angle(KEY, moved.angle), rtol=0, atol=1e-10)
-    cruise = in_cruise(moved.time)
-    jack = jack_motion(KEY, planned(moved.time))
-    np.testing.assert_allclose(moved.rise[cruise], jack.position[cruise], rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize("step", [pytest.param(20e-6, marks=pytest.mark.slow), 1e-4, 1e-3])
 def test_contact_and_release_are_the_models(step):
     events = observe(RIG, ideal(step=step), DRIVE).events
@@ -108,15 +100,6 @@ def test_finger_force_is_the_models(friction):
     np.testing.assert_allclose(moved.finger_force[cruise], expected[cruise], rtol=5e-3)
 
 
-def test_a_mute_scene_has_no_events():
-    seen = observe(RIG, ideal(**MUTE), DRIVE)
-    assert seen.events.contacts == seen.events.releases == seen.events.returns == []
-    expected = finger_force(RIG, planned(seen.motions.time), np.zeros_like(seen.motions.time))
-    cruise = in_cruise(seen.motions.time)
-    np.testing.assert_allclose(seen.motions.finger_force[cruise], expected[cruise], rtol=5e-3)
-    np.testing.assert_array_equal(seen.motions.string_force, 0)
-
-
 @pytest.mark.parametrize("depth", [-1e-6, 1e-12, 1e-6])
 def test_a_finger_at_rest_on_the_key_has_a_constant_force(depth):
     """Zero just above the key, which the rail supports; below, the force of its weight."""
@@ -133,39 +116,6 @@ def test_a_finger_at_rest_on_the_key_has_a_constant_force(depth):
         assert force[0] == 0
     elif depth == 1e-6:
         assert force[0] == pytest.approx(carried, rel=1e-4)
-
-
-def test_a_key_at_rest_that_is_not_stepped_presses_alike(monkeypatch, seen):
-    """The engine takes no steps while key and fingertip are apart and the key rests."""
-    monkeypatch.setattr("sautereau.sim_backend.physics.rigid.ideal.IdealFinger.stays_clear", never)
-    stepped = observe(RIG, ideal(), DRIVE)
-    assert len(stepped.motions.time) > len(seen.motions.time)
-    for kind in ("contacts", "releases"):
-        (time,), (other,) = ([e.time for e in getattr(s.events, kind)] for s in (seen, stepped))
-        assert time == pytest.approx(other, abs=1e-12)
-    angle = np.interp(stepped.motions.time, seen.motions.time, seen.motions.angle)
-    np.testing.assert_allclose(angle, stepped.motions.angle, atol=1e-12)
-
-
-def never(finger, angle):
-    return False
-
-
-def test_a_second_press_plucks_again():
-    world = new_world(RIG, ideal(), DRIVE.start)
-    for _ in range(2):
-        for i in range(DRIVE.samples):
-            world.advance(DRIVE.reference(i), True)
-    apart = DRIVE.samples * PERIOD
-    for kind in (world.events.contacts, world.events.releases, world.events.returns):
-        assert len(kind) == 2
-        assert kind[1].time - kind[0].time == pytest.approx(apart, abs=1e-8)
-
-
-def test_truth_changes_the_bench_and_not_the_plan():
-    """A clearance of 2.5 mm in the true bench only."""
-    events = observe(RIG, ideal(truth={"jack.string_clearance": "2.5 mm"}), DRIVE).events
-    assert events.contacts[0].time == pytest.approx(reaches(2.5e-3), abs=1e-8)
 
 
 def test_the_felt_stops_the_finger_at_the_bottom():

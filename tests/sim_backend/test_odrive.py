@@ -147,14 +147,6 @@ def test_a_line_that_is_too_long_is_lost(bench):
     assert bench.say("r axis0.error") == "0\r\n"
 
 
-def test_a_megabyte_of_noise_neither_crashes_nor_moves(bench):
-    noise = np.random.default_rng(3).integers(0, 256, 1 << 20, dtype=np.uint8).tobytes()
-    bench.firmware.receive(noise)
-    bench.tick(3)
-    assert bench.counts == [0, 0]
-    assert bench.firmware.motors_on == (False, False)
-
-
 @given(
     st.lists(
         st.tuples(

@@ -1,8 +1,5 @@
 """Acquisitions that are fed here, one controller sample at a time."""
 
-import threading
-import time
-
 import numpy as np
 import pytest
 
@@ -11,7 +8,7 @@ from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
 from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun, Wiring
-from sautereau.sim_backend.fault_tables import Drift, Faults, Speckle
+from sautereau.sim_backend.fault_tables import Faults, Speckle
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import load_scene
 
@@ -90,12 +87,6 @@ def test_samples_begin_at_the_trigger(rig):
     assert newtons[0] == 0.3
 
 
-def test_no_more_samples_than_asked_for(rig):
-    run = triggered(rig, 10, n=77)
-    assert run.wait_for(1000, 0) == 77
-    assert run.read(0, 77).shape == (2, 77)
-
-
 def test_terminals_come_in_the_order_asked_for(rig):
     both, turned = triggered(rig, 10), triggered(rig, 10, terminals=("ai1", "ai0"))
     np.testing.assert_array_equal(both.read(0, 400), turned.read(0, 400)[::-1])
@@ -156,19 +147,6 @@ def test_the_same_seed_gives_the_same_bits_whatever_is_read(rig, random):
     assert np.any(one.read(0, 1400) != third.read(0, 1400))
 
 
-def test_channels_have_noise_of_their_own(rig):
-    run = triggered(rig, 45, sensors=SENSORS, n=2000)
-    velocity, newtons = np.diff(run.read(0, 2000), 2)
-    assert abs(np.corrcoef(velocity, newtons)[0, 1]) < 0.1
-
-
-def test_reading_gives_a_copy(rig):
-    run = triggered(rig, 10)
-    block = run.read(0, 100)
-    block[:] = 0
-    assert np.any(run.read(0, 100) != 0)
-
-
 def test_the_memory_of_an_endless_run_is_bounded(rig):
     """And every sample is the one of a run that is read at once."""
     endless, finite = triggered(rig, n=ENDLESS), triggered(rig, 200, n=9000)
@@ -200,24 +178,6 @@ def test_a_stopped_run_is_not_triggered(rig):
     assert run.trigger_time is None
 
 
-def test_a_run_that_is_not_read_computes_nothing(rig):
-    """And one that is read in pieces, in any order, has the samples of one complete read."""
-    whole, parts = (triggered(rig, 41, sensors=SENSORS) for _ in range(2))
-    for run in (whole, parts):
-        assert run._computed == 0
-        assert run.wait_for(2000, 0) == 2000
-    pieces = [parts.read(0, 1), parts.read(1, 1022), parts.read(1023, 700), parts.read(1723, 277)]
-    np.testing.assert_array_equal(np.concatenate(pieces, axis=1), whole.read(0, 2000))
-    np.testing.assert_array_equal(parts.read(500, 100), whole.read(500, 100))
-
-
-def test_a_read_beyond_what_is_there_gives_what_is_there(rig):
-    run = triggered(rig, 5)
-    there = run.wait_for(0, 0)
-    assert run.read(there - 3, 100).shape == (2, 3)
-    assert run.read(there, 100).shape == (2, 0)
-
-
 def test_a_fault_ends_the_run_at_its_sample(rig):
     """Reads before it are served; those of it raise, each time."""
     run = armed(rig)
@@ -229,30 +189,6 @@ def test_a_fault_ends_the_run_at_its_sample(rig):
     for _ in range(2):
         with pytest.raises(ValueError, match="gone"):
             run.wait_for(701, 0)
-
-
-def test_a_fault_of_the_sensor_is_in_the_samples(rig):
-    faults = Faults(drift=Drift.model_construct(rate=2.0))
-    good, bad = triggered(rig, 20), triggered(rig, 20, faults=faults)
-    off = bad.read(0, 900) - good.read(0, 900)
-    assert not off[0].any()
-    np.testing.assert_allclose(off[1], 2 * np.arange(900) / 51_200, atol=1e-12)
-
-
-def test_a_waiting_thread_is_noticed(rig):
-    run = triggered(rig)
-    waiter = threading.Thread(target=run.wait_for, args=(200, 10))
-    waiter.start()
-    while not run._requested:
-        time.sleep(1e-3)
-    play(run, 2)
-    assert not run.due
-    play(run, 6, first=2)
-    assert run.due
-    with run._lock:
-        run._lock.notify_all()
-    waiter.join()
-    assert not run.due
 
 
 def paced(rig, **settings):

@@ -3,8 +3,7 @@
 import pytest
 
 from sautereau.rig.errors import RigError
-from sautereau.rig.load import load_rig, parse_rig
-from sautereau.rig.text import rig_text
+from sautereau.rig.load import load_rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import (
     current_scene,
@@ -161,8 +160,3 @@ def test_without_sensors_the_calibrations_are_those_of_ideal_ones(rig):
             chart.scale, chart.range, chart.terminal,
         )  # fmt: skip
     assert load_scene("paper").as_wired(rig) is rig
-
-
-def test_a_rig_with_ideal_calibrations_is_a_rig_file_that_reads_back(rig):
-    wired = load_scene("ideal").as_wired(rig)
-    assert parse_rig(rig_text(wired)) == wired

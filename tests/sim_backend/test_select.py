@@ -98,21 +98,6 @@ def test_a_diverging_step_has_no_estimate_and_the_reason_is_reported():
         StepRefinement(lambda n: observe(1), 1, 64, PERIOD).estimate(0)
 
 
-def test_equal_neighbouring_results_do_not_hide_an_error():
-    error = {1: 0.8e-6, 2: 0.5e-6, 4: 0.5e-6, 8: 0.1e-6}
-    refinement = StepRefinement(
-        lambda n: events_at(0.01, 0.02 + error.get(n, 0.0)), 1, 1 << 20, PERIOD
-    )
-    for level in range(3):
-        assert error[refinement.steps(level)] <= refinement.estimate(level).time
-
-
-def test_levels_that_agree_by_coincidence_do_not_hide_an_error():
-    error = {1: 2e-6, 2: -2e-6, 4: 1.5e-6, 8: 1.9e-6}
-    refinement = StepRefinement(lambda n: events_at(0.01, 0.02 + error[n]), 1, 8, PERIOD)
-    assert error[1] <= refinement.estimate(0).time
-
-
 @pytest.mark.parametrize("parts", [1, 2, 3, 7, 32])
 @pytest.mark.parametrize("first", [1, 4])
 def test_a_step_that_the_engine_divides_is_refined_until_it_is_shorter(first, parts):
@@ -244,10 +229,3 @@ def test_a_step_given_is_kept_and_estimated():
     assert selected.scene.step == PERIOD / 10
     assert toy.error(selected.scene) <= selected.errors.time
     assert selected.asked is None
-
-
-def test_the_choice_is_the_same_each_time():
-    first, second = (toy_selected(Toy(), scene()) for _ in range(2))
-    assert first == second
-    assert str(first) == str(second)
-    assert "exact" in str(first)

@@ -40,32 +40,6 @@ def test_a_signal_is_linear_between_instants_and_at_rest_before():
     np.testing.assert_allclose(signal.at(np.array([-9.0, 0.0, 0.5, 1.0, 1.75])), [3, 3, 4, 5, 4.25])
 
 
-def test_a_jump_is_kept_sharp():
-    """Two equal instants: no sample lies on a slope between them, and one there is after it."""
-    signal = Signal(0.0)
-    signal.extend(np.array([1.0, 2.0]), np.array([1.0, 2.0]))
-    signal.extend(np.array([2.6, 2.6, 4.0]), np.array([2.6, 0.5, 0.5]))
-    found = signal.at(np.array([2.3, 2.5999, 2.6, 2.6001, 3.0, 3.7]))
-    np.testing.assert_allclose(found, [2.3, 2.5999, 0.5, 0.5, 0.5, 0.5], atol=1e-9)
-
-
-def test_times_that_grow_give_what_one_call_gives():
-    whole, parts = Signal(0.3), Signal(0.3)
-    random = np.random.default_rng(1)
-    time, values = np.arange(1, 2001) * 1e-4, random.standard_normal(2000)
-    wanted = np.arange(0, 2060) / 10_300.0
-    time[512] = time[511]
-    whole.extend(time, values)
-    at_once = whole.at(wanted)
-    pieces = []
-    for i in range(0, 2000, 10):
-        parts.extend(time[i : i + 10], values[i : i + 10])
-        now = wanted[(wanted <= time[i + 9]) & (wanted > (time[i - 1] if i else -1))]
-        pieces.append(parts.at(now))
-        assert len(parts._times) < 40, "it keeps what nobody needs"
-    np.testing.assert_array_equal(np.concatenate(pieces), at_once[: sum(map(len, pieces))])
-
-
 @pytest.mark.parametrize("delay", [0.0, 3.7e-6, 10e-6, 1.1e-3, 0.0123])
 def test_the_delay_is_exact_to_a_fraction_of_a_sample(delay):
     """Of a sine of 40 Hz, known every 2 us: linear in between errs by (w dt)^2 / 8."""
@@ -109,13 +83,6 @@ def test_low_pass_is_3_db_at_its_corner(corner):
             assert 20 * math.log10(gain) == pytest.approx(-3.0103, abs=1e-3)
 
 
-def test_a_low_pass_above_the_samples_own_band_does_nothing():
-    sensor = fed(chain(low_pass=22_000.0, rate=20_000.0), lambda t: np.sin(300 * t), 0.1)
-    np.testing.assert_allclose(
-        sensor.volts(0, 2000), np.sin(300 * np.arange(2000) / 20_000), atol=1e-9
-    )
-
-
 @pytest.mark.parametrize("resonance", [30.0, 1500.0, 40_000.0, 1e6])
 @pytest.mark.parametrize("damping", [1e-4, 0.02, 0.999])
 def test_a_transducer_answers_a_ramp_like_an_oscillator(resonance, damping):
@@ -131,10 +98,6 @@ def test_a_transducer_answers_a_ramp_like_an_oscillator(resonance, damping):
     expected = 0.4 + 50 * (time - 2 * damping / w + decay * swing)
     found = np.concatenate([sensor.volts(0, 7), sensor.volts(7, 4993)]) * FORCE.scale
     np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
-def test_a_transducer_shows_in_the_force_alone():
-    assert [n for n in SIMULATED.names() if SIMULATED.get(n).on_transducer] == ["force"]
 
 
 @pytest.mark.parametrize(("channel", "rms"), [(VELOCITY, 0.05e-3), (FORCE, 5e-3)])
@@ -189,24 +152,12 @@ def test_the_converter_rounds_to_its_step():
     assert error.std() == pytest.approx(STEP / math.sqrt(12), rel=0.05)
 
 
-def test_without_sensors_nothing_is_added():
-    sensor = fed(chain(FORCE, None, range=0.1), lambda t: 20 * t, 0.1)
-    np.testing.assert_allclose(
-        sensor.volts(0, 5000), 20 * np.arange(5000) / RATE, rtol=1e-9, atol=1e-15
-    )
-
-
 NOISY = load_scene("paper").sensors
 
 
 def noisy(seed=0):
     sensor = chain(FORCE, NOISY, seed=seed, delay=10e-6, low_pass=22_000.0, high_pass=0.1)
     return fed(sensor, lambda t: np.sin(40 * t), 0.1)
-
-
-def test_the_same_seed_gives_the_same_bits():
-    np.testing.assert_array_equal(noisy(3).volts(0, 5000), noisy(3).volts(0, 5000))
-    assert np.any(noisy(3).volts(0, 5000) != noisy(4).volts(0, 5000))
 
 
 @pytest.mark.parametrize("block", [1, 50, 4999])

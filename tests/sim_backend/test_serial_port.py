@@ -6,7 +6,6 @@ import threading
 import pytest
 import serial
 
-from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.devices.serial_port import PtyPort, SocketPort
 
 PORTS = [
@@ -16,23 +15,6 @@ PORTS = [
     SocketPort,
 ]
 pytestmark = pytest.mark.parametrize("port_class", PORTS)
-
-
-def test_the_controller_answers_pyserial(port_class, bench):
-    firmware = GalilFirmware(bench, on_output=lambda number, level: None)
-    before = threading.active_count()
-    with port_class(firmware.receive) as port:
-        with serial.serial_for_url(port.url, baudrate=115200, timeout=10) as line:
-            line.write(b"EO 0\r")
-            assert line.read_until(b":") == b"EO 0\r:"
-            line.write(b"\x12\x16\r")
-            assert line.read_until(b":") == b"DMC4020 Rev 1.3a-SIM sautereau stand-in\r\n:"
-            line.write(b"TP;BAD\r")
-            assert line.read_until(b"?") == b" 0, 0\r\n:?"
-        with serial.serial_for_url(port.url, timeout=10) as line:
-            line.write(b"MG _PVA\r")
-            assert line.read_until(b":") == b" 255.0000\r\n:"
-    assert threading.active_count() == before
 
 
 def test_no_byte_is_lost_under_large_writes_either_way(port_class):

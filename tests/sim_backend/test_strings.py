@@ -1,10 +1,8 @@
 """The four modes of the spring string, in sequence."""
 
-import numpy as np
 import pytest
 
 from sautereau.analysis.model.choirs import choirs
-from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents
@@ -13,9 +11,6 @@ from sautereau.sim_backend.scene import load_scene
 
 RIG = load_rig("paper")
 CLEARANCE = RIG.jack.string_clearance * 1e3
-TOP = CLEARANCE + rig_pluck(RIG).release_height * 1e3
-LEVER = (RIG.plectrum.length - RIG.plectrum.overlap) * 1e3
-TRAVEL = LEVER * RIG.plectrum.overlap / RIG.jack.tongue.pivot
 
 
 def string(rig=RIG, number=0, **changes):
@@ -25,35 +20,6 @@ def string(rig=RIG, number=0, **changes):
 
 def force(plucking, rise):
     return plucking.force(rise, rise, 0.0, 0.0)
-
-
-def test_up_and_down_with_a_tongue():
-    plucking = string()
-    assert plucking.high == CLEARANCE
-    assert force(plucking, CLEARANCE / 2) == 0
-    plucking.cross(True, 1.0)
-    assert (plucking.low, plucking.high) == (CLEARANCE, pytest.approx(TOP))
-    heights = np.linspace(0, (TOP - CLEARANCE) * (1 - 1e-12), 57)
-    np.testing.assert_allclose(
-        [force(plucking, CLEARANCE + h) for h in heights],
-        rig_pluck(RIG).force_on_jack(heights / 1e3),
-        atol=1e-6,
-    )
-    plucking.cross(True, 2.0)
-    assert force(plucking, TOP + 1) == 0
-    plucking.cross(False, 3.0)
-    assert plucking.low == pytest.approx(CLEARANCE - TRAVEL)
-    tongue = RIG.jack.tongue
-    for drop in (0, TRAVEL / 2, TRAVEL):
-        moment = tongue.bristle_moment + tongue.bristle_stiffness * drop / LEVER
-        assert force(plucking, CLEARANCE - drop) == pytest.approx(-moment / LEVER * 1e3)
-    plucking.cross(False, 4.0)
-    assert force(plucking, CLEARANCE - TRAVEL) == 0
-    assert plucking.high == CLEARANCE
-    events = plucking.events
-    assert [e.time for e in (*events.contacts, *events.releases, *events.returns)] == [1, 2, 4]
-    assert events.releases[0].force == pytest.approx(rig_pluck(RIG).vertical_force[-1])
-    assert events.returns[0].force == pytest.approx(-moment / LEVER * 1e3)
 
 
 def test_a_reversal_before_the_release_is_no_event():

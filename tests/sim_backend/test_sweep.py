@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.presses.laws import elastica_laws, law_of
 from sautereau.sim_backend.physics.presses.sweep import Ending, sweep
 from sautereau.sim_backend.physics.presses.world import ExactWorld
 from tests.sim_backend.scenes import RETURNING, RIG, choir, pressed, pushed
@@ -141,40 +139,6 @@ def test_derived_quantities_may_be_given():
         },
     )
     np.testing.assert_allclose(plain.release, derived.release, rtol=1e-13)
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.1, 0.4])
-@pytest.mark.parametrize(
-    ("overlap", "contact"),
-    [(0.02e-3, "mid-line"), (0.263e-3, "surface"), (1e-3, "mid-line"), (2e-3, "mid-line")],
-)
-def test_laws_solved_together_are_those_of_the_model(friction, overlap, contact):
-    choir = choirs(RIG)[0]
-    update = {"friction": friction, "overlap": overlap, "contact": contact}
-    plectrum = choir.plectrum.model_copy(update=update)
-    pluck = choir_pluck(choir.model_copy(update={"plectrum": plectrum}))
-    laws, good = elastica_laws(
-        np.array([choir.string.static_stiffness]),
-        np.array([overlap]),
-        np.array([plectrum.bending_stiffness]),
-        np.array([plectrum.length]),
-        np.array([(plectrum.thickness + choir.string.diameter) / 2 * (contact == "surface")]),
-        friction,
-    )
-    assert good.all()
-    height = np.linspace(0, pluck.release_height, 3001)[:-1]
-    for law, error in (
-        (laws, 1e-7),
-        (law_of(plectrum, choir.string, "elastica"), 1e-14),
-    ):
-        border = law.border[0]
-        assert np.count_nonzero(np.diff(border)) == len(pluck.stretches)
-        assert border[2] == pytest.approx(pluck.release_height, rel=1e-12)
-        force, model = force_of(law, height), pluck.force_on_jack(height)
-        largest = model.max()
-        np.testing.assert_allclose(
-            force, model, atol=max(error, 1e-4 * pluck.released_at_fold) * largest
-        )
 
 
 def force_of(law, height):

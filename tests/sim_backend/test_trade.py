@@ -41,11 +41,6 @@ def test_a_point_is_kept_if_it_is_pareto_optimal(points):
     assert [errors[i] for i in kept] == sorted({errors[i] for i in kept})
 
 
-def test_speeds_within_the_margin_count_as_equal():
-    assert pareto_front([1.0, 2.0], [10.0, 10.5], 0.1) == [0]
-    assert pareto_front([1.0, 2.0], [10.0, 11.5], 0.1) == [0, 1]
-
-
 def test_the_fastest_point_within_the_requested_error_is_recommended():
     points = [
         replace(POINT, error=1e-6, real_time_factor=10.0),

@@ -98,16 +98,6 @@ def test_a_point_moves_as_its_position_says(derivatives, close):
     assert np.hypot(*point.position.T) == pytest.approx(np.hypot(0.17, 0.014), rel=1e-15)
 
 
-@given(keys(), st.floats(0.001, 0.01))
-def test_the_key_under_a_fingertip_is_the_key_it_stood_on(close, key, radius):
-    angle = rocking(np.linspace(0, 1, 101))
-    centre = point_on_key(angle, -key.press_arm, key.surface_height + radius)
-    found = key_under_fingertip(key, radius, centre)
-    assert np.abs(found.position - angle.position).max() < 1e-12
-    close(found.velocity, angle.velocity, 1e-12)
-    close(found.acceleration, angle.acceleration, 1e-11)
-
-
 def test_the_key_under_any_path_of_a_fingertip(derivatives, close):
     """The fingertip may slide, which `point_on_key` does not."""
     t = np.linspace(0, 1, 101)

@@ -9,7 +9,7 @@ from scipy.signal import butter, sosfilt
 from sautereau.rig.load import load_rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.learning import Correction, Learner, corrected, speed_error
-from sautereau.trajectory.press import draft_press, plan_press
+from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
 
 RIG = load_rig("paper")
@@ -141,30 +141,10 @@ def test_the_corrected_law_is_the_sum():
         np.testing.assert_allclose(steps, 0, atol=3000 * step**2)
 
 
-def test_a_zero_correction_changes_nothing():
-    law = Correction(KNOTS, np.zeros_like(KNOTS)).onto(LAW)
-    fine = np.linspace(0, LAW.law.duration, 5001)
-    for ours, theirs in zip(law.law.at(fine), LAW.law.at(fine), strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-12)
-
-
-def test_outside_its_knots_the_press_is_as_planned():
-    law = addition().onto(LAW)
-    outside = np.concatenate(
-        [np.linspace(0, LAW.start, 100), np.linspace(LAW.return_start, LAW.law.duration, 100)]
-    )
-    for ours, theirs in zip(law.law.at(outside)[:2], LAW.law.at(outside)[:2], strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-12)
-
-
 def test_a_corrected_press_is_planned_and_checked():
     plan = plan_press(RIG, correction=addition(5e-5))
     assert plan.cruise.error <= RIG.press.speed_tolerance
     assert plan.segments.end.tolist() == plan_press(RIG).segments.end.tolist()
-
-
-def test_a_correction_beyond_the_limits_fails_the_checks():
-    assert not all(check.holds for check in draft_press(RIG, correction=addition(8e-3)).checks)
 
 
 @pytest.mark.parametrize(

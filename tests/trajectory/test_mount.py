@@ -94,32 +94,6 @@ def test_no_random_base_is_better(held, spread, least):
     assert feasible > least
 
 
-def test_the_many_bases_agree_with_the_planner(held):
-    rig, mount = held
-    angles = key_angles(rig, 9)
-    random = np.random.default_rng(3)
-    bases = np.array([mount.base_x, mount.base_z]) + random.uniform(-5e-3, 5e-3, (20, 2))
-    found = assess_bases(rig, mount.elbow, bases, angles)
-    rise = rise_of_angle(rig.key, angles)
-    still = np.zeros_like(rise)
-    for index, (x, z) in enumerate(bases):
-        moved = with_arm(rig, base_x=x, base_z=z, elbow=mount.elbow)
-        path = follow_key(moved, Motion(rise, still, still))
-        lean = path.joints.position.sum(-1) - (angles - np.pi / 2)
-        expected = lean if rig.press.hold == "point" else path.slide
-        assert found.residual[index] == pytest.approx(expected, abs=1e-12)
-
-
-def test_the_sensitivity_is_that_of_displaced_bases(held):
-    rig, mount = held
-    around = np.linspace(0, 2 * np.pi, 31)
-    bases = np.stack([np.cos(around), np.sin(around)], -1) * 1e-3 + [mount.base_x, mount.base_z]
-    displaced = assess_bases(rig, mount.elbow, bases, key_angles(rig, 257)).worst_residual
-    sensitivity = mount.tilt_per_metre + mount.slide_per_metre
-    increase = (displaced.max() - residual_of(mount)) / 1e-3
-    assert increase == pytest.approx(sensitivity, rel=6e-3)
-
-
 def test_errors_of_a_misplaced_base_are_those_of_brute_force(held):
     """Fingertip from the joints, key by bisection, speeds by differences."""
     rig, mount = held
@@ -207,11 +181,6 @@ def test_the_map_holds_the_best_base(held):
     place = np.array([[area.x[column], area.z[row]]])
     there = assess_bases(rig, mount.elbow, place, key_angles(rig, 65))
     assert least[row, column] == pytest.approx(there.worst_residual[0], rel=0.05)
-
-
-def test_a_map_of_one_base_is_refused(paper):
-    with pytest.raises(TrajectoryError, match="too few"):
-        mount_map(paper, 1)
 
 
 @st.composite

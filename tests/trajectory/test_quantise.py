@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from sautereau.rig.load import load_rig
 from sautereau.trajectory.press import draft_press, plan_press
 from sautereau.trajectory.quantise import GRAIN, LONGEST_SEGMENT
-
-PAPER = load_rig()
 
 
 def per_radian(rig):
@@ -105,13 +102,6 @@ def test_other_encoders_are_reported_truthfully(bench, true_cruise_error, counts
         assert abs(draft.cruise.speed / rig.press.jack_speed - 1) <= draft.cruise.error
 
 
-def test_a_coarse_encoder_is_worse_than_a_fine_one(bench):
-    errors = [
-        draft_press(bench(arm__counts_per_revolution=n)).cruise.error for n in (256, 8192, 2**24)
-    ]
-    assert errors[0] > 0.02 > errors[1] > 3e-3 > errors[2]
-
-
 def test_the_cruise_consists_of_complete_segments(planned):
     rig, plan = planned
     start, end = plan.cruise.start, plan.cruise.end
@@ -149,14 +139,6 @@ def test_a_full_fifo_has_its_knots_further_apart(bench):
         lengths.append(len(draft.segments))
     assert lengths == sorted(lengths, reverse=True)
     assert lengths[0] == lengths[1] > lengths[2]
-
-
-def test_the_finest_encoder_fits_into_the_fifo(bench):
-    """Long segments are not needed for its cruise's speed, but for the FIFO."""
-    for speed in ("0.005 m/s", "0.072 m/s"):
-        plan = plan_press(bench(arm__counts_per_revolution=2**31, press__jack_speed=speed))
-        assert len(plan.segments) < 255
-        assert plan.cruise.error < 1e-4
 
 
 def test_the_slowest_press_is_planned_in_bounded_memory(bench):
