@@ -6,7 +6,7 @@ from math import ceil
 from pathlib import Path
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.records import MAGIC, Opcode
+from sautereau.daq.file.container.records import MAGIC, Opcode, Record
 from sautereau.daq.file.contents import Contents
 from sautereau.daq.file.integrity import chunk_index, opened, records, size_of
 from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch
@@ -96,7 +96,11 @@ def read_session(path: str | Path) -> SessionInfo:
     """
     with opened(Path(path)) as file:
         contents, every = Contents(size_of(file)), records(file, len(MAGIC), size_of(file))
-        list(contents.blocks(takewhile(lambda record: record.opcode != Opcode.CHUNK, every)))
+
+        def is_wanted(record: Record) -> bool:
+            return record.opcode != Opcode.CHUNK and "session" not in contents.metadata
+
+        list(contents.blocks(takewhile(is_wanted, every)))
         return contents.session()
 
 
