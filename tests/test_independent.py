@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_bvp, solve_ivp
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.signal import find_peaks
@@ -14,7 +14,7 @@ from scipy.signal import find_peaks
 from benchmarks import independent
 from benchmarks.independent import Choir, Conditions, press, random_conditions
 from benchmarks.independent.assembly import string_modes
-from benchmarks.independent.elastica import static_pluck
+from benchmarks.independent.elastica import shape, solve_contact, static_pluck
 from benchmarks.independent.key import key_model
 from benchmarks.independent.press import plucks_of, simulate
 from sautereau.rig.load import load_rig
@@ -196,3 +196,33 @@ def test_all_conditions_can_be_simulated():
         assert np.all(np.isfinite(made.velocity_volts + made.force_volts))
         missing += len(made.truth.plucks) < len(conditions.choirs)
     assert missing < 25
+
+
+@pytest.mark.parametrize(("force", "friction"), [(0.02, 0.0), (0.6, 0.0), (0.6, 0.25), (1.5, 0.1)])
+def test_the_elastica_solves_its_boundary_value_problem(force, friction):
+    """In the clamp's frame: EI angle'' = -F (cos(end - angle) + mu sin(end - angle))."""
+    stiffness, s, offset = 2e-5, 4.4e-3, 0.4e-3
+
+    def beam(_, y, end):
+        turn = end[0] - y[0]
+        moment = -force * s**2 / stiffness * (np.cos(turn) + friction * np.sin(turn))
+        return np.stack([y[1], moment, np.cos(y[0]), np.sin(y[0])])
+
+    def ends(left, right, end):
+        return np.array([left[0], right[1], left[2], left[3], right[0] - end[0]])
+
+    grid = np.linspace(0, 1, 30)
+    found = solve_bvp(beam, ends, grid, np.zeros((4, 30)), p=[0.1], tol=1e-10)
+    end, x, depth = found.p[0], s * found.y[2, -1], s * found.y[3, -1]
+    wire = (x + offset * np.sin(end), -depth + offset * np.cos(end))
+    w, place, theta = solve_contact(shape(friction), *wire, offset, 0.1)
+    assert place == pytest.approx(s, rel=1e-8)
+    assert stiffness * w / place**2 == pytest.approx(force, rel=1e-7)
+    assert theta == pytest.approx(end, rel=1e-7)
+
+
+def test_a_stiff_plectrum_under_a_small_load_is_a_beam():
+    choir = Choir(overlap=0.02e-3, tension=2.5e7, on_surface=False)
+    pluck = static_pluck(choir)
+    cantilever = 3 * choir.bending_stiffness / choir.length**3
+    assert pluck.release_force / pluck.release_height == pytest.approx(cantilever, rel=0.03)

@@ -14,6 +14,7 @@ from sautereau.rig.load import load_rig
 RIG = load_rig("paper")
 PLECTRUM = RIG.plectrum
 THINNED = PLECTRUM.model_copy(update={"tip_thickness": 0.3e-3, "tip_length": 1.8e-3})
+JOINT = THINNED.length - THINNED.tip_length
 
 
 def by_quadrature(plectrum, s, force, joint):
@@ -85,3 +86,30 @@ def test_a_tip_longer_than_the_plectrum_is_refused(length):
 def test_a_tip_without_a_stiffness_is_refused(thickness):
     with pytest.raises(ModelError, match=r"plectrum\.tip_thickness: .* not finite and above 0"):
         TwoBeam(PLECTRUM.model_copy(update={"tip_thickness": thickness}))
+
+
+@pytest.mark.parametrize("s", [2e-3, JOINT, 4.5e-3])
+def test_the_loads_work_is_strain_energy(s):
+    """The load stays upright: its work is half of force times deflection."""
+    force = 0.7 * float(TwoBeam(THINNED).force_limit(s))
+    energy = by_quadrature(THINNED, s, force, JOINT)[2]
+    assert -force * TwoBeam(THINNED).bend(s, force).z / 2 == pytest.approx(energy, rel=1e-12)
+    energy = by_quadrature(PLECTRUM, s, force / 9, JOINT)[2]
+    assert -force / 9 * Beam(PLECTRUM).bend(s, force / 9).z / 2 == pytest.approx(energy, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "update",
+    [
+        {},
+        {"tip_length": 1e-3},
+        {"tip_length": PLECTRUM.length},
+        {"tip_thickness": PLECTRUM.thickness, "tip_length": 3e-3},
+    ],
+)
+def test_equal_sections_are_one_beam(update):
+    s, share = np.linspace(0.1e-3, 4.5e-3, 23)[:, None], np.linspace(0, 1, 11)
+    one, two = Beam(PLECTRUM), TwoBeam(PLECTRUM.model_copy(update=update))
+    force = share * one.force_limit(s)
+    np.testing.assert_allclose(two.force_limit(s), one.force_limit(s), rtol=1e-14)
+    np.testing.assert_allclose(two.bend(s, force), one.bend(s, force), rtol=1e-14)

@@ -188,3 +188,19 @@ def test_a_folder_without_recordings_is_refused(tmp_path):
         with pytest.raises(AnalysisError, match="the folder holds no recordings"):
             run_campaign(folder, out)
     assert not out.exists()
+
+
+def test_an_interrupted_campaign_is_continued(campaign_folder, complete, tmp_path, monkeypatch):
+    monkeypatch.setattr(campaign_run, "BATCH", 1)
+    out = tmp_path / "table.parquet"
+
+    def stop(fraction):
+        if round(fraction * GOOD) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), progress_to(stop):
+        run_campaign(campaign_folder, out)
+    assert len(read_campaign(out).table) == 3
+    found = run_campaign(campaign_folder, out)
+    assert (found.read, found.kept) == (GOOD - 3, 3)
+    assert found.campaign.table.equals(complete.table)

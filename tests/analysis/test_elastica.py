@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 from scipy.special import beta
 
-from sautereau.analysis.model.plectrum.elastica import Q_MAX, Elastica
+from sautereau.analysis.model.plectrum.elastica import Q_MAX, Elastica, elastica_tables
 from sautereau.analysis.model.plectrum.shape import POINTS, mid_line
 from sautereau.rig.load import load_rig
 
@@ -126,3 +126,57 @@ def test_the_mid_line_solves_the_equation(force, friction):
     at = np.linspace(0, s, POINTS)
     found = solve_ivp(right, (0, s), [0, 0, 0], t_eval=at, rtol=1e-11, atol=1e-16).y[:2].T
     np.testing.assert_allclose(line[:POINTS], found, atol=1e-10)
+
+
+def strain_energy(s, force, friction):
+    """Return EI / 2 times the integral of the curvature squared [J], from the ODE itself."""
+    xi = s * np.sqrt(force / EI)
+    bent = solve_ivp(
+        lambda _, y: [y[1], np.cos(y[0]) + friction * np.sin(y[0]), y[1] ** 2],
+        (0, xi),
+        [0, 0, 0],
+        "DOP853",
+        rtol=1e-12,
+        atol=1e-15,
+    )
+    return np.sqrt(force * EI) / 2 * bent.y[2, -1]
+
+
+def test_energy_of_the_bending(elastica):
+    """A load that grows from nothing at one place: its work is EI / 2 int curvature^2."""
+    for friction, s in ((0.0, 4.5e-3), (0.0, 2e-3), (0.2, 4.5e-3), (0.5, 3e-3)):
+        plectrum = rubbed(friction)
+        end = 0.95 * float(plectrum.force_limit(s))
+        node, weight = np.polynomial.legendre.leggauss(40)
+        force, weight = end * (node + 1) / 2, end * weight / 2
+        b = plectrum.bend(s, force)
+        across = np.sin(b.theta) * b.x_f - np.cos(b.theta) * b.z_f
+        along = np.cos(b.theta) * b.x_f + np.sin(b.theta) * b.z_f
+        work = weight @ (force * (across + friction * along))
+        assert work == pytest.approx(strain_energy(s, end, friction), rel=1e-9)
+
+
+def test_stiffness_scales_the_force_alone():
+    """The table has one variable: E times 10 and F times 10 is the same shape."""
+    stiffer = PLECTRUM.model_copy(update={"youngs_modulus": PLECTRUM.youngs_modulus * 10})
+    one, ten = Elastica(PLECTRUM).bend(4e-3, 0.7), Elastica(stiffer).bend(4e-3, 7.0)
+    np.testing.assert_allclose(one[:6], ten[:6], rtol=1e-12)
+    np.testing.assert_allclose(one[6:], np.multiply(ten[6:], 10), rtol=1e-12)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.5])
+def test_the_limit_with_friction(friction):
+    elastica = rubbed(friction)
+    theta = np.degrees(elastica.bend(4e-3, elastica.force_limit(4e-3)).theta)
+    assert -90 < theta < -89.8
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.2, 0.5])
+def test_the_table_has_converged(friction):
+    """The last coefficients of its polynomials hardly matter, and cells join smoothly."""
+    table, slopes = elastica_tables(friction)
+    width = table.x[1]
+    assert np.abs(table.c[0] * width**5).max() < 1e-9
+    for law, rounding in ((table, 1e-14), (slopes, 1e-11)):
+        ends = (law.c * width ** np.arange(len(law.c) - 1, -1, -1)[:, None, None]).sum(axis=0)
+        np.testing.assert_allclose(ends[:-1], law(law.x[1:-1]), atol=rounding)

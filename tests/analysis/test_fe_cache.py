@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -118,3 +119,30 @@ def test_without_a_cache_it_still_works(uniform, tmp_path, monkeypatch):
         "sautereau.analysis.model.plectrum.fe.build.build", lambda *_: uniform._table
     )
     assert FE(PLECTRUM).bend(4.3e-3, 0.4) == uniform.bend(4.3e-3, 0.4)
+
+
+def test_no_wrong_byte_of_a_file_passes(uniform, tmp_path):
+    key = "b" * 64
+    path = tmp_path / f"{key}.npz"
+    cache._write(path, key, uniform._table)
+    good = path.read_bytes()
+    for place in range(0, len(good), 9):
+        path.write_bytes(good[:place] + bytes([good[place] ^ 0xFF]) + good[place + 1 :])
+        found = cache._read(path, key)  # a byte of a date, say, is read over
+        if found is not None:
+            np.testing.assert_array_equal(found.coefficients, uniform._table.coefficients)
+            assert (found.load, found.limit) == (uniform._table.load, uniform._table.limit)
+
+
+def test_many_writers_of_one_map_leave_a_complete_file(uniform, folder):
+    key = "a" * 64
+    path = folder / "many" / f"{key}.npz"
+    writers = [
+        threading.Thread(target=cache._write, args=(path, key, uniform._table)) for _ in range(8)
+    ]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert cache._read(path, key) is not None
+    assert list(path.parent.iterdir()) == [path]

@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_banded
 from scipy.sparse import dia_array
 from scipy.spatial import cKDTree
 from skfem import Basis, BilinearForm, ElementQuad2, ElementVector, LinearForm, MeshQuad
 from skfem.helpers import ddot, grad, transpose
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefQuad
 
 from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
-from sautereau.analysis.model.plectrum.fe.profile import Profile, plectrum_grid
+from sautereau.analysis.model.plectrum.fe.profile import Profile, grid_between, plectrum_grid
 from sautereau.analysis.model.plectrum.fe.solve import Body, iterates, rate, solve_loads
 
 NU = 0.35
@@ -141,3 +144,94 @@ def test_the_patch_carries_one_newton_at_its_place(body):
         assert patch.slopes @ body.grid.nodes[:, 0] == pytest.approx(1, rel=1e-13)
         _, slope, _ = CARVED.contact_line(s)
         assert np.tan(patch.angle(np.zeros(body.size))) == pytest.approx(float(slope), abs=1e-3)
+
+
+def test_a_rigid_rotation_strains_nothing(body):
+    turn = np.array([[np.cos(2), -np.sin(2)], [np.sin(2), np.cos(2)]]) - np.eye(2)
+    u = (body.grid.nodes @ turn.T).ravel()
+    assert body.energy(u) < 1e-28
+    assert np.abs(body.forces(u)).max() < 1e-14
+
+
+@pytest.mark.slow
+def test_convergence_at_the_rate_of_the_element():
+    """A manufactured solution: errors fall with the square, and the cube, of the size."""
+    trapezoid = Profile(np.array([0.0, 1.0]), np.array([0.3, 0.2]), np.array([-0.2, -0.3]))
+    points, _ = get_quadrature(RefQuad, 5)
+    element = ElementQuad2()
+    shapes = np.array([element.lbasis(points, a)[0] for a in range(9)])
+
+    def exact(x, z):
+        return np.stack([0.2 * np.sin(2 * x) * x * z, 0.3 * (1 - np.cos(2 * x)) * np.exp(z)], -1)
+
+    def slope(x, z):
+        x_x = 0.2 * (2 * np.cos(2 * x) * x + np.sin(2 * x)) * z
+        z_x = 0.6 * np.sin(2 * x) * np.exp(z)
+        x_z = 0.2 * np.sin(2 * x) * x
+        z_z = 0.3 * (1 - np.cos(2 * x)) * np.exp(z)
+        return np.stack([np.stack([x_x, x_z], -1), np.stack([z_x, z_z], -1)], -2)
+
+    errors = []
+    for count in (4, 8, 16):
+        body = Body(grid_between(trapezoid, np.linspace(0, 1, count + 1), count // 2), NU)
+        grid = body.grid
+        places = np.einsum("aq,eai->eqi", shapes, grid.nodes[grid.cells])
+        h = slope(*np.moveaxis(places, -1, 0))
+        green = (h + h.swapaxes(-1, -2) + h.swapaxes(-1, -2) @ h) / 2
+        strain = np.stack([green[..., 0, 0], green[..., 1, 1], 2 * green[..., 0, 1]], -1)
+        load = body._forces(body._strains(np.eye(2) + h), strain @ body.stiffness)
+        u, free = exact(*grid.nodes.T).ravel(), slice(body.clamped, None)
+        for _ in range(12):
+            forces, band = body.linearised(u)
+            u[free] += solve_banded((body.band, body.band), band[:, free], (load - forces)[free])
+        moved = u.reshape(-1, 2)[grid.cells]
+        off = np.einsum("aq,eai->eqi", shapes, moved) - exact(*np.moveaxis(places, -1, 0))
+        off_slope = np.einsum("eai,eqaj->eqij", moved, grid.gradients) - h
+        errors.append(
+            [
+                np.sqrt(np.sum(grid.weights * np.sum(off**2, -1))),
+                np.sqrt(np.sum(grid.weights * np.sum(off_slope**2, (-1, -2)))),
+            ]
+        )
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    np.testing.assert_allclose(rates[-1], [3, 2], atol=0.1)
+
+
+def test_forces_are_the_derivative_of_the_energy(body, bent):
+    direction = bent + 0.1 * np.sin(body.grid.nodes).ravel()
+    h = 1e-5
+    measured = (body.energy(bent + h * direction) - body.energy(bent - h * direction)) / (2 * h)
+    assert measured == pytest.approx(body.forces(bent) @ direction, rel=1e-7)
+
+
+def test_patch_test_of_a_large_uniform_strain(body):
+    """A uniform gradient, in quadrilaterals of any shape, leaves no force inside."""
+    slope = np.array([[0.3, -0.2], [0.1, 0.4]])
+    u = (body.grid.nodes @ slope.T).ravel()
+    forces = body.forces(u).reshape(-1, 2)
+    inside = np.zeros(len(forces), bool)
+    inside.reshape(-1, body.grid.height)[1:-1, 1:-1] = True
+    assert np.abs(forces[inside]).max() < 1e-15
+    green = (slope + slope.T + slope.T @ slope) / 2
+    strain = np.array([green[0, 0], green[1, 1], 2 * green[0, 1]])
+    area = body.grid.weights.sum()
+    assert body.energy(u) == pytest.approx(area * strain @ body.stiffness @ strain / 2, rel=1e-13)
+
+
+def test_tangent_is_the_derivative_of_the_forces(body, patch, bent):
+    """Load and all, against central differences."""
+    random = np.random.default_rng(1)
+    _, band = body.linearised(bent)
+    g, p = patch.turning(bent)
+    matrix = dense(body, band)
+    assert np.abs(matrix - matrix.T).max() < 1e-13
+    for _ in range(3):
+        direction = random.standard_normal(body.size)
+        h = 1e-6 / np.abs(direction).max()
+
+        def residual(u):
+            return body.forces(u) - 3 * patch.unit_load(u)
+
+        measured = (residual(bent + h * direction) - residual(bent - h * direction)) / (2 * h)
+        formula = matrix @ direction - 3 * g * (p @ direction)
+        assert np.abs(measured - formula).max() < 1e-7 * np.abs(formula).max()

@@ -351,3 +351,14 @@ def test_claimed_results_are_right():
     assert found.fits.mean() > 0.8
     for k in range(3):
         assert found.right[found.claimed[:, k], k].mean() >= 0.88
+
+
+@pytest.mark.slow
+def test_one_press_is_enough_and_five_are_more_certain(five, true):
+    pressed, phases = five
+    one = identify(pressed[:1], phases[:1], FREE, starts=1)
+    all_five = identify(pressed, phases, FREE, starts=1)
+    for alone, together in zip(one.estimates, all_five.estimates, strict=True):
+        assert alone.value == pytest.approx(value_of(true, alone.name), rel=0.05)
+        assert together.value == pytest.approx(value_of(true, alone.name), rel=0.03)
+        assert alone.std > together.std

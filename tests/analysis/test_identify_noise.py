@@ -88,3 +88,13 @@ def test_noise_at_rest_is_that_of_the_rest_without_what_is_flagged():
     assert found.slow_force == pytest.approx(3e-3 / np.sqrt(2), rel=0.06)
     assert found.of_load(0.01, 2.0) == pytest.approx(np.sqrt(16e-6 + 4.5e-6 + 1e-6), rel=0.05)
     assert noise_at_rest(rate, time, force, motion, time < 5e-3) is None
+
+
+def test_the_autocovariance_of_an_autoregression_is_found_through_gaps():
+    """Of x[k] = a x[k-1] + e it is a^lag / (1 - a^2)."""
+    random = np.random.default_rng(0)
+    used = [with_gaps(4000) for _ in range(10)]
+    residuals = [autoregressive(random, 4000)[u] for u in used]
+    found = autocovariance(residuals, used, STEP, 0)
+    lags = np.arange(6)
+    assert found[:6] == pytest.approx(0.8**lags / (1 - 0.64), rel=0.08)

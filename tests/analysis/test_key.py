@@ -7,8 +7,9 @@ from scipy.integrate import trapezoid
 from sautereau.analysis.model.key import finger_force, jack_load
 from sautereau.rig.load import with_values
 from sautereau.rig.section import GRAVITY
+from sautereau.trajectory.key import key_motion
 from sautereau.trajectory.motion import Motion
-from tests.key_oracle import dissipated_power, energy, slope
+from tests.key_oracle import dissipated_power, energy, slope, static_moment
 
 
 @pytest.fixture
@@ -96,3 +97,30 @@ def test_the_felt_adds_a_spring_and_a_damper_past_the_dip(paper):
         law = paper.key.felt_stiffness * pressed + paper.key.felt_damping * speed * (pressed > 0)
         np.testing.assert_allclose(felt, np.maximum(law, 0), rtol=1e-9, atol=1e-9)
         assert (felt >= 0).all()
+
+
+def test_inertia_of_key_and_jack_at_the_pressing_point(smooth):
+    """From rest at angle 0: F a_p = (I + m b^2) a'' + weight, the curvature having no speed."""
+    key, jack = smooth.key, smooth.jack
+    rise = Motion(np.zeros(1), np.zeros(1), np.array([12.0]))
+    angle = key_motion(key, rise)
+    found = finger_force(smooth, angle, np.zeros(1)) - finger_force(smooth, still(0.0), np.zeros(1))
+    inertia = key.inertia + jack.mass * key.jack_arm**2
+    assert found[0] == pytest.approx(inertia * 12.0 / key.jack_arm / key.press_arm, rel=1e-12)
+
+
+def test_statics_at_rest_is_the_weight_through_the_lever(paper):
+    """F a_p = m g b - M_g, the static gravity moment; without motion there is no friction."""
+    found = finger_force(paper, still(0.0), np.zeros(1))
+    assert found[0] == pytest.approx(static_moment(paper) / paper.key.press_arm, rel=1e-12)
+    assert found[0] / GRAVITY == pytest.approx(0.005, abs=0.003)
+
+
+def test_statics_of_a_held_string_at_any_angle(paper):
+    """With the rise b tan a + hb (1 / cos a - 1): F a_p = (m g + F_s)(b + hb sin a) / cos^2 a."""
+    paper = with_values(paper, {"key.dip": "1 m"})  # the felt out of the way
+    angle = np.radians([0.0, 1.0, 3.0])
+    key = paper.key
+    found = finger_force(paper, still(angle), np.full(3, 0.5))
+    moment = static_moment(paper, angle, string=0.5)
+    np.testing.assert_allclose(found, moment / key.press_arm, rtol=1e-12)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Bend
+from sautereau.analysis.model.plectrum.beam import Beam
 from sautereau.analysis.model.plectrum.levels import LEVELS, plectrum_map
 from sautereau.analysis.model.pluck.pluck import solve_pluck
 from sautereau.rig.load import load_rig
@@ -160,3 +161,16 @@ def test_a_level_is_imported_when_it_is_asked_for():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "['sautereau.analysis.model.plectrum.levels']"
+
+
+@every_level
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_small_load_gives_the_beam(level, friction):
+    """To second order in the load; rods to 1 / 2 N^2 of it, friction to first order."""
+    s, force = np.array([0.5e-3, 2e-3, 4.5e-3]), 1e-6
+    found = plectrum_map(other(friction=friction), level).bend(s, force)
+    beam = Beam(PLECTRUM).bend(s, force)
+    np.testing.assert_allclose(found.x, beam.x, rtol=1e-9)
+    for name in ("z", "theta", "theta_s", "z_f", "theta_f"):
+        loose = 1.3e-3 if level == "rods" else 1e-5
+        np.testing.assert_allclose(getattr(found, name), getattr(beam, name), rtol=loose)

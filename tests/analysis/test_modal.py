@@ -189,3 +189,33 @@ def test_travelling_waves_agree(speed):
     modal = pluck(speed)
     assert modal.release == pytest.approx(release, rel=2e-5)
     assert modal.plectrum_force == pytest.approx(force, rel=5e-5)
+
+
+def test_the_step_converges_at_second_order():
+    rig = rig_at(1.0)
+    held = duration(rig)
+    releases = [modal_pluck(rig, step=held / n).release for n in (100, 200, 400, 1200)]
+    first, second, third = np.abs(np.array(releases[:-1]) - releases[-1])
+    assert np.log2(first / third) / 2 == pytest.approx(2.0, abs=0.2)
+    assert first > second > third
+    assert third < 1e-6 * held
+
+
+def test_the_modes_converge_faster_than_their_residual():
+    """The left-out modes are there as a spring, so that their number matters little."""
+    rig = rig_at(1.0)
+    step = duration(rig) / 300
+    forces = [modal_pluck(rig, modes=n, step=step).plectrum_force for n in (5, 10, 20, 40, 160)]
+    off = np.abs(np.array(forces[:-1]) / forces[-1] - 1)
+    assert off[0] < 2e-3
+    assert off[3] < 1e-5
+    assert np.log2(off[0] / off[3]) / 3 > 1.5
+
+
+def test_the_free_motion_continues_that_of_the_held_string():
+    modal = pluck()
+    place, speed = modal.free.motion([0.0, 1e-7, 2e-7])
+    # What the left-out modes held jumps back at release.
+    left_out = modal.string.residual * modal.force[-1]
+    assert np.hypot(*(place[0] - modal.displacement[-1])) == pytest.approx(left_out, rel=1e-6)
+    np.testing.assert_allclose((place[2] - place[0]) / 2e-7, speed[1], rtol=1e-5)

@@ -277,3 +277,32 @@ def test_a_gradual_fall_is_no_pluck_but_a_warning_that_says_where(make_press):
     assert press_summary(press, phases)["missed"] == [[start, stop]]
     named = f"load without a pluck: {start * 1e3:.4g} to {stop * 1e3:.4g} ms"
     assert named in texts(phases_figure([press], [phases]))
+
+
+@pytest.mark.parametrize("height", [0.3, 1.0, 10.0])
+@pytest.mark.parametrize("width", [1, 2])
+def test_a_spike_is_no_pluck(make_press, height, width):
+    press = make_press(slope=0, **NOISY)
+    force = press.data["force"].to_numpy().copy()
+    force[3000 : 3000 + width] += height
+    force[5000 : 5000 + width] -= height
+    phases = find_phases(make_press.build(press.data["velocity"].to_numpy(), force, press.rate))
+    assert phases.plucks == ()
+
+
+def test_finding_does_not_change_the_press(make_press):
+    press = make_press(**NOISY)
+    before = {name: signal.copy() for name, signal in press.samples.items()}
+    first = find_phases(press)
+    for name, signal in press.samples.items():
+        np.testing.assert_array_equal(signal, before[name])
+    assert find_phases(press) == first
+
+
+@pytest.mark.parametrize("force", [5e-3, 5.0])
+def test_forces_from_5_mn_to_5_n(make_press, force):
+    noise = {"force_noise": force / 100, "velocity_noise": 1e-6}
+    held, _ = only_pluck(make_press(slope=force / 0.02, level=force, **noise))
+    assert held.contact == pytest.approx(CONTACT, abs=0.3e-3)
+    assert held.release == pytest.approx(RELEASE, abs=0.05e-3)
+    assert held.force_drop == pytest.approx(force, rel=0.03)

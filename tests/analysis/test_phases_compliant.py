@@ -11,6 +11,7 @@ from benchmarks.independent_phases import judge, random_presses
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.response import pole
 from sautereau.analysis.phases.signals import Signals
+from sautereau.analysis.phases.slow import Slow
 
 pytest.importorskip("numba")  # without it the independent simulator takes half a minute a press
 
@@ -89,3 +90,15 @@ def test_two_strings_that_hide_each_other():
 def test_an_impact_hides_no_pluck_and_a_press_that_reaches_no_string_has_none(seed):
     (found,) = random_presses(range(seed, seed + 1))
     assert found.right
+
+
+def test_the_smoothed_derivatives_belong_to_the_smoothed_signal(make_press):
+    from sautereau.analysis.phases.signals import signals_of
+
+    signals = signals_of(make_press())
+    slow = Slow(signals, 1500, 6000)
+    wave, turn = np.sin(300.0 * slow.hops), 300.0
+    for order in (1, 2, 4):
+        expected = np.real(turn**order * 1j**order * np.exp(1j * turn * slow.time) * -1j)
+        got = slow.smooth(wave, order)[10:-10]
+        assert got == pytest.approx(expected[10:-10], abs=0.05 * turn**order)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from benchmarks.phases import covered, study
-from benchmarks.simulated import random_case, simulated_press
+from benchmarks.simulated import random_case, sensed, simulated_press
 from sautereau.analysis.phases import find_phases
 from sautereau.rig.load import load_rig, with_values
+from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
 
 
@@ -131,3 +132,14 @@ def test_a_thousand_random_presses():
         assert np.quantile(np.abs(error), 0.99) <= 0.5e-3
         assert 0.60 <= covered(error, std, 1.0) <= 0.76
         assert 0.90 <= covered(error, std, 1.96) <= 0.99
+
+
+def test_the_same_press_with_other_noise_scatters_as_its_uncertainty():
+    rig, scene = load_rig(), load_scene("paper")
+    seen = observe(rig, scene)
+    scores = []
+    for seed in range(12):
+        press, truth = sensed(rig, scene, seen, seed)
+        (held,) = find_phases(press).plucks
+        scores.append((held.contact - truth.contacts[0]) / held.contact_std)
+    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.6

@@ -207,3 +207,31 @@ def test_sensitivities(pluck, field, factor, percent):
         other.release_height / pluck.release_height,
     ]
     np.testing.assert_allclose((np.array(found) - 1) * 100, percent, atol=0.6)
+
+
+def test_release_slopes_are_those_of_the_equations(pluck):
+    """From the derivatives of map and spring at the tip, by the implicit function theorem."""
+    bend = Elastica(PLECTRUM).bend(pluck.position[-1], pluck.force[-1])
+    force, sine, cosine = pluck.force[-1], np.sin(bend.theta), np.cos(bend.theta)
+    shift_f = (-sine - force * cosine * bend.theta_f) / STIFFNESS
+    lift_f = (cosine - force * sine * bend.theta_f) / STIFFNESS
+    shift_s, lift_s = (-force * part * bend.theta_s / STIFFNESS for part in (cosine, sine))
+    s_f = -(bend.x_f - shift_f) / (bend.x_s - shift_s)
+    height_f = lift_f + lift_s * s_f - bend.z_f - bend.z_s * s_f
+    expected = ((shift_f + shift_s * s_f) / height_f, (lift_f + lift_s * s_f) / height_f)
+    np.testing.assert_allclose(pluck.release_slopes, expected, rtol=1e-7)
+
+
+def test_the_work_is_that_of_the_curve(pluck):
+    by_hand = cumulative_simpson(pluck.vertical_force, x=pluck.height, initial=0)[-1]
+    assert pluck.work == pytest.approx(by_hand, rel=1e-7)
+
+
+def test_string_stiffness_is_that_of_equation_2():
+    b = 108 / 460
+    assert pytest.approx(66.95 / (0.46 * b * (1 - b)), rel=1e-12) == STIFFNESS
+    assert pytest.approx(810, rel=1e-3) == STIFFNESS
+
+
+def test_equilibrium_of_the_papers_pluck(pluck):
+    assert_equilibrium(pluck, Elastica(PLECTRUM), STIFFNESS, PLECTRUM.overlap)

@@ -8,7 +8,7 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import with_values
-from tests.key_oracle import dissipated_power, energy, slope
+from tests.key_oracle import dissipated_power, energy, slope, static_moment
 
 
 @pytest.fixture(scope="module")
@@ -123,3 +123,19 @@ def test_extremes_are_finite(paper, speed, clearance):
     found = predict(rig)
     assert np.isfinite(found.finger_force).all()
     assert found.string_force.max() > 0.5
+
+
+def test_statics_before_contact(paper):
+    """So slow that nothing but weight and dry friction is left."""
+    slow = with_values(
+        paper, {"press.jack_speed": "0.005 m/s", "key.pivot_viscous_friction": "0 N m s/rad"}
+    )
+    found = predict(slow).finger_force[0]
+    expected = static_moment(paper, friction=1) / paper.key.press_arm
+    assert found == pytest.approx(expected, rel=1e-5)
+
+
+def test_work_is_that_of_the_jack_against_the_string(prediction):
+    by_hand = trapezoid(prediction.string_force, prediction.rise)
+    assert prediction.work == pytest.approx(by_hand, rel=1e-4)
+    assert prediction.work == prediction.choirs[0].work

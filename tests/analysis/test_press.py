@@ -267,3 +267,8 @@ def test_the_table_has_the_samples(paper, record):
     assert list(press.samples) == list(press.data)
     for name, signal in press.samples.items():
         np.testing.assert_array_equal(signal, press.data[name])
+
+
+def test_nothing_is_filled_in(paper, record):
+    press = load_press(record(paper, np.random.default_rng(0).standard_normal((2, 3000))))
+    assert np.isfinite(press.data.to_numpy()).all()

@@ -83,3 +83,26 @@ def test_twenty_rods_are_as_good_as_they_say():
 def test_a_count_that_is_none_is_refused(count):
     with pytest.raises(ModelError, match=r"rods: .* is not a whole number of 1 to 10000"):
         Rods(PLECTRUM, count)
+
+
+@pytest.mark.parametrize("count", [1, 3, RODS, 200])
+def test_a_small_load_bends_it_by_a_closed_form(count):
+    """theta is that of the beam, z that of the beam times 1 + 1 / 2 N^2."""
+    s, force = PLECTRUM.length, 1e-6
+    bend, beam = Rods(PLECTRUM, count).bend(s, force), Beam(PLECTRUM).bend(s, force)
+    assert bend.theta == pytest.approx(float(beam.theta), rel=1e-9)
+    assert bend.z == pytest.approx(float(beam.z) * (1 + 0.5 / count**2), rel=1e-9)
+
+
+@pytest.mark.parametrize("plectrum", [PLECTRUM, RUBBED], ids=["smooth", "rubbed"])
+def test_the_loads_work_is_in_the_springs(plectrum):
+    chain, s = Rods(plectrum, 6), 4e-3
+    end = 0.9 * float(chain.force_limit(s))
+    node, weight = np.polynomial.legendre.leggauss(40)
+    force, weight = end * (node + 1) / 2, end * weight / 2
+    b = chain.bend(s, force)
+    across = np.sin(b.theta) * b.x_f - np.cos(b.theta) * b.z_f
+    along = np.cos(b.theta) * b.x_f + np.sin(b.theta) * b.z_f
+    work = weight @ (force * (across + plectrum.friction * along))
+    bends, springs = joints(s, end, plectrum.friction, 6)
+    assert work == pytest.approx(springs @ bends**2 / 2, rel=1e-10)

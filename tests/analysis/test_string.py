@@ -117,3 +117,26 @@ def test_no_modes_are_refused(modes):
 def test_an_overdamped_mode_is_refused(decay):
     with pytest.raises(ModelError, match="decay"):
         ModalString(STRING, 30, decay)
+
+
+def test_after_a_period_all_is_as_before_and_after_half_of_one_mirrored():
+    string, state = ModalString(STRING, 60), moving(4, 60)
+    period, x = 1 / STRING.frequency, 0.2
+    q = string.free(state, [0.0, period / 2, period]).q
+    here = string.displacement(q, x)
+    there = string.displacement(q, STRING.length - x)
+    np.testing.assert_allclose(here[:, 2], here[:, 0], atol=1e-15)
+    np.testing.assert_allclose(there[:, 1], -here[:, 0], atol=1e-15)
+
+
+def test_steps_compose():
+    """One step, or ten, or free motion in one go, lead to the same state."""
+    string, start, still = ModalString(STRING, decay=3.0), moving(2), np.zeros(2)
+    state = start
+    for _ in range(10):
+        state = advance(string.propagator(1e-4), state, still, still)
+    once = advance(string.propagator(1e-3), start, still, still)
+    free = string.free(start, [1e-3])
+    np.testing.assert_allclose(state.q, once.q, atol=1e-15)
+    np.testing.assert_allclose(free.q[:, 0], once.q, atol=1e-15)
+    np.testing.assert_allclose(free.v[:, 0], once.v, atol=1e-12)

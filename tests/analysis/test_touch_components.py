@@ -96,3 +96,25 @@ def test_intervals_hold_the_truth_in_a_few_cases():
 def test_intervals_of_95_percent_hold_the_truth_so_often():
     held = coverage(150, (6, 2, 4), (0.01, 0.03, 0.2))
     assert (held > 0.90).all(), held
+
+
+def test_a_component_of_0_is_within_its_interval():
+    random = np.random.default_rng(2)
+    for stds in ((0.01, 0.0, 0.0), (0.01, 0.03, 0.0), (0.01, 0.0, 0.2)):
+        found = fit_nested(nested(random, stds=stds), subgroups=True, groups=True)
+        for spread, true in zip((found.residual, found.subgroup, found.group), stds, strict=True):
+            assert spread is not None
+            assert spread.low <= true < spread.high
+            assert np.isfinite([spread.value, spread.low, spread.high]).all()
+
+
+def test_the_unit_does_not_matter():
+    data = nested(np.random.default_rng(4))
+    plain = fit_nested(data, subgroups=True, groups=True)
+    for scale in (1e-9, 1e9):
+        scaled = Nested(data.values * scale, data.columns, data.groups, data.subgroups)
+        found = fit_nested(scaled, subgroups=True, groups=True)
+        for part in ("residual", "subgroup", "group"):
+            ours, theirs = getattr(found, part), getattr(plain, part)
+            assert ours.low / scale == pytest.approx(theirs.low, rel=1e-2)
+            assert ours.high / scale == pytest.approx(theirs.high, rel=1e-2)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.transient.modes import fit_modes
+from sautereau.analysis.transient.modes import esprit, fit_modes
 
 RATE, SAMPLES = 10_240.0, 256
 TIME = np.arange(SAMPLES) / RATE
@@ -86,3 +86,11 @@ def test_noise_larger_than_stated_is_recognised():
     found = fit_modes(3 * noisy(rng), RATE, NOISE)
     assert found.excess == pytest.approx(9, rel=0.2)
     assert found.modes == ()
+
+
+def test_esprit_finds_shared_poles():
+    signals = ringing(300, 40, [5, 2j]) + ringing(330, 10, [1, 1])
+    poles = esprit(signals, 4) * RATE
+    above = sorted(poles[poles.imag > 0], key=lambda p: p.imag)
+    expected = [-40 + 2j * np.pi * 300, -10 + 2j * np.pi * 330]
+    np.testing.assert_allclose(above, expected, rtol=1e-6)

@@ -178,3 +178,8 @@ def test_learning_is_a_call_of_the_bench(quick_rig, tmp_path):
     assert learned.errors[0] < 1e-3
     assert (learned.path, len(learned.session), learned.simulated) == (None, 1, True)
     assert len(repr(learned)) < 200
+
+
+def test_a_packaged_rig_does_not_move_the_hardware():
+    with pytest.raises(RigError, match="only with a rig file of your own"):
+        st.bench("paper")

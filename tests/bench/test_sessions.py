@@ -9,12 +9,19 @@ import subprocess
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from sautereau.analysis.loading.press import load_press
+from sautereau.analysis.session.repeatability import repeatability
 from sautereau.daq.file.reading import read_recording, read_session
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
+from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.timing import press_law
 
 
 def names(out: Path) -> list[str]:
@@ -194,3 +201,35 @@ def test_a_key_pauses_the_session_and_continues_it(command_server, bare, rig_fil
         printed = process.communicate(timeout=100)[0]
     assert process.returncode == 0
     assert printed.count("recording: ") == 4
+
+
+@pytest.mark.slow
+def test_a_known_jitter_is_recovered_within_its_interval(bare, quick_rig, tmp_path):
+    """Each press is planned with a different speed; the recordings have the nominal one."""
+    presses, sigma = 10, 4e-3
+    speeds = 1 + sigma * np.random.default_rng(5).standard_normal(presses)
+    with StandIn(quick_rig, load_scene(str(bare))) as stand_in:
+        rig = stand_in.rig
+        nominal = rig.press.jack_speed
+        plans = [
+            plan_press(with_values(rig, {"press.jack_speed": f"{nominal * speed} m/s"}))
+            for speed in speeds
+        ]
+        paths = make_presses(GalilController(rig), tmp_path, (Item(rig, plan) for plan in plans))
+    found = repeatability([load_press(path) for path in paths], press_law(rig.press))
+    spread = found.velocity_repeatability
+    assert spread.low < 3 * sigma < spread.high
+    assert spread.value == pytest.approx(3 * speeds.std(ddof=1), rel=0.02)
+    assert found.velocity_accuracy == pytest.approx(speeds.mean() - 1, abs=3e-4)
+
+
+@pytest.mark.slow
+def test_sensors_noise_is_far_below_a_robots_repeatability(quick_rig, tmp_path):
+    """The path depends on the time of the trigger's edge, up to a sample before the motion."""
+    with StandIn(quick_rig, load_scene("paper"), 1) as stand_in:
+        rig = stand_in.rig
+        items = [Item(rig, plan_press(rig))] * 4
+        paths = make_presses(GalilController(rig), tmp_path, items)
+    found = repeatability([load_press(path) for path in paths], press_law(rig.press))
+    assert found.velocity_repeatability.value < 1e-3
+    assert found.path_repeatability < rig.press.jack_speed * rig.controller.sample_period

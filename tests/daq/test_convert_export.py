@@ -8,7 +8,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from sautereau.daq.convert.export import export
+from sautereau.daq.convert.export import ENDING, export
 from sautereau.daq.convert.targets import targets
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
@@ -130,3 +130,9 @@ def test_targets_that_are_given_twice_are_all_named(tmp_path):
         targets(files, "csv", None)
     assert "a.csv: 2 files would" in str(caught.value)
     assert "b.csv: 2 files would" in str(caught.value)
+
+
+def test_the_leftover_of_a_killed_export_is_replaced(tmp_path, recording):
+    (tmp_path / f"table.csv{ENDING}").write_text("half")
+    export(recording, "csv", tmp_path / "table.csv")
+    assert len(list(tmp_path.glob(f"*{ENDING}"))) == 0

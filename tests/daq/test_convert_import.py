@@ -402,3 +402,38 @@ def test_a_trigger_between_two_samples_is_reported(tmp_path, back, paper):
     done = import_file(tmp_path / "table.csv", back, rig=paper, options=options)
     assert done.first_sample == 0
     assert done.trigger_shift == pytest.approx(0.2e-3)
+
+
+@pytest.mark.parametrize(
+    ("times", "word"),
+    [
+        ([0, 1e-3, 2e-3, 4e-3], "is not even at"),
+        ([0, 1e-3, 1e-3, 3e-3], "is not even at"),
+        ([0], "fewer than two rows"),
+    ],
+)
+def test_uneven_times_are_never_resampled(tmp_path, back, paper, times, word):
+    path = tmp_path / "table.csv"
+    path.write_text("t,a\n" + "".join(f"{t!r},1\n" for t in times))
+    options = answers(**ONE, time="t")
+    assert word in refused(path, back, paper, options)
+
+
+@pytest.mark.parametrize("kind", ["tdms", "wav", "parquet"])
+def test_truncated_files_are_refused(tmp_path, back, paper, volts, complete_recording, kind):
+    """No truncation changes the number of samples silently; of CSV it cannot be detected."""
+    path = tmp_path / f"complete.{kind}"
+    options = answers(column=AI, started=None)
+    if kind == "tdms":
+        write_tdms(path, volts)
+    elif kind == "wav":
+        write_wav(path, np.arange(1000, dtype="<i2").tobytes(), 2)
+        options = answers(**WAV)
+    else:
+        export(complete_recording, "parquet", path, raw=True)
+        options = NO_OPTIONS
+    data = path.read_bytes()
+    cut = tmp_path / f"cut.{kind}"
+    for size in (0, 3, 40, len(data) // 2, len(data) - 9, len(data) - 1):
+        cut.write_bytes(data[:size])
+        refused(cut, back, paper, options)

@@ -63,3 +63,9 @@ def test_what_is_no_number_spoils_what_is_near_it_alone(bad, at):
     np.testing.assert_allclose(found[far], expected[far], rtol=0, atol=1e-12)
     near = np.abs(np.arange(len(found)) + 3.3 - at) < 1
     assert not np.any(np.abs(found[near]) < 1e300)
+
+
+def test_integer_delays_keep_the_samples():
+    signal = np.random.default_rng(0).standard_normal(100)
+    for lag in (3.0, 3 + 1e-12, 3 - 1e-12):
+        assert np.array_equal(undelayed(signal, lag), signal[3:])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from sautereau.daq.file.descriptors import FRAME
-from sautereau.daq.file.preview import Decimator
+from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator, low_pass
 from sautereau.daq.file.survey import LAYOUT, describe
 from tests.daq.declared import declared_class
 
@@ -80,3 +80,13 @@ def _leaves(place):
     if isinstance(place, str):
         return [place]
     return _leaves(place["first"]) + _leaves(place["second"])
+
+
+@pytest.mark.parametrize("factor", [2, 3, 52, 1000])
+def test_the_filter_is_what_it_says(factor):
+    """On its frequency response, at frequencies as fractions of the preview's rate."""
+    weights = low_pass(factor)
+    n = 16 * 2 ** int(np.ceil(np.log2(len(weights))))
+    response, frequency = np.abs(np.fft.rfft(weights, n)), np.fft.rfftfreq(n) * factor
+    assert 20 * np.log10(response[frequency >= 0.5].max()) < -ATTENUATION
+    assert np.abs(response[frequency <= PASS_BAND] - 1).max() < 2e-3

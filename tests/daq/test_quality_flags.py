@@ -166,3 +166,21 @@ def test_warnings_say_how_often_and_what_to_do():
         "velocity: drop-out in 2 stretches, 0.3 ms in total, first at 30 ms after the trigger; aim"
         " the laser at a brighter spot, or put reflecting tape under it",
     ]
+
+
+def test_a_key_that_turns_round_sharply_is_no_drop_out(velocity):
+    """A kink as at release: 10 m/s^2 under the laser, and back."""
+    time = np.arange(5120) / RATE
+    noise = 0.002 * np.random.default_rng(0).standard_normal(len(time))
+    kink = -10 / 0.025 * np.maximum(0, 1e-3 - np.abs(time - 0.05))
+    assert find_quality_flags(1.1 + kink + noise, velocity, RATE) == []
+
+
+def test_a_plateau_without_noise_is_none(velocity):
+    """As ideal sensors show it."""
+    assert find_quality_flags(press(noise=0.0), velocity, RATE) == []
+
+
+def test_none_in_clean_presses(velocity):
+    for seed in range(20):
+        assert find_quality_flags(press(seed=seed), velocity, RATE) == []

@@ -177,3 +177,27 @@ def test_a_small_file_of_many_samples_is_read_in_stretches(tmp_path, record, mon
     assert read_window(path, 1.5, 1.9).n_samples == 20_480
     with pytest.raises(RecordingError, match="MOST_VOLTS"):
         list(stream(path, 2.0))
+
+
+def test_every_changed_byte_is_refused(tmp_path, good):
+    """Bytes all over the file, and those that steer a reader: prefixes, checksums, footer."""
+    data = bytearray(good.read_bytes())
+    path = tmp_path / "changed.mcap"
+    places = {*range(50), *range(50, len(data), 251), *range(len(data) - 60, len(data))}
+    for place in sorted(places):
+        data[place] ^= 0x41
+        message = refused(write(path, bytes(data)))
+        data[place] ^= 0x41
+        assert any(word in message for word in ("corrupted", "truncated", "not an MCAP", "header"))
+        assert "sautereau recover" in message
+
+
+def test_every_truncation_is_refused(tmp_path, good):
+    data = good.read_bytes()
+    path = tmp_path / "short.mcap"
+    sizes = {*range(1, 60), *range(60, len(data), 997), *range(len(data) - 80, len(data))}
+    for size in sorted(sizes):
+        message = refused(write(path, data[:size]))
+        assert "it is truncated" in message, size
+        assert f"`sautereau recover {path}`" in message
+        assert "it is truncated" in described(path, "damage")

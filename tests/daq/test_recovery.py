@@ -17,7 +17,7 @@ from sautereau.daq.file.reading import read_parts, read_recording
 from sautereau.daq.file.recording import Block, Recording
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
-from tests.daq.damage import chunks, corrupt
+from tests.daq.damage import chunks, corrupt, record_and
 
 RATE = 51_200.0
 N = 60_000
@@ -232,3 +232,26 @@ def test_the_command(make, capsys):
     assert "samples 10240 to 20479 of velocity are missing, 200 ms to 400 ms" in (
         capsys.readouterr().out
     )
+
+
+def test_a_recovered_file_damaged_again(make):
+    path = make()
+    place, _ = chunks(path)[1]
+    corrupt(path, place)
+    once = recover(path).path
+    place, _ = chunks(once)[1]
+    corrupt(once, place + 99)
+    found = recover(once)
+    assert found.path.name == "press-recovered-recovered.mcap"
+    assert {(g.first_sample, g.stop_sample) for g in found.gaps} == {(CHUNK, 3 * CHUNK)}
+
+
+def test_an_aborted_press_takes_its_name(tmp_path, paper, session):
+    recording = Recording(tmp_path / "press.mcap", paper, session=session)
+    with pytest.raises(ZeroDivisionError):
+        record_and(recording, VOLTS, lambda: 1 / 0)
+    found = recover(recording.part_path)
+    assert found.gaps == ()
+    read = read_recording(found.path)
+    assert read.complete is False
+    assert np.array_equal(np.stack(list(read.volts.values())), VOLTS)

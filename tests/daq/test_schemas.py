@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.descriptors import FIELDS, FRAME, schema_data
@@ -14,6 +17,8 @@ from sautereau.daq.file.samples import (
     sample_layout,
 )
 from sautereau.daq.file.schemas import (
+    decode,
+    doubles,
     encode,
     encode_log,
     encode_rows,
@@ -140,3 +145,10 @@ def test_the_schema_holds_every_message():
         "google/protobuf/timestamp.proto",
         "foxglove.proto",
     ]
+
+
+@given(hnp.arrays(np.uint64, st.integers(0, 50)))
+def test_any_bits_survive_the_twin(bits):
+    values = bits.view(np.float64)
+    data = encode("Samples", t0=-1, first_sample=-(2**63), rate=51_200.0, volts=values)
+    assert np.array_equal(doubles(decode("Samples", data).volts).view(np.uint64), bits)

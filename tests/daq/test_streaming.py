@@ -105,3 +105,10 @@ def test_a_window_reads_nothing_corrupt(long):
         read_window(long, 0.65, 0.7)
     with pytest.raises(RecordingError, match="`sautereau recover"):
         next(stream(long, 0.1))
+
+
+def test_a_window_without_sense(long):
+    with pytest.raises(RecordingError, match="give a later stop"):
+        read_window(long, 0.5, 0.5)
+    with pytest.raises(RecordingError, match="more than 0 s"):
+        next(stream(long, 0.0))

@@ -211,3 +211,11 @@ def test_files_that_cannot_be_read(tmp_path):
 def test_a_name_that_no_rig_has(name):
     with pytest.raises(RigError, match=r"give the path of a .*file"):
         load_rig(name)
+
+
+def test_rules_between_fields_are_reported_together(changed):
+    with pytest.raises(RigError) as raised:
+        changed(('"171 mm"', '"190 mm"'), ('"108 mm"', '"500 mm"'), ('"4.5 mm"', '"0.2 mm"'))
+    assert "3 faults" in str(raised.value)
+    for start in ("press_arm", "overlap", "plucking_point"):
+        assert f"line {line_with(start)}: " in str(raised.value)

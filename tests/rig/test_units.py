@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sautereau.rig.units import parse_quantity, readable_quantity
+from sautereau.rig.units import format_quantity, parse_quantity, readable_quantity
 
 UNITS = [
     "m", "kg", "N", "rad", "s", "Hz", "V", "Pa", "N*m", "kg*m**2", "N*m*s/rad", "N/m", "N*s/m",
@@ -102,3 +102,8 @@ def test_any_text_is_a_finite_quantity_or_a_value_error(text, unit):
 )
 def test_a_quantity_that_people_read(value, unit, text):
     assert readable_quantity(value, unit) == text
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from(UNITS))
+def test_a_written_float_reads_back_as_itself(value, unit):
+    assert parse_quantity(format_quantity(value, unit), unit) == value

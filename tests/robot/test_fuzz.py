@@ -1,9 +1,12 @@
 """Random bytes into the driver and into the emulated controller: no crash, no hang, no motion."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
 from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.errors import RobotError
 from sautereau.sim_backend.devices.galil.commands.table import HANDLERS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
@@ -101,3 +104,26 @@ def test_noisy_programs_can_be_stopped(seed):
     firmware.receive(b"EO 0\rAB\r")
     assert not firmware.watching
     assert firmware.receive(b"MG 4711\r").endswith(b" 4711.0000\r\n:")
+
+
+@pytest.mark.parametrize("kind", ["bytes", "text", "answers", "words"])
+@pytest.mark.parametrize("echo", [False, True])
+def test_noise_into_the_line(kind, echo):
+    """A megabyte in all."""
+    port = Noise(babble(kind, 1, MEGABYTE // 8), chunk=64)
+    line = Line(port, "noise", 0.0)
+    line.echo = echo
+    asks = [
+        lambda: line.ask("MG _TPA"),
+        lambda: line.read("_TPA", "_TPB"),
+        lambda: line.ask_packed(["PVA=1,2,3"] * 9),
+        lambda: line.send_unchecked(["AB", "MO AB"], "_MOA", "_MOB"),
+        lambda: line.download(["#A", "EN"]),
+    ]
+    turns = 0
+    while port.incoming:
+        for ask in asks:
+            with contextlib.suppress(RobotError):
+                ask()
+        turns += 1
+    assert turns < MEGABYTE

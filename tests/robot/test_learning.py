@@ -196,3 +196,11 @@ def test_a_start_that_is_not_known_well_enough_is_not_learned_from(learned, monk
         learning = IterativeLearning(RIG, None, 1)
         with pytest.raises(RobotError, match=said):
             learning.update(Item(RIG, plan_press(RIG)), paths[0])
+
+
+def test_the_last_correction_stays_where_a_larger_one_cannot_be_pressed():
+    learning = IterativeLearning(RIG, None, 5)
+    learning.plan(bump(0.4e-3))
+    learning.plan(bump(8e-3))
+    rise = next(learning.presses_on(RIG)).trajectory.law.law.states[:, 0].max()
+    assert rise > plan_press(RIG, None, bump(0.4e-3)).law.law.states[:, 0].max()

@@ -16,6 +16,7 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.setup.step import Declined
 from tests.presses import MUTE_TEXT
 from tests.taps import RATE, tapped
 
@@ -138,3 +139,10 @@ def test_without_agreement_nothing_is_written(bench, capsys, monkeypatch):
     assert setup("encoders", str(file), simulation=simulation) == 0
     assert "not written: arm.counts_per_revolution" in capsys.readouterr().out
     assert file.read_text() == TEXT
+
+
+def test_a_person_who_does_not_agree_moves_nothing(bench, monkeypatch):
+    file, simulation = bench
+    type_in(monkeypatch)
+    with pytest.raises(Declined):
+        setup("home", str(file), simulation=simulation)

@@ -71,3 +71,21 @@ WayOut.TestCase.settings = settings(max_examples=20, stateful_step_count=20)
 
 
 TestWayOut = WayOut.TestCase
+
+
+def test_a_motion_that_fails_leaves_the_arm_moving():
+    states = States()
+    with pytest.raises(ValueError, match="stuck"), states.moving(State.HOMED):
+        raise ValueError("stuck")
+    assert states.now is State.MOVING
+    with states.moving(State.HOMED):
+        assert states.on
+    assert states.now is State.HOMED
+
+
+def test_off_alone_is_off():
+    states = States()
+    assert not states.on
+    for state in set(State) - {State.OFF}:
+        states.enter(state)
+        assert states.on

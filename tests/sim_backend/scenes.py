@@ -9,7 +9,7 @@ from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.observation import reference
+from sautereau.sim_backend.physics.observation import observe, reference
 from sautereau.sim_backend.scene import Scene, load_scene
 
 RIG = load_rig("paper")
@@ -67,3 +67,11 @@ def press_solved(name):
     """Return the reference solution of a packaged scene's press, and its drive."""
     scene = scene_of(name, sensors=None)
     return reference(RIG, scene), drive_of(RIG, scene)
+
+
+def run(rig, scene, drive=None):
+    """Observe a press; its motions are finite and their times do not fall."""
+    found = observe(rig, scene, drive)
+    assert all(np.isfinite(values).all() for values in vars(found.motions).values())
+    assert np.all(np.diff(found.motions.time) >= 0)
+    return found

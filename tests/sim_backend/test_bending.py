@@ -89,3 +89,30 @@ def test_the_exact_engine_refuses_a_bending_key():
             {**BARE, "finger": "ideal", "engine": "exact", "step": "1 ms"}
             | {"bending": {"frequency": "400 Hz"}}
         )
+
+
+@pytest.mark.slow
+def test_errors_fall_with_the_square_of_the_step():
+    """Of the contact and the release, with everything elastic."""
+    scene = scene_of("ideal", fingertip=Fingertip.model_construct(stiffness=3e4, damping=5.0))
+    scene = scene.model_copy(update={"bending": bent(400.0, 0.02)})
+    steps = [observe(RIG, scene.model_copy(update={"step": s})) for s in (2e-5, 1e-5, 2.5e-6)]
+    assert errors(steps[0], steps[2]).time < 1e-6
+    assert errors(steps[1], steps[2]).time < 0.5 * errors(steps[0], steps[2]).time + 1e-9
+
+
+@pytest.mark.slow
+def test_a_bent_key_releases_later():
+    """By the bend that the string's force has caused by then, over the front's speed."""
+    _, drive = press_solved("ideal")
+    changes = {"step": 50e-6, "friction": False}
+    times, forces = [], []
+    for bending in (bent(5000.0, 0.05), bent(200.0, 0.05)):
+        seen = observe(RIG, scene_of("ideal", **changes, bending=bending), drive)
+        at = seen.events.releases[0].time
+        times.append(at)
+        forces.append(seen.events.releases[0].force)
+        speed = np.interp(at - 1e-3, seen.motions.time, seen.motions.angular_velocity)
+    moment = forces[1] * KEY.jack_arm + (JACK.mass * GRAVITY * KEY.jack_arm - KEY.gravity_moment)
+    bends = [moment / parts(b)[0] for b in (bent(5000.0), bent(200.0))]
+    assert times[1] - times[0] == pytest.approx((bends[1] - bends[0]) / speed, rel=0.2)

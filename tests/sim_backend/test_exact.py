@@ -34,23 +34,13 @@ from tests.sim_backend.scenes import (
     press_solved,
     pressed,
     pushed,
+    run,
     scene_of,
     slow,
 )
 
 KEY_OF_RIG, JACK_OF_RIG = RIG.key, RIG.jack
 PERIOD = RIG.controller.sample_period
-
-
-def run(rig, scene, drive=None):
-    found = observe(rig, scene, drive)
-    assert all(np.isfinite(values).all() for values in vars(found.motions).values())
-    assert np.all(np.diff(found.motions.time) >= 0)
-    return found
-
-
-def times(events):
-    return [e.time for e in events.contacts + events.releases + events.returns]
 
 
 # Friction and energy of a push.

@@ -14,7 +14,7 @@ from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import joints_holding_point
 from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Motion
-from tests.sim_backend.scenes import BARE, RIG, at_rest, scene_of, slow
+from tests.sim_backend.scenes import BARE, RIG, at_rest, press_solved, scene_of, slow
 
 ENGINES = ("exact", "rigid")
 KEY, JACK = RIG.key, RIG.jack
@@ -145,3 +145,17 @@ def test_a_jump_of_the_force_at_another_time_is_an_error_of_time_and_not_of_forc
     other = errors(seen(0.05013, 0.6), true)  # likewise, by its size
     assert other.time == 0.0
     assert other.force > 0.1
+
+
+def test_a_stiff_pad_is_a_rigid_fingertip():
+    """Its compression delays the contact by load / (k v), and the release by the string's force."""
+    rigid, drive = press_solved("ideal")
+    stiff = reference(RIG, scene_of("ideal", fingertip=soft(1e7, 100.0)), drive)
+    found = stiff.events.releases[0].time - rigid.events.releases[0].time
+    speed = np.interp(
+        rigid.events.releases[0].time, rigid.motions.time, rigid.motions.angular_velocity
+    )
+    force = rigid.motions.finger_force[
+        np.searchsorted(rigid.motions.time, rigid.events.releases[0].time) - 1
+    ]
+    assert found == pytest.approx(force / 1e7 / (speed * KEY.press_arm), rel=0.1)

@@ -133,3 +133,20 @@ def test_the_felt_stops_the_finger_at_the_bottom():
     weight = finger_force(bare, still, np.zeros(1))[0]
     assert forces[1] == pytest.approx(weight, rel=1e-5)
     assert forces[0] == pytest.approx(weight + KEY.felt_stiffness * KEY.press_arm * depth, rel=1e-5)
+
+
+def test_a_second_press_plucks_again():
+    world = new_world(RIG, ideal(), DRIVE.start)
+    for _ in range(2):
+        for i in range(DRIVE.samples):
+            world.advance(DRIVE.reference(i), True)
+    apart = DRIVE.samples * PERIOD
+    for kind in (world.events.contacts, world.events.releases, world.events.returns):
+        assert len(kind) == 2
+        assert kind[1].time - kind[0].time == pytest.approx(apart, abs=1e-8)
+
+
+def test_truth_changes_the_bench_and_not_the_plan():
+    """A clearance of 2.5 mm in the true bench only."""
+    events = observe(RIG, ideal(truth={"jack.string_clearance": "2.5 mm"}), DRIVE).events
+    assert events.contacts[0].time == pytest.approx(reaches(2.5e-3), abs=1e-8)

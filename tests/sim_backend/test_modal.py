@@ -312,3 +312,49 @@ def test_random_motion_of_the_jack_is_followed(seed):
     ends = [s.end for s in swings]
     assert (np.array([s.start for s in swings[1:]]) >= np.array(ends[:-1]) - 1e-12).all()
     assert all(np.isfinite(total_energy(s)) for s in swings)
+
+
+@pytest.mark.parametrize("path", [PATHS[0], slow(PATHS[1])])
+def test_release_and_state_converge_at_second_order(path):
+    release, force, _, v, _ = integrated(*path)
+    errors = []
+    for step in (8e-5, 4e-5, 2e-5):
+        string, _ = pluck(rising(*path), step, string=strung(modes=8))
+        (event,) = string.events.releases
+        off = np.abs(string.swings[-1].string.state.v - v).max()
+        errors.append([abs(event.time - release), abs(event.force - force), off])
+    orders = np.log2(np.array(errors[0]) / errors[2]) / 2
+    assert (orders > 1.7).all(), (errors, orders)
+
+
+def test_a_free_string_keeps_its_energy_for_a_second():
+    """A damper without decay, lowered after a second, requires the string's state."""
+    damper = {"jack.damper.lift": f"{CLEARANCE + 1.5} mm", "jack.damper.decay": "0 1/s"}
+    path, _ = up_and_down(stay=1.0)
+    string = strung(with_values(RIG, damper), damper=True)
+    drive(string, path, np.arange(0, 1.06, 1e-4))
+    *_, held, later = string.swings
+    assert later.start == held.end > held.start + 1.0
+    assert total_energy(later) == pytest.approx(total_energy(held), rel=1e-9)
+    modes = held.string.string
+    energy = modes.energy(modes.free(held.string.state, [0.1234, 0.777, 1.00031]))
+    np.testing.assert_allclose(energy, total_energy(held), rtol=1e-9)
+
+
+def test_a_slow_pluck_is_the_springs():
+    rig_slow, speed, step = rig_pluck(RIG), 0.005, 1e-4
+    string, forces = pluck(rising(speed), step, 0.5, strung(modes=5))
+    (event,) = string.events.releases
+    assert event.time * speed == pytest.approx(rig_slow.release_height, rel=5e-4)
+    heights = speed * step * np.arange(1, len(forces))
+    static = rig_slow.force_on_jack(heights)
+    np.testing.assert_allclose(forces[:-1], static, atol=2e-3 * static.max())
+
+
+@pytest.mark.parametrize("step", [2e-4, 5e-5])
+def test_the_forces_of_long_steps_carry_the_same_momentum(step):
+    """Leap-frog impulses extend over half a step, so that the total momentum is exact."""
+    _, fine = pluck(rising(0.3), 1e-6)
+    string, coarse = pluck(rising(0.3), step)
+    assert len(string.events.releases) == 1
+    assert np.sum(coarse) * step == pytest.approx(np.sum(fine) * 1e-6, rel=2e-5)

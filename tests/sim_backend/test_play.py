@@ -158,3 +158,11 @@ def test_what_cannot_be_simulated_is_refused_with_the_reason():
         new_world(RIG, scene)
     with pytest.raises(SceneError, match=r"the balance felt needs steps of .*play\.stiffness"):
         new_world(RIG, scene_of("free-key", engine="rigid", play=play(1e8, 1e4, mass=1e-3)))
+
+
+@pytest.mark.slow
+def test_errors_fall_with_the_square_of_the_step():
+    scene = scene_of("ideal", fingertip=PAD, play=play(1e5, 10.0))
+    steps = [observe(RIG, scene.model_copy(update={"step": s})) for s in (4e-5, 2e-5, 2.5e-6)]
+    assert errors(steps[0], steps[2]).time < 4e-6
+    assert errors(steps[1], steps[2]).time < 0.5 * errors(steps[0], steps[2]).time + 1e-8

@@ -229,3 +229,18 @@ def test_a_step_given_is_kept_and_estimated():
     assert selected.scene.step == PERIOD / 10
     assert toy.error(selected.scene) <= selected.errors.time
     assert selected.asked is None
+
+
+def test_equal_neighbouring_results_do_not_hide_an_error():
+    error = {1: 0.8e-6, 2: 0.5e-6, 4: 0.5e-6, 8: 0.1e-6}
+    refinement = StepRefinement(
+        lambda n: events_at(0.01, 0.02 + error.get(n, 0.0)), 1, 1 << 20, PERIOD
+    )
+    for level in range(3):
+        assert error[refinement.steps(level)] <= refinement.estimate(level).time
+
+
+def test_levels_that_agree_by_coincidence_do_not_hide_an_error():
+    error = {1: 2e-6, 2: -2e-6, 4: 1.5e-6, 8: 1.9e-6}
+    refinement = StepRefinement(lambda n: events_at(0.01, 0.02 + error[n]), 1, 8, PERIOD)
+    assert error[1] <= refinement.estimate(0).time

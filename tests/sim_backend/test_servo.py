@@ -118,3 +118,17 @@ def test_the_free_arm_follows_its_equations(rotor):
 def test_joint_2s_rotor_is_refused():
     with pytest.raises(SceneError, match=r"rotor_inertias: joint 2's .* 0\.0009 kg m\^2 .*truth"):
         new_world(geared(0, 1e-6), load_scene("paper"))
+
+
+def test_at_rest_the_torque_balances_the_weight(loops):
+    loops.engage((0.3, -1.2))
+    for _ in range(50):
+        assert loops.torque((0, 0), (0, 0)) == weight_torque((0.3, -1.2))
+
+
+def test_engaging_again_resets_the_integral(loops):
+    loops.engage((0.3, -1.2))
+    for _ in range(10):
+        loops.torque((50, -50), (0, 0))
+    loops.engage((0.1, -1.0))
+    assert loops.torque((0, 0), (0, 0)) == weight_torque((0.1, -1.0))

@@ -172,3 +172,8 @@ def test_without_a_cache_it_is_only_slower(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     store_trade(load_rig(), load_scene("pluck"), made(POINT))
     assert stored_trade(load_rig(), load_scene("pluck")) is None
+
+
+def test_speeds_within_the_margin_count_as_equal():
+    assert pareto_front([1.0, 2.0], [10.0, 10.5], 0.1) == [0]
+    assert pareto_front([1.0, 2.0], [10.0, 11.5], 0.1) == [0, 1]

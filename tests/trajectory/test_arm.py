@@ -16,6 +16,7 @@ from sautereau.trajectory.arm import (
     reach_margins,
     tilt,
 )
+from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.key import key_under_fingertip, point_on_key, surface_axes
 from sautereau.trajectory.motion import Motion, dot
 
@@ -156,3 +157,30 @@ def test_joint_derivatives_holding_the_point_are_exact_by_complex_steps(arm):
     velocity, acceleration = by_complex_steps(arm, joints_holding_point(arm, centre))
     for found, expected in ((velocity, centre.velocity), (acceleration, centre.acceleration)):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+@given(standing_arms())
+def test_joint_derivatives_holding_the_normal_are_exact_by_complex_steps(arm):
+    """The fingertip's motion by complex steps gives the planned motion of the key."""
+    angle = rocking(TIME)
+    try:
+        joints, _ = joints_holding_normal(arm, KEY, angle)
+    except TrajectoryError:
+        assume(False)
+    velocity, acceleration = by_complex_steps(arm, joints)
+    place = fingertip_place(arm, joints.position)
+    tangent, normal = surface_axes(angle.position)
+    along, above = dot(place, tangent), KEY.surface_height + arm.fingertip_radius
+    # C . n = H on the key, differentiated once and twice with t' = a' n and n' = -a' t.
+    first = dot(velocity, normal) - angle.velocity * along
+    second = (
+        dot(acceleration, normal)
+        - 2 * angle.velocity * dot(velocity, tangent)
+        - angle.velocity**2 * above
+        - angle.acceleration * along
+    )
+    np.testing.assert_allclose(first, 0, atol=1e-9 * np.abs(velocity).max())
+    np.testing.assert_allclose(second, 0, atol=1e-9 * np.abs(acceleration).max())
+    # Link 2 rotates with the key.
+    for found, expected in zip(joints[1:], angle[1:], strict=True):
+        np.testing.assert_allclose(found.sum(-1), expected, atol=1e-9 * np.abs(found).max())

@@ -172,3 +172,29 @@ def test_pinocchio_finds_the_same(close, arm, seed):
     close(mass_matrix(arm, joints.position), np.array(matrices), 1e-9)
     rotors = joints.velocity**2 @ armature(arm) / 2  # not included in its energy
     close(arm_energy(arm, joints) - rotors, np.array(energies), 1e-9)
+
+
+@given(arms(), seeds())
+def test_gravity_torque_is_the_slope_of_the_energy(derivatives, close, arm, seed):
+    joints = states(seed).position
+    for j, axis in enumerate(np.eye(2)):
+
+        def potential(turn, axis=axis):
+            return arm_energy(arm, at_rest(joints + turn * axis))
+
+        slope, _ = derivatives(potential, 0.0, 0.05)
+        close(gravity_torque(arm, joints)[:, j], slope, 1e-10)
+
+
+@given(arms(), seeds())
+def test_the_motors_work_is_the_energy_gained(arm, seed):
+    """With an external force on the fingertip, whose work is subtracted."""
+    nodes, weights = np.polynomial.legendre.leggauss(80)
+    time = (nodes + 1) / 2
+    joints = swing(seed, time)
+    force = np.random.default_rng(seed).uniform(-2, 2, 2) * np.cos(9 * time)[:, None]
+    torque = joint_torques(arm, joints, force)
+    power = dot(torque, joints.velocity) + dot(force, fingertip_motion(arm, joints).velocity)
+    before, after = arm_energy(arm, swing(seed, np.array([0.0, 1.0])))
+    scale = weights @ np.abs(power) / 2 + abs(before) + abs(after)
+    assert abs(weights @ power / 2 - (after - before)) <= 1e-9 * scale

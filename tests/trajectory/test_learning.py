@@ -9,7 +9,7 @@ from scipy.signal import butter, sosfilt
 from sautereau.rig.load import load_rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.learning import Correction, Learner, corrected, speed_error
-from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.press import draft_press, plan_press
 from sautereau.trajectory.timing import press_law
 
 RIG = load_rig("paper")
@@ -165,3 +165,14 @@ def test_corrections_that_do_not_fit_are_refused(time, rise, says):
 def test_a_correction_of_another_press_is_refused():
     with pytest.raises(TrajectoryError, match="another press"):
         Correction(KNOTS + 0.05, np.zeros_like(KNOTS)).onto(LAW)
+
+
+def test_a_correction_beyond_the_limits_fails_the_checks():
+    assert not all(check.holds for check in draft_press(RIG, correction=addition(8e-3)).checks)
+
+
+def test_a_zero_correction_changes_nothing():
+    law = Correction(KNOTS, np.zeros_like(KNOTS)).onto(LAW)
+    fine = np.linspace(0, LAW.law.duration, 5001)
+    for ours, theirs in zip(law.law.at(fine), LAW.law.at(fine), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-12)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
@@ -145,3 +145,22 @@ def test_any_touches_give_numbers_or_a_message(touches):
     assert np.isfinite(found.std).all()
     assert (found.std > 0).all()
     assert np.isfinite(found.covariance).all()
+
+
+@given(st.floats(-0.29, -0.26), st.floats(0.15, 0.18), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
+def test_any_base_is_found(x, z, first, second):
+    arm = PAPER.arm.model_copy(update={"base_x": x, "base_z": z})
+    rig = PAPER.model_copy(update={"arm": arm})
+    points = np.linspace(-0.183, -0.14, 5)
+    assume(np.hypot(x + 0.14, z - 0.014) < 0.21)
+    found = locate_base(PAPER, touching(points, (first, second), rig=rig), points)
+    assert estimates(found) == pytest.approx([x, z, first, second], abs=1e-9)
+
+
+def test_more_touches_reduce_the_uncertainty():
+    wide = locate_base(PAPER, touching(POINTS), POINTS)
+    twice = np.repeat(POINTS, 4)
+    more = locate_base(PAPER, touching(twice), twice)
+    assert more.std == pytest.approx(wide.std / 2, rel=1e-9)
+    known = locate_base(PAPER, touching(POINTS), POINTS, offsets=0)
+    assert known.std == pytest.approx([0.1e-3 / np.sqrt(6)] * 2)

@@ -225,3 +225,29 @@ def test_any_rig_has_a_mount_or_a_message(rig):
         found = assess_bases(rig, elbow, bases, key_angles(rig, 65))
         allowed = found.worst_residual[found.violation <= 0]
         assert allowed.min(initial=np.inf) >= residual_of(mount) * (1 - 1e-3)
+
+
+def test_the_many_bases_agree_with_the_planner(held):
+    rig, mount = held
+    angles = key_angles(rig, 9)
+    random = np.random.default_rng(3)
+    bases = np.array([mount.base_x, mount.base_z]) + random.uniform(-5e-3, 5e-3, (20, 2))
+    found = assess_bases(rig, mount.elbow, bases, angles)
+    rise = rise_of_angle(rig.key, angles)
+    still = np.zeros_like(rise)
+    for index, (x, z) in enumerate(bases):
+        moved = with_arm(rig, base_x=x, base_z=z, elbow=mount.elbow)
+        path = follow_key(moved, Motion(rise, still, still))
+        lean = path.joints.position.sum(-1) - (angles - np.pi / 2)
+        expected = lean if rig.press.hold == "point" else path.slide
+        assert found.residual[index] == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_sensitivity_is_that_of_displaced_bases(held):
+    rig, mount = held
+    around = np.linspace(0, 2 * np.pi, 31)
+    bases = np.stack([np.cos(around), np.sin(around)], -1) * 1e-3 + [mount.base_x, mount.base_z]
+    displaced = assess_bases(rig, mount.elbow, bases, key_angles(rig, 257)).worst_residual
+    sensitivity = mount.tilt_per_metre + mount.slide_per_metre
+    increase = (displaced.max() - residual_of(mount)) / 1e-3
+    assert increase == pytest.approx(sensitivity, rel=6e-3)

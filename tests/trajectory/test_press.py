@@ -140,3 +140,34 @@ def test_no_such_motion_is_one_clear_message(values, message):
     with pytest.raises(TrajectoryError, match=message) as raised:
         draft_press(with_values(PAPER, values))
     assert "\n" not in str(raised.value)
+
+
+def test_a_base_that_presses_behind_the_pin_is_refused():
+    """With hold `normal` the fingertip may find the key's line on the wrong side of its pin."""
+    rig = with_values(
+        PAPER,
+        {
+            "press.hold": "normal",
+            "key.press_arm": "60 mm",
+            "key.dip": "15 mm",
+            "arm.base_x": "-90 mm",
+            "arm.base_z": "114 mm",
+        },
+    )
+    checks = {check.name: check for check in draft_press(rig).checks}
+    assert checks["contact on the key"].value == pytest.approx(-0.0346, abs=1e-3)
+    assert "lower key.press_arm" in checks["contact on the key"].how_to_fix
+
+
+def test_the_way_down_is_checked_against_the_limits():
+    """Joint 1 stands at -22.2 deg above the key, beyond every angle of the press."""
+    plan = plan_press(PAPER)
+    pressing, hovering = (
+        np.degrees(plan.joints.position[:, 0].max()),
+        np.degrees(plan.hover[0] * 2 * np.pi / PAPER.arm.counts_per_revolution),
+    )
+    assert hovering > pressing + 3
+    limit = f"{(hovering + pressing) / 2} deg"
+    rig = with_values(PAPER, {"arm.upper_limits": [limit, "-10 deg"]})
+    failed = [check.name for check in draft_press(rig).checks if not check.holds]
+    assert failed == ["joint 1 upper limit", "joints after a stop"]

@@ -154,3 +154,11 @@ def test_the_slowest_press_is_planned_in_bounded_memory(bench):
     assert len(plan.segments) < rig.controller.segment_limit
     assert plan.cruise.error <= 1e-3
     assert plan.rise.position.max() == pytest.approx(0.015, rel=1e-9)
+
+
+def test_the_finest_encoder_fits_into_the_fifo(bench):
+    """Long segments are not needed for its cruise's speed, but for the FIFO."""
+    for speed in ("0.005 m/s", "0.072 m/s"):
+        plan = plan_press(bench(arm__counts_per_revolution=2**31, press__jack_speed=speed))
+        assert len(plan.segments) < 255
+        assert plan.cruise.error < 1e-4

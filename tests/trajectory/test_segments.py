@@ -161,3 +161,29 @@ def test_extremes_of_degenerate_cubics(terms, low, high, speed):
     assert found.speed == pytest.approx([speed, speed], abs=1e-15)
     middle = evaluate(cubics, np.array([[0.5]]))
     assert middle.position[0, 0] == pytest.approx(sum(t / 2**i for i, t in enumerate(terms)))
+
+
+def test_the_controllers_motion_of_a_press_is_the_cubic_spline(bench, spline):
+    for hold in ("point", "normal"):
+        rig = bench(press__hold=hold)
+        plan = plan_press(rig)
+        scale, period = rig.arm.counts_per_revolution / (2 * np.pi), rig.controller.sample_period
+        ticks = np.arange(plan.segments.total_samples * 7 + 1) / 7
+        time = ticks * period
+        motion = motion_at(plan.segments, segment_cubics(plan.segments, scale, period), ticks)
+        assert time[-1] == pytest.approx(plan.time[-1], rel=1e-14)
+        curve = spline(plan.segments, period)
+        assert motion.position == pytest.approx(curve(time) / scale, abs=1e-12)
+        assert motion.velocity == pytest.approx(curve(time, 1) / scale, abs=1e-9)
+        on_knot = np.isin(np.arange(len(time)) / 7, np.cumsum(plan.segments.samples))
+        # At the end the spline's second derivative is one-sided.
+        between = ~on_knot[:-1]
+        found = motion.acceleration[:-1][between]
+        assert found == pytest.approx(curve(time, 2)[:-1][between] / scale, abs=1e-6)
+
+
+@given(rests_to_rest())
+def test_reversing_twice_is_the_identity(segments):
+    twice = segments.reversed().reversed()
+    for name in ("start", "steps", "velocities", "samples"):
+        assert (getattr(twice, name) == getattr(segments, name)).all()

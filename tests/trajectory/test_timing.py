@@ -9,9 +9,14 @@ from sautereau.rig.load import load_rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.timing import (
     approach_law,
+    chained,
+    falling,
     jerk_law,
+    length,
     press_law,
+    ramp,
     rest_to_rest,
+    reversed_law,
 )
 
 PAPER = load_rig().press
@@ -167,3 +172,44 @@ def test_the_way_down_covers_the_hover_within_its_limits():
         assert motion.velocity.max() <= press.approach_speed * (1 + 1e-9)
         assert np.abs(motion.acceleration).max() <= press.return_acceleration * (1 + 1e-9)
         assert np.abs(law.jerks).max() <= press.run_down_jerk
+
+
+@given(powers(-3, 0), powers(-3, 4), powers(-1, 8))
+def test_a_ramp_reaches_its_speed_within_its_limits(speed, acceleration, jerk):
+    phases = ramp(speed, acceleration, jerk)
+    law = jerk_law(phases)
+    assert law.states[-1, 1] == pytest.approx(speed, rel=1e-9)
+    assert abs(law.states[-1, 2]) <= 1e-9 * acceleration
+    assert np.abs(law.states[:, 2]).max() <= acceleration * (1 + 1e-9)
+    assert np.abs(law.jerks).max() <= jerk
+    # Its mean speed is half the final one, and reversing it ends at rest.
+    assert law.states[-1, 0] == pytest.approx(speed * length(phases) / 2, rel=1e-9)
+    undone = jerk_law([*phases, *falling(phases)])
+    assert abs(undone.states[-1, 1]) <= 1e-9 * speed
+
+
+def test_acceleration_and_speed_are_derivatives(derivatives, close):
+    law = press_law(PAPER).law
+    step = 1e-5
+    edges = law.times[:, None]
+    t = np.linspace(0, law.duration, 997)[1:-1]
+    t = t[np.abs(t - edges).min(0) > 5 * step]
+    first, _ = derivatives(lambda t: law.at(t).position, t, step)
+    close(law.at(t).velocity, first, 1e-9)
+    second, _ = derivatives(lambda t: law.at(t).velocity, t, step)
+    close(law.at(t).acceleration, second, 1e-9)
+
+
+def test_chained_laws_are_continuous():
+    rise = jerk_law(rest_to_rest(0.01, 0.05, 0.6, 200.0))
+    rest = jerk_law([(0.1, 0.0)])
+    total = chained([rest, rise, rest, reversed_law(rise)])
+    assert total.duration == pytest.approx(0.2 + 2 * rise.duration, rel=1e-15)
+    at = total.at(np.array([0.05, 0.1 + rise.duration, 0.2 + rise.duration, total.duration]))
+    assert at.position == pytest.approx([0.0, 0.01, 0.01, 0.0], abs=1e-15)
+    t = np.linspace(0, rise.duration, 101)
+    down = total.at(0.2 + rise.duration + t)
+    up = rise.at(t)
+    assert down.position == pytest.approx(0.01 - up.position, abs=1e-15)
+    assert down.velocity == pytest.approx(-up.velocity, abs=1e-13)
+    assert len(total.jerks) == len(total.times) - 1 == len(total.states) - 1

@@ -10,7 +10,7 @@ from sautereau.rig.schema import Gesture
 from sautereau.trajectory.checks import at_least, at_most
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.press import plan_press
+from sautereau.trajectory.press import draft_press, plan_press
 from tests.budget import examples
 
 PAPER = load_rig()
@@ -204,3 +204,42 @@ def test_the_papers_checks_are_exact_within_a_small_bound(bench, brute, hold, pu
         assert (-beyond if check.at_least else beyond) <= 1e-2 * check.value * (
             check.name == "cruise speed error"
         ) + 1e-8 * abs(check.value), check
+
+
+def test_stops_decelerate_each_joint_independently(bench, brute):
+    """With a low deceleration the finger moves on; the check reports the actual depth."""
+    rig = bench(arm__acceleration_limit="3 rad/s^2")
+    values = {check.name: check for check in draft_press(rig).checks}
+    found = brute(rig, draft_press(rig))
+    deep = values["depth of the key after a stop"]
+    assert not deep.holds
+    assert deep.value == pytest.approx(found[deep.name], rel=0.06)
+    assert deep.value >= found[deep.name] > values["depth of the key"].value * 1.3
+    spare = values["joints after a stop"]
+    assert spare.value <= found[spare.name] + 1e-9
+    assert spare.value == pytest.approx(found[spare.name], abs=1e-2)
+
+
+def test_torques_balance_the_expected_force_by_virtual_work(paper):
+    """The additional power of the joints is that of the force on the fingertip."""
+    rise = np.array([0.0, 0.002, 0.004, 0.01])
+    expected = Expectation(rise, np.array([0.6, 0.6, 3.0, 0.6]), 0.002, 0.004)
+    bare, pushed = plan_press(paper), plan_press(paper, expected)
+    work = ((pushed.torques - bare.torques) * bare.joints.velocity).sum(-1)
+    angle = bare.angle.position
+    normal = np.stack([-np.sin(angle), np.cos(angle)], -1)
+    force = np.interp(bare.rise.position, rise, expected.force)
+    against = -force * (normal * bare.fingertip.velocity).sum(-1)
+    assert np.abs(against).max() > 0.1
+    assert np.abs(work - against).max() < 1e-12
+
+
+def test_the_force_is_not_expected_above_the_key(bench, brute):
+    """A force at rest acts in the press only, not in approach and retreat."""
+    rig = bench()
+    expected = Expectation(np.array([0.0]), np.array([30.0]), 0.0, 0.0)
+    draft = draft_press(rig, expected)
+    found = brute(rig, draft, expected)
+    for check in draft.checks:
+        if "torque" in check.name:
+            assert check.value == pytest.approx(found[check.name], rel=0.03)
