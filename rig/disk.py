@@ -126,7 +126,10 @@ def make_folder(folder: Path) -> None:
         OSError: It cannot be made.
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise FileExistsError(errno.EEXIST, "it is not a folder", str(folder)) from error
     for path in reversed(missing):
         sync_folder(path.parent)
 

@@ -27,7 +27,8 @@ def named_text(
             return read_text(path), str(path), path.parent
     except (OSError, ValueError) as error:  # not UTF-8, or an impossible file name
         raise error_type(
-            f"{what} file {path}: cannot be read: {error}; give the path of a UTF-8 text file"
+            f"{what} file {path}: cannot be read: {getattr(error, 'strerror', None) or error};"
+            " give the path of a UTF-8 text file"
         ) from error
     packaged = resources.files(package).joinpath(f"{name}.toml")
     if not packaged.is_file():

@@ -90,13 +90,18 @@ def find_recordings(folder: Path) -> list[Source]:
     """Return the recordings in a folder and its subfolders, ordered by path.
 
     Raises:
-        AnalysisError: The folder holds none.
+        AnalysisError: There is no such folder, or it holds none.
     """
     paths = sorted(path for path in folder.rglob("*.mcap") if path.is_file())
     if not paths:
+        fault = (
+            "the folder holds no recordings (NAME.mcap)"
+            if folder.is_dir()
+            else "there is no such folder"
+        )
         raise AnalysisError(
-            f"campaign of {folder}: the folder holds no recordings (NAME.mcap); give the folder"
-            " that `sautereau press --out` or `sautereau import` has filled"
+            f"campaign of {folder}: {fault}; give the folder that `sautereau press --out` or"
+            " `sautereau import` has filled"
         )
     stats = [(path.relative_to(folder).as_posix(), path.stat()) for path in paths]
     return [Source(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]

@@ -141,7 +141,8 @@ def read_campaign(path: str | Path) -> Campaign:
     path = Path(path)
     fix = "give the file that `sautereau campaign` has written"
     if not path.is_file():
-        raise AnalysisError(f"campaign {path}: there is no such file; {fix}")
+        fault = "it is a folder" if path.is_dir() else "there is no such file"
+        raise AnalysisError(f"campaign {path}: {fault}; {fix}")
     try:
         file = pq.ParquetFile(path)
         rows, size = (

@@ -63,7 +63,7 @@ def _poses(axes, rig: Rig, trajectory: Trajectory) -> None:
     axes.annotate("base", base, (0, 10), textcoords="offset points", ha="center")
     axes.axhline(key.neighbour_height * 1e3, color=KEY, ls=":", lw=1)
     axes.text(
-        0.99, key.neighbour_height * 1e3, "neighbouring keys", color=KEY, va="bottom", ha="right",
+        0.01, key.neighbour_height * 1e3, "neighbouring keys", color=KEY, va="bottom", ha="left",
         transform=axes.get_yaxis_transform(), fontsize=8,
     )  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")

@@ -36,7 +36,7 @@ def transient_figure(examined: Sequence[Examined], found: Sequence[Attributed]) 
         found: Their oscillations.
     """
     figure = Figure(figsize=(13, 9.5), layout="constrained")
-    grid = figure.add_gridspec(3, 3, height_ratios=(1, 1, 1.2))
+    grid = figure.add_gridspec(3, 3, height_ratios=(1, 1, 1.2), wspace=0.06)
     for column, phase in enumerate(NAMES):
         for row in range(2):
             axes = figure.add_subplot(grid[row, column])

@@ -11,6 +11,7 @@ from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability
 from sautereau.analysis.summary.session import SIGNS, feature_cells
 from sautereau.analysis.summary.session import repeatability_rows as rows_of_repeatability
+from sautereau.analysis.summary.text import percent
 from sautereau.rig.quantities import QUANTITIES
 
 NONE = "–"
@@ -122,8 +123,10 @@ def comparison_rows(found: Comparison) -> list[tuple[str, str, str]]:
     rows = []
     for name in SIGNS:
         error = getattr(found, name)
-        interval = NO_INTERVAL if error.low is None else f"{error.low:+.2%} to {error.high:+.2%}"
-        rows.append((QUANTITIES[name].label, f"{error.value:+.2%}", interval))
+        interval = (
+            NO_INTERVAL if error.low is None else f"{percent(error.low)} to {percent(error.high)}"
+        )
+        rows.append((QUANTITIES[name].label, percent(error.value), interval))
     return rows
 
 

@@ -139,7 +139,7 @@ def _table(found: Identified) -> list[str]:
     ]
     for s in found.sensitivity:
         change = _quantity(s.change, s.unit) + "*" * s.stated
-        effects = [f"{s.effects[e.name]:+.2%}" for e in found.estimates]
+        effects = [f"{100 * s.effects[e.name]:+.2f} %" for e in found.estimates]
         row = "  ".join(f"{e:>{width}}" for e, width in zip(effects, widths, strict=True))
         lines.append(f"  {s.name:<28} {change:>18}  {row}")
     return lines

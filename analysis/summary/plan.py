@@ -124,7 +124,7 @@ def mount_lines(rig: Rig, found: Mount) -> list[str]:
     ):
         lines.append(
             f"  {what + ':':22} jack height {cost.height_error * 1e3:.3g} mm, jack speed"
-            f" {cost.speed_error:.2%}, tilt {math.degrees(cost.tilt_change):.3g} deg"
+            f" {100 * cost.speed_error:.2f} %, tilt {math.degrees(cost.tilt_change):.3g} deg"
         )
     return lines
 

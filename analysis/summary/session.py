@@ -43,21 +43,21 @@ def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str, bool]]
     rows = {
         "path_repeatability": (f"{found.path_repeatability * 1e6:.3g} um", "", True),
         "path_accuracy": (f"{found.path_accuracy * 1e6:.3g} um", "", True),
-        "velocity_accuracy": (f"{found.velocity_accuracy:+.3%}", "", True),
+        "velocity_accuracy": (f"{100 * found.velocity_accuracy:+.3f} %", "", True),
         "velocity_repeatability": (
-            f"{spread.value:.3%}",
-            f"{spread.low:.3%} to {spread.high:.3%}",
+            f"{100 * spread.value:.3f} %",
+            f"{100 * spread.low:.3f} % to {100 * spread.high:.3f} %",
             True,
         ),
-        "velocity_fluctuation": (f"{found.velocity_fluctuation:.3%}", "", True),
+        "velocity_fluctuation": (f"{100 * found.velocity_fluctuation:.3f} %", "", True),
         "rise_drift": (
             f"{rise.value * 1e6:+.3g} um per press",
             f"{rise.low * 1e6:+.3g} to {rise.high * 1e6:+.3g}",
             rise.significant,
         ),
         "speed_drift": (
-            f"{speed.value:+.3%} per press",
-            f"{speed.low:+.3%} to {speed.high:+.3%}",
+            f"{100 * speed.value:+.3f} % per press",
+            f"{100 * speed.low:+.3f} % to {100 * speed.high:+.3f} %",
             speed.significant,
         ),
     }

@@ -60,4 +60,4 @@ def _interval(spread: Spread | None, scale: float) -> str:
 
 
 def _percent(spread: Spread) -> str:
-    return f"{spread.value:.3%} ({spread.low:.3%} to {spread.high:.3%})"
+    return f"{100 * spread.value:.3f} % ({100 * spread.low:.3f} % to {100 * spread.high:.3f} %)"

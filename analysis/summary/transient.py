@@ -88,7 +88,7 @@ def _line(each: Attributed) -> str:
     force, velocity = (abs(complex(a)) * 1e3 for a in mode.amplitude)
     phases = ", ".join(phase for phase, fraction in o.seen.items() if fraction >= 0.5)
     likely = max(each.probability, key=lambda source: each.probability[source])
-    chance = f"{each.probability[likely]:.0%}"
+    chance = f"{100 * each.probability[likely]:.0f} %"
     verdict = f"{likely} ({chance})" if each.source else f"undecided, {likely} {chance}"
     return (
         f"{_with_std(o.frequency, o.frequency_std):>18}"

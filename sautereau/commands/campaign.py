@@ -19,7 +19,7 @@ def campaign(
     *,
     out: Annotated[Path, "FILE"],
     processes: Annotated[
-        int | None,
+        common.Integer | None,
         Parameter(help="Number of processes. Default: one per core, fewer for few recordings."),
     ] = None,
     cluster: Annotated[str | None, Parameter(help="Address of a Dask scheduler.")] = None,

@@ -25,7 +25,6 @@ OutFile = Annotated[Path, "FILE"]
 OutFolder = Annotated[Path, "FOLDER"]
 """The texts name the value in the message for a missing option."""
 Files = Annotated[list[Path], Parameter(help="Recordings, folders of sessions, or patterns.")]
-Number = Parameter(name=["-n", "--number"])
 Notes = Annotated[str, Parameter(help="Operator's notes, saved in every recording.")]
 FeedForward = Annotated[
     Path | None,
@@ -67,6 +66,15 @@ def _seconds(_: object, tokens: Sequence[Token]) -> Quantity:
         raise ValueError(f'{error}; write it like "1.5 s"') from error
 
 
+def _integer(_: object, tokens: Sequence[Token]) -> int:
+    """Return an integer; cyclopts alone would round "2.5" to 2."""
+    text = tokens[0].value
+    try:
+        return int(text)
+    except ValueError as error:
+        raise ValueError(f"{text!r} is not an integer") from error
+
+
 def _check_duration(_: object, value: float | None) -> None:
     if value is not None and not value >= 0:
         raise ValueError("A duration is 0 s or longer.")
@@ -90,7 +98,9 @@ Drawing = Annotated[
 ]
 Time = Annotated[Quantity, "QUANTITY", Parameter(converter=_seconds)]
 Duration = Annotated[Time, Parameter(validator=_check_duration)]
-Seed = Annotated[int | None, Parameter(validator=_check_seed)]
+Integer = Annotated[int, Parameter(converter=_integer)]
+Number = Annotated[Integer, Parameter(name=["-n", "--number"])]
+Seed = Annotated[Integer | None, Parameter(validator=_check_seed)]
 
 
 @Parameter(name="*")

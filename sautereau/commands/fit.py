@@ -93,7 +93,7 @@ def identify(
     free: Annotated[str, "NAMES"],
     prior: list[str] | None = None,
     level: common.Level = "elastica",
-    starts: int = 3,
+    starts: common.Integer = 3,
     robust: bool = False,
     profile: bool = False,
     out: Path | None = None,

@@ -2,7 +2,7 @@
 
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def learn(
     rig: common.RigName = "paper",
     *,
-    n: Annotated[int, common.Number] = 6,
+    n: common.Number = 6,
     feed_forward: common.FeedForward = None,
     out: common.OutFolder,
     notes: common.Notes = "",
@@ -38,7 +38,7 @@ def learn(
         output.say(f"rig {bench.rig.name} on {bench.where}\n{'press':<18} RMS speed error")
 
     def pressed(path: Path, error: float) -> None:
-        output.say(f"{path.name:<18} {error:>8.2%}")
+        output.say(f"{path.name:<18} {100 * error:>8.2f} %")
         show(next(presses) / n)
 
     with output.creating(out / LEARNED), output.progress("learning") as show:

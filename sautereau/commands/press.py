@@ -4,7 +4,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from sautereau.commands import common
 from sautereau.commands.output import Output
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 def press(
     rig: common.RigName = "paper",
     *,
-    n: Annotated[int, common.Number] = 1,
+    n: common.Number = 1,
     table: Path | None = None,
-    warm_up: int = 0,
+    warm_up: common.Integer = 0,
     rest: common.Duration = common.Quantity(0),
     learned: Path | None = None,
     feed_forward: common.FeedForward = None,
@@ -61,7 +61,7 @@ def replay(
     /,
     rig: common.RigName = "paper",
     *,
-    n: Annotated[int, common.Number] = 1,
+    n: common.Number = 1,
     recorded: common.Recorded,
     simulation: common.Simulation = common.Simulation(),
     output: Output = Output(),

@@ -32,9 +32,10 @@ def init(
     file
         New file.
     """
-    from sautereau.rig.disk import write_durably
+    from sautereau.rig.disk import make_folder, write_durably
     from sautereau.rig.text import commented_rig
 
+    make_folder(file.parent)
     write_durably(file, commented_rig(), new=True)
     return output.answer(
         {"path": str(file)},

@@ -2,7 +2,6 @@
 
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
 
 from sautereau.commands import common
 from sautereau.commands.output import Output
@@ -12,7 +11,7 @@ def watch(
     folder: Path,
     /,
     *,
-    n: Annotated[int | None, common.Number] = None,
+    n: common.Number | None = None,
     level: common.Level = "elastica",
     output: Output = Output(),
 ) -> int:

@@ -48,7 +48,7 @@ class Learned(Shown):
     warnings: tuple[str, ...]
 
     def __repr__(self) -> str:
-        errors = ", ".join(f"{error:.2%}" for error in self.errors)
+        errors = ", ".join(f"{100 * error:.2f} %" for error in self.errors)
         return f"<Learned from {len(self.errors)} presses: RMS speed error {errors}>"
 
     def to_frame(self) -> "pd.DataFrame":

@@ -173,7 +173,9 @@ class Session(Shown, Sequence[PressFile]):
         from sautereau.entrance.report import write_report
 
         if out is None and self.folder is None:
-            raise AnalysisError("report: the presses are not of one folder; give a file to write")
+            raise AnalysisError(
+                "report: the presses were not opened as one folder; give the file to write, `out`"
+            )
         page = Path(out) if out is not None else Path(self.folder or "") / PAGE
         paths = [press.path for press in self]
         return write_report(page, paths, self.folder, self.warnings, level)

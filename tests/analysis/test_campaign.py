@@ -184,8 +184,9 @@ def test_other_files_are_refused_and_unchanged(campaign_folder, tmp_path):
 
 def test_a_folder_without_recordings_is_refused(tmp_path):
     out = tmp_path / "table.parquet"
-    for folder in (tmp_path, tmp_path / "nowhere"):
-        with pytest.raises(AnalysisError, match="the folder holds no recordings"):
+    faults = {tmp_path: "the folder holds no recordings", tmp_path / "nowhere": "no such folder"}
+    for folder, fault in faults.items():
+        with pytest.raises(AnalysisError, match=fault):
             run_campaign(folder, out)
     assert not out.exists()
 

@@ -19,6 +19,7 @@ from sautereau.analysis.report.contents import gather
 from sautereau.analysis.report.drawing import envelope
 from sautereau.analysis.report.facts import cleaned
 from sautereau.analysis.report.fits import Fit, read_fit
+from sautereau.analysis.summary.text import percent
 from sautereau.rig.load import parse_rig, with_values
 
 ABOUT = About("a session", "0.1.0", commands=("sautereau report x",))
@@ -128,7 +129,7 @@ def test_comparison_and_repeatability_are_on_the_page(twenty):
     found, text = twenty
     (condition,) = found.conditions
     page = Page(text).text
-    assert f"{condition.comparison.duration_error.value:+.2%}" in page
+    assert percent(condition.comparison.duration_error.value) in page
     assert f"{condition.repeatability.path_repeatability * 1e6:.3g} µm" in page
     assert "SIMULATED: 20 of 20 presses" in page
 

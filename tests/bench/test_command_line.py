@@ -159,7 +159,8 @@ def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
         ("plan paper paper", "Unexpected argument: paper"),
         ("press", "Missing option: --out FOLDER"),
         ("press --sim --out", "Missing value of option: --out FOLDER"),
-        ("press --sim --out out -n many", 'unable to convert "many" into int'),
+        ("press --sim --out out -n many", "'many' is not an integer"),
+        ("press --sim --out out -n 2.5", "'2.5' is not an integer"),
         ("press --sim --out out --rest 2_mm", "'2_mm'"),
         ("press --sim --out out --seed -1", "from 0 to 2**63 - 1"),
         ("learn --sim", "Missing option: --out FOLDER"),
@@ -186,8 +187,9 @@ def test_wrong_usage_ends_with_two(sautereau, tmp_path, words, message):
     assert not any(tmp_path.iterdir())
 
 
+TOO_LONG = "none" * 99  # as the name of a file
 ERRORS = (
-    "init none/rig.toml", "setup all none --yes", "plan none", "mount none", "predict none",
+    f"init {TOO_LONG}", "setup all none --yes", "plan none", "mount none", "predict none",
     "press none --out out", "learn none --out out", "acquire none --out a.mcap",
     "phases none.mcap", "compare none.mcap", "identify none.mcap --free key.inertia",
     "animate none.mcap --out a.gif", "listen none --out a.wav", "report none",

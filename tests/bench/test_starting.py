@@ -24,10 +24,10 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are
 
 
 def test_init_writes_a_rig_that_plans(sautereau, tmp_path):
-    made = sautereau("init", "mine.toml", "--json")
-    assert json.loads(made.stdout)["path"] == "mine.toml"
-    assert load_rig(tmp_path / "mine.toml") == load_rig()
-    assert sautereau("plan", "mine.toml").returncode == 0
+    made = sautereau("init", "rigs/mine.toml", "--json")
+    assert json.loads(made.stdout)["path"] == "rigs/mine.toml"
+    assert load_rig(tmp_path / "rigs/mine.toml") == load_rig()
+    assert sautereau("plan", "rigs/mine.toml").returncode == 0
 
 
 def test_init_overwrites_nothing(sautereau, tmp_path):

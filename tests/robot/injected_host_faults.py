@@ -233,7 +233,7 @@ def rig_edited_in_a_session(desk):
     desk.attempt(lambda: SessionFolder(desk.out, plan, None, None))
 
 
-@fault("the folder cannot be written", SOON, "session folder.*give a folder that can be written")
+@fault("the folder cannot be written", SOON, "session folder.*not a folder; give a folder")
 def no_folder_to_record_into(desk):
     desk.out.write_text("a file")
     desk.press()
