@@ -1,12 +1,11 @@
 """Read a recording: complete or not at all, or one stretch at a time in the memory of one."""
 
 from collections.abc import Iterator
-from itertools import takewhile
 from math import ceil
 from pathlib import Path
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.records import MAGIC, Opcode, Record
+from sautereau.daq.file.container.records import MAGIC, Opcode
 from sautereau.daq.file.contents import Contents
 from sautereau.daq.file.integrity import chunk_index, opened, records, size_of
 from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch
@@ -95,12 +94,13 @@ def read_session(path: str | Path) -> SessionInfo:
         RecordingError: The file does not exist, is not from sautereau, or its start is damaged.
     """
     with opened(Path(path)) as file:
-        contents, every = Contents(size_of(file)), records(file, len(MAGIC), size_of(file))
-
-        def is_wanted(record: Record) -> bool:
-            return record.opcode != Opcode.CHUNK and "session" not in contents.metadata
-
-        list(contents.blocks(takewhile(is_wanted, every)))
+        contents = Contents(size_of(file))
+        for record in records(file, len(MAGIC), size_of(file)):
+            if record.opcode == Opcode.CHUNK:
+                break
+            list(contents.blocks([record]))
+            if "session" in contents.metadata:
+                break  # before the next record, which may be truncated
         return contents.session()
 
 

@@ -110,7 +110,7 @@ class FileOutput(Output):
     """How a command prints, and whether it replaces files."""
 
     force: bool = False
-    """Replace existing files. Without this option the command stops before it starts."""
+    """Replace existing files. Without this option the command refuses them before it starts."""
 
     @contextmanager
     def creating(self, *paths: Path | None) -> Iterator[None]:

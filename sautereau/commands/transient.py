@@ -17,7 +17,7 @@ def transient(
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Find oscillations in presses of one rig, and whether string, key or finger causes them.
+    """Find oscillations in presses of one rig, each of string, key, finger or transducer.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.loading.press import load_press
+from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_session
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
@@ -196,5 +197,12 @@ def test_the_session_is_read_from_the_head_alone(tmp_path):
     path = record(tmp_path / "press-0001.mcap", "id", 5)
     found = read_session(path)
     assert (found.session, found.item, found.warm_up) == ("id", 5, False)
-    path.write_bytes(path.read_bytes()[:20_000])
-    assert read_session(path) == found
+    content = path.read_bytes()
+    start = content.index(b"\7\0\0\0session") - 9
+    end = start + 9 + int.from_bytes(content[start + 1 : start + 9], "little")
+    for size in (20_000, end + 20, end):  # the record after it may be truncated
+        path.write_bytes(content[:size])
+        assert read_session(path) == found
+    path.write_bytes(content[: end - 1])
+    with pytest.raises(RecordingError, match="beyond its section"):
+        read_session(path)

@@ -41,7 +41,7 @@ def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
     scene = load_scene("ideal").model_copy(
         update={name: others.get(name) for name in ("sensors", "faults")}
     )
-    setup = TaskSetup(terminals, rate, n, None)
+    setup = TaskSetup(terminals, rate, n, None, others.get("before"))
     seed = others.get("seed", 5)
     rest = Motions(*np.array([[0.0], [0.0], [0.0], [0.0], [0.3], [0.0]]))
     return SampledRun(Wiring(scene.as_wired(rig), scene, seed, FairLock()), setup, 0, rest)
@@ -85,6 +85,24 @@ def test_samples_begin_at_the_trigger(rig):
     np.testing.assert_allclose(velocity[past], expected[past], atol=1e-6)
     np.testing.assert_allclose(newtons[past], force(time)[past], rtol=1e-9)
     assert newtons[0] == 0.3
+
+
+@pytest.mark.parametrize(("edge", "kept"), [(None, 0), (30 * PERIOD, 601)])
+def test_a_failure_ends_a_pretrigger_acquisition_with_an_error(rig, edge, kept):
+    """Without the edge no sample is kept, however many were acquired."""
+    run = armed(rig, n=1000, before=100)
+    run.trigger(0.0)
+    play(run, 30)
+    if edge is not None:
+        run.trigger(edge)
+        play(run, 10, first=30)
+    assert (run.over, run.wait_for(1000, 0)) == (False, 0)
+    run.fail(lambda: OSError("failed"))
+    assert run.over
+    assert run.acquired > 1000
+    assert run.wait_for(0, 0) == kept
+    with pytest.raises(OSError, match="failed"):
+        run.wait_for(1000, 0)
 
 
 def test_terminals_come_in_the_order_asked_for(rig):

@@ -21,7 +21,7 @@ class RetriggeredRun(SampledRun):
         super().__init__(wiring, setup, number, rest)
         self._first = 0
         self._length = length = setup.per_trigger or 0
-        self._part = wiring, replace(setup, n_samples=length, buffer=ENDLESS), number
+        self._of_each_part = wiring, replace(setup, n_samples=length, buffer=ENDLESS), number
         self._rest = rest
         self._runs: list[SampledRun] = []
         self._dropped_parts = 0
@@ -41,7 +41,7 @@ class RetriggeredRun(SampledRun):
         """Start a part at a simulated time [s], unless one is being acquired."""
         if not self.waiting_for_trigger:
             return
-        wiring, setup, number = self._part
+        wiring, setup, number = self._of_each_part
         number += (self._dropped_parts + len(self._runs)) << 32
         self._runs.append(SampledRun(wiring, setup, number, self._rest))
         self._runs[-1].trigger(time)

@@ -221,8 +221,10 @@ class SampledRun:
     def fail(self, error: Callable[[], Exception]) -> None:
         """End the acquisition now; a read of a later sample raises what ``error`` makes."""
         if not self.over:
-            self._end, self._first = self._done, self._first or 0
-            self._fault = RunFault(self._done, error)
+            self._end = self._done
+            if self._first is None:
+                self._first = self._done  # no sample is kept without the edge
+            self._fault = RunFault(self._done - self._first, error)
 
     def stop(self) -> None:
         """End the acquisition; harmless when it has ended."""

@@ -1,6 +1,6 @@
 """What keys with a second coordinate have in common."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 
 import pymunk
 
@@ -10,7 +10,7 @@ from sautereau.sim_backend.physics.rigid.key_loads import KeyLoads
 from sautereau.sim_backend.scene import Scene
 
 
-class YieldingKey(StiffKey):
+class YieldingKey(StiffKey, ABC):
     """A key whose part before the pin, with felt and push, moves against the rest of the key.
 
     `loads` are those behind the pin only.
