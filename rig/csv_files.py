@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from sautereau.rig.disk import read_text
+from sautereau.rig.disk import read_text, why_unreadable
 from sautereau.rig.errors import RigError
 from sautereau.rig.schema import Arm
 from sautereau.rig.units import parse_quantity
@@ -121,7 +121,8 @@ def read_columns(
         rows, decimal = read_rows(path)
     except (OSError, ValueError, csv.Error) as error:
         raise RigError(
-            f"{what} {path}: cannot be read: {error}; give the path of a UTF-8 text file"
+            f"{what} {path}: cannot be read: {why_unreadable(error)}; give the path of a UTF-8"
+            " text file"
         ) from error
     if len(rows) > MOST_ROWS:
         raise RigError(

@@ -144,6 +144,11 @@ def read_text(path: Path) -> str:
     return read_limited(path).decode("utf-8-sig")
 
 
+def why_unreadable(error: Exception) -> str:
+    """Return the reason for a message that already names the file."""
+    return getattr(error, "strerror", None) or str(error)
+
+
 def read_limited(path: Path, most: int = TEXT_LIMIT) -> bytes:
     """Return the content of a regular file; a device, a pipe or a large file is not read.
 

@@ -9,7 +9,7 @@ from typing import Any
 import tomlkit
 from tomlkit.items import Array
 
-from sautereau.rig.disk import read_text, write_durably
+from sautereau.rig.disk import read_text, why_unreadable, write_durably
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss
 from sautereau.rig.load import parse_rig
@@ -138,6 +138,6 @@ def _read(path: Path) -> str:
         return read_text(path)
     except (OSError, ValueError) as error:
         raise RigError(
-            f"rig file {path}: cannot be read: {error}; give the path of your own rig file:"
-            " packaged rigs are never changed"
+            f"rig file {path}: cannot be read: {why_unreadable(error)}; give the path of your own"
+            " rig file: packaged rigs are never changed"
         ) from error

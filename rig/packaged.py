@@ -4,7 +4,7 @@ import difflib
 from importlib import resources
 from pathlib import Path
 
-from sautereau.rig.disk import read_text
+from sautereau.rig.disk import read_text, why_unreadable
 
 
 def named_text(
@@ -27,8 +27,8 @@ def named_text(
             return read_text(path), str(path), path.parent
     except (OSError, ValueError) as error:  # not UTF-8, or an impossible file name
         raise error_type(
-            f"{what} file {path}: cannot be read: {getattr(error, 'strerror', None) or error};"
-            " give the path of a UTF-8 text file"
+            f"{what} file {path}: cannot be read: {why_unreadable(error)}; give the path"
+            " of a UTF-8 text file"
         ) from error
     packaged = resources.files(package).joinpath(f"{name}.toml")
     if not packaged.is_file():

@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field, ValidationError, create_model
 
 from sautereau.daq.convert.options import MODIFIED, ImportOptions
 from sautereau.daq.errors import RecordingError
-from sautereau.rig.disk import read_text, write_durably
+from sautereau.rig.disk import read_text, why_unreadable, write_durably
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import read_toml
 
@@ -49,7 +49,9 @@ def load_profile(path: Path) -> Profile:
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{origin}: {error}; give a file of --save-profile") from error
+        raise RecordingError(
+            f"{origin}: cannot be read: {why_unreadable(error)}; give a file of --save-profile"
+        ) from error
     try:
         table = _TABLE.model_validate(read_toml(text, origin, RecordingError))
     except ValidationError as error:

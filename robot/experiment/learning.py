@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.loading.press import load_press
 from sautereau.rig.compared import comparable
-from sautereau.rig.disk import read_limited, write_durably
+from sautereau.rig.disk import read_limited, why_unreadable, write_durably
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document, rig_document
 from sautereau.rig.schema import Rig
@@ -200,8 +200,8 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
         raise RobotError(f"{faults}\ngive the file that `sautereau learn` wrote") from error
     except OSError as error:
         raise RobotError(
-            f"learned correction {path}: cannot be read: {error}; give the file that `sautereau"
-            " learn` wrote"
+            f"learned correction {path}: cannot be read: {why_unreadable(error)}; give the file"
+            " that `sautereau learn` wrote"
         ) from error
     asked = _learned_for(rig, feed_forward)
     learned_for = comparable(current_document(found.learned_for.model_dump()))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.rig.csv_files import read_rows
+from sautereau.rig.disk import why_unreadable
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss, unit_of
 from sautereau.rig.load import with_values
@@ -70,7 +71,8 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
         lines, decimal = read_rows(path)
     except (OSError, ValueError, csv.Error) as error:
         raise RobotError(
-            f"{origin}: cannot be read: {error}; give the path of a CSV file in UTF-8"
+            f"{origin}: cannot be read: {why_unreadable(error)}; give the path of a CSV file"
+            " in UTF-8"
         ) from error
     if len(lines) > MOST_ROWS:
         raise RobotError(

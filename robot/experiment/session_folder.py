@@ -16,7 +16,7 @@ from pydantic import BaseModel, Field, FiniteFloat, JsonValue, ValidationError
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.rig.compared import comparable
-from sautereau.rig.disk import make_folder, read_limited, write_durably
+from sautereau.rig.disk import make_folder, read_limited, why_unreadable, write_durably
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document
 from sautereau.rig.renamed import current_key
@@ -218,8 +218,8 @@ def read_manifest(folder: Path) -> Manifest | None:
         raise RobotError(f"{faults}\nrestore it from a copy, or give another folder") from error
     except OSError as error:
         raise RobotError(
-            f"session {path}: cannot be read: {error}; restore it from a copy, or give another"
-            " folder"
+            f"session {path}: cannot be read: {why_unreadable(error)}; restore it from a copy, or"
+            " give another folder"
         ) from error
 
 
