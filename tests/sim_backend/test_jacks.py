@@ -42,15 +42,6 @@ def test_a_damper_carries_part_of_the_jack():
         assert (moved.angle[-1] > 1e-9) == moves
 
 
-def test_dry_friction_holds_the_key_up_to_its_limit():
-    """Static balance: gravity 8.65 mN m, friction of pivot and register 0.5 and 4.3 mN m."""
-    needed = static_moment(RIG, friction=1) / KEY.press_arm
-    for factor, moves in ((0.999, False), (1.001, True)):
-        push = push_of(needed * factor, 0.020)
-        moved = observe(RIG, scene_of("free-key", friction=True, push=push)).motions
-        assert (moved.angle[-1] > 1e-7) == moves
-
-
 def test_a_stiff_felt_divides_the_step():
     """100 times as stiff: the result is that of fine steps throughout."""
     truth = {"key.felt_stiffness": "2000 kN/m", "key.felt_damping": "0 N s/m"}

@@ -97,18 +97,3 @@ def test_the_step_divides_the_controllers_sample(step):
     steps = np.diff(times)
     assert steps.max() <= step * (1 + 1e-9)
     assert np.ptp(steps) < 1e-12
-
-
-def test_no_power_is_no_push():
-    world = new_world(RIG, scene_of("pluck"))
-    for _ in range(5):
-        motions = world.advance(at_rest, False)
-    np.testing.assert_allclose(motions.angle, 0, atol=1e-15)
-    np.testing.assert_array_equal(motions.finger_force, 0)
-    start = RIG.arm.home_angles
-    scene = scene_of("pluck")
-    assert world.finger.joints() == (
-        start[0] + scene.start_offset[0], start[1] + scene.start_offset[1],
-    )  # fmt: skip
-    assert world.finger.torques() == (0, 0)
-    assert world.finger.settled

@@ -1,6 +1,7 @@
 """What presses the key, as the rigid-body engine advances it; and a push without an arm."""
 
 import math
+from abc import ABC, abstractmethod
 
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.finger import Finger, Reference
@@ -8,7 +9,7 @@ from sautereau.sim_backend.physics.rigid.pad import Pad
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 
 
-class SteppedFinger(Finger):
+class SteppedFinger(Finger, ABC):
     """A finger as the rigid-body engine advances it; mm, g and ms.
 
     The methods given here are those of a finger without a body in the engine, which no contact can
@@ -24,9 +25,9 @@ class SteppedFinger(Finger):
     push_end: float = math.inf
     """ms into the controller sample, end of that moment; inf if not within this sample."""
 
+    @abstractmethod
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         """Start a controller sample at a time [s]; return whether the forces jump there."""
-        raise NotImplementedError
 
     def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Apply the finger's forces to the bodies at the end of a step.
@@ -38,13 +39,13 @@ class SteppedFinger(Finger):
             kick: How they act.
         """
 
+    @abstractmethod
     def contact_force(self, weight: float) -> float:
         """Return the force [N] on the key in the last step.
 
         Args:
             weight: ms, for which the forces acted in it.
         """
-        raise NotImplementedError
 
     def reaches_key(self, angle: float, step: float) -> bool:
         """Return whether a separated finger reaches the key, at an angle [rad] after a step."""
