@@ -71,9 +71,8 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
             _hidden(keys.DAMPER, 1.0, std),
             _hidden(keys.DAMPER_LIFT, damper.lift, lift_std, "m"),
         ]
-    if {keys.MODULUS, keys.STIFFNESS, keys.OVERLAP} & set(
-        names
-    ) and rig.plectrum.contact == "surface":
+    plectrum_is_free = not {keys.MODULUS, keys.STIFFNESS, keys.OVERLAP}.isdisjoint(names)
+    if plectrum_is_free and rig.plectrum.contact == "surface":
         value = rig.plectrum.friction
         ends = keys.ENDS[keys.FRICTION]
         found.append(Parameter(keys.FRICTION, "", value, *ends, value, FRICTION_STD, hidden=True))
