@@ -45,8 +45,8 @@ def frame_times(start: float, stop: float, slow: float) -> Floats:
     if not 2 <= count <= MOST_FRAMES:
         raise AnalysisError(
             f"an animation of {(stop - start) * 1e3:.4g} ms, {slow:g} times slower, has"
-            f" {counted(count, 'frame')}; it must have 2 to {MOST_FRAMES}: change --slow, --since or"
-            " --until"
+            f" {counted(count, 'frame')}; it must have 2 to {MOST_FRAMES}: change --slow,"
+            " --since or --until"
         )
     return start + np.arange(count) / (slow * FRAME_RATE)
 
