@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED, counted
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, Output
+from sautereau.commands.output import FileOutput, Output, make_folders
 
 SHOWN = 20
 """Faulty recordings that the text lists; JSON lists all."""
@@ -41,6 +41,7 @@ def campaign(
 
     if processes is not None and cluster is not None:
         return output.fail("--processes and --cluster exclude each other; give one of them", 2)
+    make_folders(out)
     where = processes if cluster is None else cluster
     with output.progress("reading recordings"):
         made = run_campaign(folder, out, where)

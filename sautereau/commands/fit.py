@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput
+from sautereau.commands.output import FileOutput, make_folders
 
 
 def phases(
@@ -127,6 +127,7 @@ def identify(
 
     names = [name.strip() for name in free.split(",") if name.strip()]
     output.refuse(out)
+    make_folders(out)
     session = common.opened(files, output, samples=True)
     with output.progress("fitting"):
         fit = session.identify(names, prior or (), level=level, starts=starts, robust=robust)

@@ -125,21 +125,10 @@ class FileOutput(Output):
         """Make the folders of new files; see `replacing` about existing files.
 
         Raises:
-            SautereauError: Lists the files that exist and the folders that cannot be written.
-            OSError: A folder cannot be made.
+            SautereauError: Lists the files that exist, or the folders that cannot be written.
         """
-        from sautereau.rig.disk import make_folder
-        from sautereau.rig.errors import SautereauError
-
         with self.replacing(*paths):
-            folders = dict.fromkeys(path.parent for path in paths if path)
-            for folder in folders:
-                make_folder(folder)
-            refused = [f"{folder}" for folder in folders if not os.access(folder, os.W_OK)]
-            if refused:
-                raise SautereauError(
-                    f"no permission to write into {', '.join(refused)}; give another folder"
-                )
+            make_folders(*paths)
             yield
 
     @contextmanager
@@ -172,6 +161,28 @@ class FileOutput(Output):
         if faults:
             raise SautereauError("\n".join(faults))
         return there
+
+
+def make_folders(*paths: Path | None) -> None:
+    """Make the folders of files to write, before a long computation.
+
+    Raises:
+        SautereauError: Lists the folders that cannot be made or written.
+    """
+    from sautereau.rig.disk import make_folder, why_unreadable
+    from sautereau.rig.errors import SautereauError
+
+    faults = []
+    for folder in dict.fromkeys(path.parent for path in paths if path):
+        try:
+            make_folder(folder)
+        except OSError as error:
+            faults.append(f"folder {folder}: it cannot be made: {why_unreadable(error)}")
+        else:
+            if not os.access(folder, os.W_OK):
+                faults.append(f"folder {folder}: no permission to write into it")
+    if faults:
+        raise SautereauError("\n".join([*faults, "give another folder"]))
 
 
 def _write(text: str) -> None:

@@ -160,7 +160,7 @@ class _Results:
             "saved": saved,
             "simulated": self._simulated,
         }
-        return self._output.answer(result, [self._closing(saved)])
+        return self._output.answer(result, [self._closing(edit, saved)])
 
     def _save(self, edit: "Edit", save: bool, agreed: bool) -> bool:
         """Show the difference, and write it if the operator agrees."""
@@ -172,8 +172,10 @@ class _Results:
         edit.save()
         return True
 
-    def _closing(self, saved: bool) -> str:
+    def _closing(self, edit: "Edit | None", saved: bool) -> str:
         if not self._values:
+            return "there is nothing to write into a rig file"
+        if edit and not edit.difference:
             return "the rig file already contains these values"
         if saved:
             return f"written into {self._rig}"
