@@ -38,7 +38,6 @@ def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Part]]:
     """Return the figure and its moving parts, at the first frame.
 
     Args:
-        scene: The press at the frames' instants.
         slow: Duration of the animation over that of the press, dimensionless.
     """
     figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")

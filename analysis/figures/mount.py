@@ -28,11 +28,6 @@ def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> Figure:
     The arm is drawn at the best base, with the key at rest and at full rise. Places that a
     limit excludes are hatched. If the region leaves room above the key, the neighbourhood of
     the best base is enlarged there.
-
-    Args:
-        rig: The bench, with its present base.
-        area: Residual over the region in which the robot can be clamped.
-        mount: The best base.
     """
     figure = Figure(figsize=(12, 6.6), layout="constrained")
     axes = figure.add_subplot()

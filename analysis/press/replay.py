@@ -74,8 +74,6 @@ def shown_stretch(
     """Return the start and the end [s] of the part of a press that is shown.
 
     Args:
-        press: The press.
-        phases: Its phases.
         since: s after the trigger; None for `BEFORE` before the jack rises.
         until: s after the trigger; None for the end of the recording.
 
@@ -98,7 +96,6 @@ def replay(press: Press, phases: Phases, time: Floats, arm: Joints | Plan | None
     """Return the motion of a press at given instants.
 
     Args:
-        press: The press.
         phases: Its phases; the plucks belong to the choirs in the order of the model's contacts.
         time: s after the trigger, within the press and evenly spaced; shape (n,), n at least 2.
         arm: The arm as recorded by the encoders, or else as planned; None for no arm.

@@ -119,8 +119,6 @@ def string_decay(string: String, modes: int, quality: float = QUALITY) -> Floats
     """Return the decay rates [1/s] of the amplitudes of the lowest modes, shape (modes,).
 
     Args:
-        string: The string.
-        modes: Number of modes.
         quality: Dimensionless quality factor of all losses except those to the air.
 
     Raises:
@@ -148,7 +146,6 @@ def vibrating_strings(
 
     Args:
         rig: The bench; its jack has a constant speed and leaves rest at time 0.
-        level: Plectrum model.
         quality: Dimensionless, see `string_decay`.
         highest: Hz, of the highest mode; None for the lowest 30 modes.
 

@@ -52,11 +52,6 @@ class SlowMotion:
 def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
     """Reconstruct a press from before its first contact to after its last release.
 
-    Args:
-        number: Number of the press on the page.
-        press: The press, with all its samples.
-        phases: Its phases, with at least one pluck.
-
     Raises:
         AnalysisError: The press has no pluck.
         ModelError: The model predicts no pluck for the rig.

@@ -57,11 +57,8 @@ def import_file(
     resampled or filled in. The session's notes and an event name the file and its SHA-256.
 
     Args:
-        path: The file.
-        out: The recording.
         rig: The rig with the sensors' calibrations; None for an export, which holds it.
         options: What the file does not hold.
-        notes: The operator's notes.
 
     Raises:
         RecordingError: Lists everything that is missing or wrong.

@@ -36,7 +36,6 @@ class Acquisition:
         """Prepare; the device is accessed on entering the context.
 
         Args:
-            daq: The rig's table of the acquisition.
             duration_s: Duration after the trigger's edge or the start, s; rounded up to an
                 integer number of samples, at least the 2 that the driver requires; None to
                 continue until the context is left.

@@ -108,7 +108,6 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
     """Approach a point of the key, again in finer steps, and lift the finger.
 
     Args:
-        rig: The bench.
         controller: At home, motors on.
         along: m, of the point in front of the balance pin.
         creep: How.
@@ -171,7 +170,6 @@ def over_key(rig: Rig, along: float, heights: Floats) -> Counts:
     """Return the joint positions [counts, (n, 2)] with the fingertip above the key at rest.
 
     Args:
-        rig: The bench.
         along: m, in front of the balance pin.
         heights: m, of the fingertip above the surface; shape (n,).
     """

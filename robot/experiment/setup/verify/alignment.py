@@ -143,7 +143,6 @@ def stroke(rig: Rig, height: float, speed: float) -> Segments:
     """Return a stroke [PVT segments] across the key, at a constant speed at the contact.
 
     Args:
-        rig: The bench.
         height: m, of the key's surface above the one given by the rig.
         speed: m/s, of the fingertip there.
     """
