@@ -8,8 +8,8 @@ from matplotlib.patches import Patch, Rectangle
 from sautereau.analysis.figures.palette import PRESSED, PURPLE
 from sautereau.analysis.figures.side import BenchPose
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.arm import joints_holding_normal, joints_holding_point
-from sautereau.trajectory.key import point_on_key
+from sautereau.trajectory.arm import follow_key
+from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.mount.bases import key_angles
 from sautereau.trajectory.mount.find import Mount, MountMap, mount_map
@@ -133,7 +133,9 @@ def _draw_bench(axes, rig: Rig, mount: Mount) -> None:
     for angle, colour, name in ((rest, REST, "at rest"), (pressed, PRESSED, "at full rise")):
         ghost = name != "at rest"
         pose = BenchPose(axes, best, colour, ghost=ghost, label=f"arm and key {name}")
-        pose.put(float(angle), _joints(best, mount.hold, angle))
+        rise = np.array([rise_of_angle(key, angle)])
+        still = Motion(rise, np.zeros(1), np.zeros(1))
+        pose.put(float(angle), follow_key(best, still).joints.position[0])
     axes.plot(0, 0, "^", ms=9, color="black", zorder=4)
     axes.annotate(
         "balance pin", (0, 0), (0, -14), textcoords="offset points", ha="center", va="top"
@@ -148,13 +150,3 @@ def _draw_bench(axes, rig: Rig, mount: Mount) -> None:
         "jack", jack, (14, 34), textcoords="offset points", ha="left",
         arrowprops={"arrowstyle": "->", "color": "#555555"},
     )  # fmt: skip
-
-
-def _joints(rig: Rig, hold: str, angle: float) -> Floats:
-    """Return the joint angles [rad] at a key angle [rad], shape (2,)."""
-    key, arm = rig.key, rig.arm
-    still = Motion(np.array([angle]), np.zeros(1), np.zeros(1))
-    if hold == "normal":
-        return joints_holding_normal(arm, key, still)[0].position[0]
-    above = key.surface_height + arm.fingertip_radius
-    return joints_holding_point(arm, point_on_key(still, -key.press_arm, above)).position[0]
