@@ -79,7 +79,7 @@ class Card:
 def run() -> list[Figure]:
     """Return the client's CPU load, and the time to connect and close for a press."""
     with served() as address:
-        rig = sixteen(load_rig(), address=address, block=PERIOD)
+        rig = sixteen(load_rig()).replaced({"daq.address": address, "daq.block": PERIOD})
         return [*_continuous(rig), _dated(rig), _overhead(rig.daq)]
 
 

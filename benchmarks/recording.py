@@ -282,14 +282,13 @@ def memory(name: str, status: str | None = None) -> float:
     return int(line.split()[1]) / 1024
 
 
-def sixteen(rig: Rig, **values: object) -> Rig:
-    """Return a rig with sixteen channels, and with other values of its acquisition."""
+def sixteen(rig: Rig) -> Rig:
+    """Return a rig with sixteen channels."""
     channels = tuple(
         rig.daq.channels[-1].model_copy(update={"name": f"c{n}", "terminal": f"ai{n}"})
         for n in range(SIXTEEN)
     )
-    daq = rig.daq.model_copy(update={"channels": channels, **values})
-    return rig.model_copy(update={"daq": daq})
+    return rig.replaced({"daq.channels": channels})
 
 
 def _continuous() -> list[Figure]:

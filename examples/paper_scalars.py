@@ -62,15 +62,9 @@ def explain(rig: Rig, *, first_mode: bool, draws: int) -> Explanations:
         )
         speed = rig.press.jack_speed * random.normal(1, SPREAD)
         friction = random.uniform(0, FRICTION_MAX)
-        case = rig.model_copy(
-            update={
-                "press": rig.press.model_copy(update={"jack_speed": speed}),
-                "string": rig.string.model_copy(
-                    update={"tension": rig.string.tension * random.normal(1, SPREAD)}
-                ),
-                "plectrum": rig.plectrum.model_copy(update={"friction": friction}),
-            }
-        )
+        tension = rig.string.tension * random.normal(1, SPREAD)
+        values = {"press.jack_speed": speed, "string.tension": tension}
+        case = rig.replaced(values | {"plectrum.friction": friction})
         try:
             fit = fit_release(case, release - contact, v_osc / share if first_mode else v_osc)
         except ModelError:
@@ -88,8 +82,7 @@ def overlap_at(rig: Rig, share: float) -> float:
         ModelError: None does.
     """
     modulus = rig.plectrum.youngs_modulus * share
-    plectrum = rig.plectrum.model_copy(update={"youngs_modulus": modulus})
-    case = rig.model_copy(update={"plectrum": plectrum})
+    case = rig.replaced({"plectrum.youngs_modulus": modulus})
     return fit_release(case, RELEASE - CONTACT).overlap
 
 

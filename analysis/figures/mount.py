@@ -113,12 +113,12 @@ def _draw_inset(axes, rig: Rig, mount: Mount, levels: Floats) -> None:
     low, high = np.array([rig.arm.mount_x, rig.arm.mount_z]).T
     best = np.array([mount.base_x, mount.base_z])
     corner, end = np.maximum(best - NEAR, low), np.minimum(best + NEAR, high)
-    region = {"mount_x": (corner[0], end[0]), "mount_z": (corner[1], end[1])}
-    near = rig.model_copy(update={"arm": rig.arm.model_copy(update=region)})
+    x, z = zip(corner, end, strict=True)
+    near = rig.replaced({"arm.mount_x": x, "arm.mount_z": z})
     inset = axes.inset_axes((0.5, 0.34, 0.42, 0.56))
     _draw_residual(inset, mount_map(near, 121), mount, levels)
     _draw_bases(inset, rig, mount)
-    inset.set(xlim=(corner[0] * 1e3, end[0] * 1e3), ylim=(corner[1] * 1e3, end[1] * 1e3))
+    inset.set(xlim=np.multiply(x, 1e3), ylim=np.multiply(z, 1e3))
     inset.set_aspect("equal")
     inset.yaxis.tick_right()
     inset.set_title("about the best base", fontsize="medium")
@@ -128,8 +128,8 @@ def _draw_inset(axes, rig: Rig, mount: Mount, levels: Floats) -> None:
 def _draw_bench(axes, rig: Rig, mount: Mount) -> None:
     key = rig.key
     rest, pressed = key_angles(rig, 2)
-    base = {"base_x": mount.base_x, "base_z": mount.base_z, "elbow": mount.elbow}
-    best = rig.model_copy(update={"arm": rig.arm.model_copy(update=base)})
+    base = {f"arm.{name}": getattr(mount, name) for name in ("base_x", "base_z", "elbow")}
+    best = rig.replaced(base)
     for angle, colour, name in ((rest, REST, "at rest"), (pressed, PRESSED, "at full rise")):
         ghost = name != "at rest"
         pose = BenchPose(axes, best, colour, ghost=ghost, label=f"arm and key {name}")

@@ -157,8 +157,7 @@ def vibrating_strings(
         parts = {"jack": choir.jack, "plectrum": choir.plectrum, "string": choir.string}
         alone = rig.model_copy(update={**parts, "more_choirs": ()})
         speed = rig_pluck(alone, level).release_height / plucked.pluck_duration
-        press = rig.press.model_copy(update={"jack_speed": speed})
-        alone = alone.model_copy(update={"press": press})
+        alone = alone.replaced({"press.jack_speed": speed})
         modes = MODES if highest is None else int(highest / choir.string.frequency)
         decay = string_decay(choir.string, modes, quality)
         pluck = modal_pluck(alone, level, modes=modes, decay=decay)

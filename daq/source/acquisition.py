@@ -94,8 +94,7 @@ class Acquisition:
             channel.model_copy(update={"input_delay": actual.delay})
             for channel, actual in zip(rig.daq.channels, self._inputs, strict=True)
         )
-        daq = rig.daq.model_copy(update={"channels": channels})
-        return rig.model_copy(update={"daq": daq})
+        return rig.replaced({"daq.channels": channels})
 
     def __enter__(self) -> "Acquisition":
         from nidaqmx.constants import TaskMode
