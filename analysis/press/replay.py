@@ -67,6 +67,17 @@ class Replay:
     """rad, of the arm, shape (n, 2); None without a recorded arm."""
     choirs: tuple[ChoirMotion, ...]
 
+    def phase(self, time: float) -> str:
+        """Return the phase of the press at a time [s], in words."""
+        plucks = self.phases.plucks
+        held = [n for n, one in enumerate(plucks, 1) if one.contact <= time < one.release]
+        if held:
+            return f"string held, pluck {held[0]}" if len(plucks) > 1 else "string held"
+        gone = sum(time >= one.release for one in plucks)
+        if not gone:
+            return "before contact"
+        return f"{gone} of {len(plucks)} strings released" if len(plucks) > 1 else "string released"
+
 
 def shown_stretch(
     press: Press, phases: Phases, since: float | None, until: float | None
