@@ -1,5 +1,6 @@
 """Phrases and parts that several summaries share."""
 
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 from sautereau.analysis.session.repeatability import Spread
@@ -12,6 +13,31 @@ _PLURALS = {"press": "presses", "plectrum": "plectra"}
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun in the singular or the plural: `1 press`, `2 plectra`."""
     return f"{count} {noun if count == 1 else _PLURALS.get(noun, f'{noun}s')}"
+
+
+def table(
+    rows: Iterable[Sequence[str]], *, left: Collection[int] = (0,), indent: int = 0, gap: int = 2
+) -> list[str]:
+    """Return rows of cells as lines of aligned columns.
+
+    Args:
+        rows: Cells of each row, the column heads first.
+        left: Columns that are aligned on the left; the others are aligned on the right.
+        indent: Number of spaces before the first column.
+        gap: Number of spaces between columns.
+    """
+    rows = list(rows)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        " " * indent
+        + (" " * gap)
+        .join(
+            cell.ljust(width) if number in left else cell.rjust(width)
+            for number, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        .rstrip()
+        for row in rows
+    ]
 
 
 def part_of(found: object, *names: str) -> dict[str, Any]:
