@@ -45,8 +45,8 @@ def frame_times(start: float, stop: float, slow: float) -> Floats:
     if not 2 <= count <= MOST_FRAMES:
         raise AnalysisError(
             f"an animation of {(stop - start) * 1e3:.4g} ms, {slow:g} times slower, has"
-            f" {counted(count, 'frame')}; it must have 2 to {MOST_FRAMES}: change --slow,"
-            " --since or --until"
+            f" {counted(count, 'frame')}; it must have 2 to {MOST_FRAMES}: change --slow, --since"
+            " or --until"
         )
     return start + np.arange(count) / (slow * FRAME_RATE)
 
@@ -56,7 +56,6 @@ def animate(path: str | Path, scene: Replay) -> None:
 
     Args:
         path: File, .gif or .mp4; the latter needs ffmpeg.
-        scene: The press at the frames' instants.
 
     Raises:
         AnalysisError: The file extension is another, or ffmpeg is not installed.

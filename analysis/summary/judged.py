@@ -5,8 +5,8 @@ from typing import Any
 
 from sautereau.analysis.campaign.judged import Association, Judged
 from sautereau.analysis.campaign.labels import LEVELS
-from sautereau.analysis.session.repeatability import Spread
 from sautereau.analysis.summary.text import table
+from sautereau.analysis.summary.touch import interval
 from sautereau.rig.quantities import QUANTITIES
 
 
@@ -45,11 +45,5 @@ def _mean_cells(name: str, one: Association) -> tuple[str, ...]:
 
 def _association_cells(name: str, one: Association) -> tuple[str, ...]:
     """Return a quantity, its association with the judgements, and the false discovery rate."""
-    odds = "no overlap" if one.separated else _interval(one.odds_ratio)
-    return QUANTITIES[name].label, _interval(one.somers_d), odds, f"{one.q_value:.2g}"
-
-
-def _interval(spread: Spread | None) -> str:
-    if spread is None:
-        return "-"
-    return f"{spread.value:.2g} ({spread.low:.2g} to {spread.high:.2g})"
+    odds = "no overlap" if one.separated else interval(one.odds_ratio, digits=2)
+    return QUANTITIES[name].label, interval(one.somers_d, digits=2), odds, f"{one.q_value:.2g}"

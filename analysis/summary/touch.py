@@ -36,7 +36,7 @@ def touch_lines(found: Touch) -> list[str]:
 
 def _cells(plectrum: Plectrum, name: str, scale: float) -> tuple[str, ...]:
     """Return a plectrum, its stiffness and presses, and one quantity with its interval."""
-    stiffness, value = f"{plectrum.tip_stiffness:.4g}", _interval(plectrum.felt.get(name), scale)
+    stiffness, value = f"{plectrum.tip_stiffness:.4g}", interval(plectrum.felt.get(name), scale)
     return plectrum.name, stiffness, str(plectrum.presses), value
 
 
@@ -54,11 +54,12 @@ def _felt_lines(felt: Felt) -> list[str]:
     return lines
 
 
-def _interval(spread: Spread | None, scale: float) -> str:
+def interval(spread: Spread | None, scale: float = 1.0, digits: int = 4) -> str:
+    """Return a figure with its interval: `0.34 (0.3 to 0.38)`; `-` for None."""
     if spread is None:
         return "-"
-    value, low, high = (scale * v for v in (spread.value, spread.low, spread.high))
-    return f"{value:.4g} ({low:.4g} to {high:.4g})"
+    value, low, high = (f"{scale * v:.{digits}g}" for v in (spread.value, spread.low, spread.high))
+    return f"{value} ({low} to {high})"
 
 
 def _percent(spread: Spread) -> str:
