@@ -27,8 +27,8 @@ def campaign(
 ) -> int:
     """Write one table of the features of all recordings in a folder.
 
-    Run it again to continue after an interruption, or to add new recordings. It does not read
-    recordings again that are in the table. Faulty recordings are listed and omitted.
+    Run it again to continue after an interruption, or to add new recordings. Recordings that are
+    in the table are not read again. Faulty recordings are listed and omitted.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def touch(
         Table written by `sautereau campaign`.
     labels
         CSV of judgements: a column `touch` (soft, medium, hard) and one of path, session,
-        plectrum or rig. Default: the lines `touch: hard` in the notes of the recordings.
+        plectrum or rig. Default: lines such as "touch: hard" in the notes of the recordings.
     """
     from sautereau.analysis.campaign.judged import find_judged
     from sautereau.analysis.campaign.judgements import with_labels

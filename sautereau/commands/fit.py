@@ -59,7 +59,8 @@ def compare(
 ) -> int:
     """Compare recorded presses with the model, or with another set of presses.
 
-    Presses of different rigs, scenes or days are not pooled but compared separately.
+    Presses of different rigs, scenes or days are not pooled but compared separately. The plot
+    shows the first set of presses and the model.
 
     Parameters
     ----------
