@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.text import SOME_SIMULATED, counted
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted, part_of
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output, make_folders
 
@@ -48,12 +48,10 @@ def campaign(
     found = made.campaign
     presses, faults = len(found.table), found.faults
     result = {
-        "table": str(out),
+        "table": out,
         "presses": presses,
         "simulated": found.simulated,
-        "read": made.read,
-        "kept": made.kept,
-        "dropped": made.dropped,
+        **part_of(made, "read", "kept", "dropped"),
         "faults": [{"path": f.source.path, "fault": f.text} for f in faults],
     }
     lines = [

@@ -133,12 +133,7 @@ class _Results:
         for line in found.lines:
             self._output.say(line)
         self._output.warn(*(f"{name}: {warning}" for warning in found.warnings))
-        self._steps[name] = {
-            "lines": list(found.lines),
-            "values": dict(found.values),
-            "figures": dict(found.figures),
-            "warnings": list(found.warnings),
-        }
+        self._steps[name] = asdict(found)
         self._values |= {
             key: value
             for key, value in found.values.items()
@@ -160,7 +155,7 @@ class _Results:
             "saved": saved,
             "simulated": self._simulated,
         }
-        return self._output.answer(result, [self._closing(edit, saved)])
+        return self._output.answer(result, [self._closing(saved)])
 
     def _save(self, edit: "Edit", save: bool, agreed: bool) -> bool:
         """Show the difference, and write it if the operator agrees."""
@@ -172,11 +167,9 @@ class _Results:
         edit.save()
         return True
 
-    def _closing(self, edit: "Edit | None", saved: bool) -> str:
+    def _closing(self, saved: bool) -> str:
         if not self._values:
             return "there is nothing to write into a rig file"
-        if edit and not edit.difference:
-            return "the rig file already contains these values"
         if saved:
             return f"written into {self._rig}"
         found = ", ".join(f"{key} = {value}" for key, value in self._values.items())
