@@ -32,14 +32,16 @@ def sent() -> tuple[dict[str, set[str]], dict[str, set[str]]]:
     """Return the commands and operands in the code, each with the files that use it."""
     commands: dict[str, set[str]] = {}
     operands: dict[str, set[str]] = {}
-    for path in sorted([*_DRIVER.glob("*.py"), *_VERIFY.glob("*.py")]):
-        for text in _strings(ast.parse(path.read_text(encoding="utf-8"))):
-            for part in text.split(";"):
-                found = _COMMAND.match(part.replace("\x12\x16", "^R^V"))
-                if found and found[1] in COMMANDS:
-                    commands.setdefault(found[1], set()).add(path.stem)
-            for name in _OPERAND.findall(text):
-                operands.setdefault(name, set()).add(path.stem)
+    texts = [("program", line) for line in controller_program(1)]
+    for path in [*_DRIVER.glob("*.py"), *_VERIFY.glob("*.py")]:
+        texts += [(path.stem, text) for text in _strings(ast.parse(path.read_text("utf-8")))]
+    for file, text in texts:
+        for part in text.split(";"):
+            found = _COMMAND.match(part.replace("\x12\x16", "^R^V"))
+            if found and found[1] in COMMANDS:
+                commands.setdefault(found[1], set()).add(file)
+        for name in _OPERAND.findall(text):
+            operands.setdefault(name, set()).add(file)
     return commands, operands
 
 
