@@ -35,18 +35,17 @@ _Field = descriptor_pb2.FieldDescriptorProto
 _Fields = Mapping[str, tuple[int, str]]
 """Number and type of each field."""
 _ARRAY = "repeated double"
+_MESSAGE = re.compile(r"^message (\w+) \{(.*?)\}", re.DOTALL | re.MULTILINE)
+_FIELD = re.compile(r"((?:repeated )?[\w.]+) (\w+) = (\d+);")
 
 
 def _declared(package: str) -> dict[str, _Fields]:
     """Return the messages that PACKAGE.proto beside this file declares."""
-    found: dict[str, _Fields] = {}
-    fields: dict[str, tuple[int, str]] = {}
-    for line in Path(__file__).with_name(f"{package}.proto").read_text("utf-8").splitlines():
-        if message := re.match(r"message (\w+)", line):
-            found[message[1]] = fields = {}
-        elif field := re.match(r"  (.+) (\w+) = (\d+);", line):
-            fields[field[2]] = int(field[3]), field[1]
-    return found
+    text = Path(__file__).with_name(f"{package}.proto").read_text("utf-8")
+    return {
+        name: {field: (int(number), kind) for kind, field, number in _FIELD.findall(body)}
+        for name, body in _MESSAGE.findall(text)
+    }
 
 
 FIELDS, _FOXGLOVE = _declared(PACKAGE), _declared("foxglove")
