@@ -7,6 +7,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from sautereau.analysis.summary.text import wrapped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output
 
@@ -162,7 +163,7 @@ class _Results:
         if not edit.difference:
             return False
         self._output.say(edit.difference, as_it_is=True)
-        if not save and (agreed or _asked(f"Write this into {edit.path}? [y/N] ").lower() != "y"):
+        if not save and (agreed or _asked(f"Write this into {edit.path}? [y/N]").lower() != "y"):
             return False
         edit.save()
         return True
@@ -188,13 +189,13 @@ class _Operator:
 
     def confirm(self, question: str) -> bool:
         """Return whether the answer is yes; see `Ask`."""
-        return self._agreed or _asked(f"{question} [y/N] ").lower() in ("y", "yes")
+        return self._agreed or _asked(f"{question} [y/N]").lower() in ("y", "yes")
 
     def act(self, instruction: str) -> bool:
         """Wait until it is done; see `Ask`."""
         if self._agreed:
             return False
-        _asked(f"{instruction} Press Enter when it is done. ")
+        _asked(f"{instruction} Press Enter when it is done.")
         return True
 
     def number(self, question: str, unit: str, expected: float) -> float | None:
@@ -204,12 +205,12 @@ class _Operator:
         from sautereau.rig.units import format_quantity, parse_quantity
 
         shown = _readable(expected, unit)
-        while text := _asked(f"{question} Expected: {shown}; press Enter if unknown: "):
+        while text := _asked(f"{question} Expected: {shown}; press Enter if unknown:"):
             try:
                 return parse_quantity(text, unit)
             except ValueError as error:
                 example = format_quantity(expected, unit)
-                sys.stderr.write(f"{error}; write it like {shown} or {example}\n")
+                sys.stderr.write(wrapped(f"{error}; write it like {shown} or {example}") + "\n")
         return None
 
 
@@ -221,6 +222,6 @@ def _readable(value: float, unit: str) -> str:
 
 def _asked(question: str) -> str:
     """Return a line of the terminal; empty at the end of input."""
-    sys.stderr.write(question)
+    sys.stderr.write(f"{wrapped(question)} ")
     sys.stderr.flush()
     return sys.stdin.readline().strip()

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sautereau.analysis.summary.text import wrapped
 from sautereau.entrance.rig import Rig
 from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
@@ -43,7 +44,7 @@ def at_terminal(text: str) -> str | None:
     """Ask the operator in a terminal or notebook; None if there is neither."""
     if "ipykernel" not in sys.modules and not (sys.stdin.isatty() and sys.stderr.isatty()):
         return None
-    sys.stderr.write(f"{text} Continue with Enter, stop with Ctrl-C. ")
+    sys.stderr.write(wrapped(f"{text} Continue with Enter, stop with Ctrl-C.") + " ")
     sys.stderr.flush()
     if "ipykernel" in sys.modules:
         return input()
