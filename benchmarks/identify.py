@@ -26,7 +26,7 @@ from benchmarks.judged import judged_press
 from benchmarks.simulated import acquired
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.identified import Identified, identify
-from sautereau.analysis.identify.keys import NAMES
+from sautereau.analysis.identify.parameter_names import NAMES
 from sautereau.analysis.identify.parameters import value_of
 from sautereau.analysis.loading.press import Press, press_of
 from sautereau.analysis.phases import Phases, find_phases

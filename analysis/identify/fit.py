@@ -7,7 +7,6 @@ import numpy as np
 
 from sautereau.analysis.alike import check_alike
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.hidden import BOUND_STDS, delay_std, hidden_parameters
 from sautereau.analysis.identify.observed import (
     BACK,
@@ -17,6 +16,7 @@ from sautereau.analysis.identify.observed import (
     coupled_force,
     observed,
 )
+from sautereau.analysis.identify.parameter_names import MODE, TIME, TIME_RANGE
 from sautereau.analysis.identify.parameters import Parameter, Prior, parameters
 from sautereau.analysis.identify.problem import (
     COARSE,
@@ -83,9 +83,7 @@ def inverse_dynamics(
     rig = check_alike({str(press.path): press.rig for press in presses})
     free = parameters(rig, names, priors)
     free += tuple(hidden_parameters(rig, names))
-    shift = (
-        keys.TIME_RANGE if keys.TIME in names else min(keys.TIME_RANGE, BOUND_STDS * delay_std(rig))
-    )
+    shift = TIME_RANGE if TIME in names else min(TIME_RANGE, BOUND_STDS * delay_std(rig))
     taken = [observed(p, f, shift) for p, f in zip(presses, phases, strict=True)]
     return InverseDynamics(rig, free, taken, level)
 
@@ -133,7 +131,7 @@ def refined(fitted: Fit, robust: bool = False) -> Fit:
     whitening causes is counted as an uncertainty.
     """
     dynamics, values, problem = fitted.problem.dynamics, fitted.values, fitted.problem
-    compliant = any(p.name.startswith(keys.MODE) for p in dynamics.free)
+    compliant = any(p.name.startswith(MODE) for p in dynamics.free)
     floor = COMPLIANT_FLOOR if compliant else FLOOR
     for tolerance in [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
         forces, rises = dynamics.residuals(values)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
 from sautereau.analysis.identify.fit import Fit, informative, rms
@@ -21,6 +20,7 @@ from sautereau.analysis.identify.fixed import (
     sensitivities,
     suggestions,
 )
+from sautereau.analysis.identify.parameter_names import CONTACT, FRICTION, INERTIA
 from sautereau.analysis.identify.parameters import Parameter, Prior, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.quality import Quality, quality
@@ -149,7 +149,7 @@ def identify(
     Args:
         presses: Recordings of one instrument.
         phases: Phases of these presses, in the same order.
-        names: Free parameters, from `keys.NAMES`.
+        names: Free parameters, from `parameter_names.NAMES`.
         priors: Prior knowledge of parameters, by name.
         level: Plectrum model.
         starts: Number of starting points: the rig's values, and points between the bounds.
@@ -225,7 +225,8 @@ def _with_found_friction(fitted: Fit, stds: Floats) -> Fit:
     dynamics = fitted.problem.dynamics
     free = tuple(
         replace(
-            p, hidden=p.hidden and (p.name != keys.FRICTION or abs(v - p.start) < SIGNIFICANT * std)
+            p,
+            hidden=p.hidden and (p.name != FRICTION or abs(v - p.start) < SIGNIFICANT * std),
         )
         for p, v, std in zip(dynamics.free, fitted.values.tolist(), stds.tolist(), strict=True)
     )
@@ -253,17 +254,17 @@ def _hidden_by_fit(suggested: Sequence[Suggestion]) -> list[str]:
         f"{s.name}: freeing it would reduce the weighted sum of squares by {s.reduction:.0f}, and"
         f" {SUGGESTED:.0f} are allowed: the other parameters imitate it"
         for s in suggested
-        if s.name in (keys.FRICTION, keys.CONTACT)
+        if s.name in (FRICTION, CONTACT)
     ]
 
 
 def _inertia_at_bound(free: Sequence[Parameter], values: Floats) -> list[str]:
     """Return a reason if the inertia of a compliant key is at a bound."""
     return [
-        f"{keys.INERTIA}: the fit reached a bound at {value:.4g} kg m^2, so that the modes imitate"
+        f"{INERTIA}: the fit reached a bound at {value:.4g} kg m^2, so that the modes imitate"
         " it: give its range by a prior, or press more slowly"
         for parameter, value in zip(free, values.tolist(), strict=True)
-        if parameter.name == keys.INERTIA
+        if parameter.name == INERTIA
         and min(value / parameter.low, parameter.high / value) < NEAR_BOUND
     ]
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.fit import Fit, rms
 from sautereau.analysis.identify.noise import WINDOW
 from sautereau.analysis.identify.observed import BACK, FREE, HELD, Observed
+from sautereau.analysis.identify.parameter_names import FORCE_GAIN, TIME, VELOCITY_GAIN
 from sautereau.trajectory.motion import Floats
 
 NOISE_MAX = 1.2
@@ -123,10 +123,7 @@ def quality(fitted: Fit) -> Quality:
     offsets = {
         p.name: float((value - p.mean) / p.std)
         for p, value in zip(dynamics.free, fitted.values.tolist(), strict=True)
-        if p.hidden
-        and p.name in (keys.TIME, keys.FORCE_GAIN, keys.VELOCITY_GAIN)
-        and p.mean is not None
-        and p.std
+        if p.hidden and p.name in (TIME, FORCE_GAIN, VELOCITY_GAIN) and p.mean is not None and p.std
     }
     reasons += [
         f"{name}: the fit is {abs(off):.1f} standard uncertainties from the calibration"

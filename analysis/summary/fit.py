@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.fixed import Sensitivity, Suggestion
 from sautereau.analysis.identify.identified import IDENTIFIABLE, Estimate, FittedMode, Identified
+from sautereau.analysis.identify.parameter_names import CONTACT
 from sautereau.analysis.identify.profile import Profile
 from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.summary.text import counted, part_of
@@ -118,8 +118,8 @@ def _quality_line(good: Quality) -> str:
 
 def _suggestion_line(suggestion: Suggestion) -> str:
     gain = f"weighted sum of squares {suggestion.reduction:.0f} less"
-    if suggestion.name == keys.CONTACT:
-        return f'  suggested: set {keys.CONTACT} = "surface" in the rig ({gain})'
+    if suggestion.name == CONTACT:
+        return f'  suggested: set {CONTACT} = "surface" in the rig ({gain})'
     value = _quantity(suggestion.value, suggestion.unit)
     return f"  suggested: free {suggestion.name}, about {value} ({gain})"
 
