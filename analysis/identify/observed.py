@@ -29,7 +29,7 @@ RELEASE_MARGIN = 1.5e-3
 """Time excluded before and after a release (s). Filters spread the force drop over it."""
 DIP_MARGIN = 0.1e-3
 """Travel of the pressing point that is excluded before the front felt (m)."""
-CATCH_RATIO = 4.0
+CATCH_RATIO = 2.5
 """Multiple of the planned return acceleration above which the key counts as caught by the finger
 after it had lost contact. Such an impact is shorter than the smoothing window."""
 STRING_MARGIN = 0.3e-3
@@ -278,8 +278,10 @@ def _used(
     resting |= np.sign(motion.velocity) != np.sign(np.roll(motion.velocity, 1))
     used &= ~_beside(resting, (TURN_MARGIN + shift) / step)
     planned = rig.press.return_acceleration / rig.key.jack_arm
-    caught = (motion.velocity < 0) & (np.abs(motion.acceleration) > CATCH_RATIO * planned)
-    used &= ~_beside(caught, edge / step)
+    back, low = motion.velocity < 0, rise_of_angle(rig.key, motion.position) < _highest_string(rig)
+    caught = back & ~low & (np.abs(motion.acceleration) > CATCH_RATIO * planned)
+    # Before a catch, the force is not that on the key. When the finger lost the key is not known.
+    used &= ~(back & (low | (time <= np.max(time[caught], initial=-np.inf) + edge)))
     for pluck in phases.plucks:
         used &= np.abs(time - pluck.release) > RELEASE_MARGIN + edge
     used &= _clean(press, time, edge)
@@ -288,8 +290,6 @@ def _used(
         if coupled and mark.channel == coupled.name and mark.kind != "drop-out":
             stretch += time > mark.stop
     used &= rig.key.press_arm * motion.position < rig.key.dip - DIP_MARGIN
-    down = motion.velocity < 0
-    used &= ~(down & (rise_of_angle(rig.key, motion.position) < _highest_string(rig)))
     # An AC-coupled force has another level after an overload.
     return used & (stretch == np.argmax(np.bincount(stretch, used)))
 

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from sautereau.analysis.identify.combinations import IDENTIFIABLE
 from sautereau.analysis.identify.fixed import Sensitivity, Suggestion
-from sautereau.analysis.identify.identified import IDENTIFIABLE, Estimate, FittedMode, Identified
+from sautereau.analysis.identify.identified import Estimate, FittedMode, Identified
 from sautereau.analysis.identify.parameter_names import CONTACT
 from sautereau.analysis.identify.profile import Profile
 from sautereau.analysis.identify.quality import Quality
@@ -77,7 +78,7 @@ def fit_lines(
         _quality_line(found.quality),
         *(f"  {reason}" for reason in found.quality.reasons),
         *(_suggestion_line(suggestion) for suggestion in found.suggested),
-        *(_estimate_line(estimate) for estimate in found.estimates),
+        *(line for estimate in found.estimates for line in _estimate_lines(estimate)),
     ]
     if not found.quality.fits:
         lines.append("no 95 % intervals: the uncertainties are those of a model that fits")
@@ -145,11 +146,16 @@ def _table(found: Identified) -> list[str]:
     return lines
 
 
-def _estimate_line(estimate: Estimate) -> str:
+def _estimate_lines(estimate: Estimate) -> list[str]:
+    """Return the value, and what would make it identifiable."""
     unit = estimate.unit.replace("**", "^").replace("*", " ")
     spread = "undetermined" if estimate.std is None else f"+- {estimate.std:.2g}"
-    remark = "" if estimate.identifiable else "  not identifiable from these recordings"
-    return (
-        f"  {estimate.name:<28} {estimate.value:>11.5g} {spread} {unit}"
-        f" (rig: {estimate.start:.5g}){remark}"
+    line = (
+        f"  {estimate.name:<28} {estimate.value:>11.5g} {spread} {unit} (rig: {estimate.start:.5g})"
     )
+    if estimate.identifiable:
+        return [line]
+    return [
+        f"{line}  not identifiable from these recordings",
+        *(f"      +- {each.std:.2g} {unit} if you {each.what}" for each in estimate.measurements),
+    ]

@@ -234,7 +234,7 @@ def test_presses_of_different_instruments_are_refused(two):
 def test_a_robust_fit_is_less_affected_by_a_disturbance(two, true):
     pressed, phases = two
     data = pressed[0].data.copy()
-    data.loc[0.300:0.302, "force"] += 0.1
+    data.loc[0.370:0.372, "force"] += 0.1
     known = {name: value_of(true, name) for name in FREE[:2]}
     rig = with_parameters(pressed[0].rig, known)
     broken = [with_data(pressed[0], data, rig=rig), replace(pressed[1], rig=rig)]
