@@ -62,6 +62,8 @@ class Estimate:
     identifiable: bool
     """Whether the data determine it without its prior while all others are free; see
     `IDENTIFIABLE`."""
+    needed: float
+    """Standard uncertainty below which it is identifiable."""
     measurements: tuple[Measurement, ...]
     """What would reduce its uncertainty most, the best first; empty if it is identifiable."""
 
@@ -274,6 +276,7 @@ def _estimate(
         high=value + INTERVAL * std if interval else None,
         at_bound=min(value - parameter.low, parameter.high - value) <= room,
         identifiable=identifiable,
+        needed=IDENTIFIABLE * scale,
         measurements=() if identifiable else known.measurements(number, scale),
     )
 

@@ -48,7 +48,7 @@ class Measurement:
     what: str
     """What to measure or to change."""
     std: float
-    """Standard uncertainty of the result then, SI."""
+    """Standard uncertainty of the result if what is measured were known exactly, SI."""
 
 
 @dataclass(frozen=True)

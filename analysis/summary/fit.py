@@ -155,7 +155,8 @@ def _estimate_lines(estimate: Estimate) -> list[str]:
     )
     if estimate.identifiable:
         return [line]
+    helps = [f"at best +- {m.std:.2g} {unit} if you {m.what}" for m in estimate.measurements]
     return [
-        f"{line}  not identifiable from these recordings",
-        *(f"      +- {each.std:.2g} {unit} if you {each.what}" for each in estimate.measurements),
+        f"{line}  not identifiable from these recordings: needs +- {estimate.needed:.2g} {unit}",
+        *(f"      {each}" for each in helps or ["no single measurement would change this"]),
     ]

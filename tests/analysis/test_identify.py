@@ -151,6 +151,9 @@ def test_a_weight_that_only_shifts_the_force_is_undetermined(two):
     assert (unseen.std, unseen.low, unseen.high, unseen.identifiable) == (None, None, None, False)
     assert found.combinations[-1].std is None
     assert by_name(found)["key.inertia"].identifiable
+    assert by_name(found)["key.inertia"].measurements == ()
+    assert unseen.measurements == ()
+    assert "no single measurement would change this" in "\n".join(fit_lines(found))
     summary = fit_summary(found)
     assert summary["parameters"]["key.gravity_moment"]["ci95"] is None
     assert summary["identifiable"]["all"] is False
