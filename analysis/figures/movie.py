@@ -54,7 +54,6 @@ def animate(path: str | Path, scene: Replay) -> None:
 
     Args:
         path: File, .gif or .mp4; the latter needs ffmpeg.
-        scene: The press at the frames' instants.
 
     Raises:
         AnalysisError: The file extension is another, or ffmpeg is not installed.

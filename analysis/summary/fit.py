@@ -65,8 +65,6 @@ def fit_lines(
     """Return a fit as text.
 
     Args:
-        found: The fit.
-        profiles: Profiles of its parameters.
         every: Whether to add the table of the fixed numbers' effects.
     """
     lines = [

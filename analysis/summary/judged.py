@@ -5,7 +5,7 @@ from typing import Any
 
 from sautereau.analysis.campaign.judged import Association, Judged
 from sautereau.analysis.campaign.labels import LEVELS
-from sautereau.analysis.session.repeatability import Spread
+from sautereau.analysis.summary.text import interval
 from sautereau.rig.quantities import QUANTITIES
 
 
@@ -37,12 +37,6 @@ def _line(name: str, one: Association) -> str:
         f"{scale * one.means[level]:>10.4g}" if level in one.means else f"{'-':>10}"
         for level in LEVELS
     )
-    odds = "no overlap" if one.separated else _interval(one.odds_ratio)
-    d = _interval(one.somers_d)
+    odds = "no overlap" if one.separated else interval(one.odds_ratio, digits=3)
+    d = interval(one.somers_d, digits=3)
     return f"{quantity.title(unit):34}{means}{d:>26}{odds:>26}{one.q_value:>22.2g}"
-
-
-def _interval(spread: Spread | None) -> str:
-    if spread is None:
-        return "-"
-    return f"{spread.value:.3g} ({spread.low:.3g} to {spread.high:.3g})"

@@ -41,7 +41,6 @@ def plan_lines(
 
     Args:
         rig: The bench.
-        draft: The plan.
         warnings: Warnings about the plan and about the prediction that it uses.
         all_checks: List every check instead of the tightest and the failed ones.
     """

@@ -119,7 +119,6 @@ def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
     """Return the analysis of a session as text.
 
     Args:
-        found: The analysis.
         features: Whether to list the features that the model predicts.
     """
     lines = []

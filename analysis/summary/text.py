@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from sautereau.analysis.session.repeatability import Spread
+
 SOME_SIMULATED = "SIMULATED: at least one of these presses was made on the stand-in"
 """First line of the text on presses of which any was made on a stand-in."""
 _PLURALS = {"press": "presses", "plectrum": "plectra"}
@@ -15,6 +17,14 @@ def counted(count: int, noun: str) -> str:
 def part_of(found: object, *names: str) -> dict[str, Any]:
     """Return some attributes of a result by their names."""
     return {name: getattr(found, name) for name in names}
+
+
+def interval(spread: Spread | None, scale: float = 1.0, digits: int = 4) -> str:
+    """Return a figure with its interval: `0.34 (0.3 to 0.38)`; `-` for None."""
+    if spread is None:
+        return "-"
+    value, low, high = (f"{scale * v:.{digits}g}" for v in (spread.value, spread.low, spread.high))
+    return f"{value} ({low} to {high})"
 
 
 def percent(ratio: float) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 
 from sautereau.analysis.campaign.touch import FELT, Felt, Touch
 from sautereau.analysis.session.repeatability import Spread
-from sautereau.analysis.summary.text import SOME_SIMULATED, counted
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted, interval
 from sautereau.rig.quantities import QUANTITIES
 
 
@@ -28,7 +28,7 @@ def touch_lines(found: Touch) -> list[str]:
     lines.append(f"{'plectrum':10}{'3EI/L^3 N/m':>12}{'presses':>9}{titles}")
     for plectrum in found.plectra:
         cells = "".join(
-            f"{_interval(plectrum.felt.get(name), quantity.displayed[0]):>30}"
+            f"{interval(plectrum.felt.get(name), quantity.displayed[0]):>30}"
             for name, quantity in quantities.items()
         )
         lines.append(f"{plectrum.name:10}{plectrum.tip_stiffness:12.4g}{plectrum.presses:9}{cells}")
@@ -50,13 +50,6 @@ def _felt_lines(felt: Felt) -> list[str]:
             f" ({exponent.low:.2f} to {exponent.high:.2f})"
         )
     return lines
-
-
-def _interval(spread: Spread | None, scale: float) -> str:
-    if spread is None:
-        return "-"
-    value, low, high = (scale * v for v in (spread.value, spread.low, spread.high))
-    return f"{value:.4g} ({low:.4g} to {high:.4g})"
 
 
 def _percent(spread: Spread) -> str:

@@ -11,7 +11,6 @@ def targets(files: list[Path], extension: str, out: Path | None) -> list[tuple[P
     """Return each file to read with the file to write.
 
     Args:
-        files: Files to read.
         extension: File extension of the files to write, without the dot.
         out: File to write, or existing folder; None for the folder of each file.
 

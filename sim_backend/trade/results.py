@@ -30,10 +30,10 @@ class Point:
     """s, of a step."""
     engine: str
     level: str
-    """Of the plectrum."""
+    """Plectrum bending model."""
     string: str
     iterations: int
-    """Of the solver, per step."""
+    """Iterations of the solver in each step."""
     error: float | None
     """s, largest of all events; None where the point failed."""
     force_error: float | None

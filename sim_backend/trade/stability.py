@@ -44,7 +44,7 @@ class Cell:
     error: Errors | None = None
     """The error found."""
     reason: str = ""
-    """Of a refusal or a failure."""
+    """Why the case was refused or has failed."""
 
 
 def run_stability(rig: Rig, cases: Iterable[Case] | None = None) -> list[Cell]:

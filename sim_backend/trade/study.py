@@ -32,7 +32,8 @@ STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "exact": (1, 2, 4, 8, 16)}
 FEW = (1, 8)
 """Those that simpler levels and strings are tried with: a step does not improve a model."""
 ITERATIONS = (1, 3, 30, 100)
-"""Of the rigid bodies' solver, tried beside the scene's own with `MIDDLE` steps per sample."""
+"""Iterations of the rigid bodies' solver that are tried, beside the scene's own, with `MIDDLE`
+steps per sample."""
 MIDDLE = 8
 MARGIN = 0.1
 """Fraction of a speed below which measured speeds count as equal."""
