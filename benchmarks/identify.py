@@ -8,7 +8,7 @@ The simulation has steps of 20 us: with the 100 us of the scene its force is 20 
 not an error of a bench.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -137,11 +137,16 @@ def simulated_cases(benches: range) -> Iterator[Case]:
         yield *presses_of(made, seeds), {name: value_of(true, name) for name in RESULTS}
 
 
-def independent_cases(benches: range) -> Iterator[Case]:
+def random_bench(number: int) -> Conditions:
+    """Return a bench of the independent simulator with every factor drawn."""
+    return random_conditions(np.random.default_rng([15, number]))
+
+
+def independent_cases(benches: Iterable[Conditions]) -> Iterator[Case]:
     """Yield benches of the independent simulator that pluck one string or more."""
-    for number in benches:
+    for conditions in benches:
         try:
-            case = _independent(random_conditions(np.random.default_rng([15, number])))
+            case = _independent(conditions)
         except (ValueError, ArithmeticError):
             continue
         if case is not None:
@@ -214,15 +219,18 @@ def judged(
 def run() -> list[Figure]:
     """Return how many results are claimed, and how many of the claimed ones are right."""
     found = outcomes(simulated_cases(BENCHES))
-    figures = _figures("stand-in", found)
+    figures = figures_of("stand-in", found)
     soft = (one_factor_case(name) for name in COMPLIANT)
-    figures += _figures("independent, one soft part", outcomes(soft))
-    figures += _figures("independent, all random", outcomes(independent_cases(RANDOM)))
+    figures += figures_of("independent, one soft part", outcomes(soft))
+    figures += figures_of(
+        "independent, all random", outcomes(independent_cases(map(random_bench, RANDOM)))
+    )
     spent = Figure(f"a fit of {len(FREE)} to {PRESSES} presses", found.seconds, "s", "limit", 10.0)
     return [*figures, spent]
 
 
-def _figures(what: str, found: Outcomes) -> list[Figure]:
+def figures_of(what: str, found: Outcomes) -> list[Figure]:
+    """Return the verdicts on the fits, and what is claimed and right of each result."""
     count = len(found.fits)
     fits = f"{what}: benches whose model fits, of {count}"
     figures = [Figure(fits, float(found.fits.mean()), "1", "all", 1.0)]
