@@ -7,29 +7,14 @@ import numpy as np
 
 from sautereau.analysis.alike import check_alike
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.excluded import coupled_force
 from sautereau.analysis.identify.hidden import BOUND_STDS, delay_std, hidden_parameters
-from sautereau.analysis.identify.observed import (
-    BACK,
-    FREE,
-    HELD,
-    MIN_INSTANTS,
-    coupled_force,
-    observed,
-)
+from sautereau.analysis.identify.observed import BACK, FREE, HELD, MIN_INSTANTS, observed
 from sautereau.analysis.identify.parameter_names import MODE, TIME, TIME_RANGE
 from sautereau.analysis.identify.parameters import Parameter, Prior, parameters
-from sautereau.analysis.identify.problem import (
-    COARSE,
-    FLOOR,
-    TOLERANCE,
-    Problem,
-    Whitening,
-    autocovariance,
-    minimise,
-    white,
-    whitening,
-)
+from sautereau.analysis.identify.problem import COARSE, TOLERANCE, Problem, minimise
 from sautereau.analysis.identify.residuals import InverseDynamics
+from sautereau.analysis.identify.whitening import FLOOR, Whitening, autocovariance, white, whitening
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.progress import tracked

@@ -24,8 +24,9 @@ from sautereau.analysis.identify.parameter_names import (
     VELOCITY_GAIN,
 )
 from sautereau.analysis.identify.parameters import unit_of_parameter, value_of, with_parameters
-from sautereau.analysis.identify.problem import Problem, white
+from sautereau.analysis.identify.problem import Problem
 from sautereau.analysis.identify.residuals import InverseDynamics
+from sautereau.analysis.identify.whitening import white
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
