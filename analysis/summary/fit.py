@@ -10,8 +10,11 @@ from sautereau.analysis.identify.identified import Estimate, FittedMode, Identif
 from sautereau.analysis.identify.parameter_names import CONTACT
 from sautereau.analysis.identify.profile import Profile
 from sautereau.analysis.identify.quality import Quality
-from sautereau.analysis.summary.text import counted, part_of
+from sautereau.analysis.summary.text import counted, part_of, table
 from sautereau.rig.quantities import QUANTITIES
+
+TOGETHER = 2
+"""Number of results in one table of effects, which then fits into 80 columns."""
 
 
 def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str, Any]:
@@ -76,7 +79,8 @@ def fit_lines(
         _quality_line(found.quality),
         *(f"  {reason}" for reason in found.quality.reasons),
         *(_suggestion_line(suggestion) for suggestion in found.suggested),
-        *(line for estimate in found.estimates for line in _estimate_lines(estimate)),
+        *table(map(_estimate_cells, found.estimates), left=(0, 2, 3, 4), indent=2, gap=1),
+        *(line for estimate in found.estimates for line in _needed_lines(estimate)),
     ]
     if not found.quality.fits:
         lines.append("no 95 % intervals: the uncertainties are those of a model that fits")
@@ -91,8 +95,8 @@ def fit_lines(
             " the combinations of their relative changes:"
         )
         lines += [
-            f"  {'undetermined' if c.std is None else f'{c.std:.2g}':<12}"
-            f" {'identifiable' if c.identifiable else 'not identifiable':<16} {c}"
+            f"  {'undetermined' if c.std is None else f'{c.std:.2g}'},"
+            f" {'identifiable' if c.identifiable else 'not identifiable'}: {c}"
             for c in found.combinations
         ]
     if every:
@@ -124,37 +128,44 @@ def _suggestion_line(suggestion: Suggestion) -> str:
 
 
 def _quantity(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit.replace('**', '^').replace('*', ' ')}".strip()
+    return f"{value:.4g} {_unit(unit)}".strip()
 
 
 def _table(found: Identified) -> list[str]:
     """Return the effects of fixed numbers and calibrations, a line each."""
-    names = [e.name.rpartition(".")[2] for e in found.estimates]
-    widths = [max(len(name), 9) for name in names]
-    heads = "  ".join(f"{name:>{width}}" for name, width in zip(names, widths, strict=True))
     lines = [
-        "change of each result by a change of a number that is not a result (* stated in the rig):",
-        f"  {'number':<28} {'change':>18}  {heads}",
+        "change in % of each result by a change of a number that is not a result"
+        " (* stated in the rig):"
     ]
-    for s in found.sensitivity:
-        change = _quantity(s.change, s.unit) + "*" * s.stated
-        effects = [f"{100 * s.effects[e.name]:+.2f} %" for e in found.estimates]
-        row = "  ".join(f"{e:>{width}}" for e, width in zip(effects, widths, strict=True))
-        lines.append(f"  {s.name:<28} {change:>18}  {row}")
+    for first in range(0, len(found.estimates), TOGETHER):
+        names = [e.name for e in found.estimates[first : first + TOGETHER]]
+        rows = [("number", "change", *(name.rpartition(".")[2] for name in names))]
+        for s in found.sensitivity:
+            change = _quantity(s.change, s.unit) + "*" * s.stated
+            rows.append((s.name, change, *(f"{100 * s.effects[name]:+.2f}" for name in names)))
+        lines += table(rows, indent=2, gap=1)
     return lines
 
 
-def _estimate_lines(estimate: Estimate) -> list[str]:
-    """Return the value, and what would make it identifiable."""
-    unit = estimate.unit.replace("**", "^").replace("*", " ")
+def _estimate_cells(estimate: Estimate) -> tuple[str, ...]:
+    """Return name, value, standard uncertainty, unit and the rig's own value."""
     spread = "undetermined" if estimate.std is None else f"+- {estimate.std:.2g}"
-    line = (
-        f"  {estimate.name:<28} {estimate.value:>11.5g} {spread} {unit} (rig: {estimate.start:.5g})"
-    )
+    rig = f"(rig: {estimate.start:.5g})"
+    return estimate.name, f"{estimate.value:.5g}", spread, _unit(estimate.unit), rig
+
+
+def _needed_lines(estimate: Estimate) -> list[str]:
+    """Return what would make a parameter identifiable; nothing if it is."""
     if estimate.identifiable:
-        return [line]
+        return []
+    unit = _unit(estimate.unit)
     helps = [f"at best +- {m.std:.2g} {unit} if you {m.what}" for m in estimate.measurements]
     return [
-        f"{line}  not identifiable from these recordings: needs +- {estimate.needed:.2g} {unit}",
-        *(f"      {each}" for each in helps or ["no single measurement would change this"]),
+        f"{estimate.name} is not identifiable from these recordings:"
+        f" +- {estimate.needed:.2g} {unit} is needed",
+        *(f"  {each}" for each in helps or ["no single measurement would change this"]),
     ]
+
+
+def _unit(unit: str) -> str:
+    return unit.replace("**", "^").replace("*", " ")
