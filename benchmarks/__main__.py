@@ -17,27 +17,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from benchmarks.figures import table, write_page
 
 ALL = (
-    "press",
-    "planner",
-    "model",
-    "levels",
-    "string",
-    "calculix",
-    "parts",
-    "trade",
-    "recording",
-    "acquisition",
-    "load",
-    "learning",
-    "phases",
-    "independent_phases",
-    "report",
-    "identify",
-    "touch",
-    "campaign",
-    "imports",
-    "transient",
-)
+    "press", "planner", "model", "levels", "string", "calculix", "parts", "trade", "recording",
+    "acquisition", "load", "learning", "phases", "independent_phases", "report", "identify",
+    "touch", "campaign", "imports", "transient",
+)  # fmt: skip
 
 
 def main(arguments: list[str]) -> int:
