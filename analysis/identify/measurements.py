@@ -26,7 +26,7 @@ from sautereau.analysis.identify.parameter_names import (
 from sautereau.trajectory.motion import Floats
 
 MORE = 4
-"""Ratio of the number of presses in `more presses` to that of the recorded ones."""
+"""Ratio by which the number of presses is increased in the advice to record more."""
 USEFUL = 0.9
 """A measurement is listed if it reduces the uncertainty to less than this fraction."""
 LISTED = 2
@@ -104,6 +104,5 @@ def _how(name: str) -> str | None:
         return "record presses at another speed as well"
     if name.startswith(CHOIR[0].partition("{")[0]):
         return "press with the other registers off"
-    if name in NAMES:
-        return f"measure {name}, and give it by --prior"
-    return _HOW.get(name)
+    measured = f"measure {name}, free it, and give it by --prior" if name in NAMES else None
+    return _HOW.get(name, measured)

@@ -25,7 +25,7 @@ def test_the_uncertainty_is_that_of_the_conditional_distribution():
 def test_the_measurement_that_helps_is_listed_with_its_result():
     """More presses and the gain do not help: friction alone limits the overlap."""
     (only,) = information().measurements(0, scale=0.3e-3)
-    assert only.what == "measure plectrum.friction, and give it by --prior"
+    assert only.what == "measure plectrum.friction, free it, and give it by --prior"
     assert only.std == pytest.approx(0.3e-3 * 0.01)
     assert information(lacking=1.0).measurements(0, scale=1.0) == ()
 
