@@ -9,9 +9,6 @@ from sautereau.rig.schema import Rig
 def check_alike(rigs: Mapping[str, Rig]) -> Rig:
     """Return the rig of several recordings of one instrument.
 
-    Args:
-        rigs: By the recordings' names.
-
     Raises:
         AnalysisError: Key, jack, plectrum or string differ from those of the first recording.
     """

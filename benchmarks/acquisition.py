@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.figures import Figure, check, median_time
+from benchmarks.recording import SIXTEEN, sixteen
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
@@ -23,7 +24,6 @@ from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.trajectory.motion import Floats
 
-CHANNELS = 16
 DURATION = 10.0
 """Duration of the acquisition in real time, s; the cost does not depend on it."""
 PERIOD = 2048
@@ -67,7 +67,7 @@ class Card:
     """A card with sixteen inputs, in real time or not."""
 
     name, chassis, device = "Dev1", "", IDEAL
-    terminals = tuple(f"ai{n}" for n in range(CHANNELS))
+    terminals = tuple(f"ai{n}" for n in range(SIXTEEN))
 
     def __init__(self, paced: bool):
         self.paced = paced
@@ -79,7 +79,7 @@ class Card:
 def run() -> list[Figure]:
     """Return the client's CPU load, and the time to connect and close for a press."""
     with served() as address:
-        rig = _rig(address)
+        rig = sixteen(load_rig()).replaced({"daq.address": address, "daq.block": PERIOD})
         return [*_continuous(rig), _dated(rig), _overhead(rig.daq)]
 
 
@@ -106,7 +106,7 @@ def _continuous(rig: Rig) -> list[Figure]:
         written = record(rig, path, DURATION)
         check(written == n, f"{written} of {n} samples are recorded")
         recorded = (time.process_time() - busy) / (time.perf_counter() - start)
-    what = f"{CHANNELS} channels at 51.2 kHz, {DURATION:g} s in real time, of one core:"
+    what = f"{SIXTEEN} channels at 51.2 kHz, {DURATION:g} s in real time, of one core:"
     return [
         Figure(f"{what} reading", read * 100, "%", "limit", 40.0),
         Figure(f"{what} reading and recording", recorded * 100, "%", "limit", 40.0),
@@ -151,16 +151,6 @@ def _overhead(daq: Daq) -> Figure:
     own, peer = median_time(enter_and_leave) * 1e3, median_time(ask_and_close) * 1e3
     what = "a press's task: connect, build, clear, close"
     return Figure(what, own, "ms", "channel_ready_future and close", peer)
-
-
-def _rig(address: str) -> Rig:
-    rig = load_rig()
-    channels = tuple(
-        rig.daq.channels[n % 2].model_copy(update={"name": f"c{n}", "terminal": f"ai{n}"})
-        for n in range(CHANNELS)
-    )
-    values = {"address": address, "channels": channels, "block": PERIOD}
-    return rig.model_copy(update={"daq": rig.daq.model_copy(update=values)})
 
 
 @contextmanager

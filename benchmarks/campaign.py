@@ -72,9 +72,7 @@ def run() -> list[Figure]:
     ]
 
 
-def write_presses(
-    folder: Path, plectra: int, sessions: int, presses: int, seed: int = 0
-) -> list[Path]:
+def write_presses(folder: Path, plectra: int, sessions: int, presses: int) -> list[Path]:
     """Simulate and record presses of different plectra, with a new set-up in each session.
 
     Args:
@@ -82,9 +80,8 @@ def write_presses(
         plectra: Number of plectra, which differ in thickness and overlap.
         sessions: Number of sessions of each plectrum.
         presses: Number of presses of each session.
-        seed: Seed of shapes, set-ups and noise.
     """
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     scene = load_scene("ideal").model_copy(update={"sensors": load_scene("paper").sensors})
     paths = []
     for plectrum in range(plectra):

@@ -1,8 +1,6 @@
 """Contact and release in presses of the independent simulator, by condition."""
 
-import statistics
 import sys
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +13,10 @@ from benchmarks.independent import (
     random_conditions,
 )
 from benchmarks.judged import judged_press
-from benchmarks.phases import coverage
+from benchmarks.phases import Judged, accuracy, judged
 from sautereau.analysis.loading.press import Press
-from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.phases import Phases
 from sautereau.rig.errors import RigError
-from sautereau.trajectory.motion import Floats
 
 RANDOM, EACH = 200, 1
 """Random presses, and presses of each condition of `ONE_FACTOR`."""
@@ -27,38 +24,22 @@ FAR = 5e-3
 """s, error from which on a press without a warning counts as silent."""
 FRACTIONS = (0.55, 0.85), (0.88, 1.0)
 """Limits of the fractions of errors within their intervals of 68 % and of 95 %."""
+LIMITS = {"contact": (0.1, 1.0), "release": (0.05, 0.5)}
+"""ms, limits of the errors' median and 95th percentile."""
 STEEP = 0.8e-3, 4.0
 """s, of the smoothed derivative of the force in the plain threshold beside; and the threshold in
 standard deviations of its calm part."""
 
 
 @dataclass(frozen=True)
-class Judged:
+class Pressed(Judged):
     """One press: the truth, what was found, and what a plain threshold finds."""
 
-    truth: Floats
-    """s, contact and release of every pluck, shape (plucks, 2)."""
-    found: Floats
-    """s, contact, release and their standard uncertainties, shape (plucks found, 4)."""
-    threshold: Floats
-    """s, releases by the threshold."""
-    warned: bool
-    seconds: float
-
-    @property
-    def right(self) -> bool:
-        """Whether the number of plucks is right."""
-        return len(self.truth) == len(self.found)
-
-    @property
-    def errors(self) -> Floats:
-        """s, of contact and release, with their uncertainties; shape (plucks, 4)."""
-        if not self.right or not len(self.truth):
-            return np.zeros((0, 4))
-        return np.concatenate([self.found[:, :2] - self.truth, self.found[:, 2:]], 1)
+    threshold: int
+    """Number of releases by the threshold."""
 
 
-def judge(conditions: Conditions, seed: int) -> Judged:
+def judge(conditions: Conditions, seed: int) -> Pressed:
     """Return what the analysis finds in a press, beside the truth.
 
     Raises:
@@ -67,21 +48,11 @@ def judge(conditions: Conditions, seed: int) -> Judged:
     """
     pressed = press(conditions, seed)
     recorded = judged_press(pressed)
-    start = time.process_time()
-    found = find_phases(recorded)
-    seconds = time.process_time() - start
-    truth = [(pluck.contact, pluck.release) for pluck in pressed.truth.plucks]
-    plucks = [(h.contact, h.release, h.contact_std, h.release_std) for h in found.plucks]
-    return Judged(
-        np.reshape(truth, (-1, 2)),
-        np.reshape(plucks, (-1, 4)),
-        _by_threshold(recorded, found),
-        bool(found.warnings),
-        seconds,
-    )
+    found = judged(recorded, [(pluck.contact, pluck.release) for pluck in pressed.truth.plucks])
+    return Pressed(**vars(found), threshold=_by_threshold(recorded, found.phases))
 
 
-def random_presses(seeds: range) -> list[Judged]:
+def random_presses(seeds: range) -> list[Pressed]:
     """Return random presses; conditions that cannot be simulated or planned are drawn again."""
     found = []
     for seed in seeds:
@@ -95,19 +66,18 @@ def random_presses(seeds: range) -> list[Judged]:
     return found
 
 
-def _by_threshold(recorded: Press, found: Phases) -> Floats:
-    """Return the releases [s] by a threshold on the smoothed derivative of the force."""
+def _by_threshold(recorded: Press, found: Phases) -> int:
+    """Return the number of releases by a threshold on the smoothed derivative of the force."""
     at, force = recorded.time, recorded.samples["force"]
     inside = (at > found.start) & (at < found.bottom)
     width = max(1, round(STEEP[0] * recorded.rate))
     if np.count_nonzero(inside) < 4 * width:
-        return np.zeros(0)
+        return 0
     smooth = np.convolve(force[inside], np.full(width, 1 / width), "valid")
     slope = smooth[width:] - smooth[:-width]
     calm = 1.4826 * float(np.median(np.abs(slope - np.median(slope))))
     steep = slope < -STEEP[1] * calm
-    starts = np.flatnonzero(steep[1:] & ~steep[:-1]) + 1
-    return at[inside][starts + width]
+    return int(np.count_nonzero(steep[1:] & ~steep[:-1]))
 
 
 def run() -> list[Figure]:
@@ -119,37 +89,26 @@ def run() -> list[Figure]:
     return figures
 
 
-def _figures(name: str, presses: list[Judged]) -> list[Figure]:
-    errors = np.concatenate([each.errors for each in presses])
+def _figures(name: str, presses: list[Pressed]) -> list[Figure]:
     wrong = [each for each in presses if not each.right]
-    silent = [each for each in wrong if not each.warned]
+    silent = [each for each in wrong if not each.phases.warnings]
     far = [
         each
         for each in presses
-        if not each.warned and np.abs(each.errors[:, :2]).max(initial=0.0) > FAR
+        if not each.phases.warnings and np.abs(each.errors[:, :2]).max(initial=0.0) > FAR
     ]
     share = 1 - len(wrong) / len(presses)
-    by_threshold = np.mean([len(each.truth) == len(each.threshold) for each in presses])
-    figures = [
+    by_threshold = np.mean([len(each.truth) == each.threshold for each in presses])
+    return [
         Figure(f"{name}: number of plucks right", share, "", "at least", 0.98),
         Figure(f"{name}: number of plucks right", share, "", "threshold", float(by_threshold)),
         Figure(f"{name}: wrong without a warning", len(silent), "", "limit", 0.5),
         Figure(f"{name}: off by 5 ms without a warning", len(far), "", "limit", 0.5),
+        *accuracy(f"{name}: ", presses, LIMITS, 95, FRACTIONS),
     ]
-    limits = {"contact": (0.1, 1.0), "release": (0.05, 0.5)}
-    for place, (what, (middle, most)) in enumerate(limits.items()):
-        error, std = np.abs(errors[:, place]), errors[:, 2 + place]
-        for label, value, limit in (
-            ("median error", np.median(error), middle),
-            ("95th percentile", np.quantile(error, 0.95), most),
-        ):
-            figures.append(Figure(f"{name}: {what}, {label}", value * 1e3, "ms", "limit", limit))
-        figures += coverage(f"{name}: {what}", error, std, FRACTIONS)
-    seconds = statistics.median(each.seconds for each in presses)
-    return [*figures, Figure(f"{name}: phases of a press", seconds * 1e3, "ms", "limit", 3.3)]
 
 
-def _row(name: str, presses: list[Judged]) -> list[Figure]:
+def _row(name: str, presses: list[Pressed]) -> list[Figure]:
     errors = np.abs(np.concatenate([each.errors for each in presses]))
     right = sum(each.right for each in presses) / len(presses)
     figures = [Figure(f"{name}: number of plucks right", right, "", "at least", 1.0)]

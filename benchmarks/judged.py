@@ -7,11 +7,17 @@ from tempfile import TemporaryDirectory
 from benchmarks.independent import Pressed, write_rig
 from benchmarks.simulated import as_recorded
 from sautereau.analysis.loading.press import Press, press_of
+from sautereau.daq.file.recorded import Recorded
 from sautereau.rig.load import load_rig, with_values
 
 
 def judged_press(pressed: Pressed, values: Mapping[str, str | float] | None = None) -> Press:
-    """Return a press as loaded from a recording with the rig of its experimenter.
+    """Return a press as loaded from its recording; see `judged_recording`."""
+    return press_of(judged_recording(pressed, values))
+
+
+def judged_recording(pressed: Pressed, values: Mapping[str, str | float] | None = None) -> Recorded:
+    """Return the recording of a press with the rig of its experimenter.
 
     Args:
         pressed: Of the independent simulator.
@@ -29,4 +35,4 @@ def judged_press(pressed: Pressed, values: Mapping[str, str | float] | None = No
         names["force"]: pressed.force_volts,
     }
     first, name = -round(pressed.t0 * pressed.rate), f"independent-{pressed.seed}.mcap"
-    return press_of(as_recorded(rig, volts, pressed.rate, first, name, pressed.seed))
+    return as_recorded(rig, volts, pressed.rate, first, name, pressed.seed)

@@ -127,8 +127,7 @@ def _acquisition(folder: Path) -> list[Figure]:
     watch = Watch(round(HOURS * 3600 * RATE))
     with served("free") as address:
         changes = {"address": address, "sample_rate": float(RATE), "block": RATE // 10}
-        daq = load_rig().daq.model_copy(update=changes)
-        rig = load_rig().model_copy(update={"daq": daq})
+        rig = load_rig().replaced({f"daq.{name}": value for name, value in changes.items()})
         record(rig, folder / "long.mcap", HOURS * 3600, on_block=watch)
     return watch.figures(f"acquisition of {HOURS:g} h at {RATE} Hz", "a sample")
 

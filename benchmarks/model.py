@@ -76,13 +76,7 @@ def _many(rig: Rig) -> list[Figure]:
 
 def _error(rig: Rig, values: dict, found, case: int) -> float:
     """Return the largest relative error of a case's scalars against `predict`."""
-    sections: dict[str, dict[str, float]] = {}
-    for name, value in values.items():
-        section, field = name.split(".")
-        sections.setdefault(section, {})[field] = float(
-            value if np.ndim(value) == 0 else value[case]
-        )
-    update = {s: getattr(rig, s).model_copy(update=fields) for s, fields in sections.items()}
-    expected = predict(rig.model_copy(update=update))
+    of_case = {name: float(np.atleast_1d(v)[case % np.size(v)]) for name, v in values.items()}
+    expected = predict(rig.replaced(of_case))
     names = ("pluck_duration", "plectrum_force", "release_lift", "release_angle", "v_osc")
     return max(abs(getattr(found, n)[case] / getattr(expected, n) - 1) for n in names)

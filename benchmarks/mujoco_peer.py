@@ -77,8 +77,6 @@ def observe_in_mujoco(rig: Rig, scene: Scene, step: float) -> tuple[float, float
     """Run a scene's push in MuJoCo, the string's force applied to the jack at every step.
 
     Args:
-        rig: Rig.
-        scene: Scene with a push, a spring string and no contact with the felt.
         step: s.
 
     Returns:

@@ -1,8 +1,8 @@
 """Contact and release in randomised presses whose truth is known, and `ruptures` beside it."""
 
 import statistics
-import sys
 import time
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,6 +21,8 @@ from sautereau.trajectory.motion import Floats
 CASES = 300
 FRACTIONS = (0.60, 0.76), (0.90, 0.99)
 """Limits of the fractions of errors within their intervals of 68 % and of 95 %."""
+FILES = 20
+"""Presses read from files."""
 PEER_CASES, PEER_ROWS = 40, 250
 """Presses for `ruptures`, and rows of each that it is given: its time grows with their square."""
 PEER_MARGIN = 8e-3
@@ -28,28 +30,35 @@ PEER_MARGIN = 8e-3
 
 
 @dataclass(frozen=True)
-class Study:
-    """Numbers of correct and wrong presses, and the errors of all instants of the correct ones."""
+class Judged:
+    """One press: the truth, and what was found."""
 
-    cases: int
-    wrong: tuple[int, ...]
-    """Seeds of cases with a wrong number of plucks."""
-    mute_plucked: int
-    """Presses without a string in which a pluck was found."""
-    contact: Floats
-    """s, errors; shape (plucks,)."""
-    contact_std: Floats
-    """s, stated standard uncertainty."""
-    release: Floats
-    """s."""
-    release_std: Floats
-    """s."""
-    seconds: Floats
-    """s, processor time of each press."""
+    truth: Floats
+    """s, contact and release of every pluck, shape (plucks, 2)."""
+    phases: Phases
+    seconds: float
+    """Processor time."""
+
+    @property
+    def right(self) -> bool:
+        """Whether the number of plucks is right."""
+        return len(self.truth) == len(self.phases.plucks)
+
+    @property
+    def errors(self) -> Floats:
+        """s, of contact and release, with their uncertainties; shape (plucks, 4)."""
+        if not self.right or not len(self.truth):
+            return np.zeros((0, 4))
+        held = self.phases.plucks
+        found = np.array([(h.contact, h.release, h.contact_std, h.release_std) for h in held])
+        return found - np.pad(self.truth, ((0, 0), (0, 2)))
 
 
-def _percentile_99(error: Floats) -> float:
-    return float(np.quantile(np.abs(error), 0.99))
+def judged(press: Press, truth: Iterable[tuple[float, float]]) -> Judged:
+    """Find the phases of a press whose contacts and releases [s] are known."""
+    start = time.process_time()
+    found = find_phases(press)
+    return Judged(np.reshape([*truth], (-1, 2)), found, time.process_time() - start)
 
 
 def covered(error: Floats, std: Floats, deviations: float) -> float:
@@ -57,65 +66,66 @@ def covered(error: Floats, std: Floats, deviations: float) -> float:
     return float(np.mean(np.abs(error) <= deviations * std))
 
 
-def coverage(
-    name: str, error: Floats, std: Floats, fractions: tuple[tuple[float, float], ...] = FRACTIONS
+def accuracy(
+    name: str,
+    presses: Sequence[Judged],
+    limits: Mapping[str, tuple[float, float]],
+    percentile: int,
+    fractions: tuple[tuple[float, float], ...],
 ) -> list[Figure]:
-    """Return the fractions of errors within their 68 % and 95 %, each beside both its limits."""
-    return [
-        Figure(f"{name}, in its {label}", covered(error, std, deviations), "", against, limit)
-        for label, deviations, limits in zip(("68 %", "95 %"), (1.0, 1.96), fractions, strict=True)
-        for against, limit in zip(("at least", "limit"), limits, strict=True)
-    ]
+    """Return errors, the fractions within their 68 % and 95 %, and the time of a press.
+
+    Args:
+        name: Start of each figure's name.
+        limits: ms, of the median and of the percentile, for contact and release.
+        percentile: Of the errors, in per cent.
+        fractions: Limits of both fractions.
+    """
+    errors, figures = np.concatenate([each.errors for each in presses]), []
+    for place, (what, (middle, most)) in enumerate(limits.items()):
+        error, std = np.abs(errors[:, place]), errors[:, 2 + place]
+        for label, value, limit in (
+            ("median error", np.median(error), middle),
+            (f"{percentile}th percentile", np.percentile(error, percentile), most),
+        ):
+            figures.append(Figure(f"{name}{what}, {label}", value * 1e3, "ms", "limit", limit))
+        figures += [
+            Figure(f"{name}{what}, in its {label}", covered(error, std, wide), "", against, limit)
+            for label, wide, ends in zip(("68 %", "95 %"), (1.0, 1.96), fractions, strict=True)
+            for against, limit in zip(("at least", "limit"), ends, strict=True)
+        ]
+    seconds = statistics.median(each.seconds for each in presses)
+    return [*figures, Figure(f"{name}phases of a press", seconds * 1e3, "ms", "limit", 3.3)]
 
 
-def study(seeds: range) -> Study:
-    """Find the phases of random cases and compare them with the truth."""
-    wrong, rows, seconds, mute = [], [], [], 0
-    for seed in seeds:
-        press, truth = simulated_press(*random_case(seed), seed)
-        start = time.process_time()
-        found = find_phases(press)
-        seconds.append(time.process_time() - start)
-        if len(found.plucks) != len(truth.releases):
-            wrong.append(seed)
-            mute += not truth.contacts
-            continue
-        for h, contact, release in zip(found.plucks, truth.contacts, truth.releases, strict=False):
-            rows.append((h.contact - contact, h.contact_std, h.release - release, h.release_std))
-    errors = np.array(rows).reshape(-1, 4).T
-    return Study(len(seeds), tuple(wrong), mute, *errors, np.array(seconds))
+def study(seeds: range) -> list[Judged]:
+    """Find the phases of random cases."""
+    cases = (simulated_press(*random_case(seed), seed) for seed in seeds)
+    return [judged(press, zip(t.contacts, t.releases, strict=False)) for press, t in cases]
 
 
 def run() -> list[Figure]:
     """Return the errors, their coverage, the time of a press, and the same of `ruptures`."""
     found = study(range(CASES))
-    figures = [
-        Figure(f"wrong number of plucks, of {CASES}", len(found.wrong), "", "limit", 0.005 * CASES),
-        Figure("without a string, but a pluck found", found.mute_plucked, "", "limit", 0.5),
-    ]
-    for name in ("contact", "release"):
-        error, std = getattr(found, name), getattr(found, f"{name}_std")
-        figures += [
-            Figure(f"{name}, median error", np.median(np.abs(error)) * 1e3, "ms", "limit", 0.1),
-            Figure(f"{name}, 99th percentile", _percentile_99(error) * 1e3, "ms", "limit", 0.5),
-            *coverage(name, error, std),
-        ]
-    median = statistics.median(found.seconds.tolist())
-    figures += [
-        Figure("phases of a press", median * 1e3, "ms", "limit", 3.3),
+    wrong = [each for each in found if not each.right]
+    mute = sum(not len(each.truth) for each in wrong)
+    return [
+        Figure(f"wrong number of plucks, of {CASES}", len(wrong), "", "limit", 0.005 * CASES),
+        Figure("without a string, but a pluck found", mute, "", "limit", 0.5),
+        *accuracy("", found, dict.fromkeys(("contact", "release"), (0.1, 0.5)), 99, FRACTIONS),
         Figure("from file to features, one core", from_files(), "presses/s", "at least", 300),
+        *_peer(),
     ]
-    return [*figures, *_peer()]
 
 
-def from_files(presses: int = 20) -> float:
+def from_files() -> float:
     """Return the number of presses per second from file to features, on one core.
 
     From the median processor time of the presses; each has 27,000 samples of two channels, and
     its file was read once before.
     """
     with TemporaryDirectory() as folder:
-        paths = write_presses(Path(folder), plectra=1, sessions=1, presses=presses)
+        paths = write_presses(Path(folder), plectra=1, sessions=1, presses=FILES)
         seconds = []
         for path in [*paths, *paths]:
             start = time.process_time()
@@ -123,7 +133,7 @@ def from_files(presses: int = 20) -> float:
             found = features(press, find_phases(press))
             seconds.append(time.process_time() - start)
             check(found["plucks"] == 1, f"{path}: {found['plucks']} plucks, not 1")
-    return 1 / statistics.median(seconds[presses:])
+    return 1 / statistics.median(seconds[FILES:])
 
 
 def _peer() -> list[Figure]:
@@ -175,7 +185,3 @@ def _by_ruptures(press: Press, found: Phases) -> tuple[float, float]:
 
 def _errors(truth: Truth, contact: float, release: float) -> tuple[float, float]:
     return abs(contact - truth.contacts[0]), abs(release - truth.releases[0])
-
-
-if __name__ == "__main__":
-    print(study(range(*map(int, sys.argv[1:3]))))

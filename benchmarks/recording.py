@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.figures import LOWER, Figure, check
+from benchmarks.figures import LOWER, Figure, check, timed
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.descriptors import schema_data
@@ -49,8 +49,9 @@ def run() -> list[Figure]:
     """Return rates of writing and reading, and the cost of a long recording."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        two, sixteen = _compared(folder, load_rig()), _compared(folder, _sixteen(load_rig()))
-        return [*two, *sixteen, *_described(folder), *_continuous()]
+        rigs = load_rig(), sixteen(load_rig())
+        compared = [figure for rig in rigs for figure in _compared(folder, rig)]
+        return [*compared, *_described(folder), *_continuous()]
 
 
 def _compared(folder: Path, rig: Rig) -> list[Figure]:
@@ -114,15 +115,17 @@ def _rates(
     bits = {}
     for _ in range(RUNS):
         for name, way in ways.items():
-            start = time.perf_counter()
-            way(path)
-            with path.open("rb+") as file:
-                os.fsync(file.fileno())
-            times[name].append(time.perf_counter() - start)
+            times[name].append(timed(_written, way, path)[0])
             bits[name] = 8 * path.stat().st_size / SAMPLES
             check(bits[name] > 8, f"{name}: {bits[name]:.3g} bits for a sample")
             path.unlink()
     return {name: instants / statistics.median(t) / 1e6 for name, t in times.items()}, bits
+
+
+def _written(way: Callable[[Path], None], path: Path) -> None:
+    way(path)
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
 
 
 def _pieces(samples: Array, size: int = BLOCK):
@@ -222,9 +225,7 @@ def _read(folder: Path, rig: Rig, volts: Array, of_counts: tuple[Array, Scaling]
     times: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(3 * RUNS):
         for name, way in ways.items():
-            start = time.perf_counter()
-            way()
-            times[name].append(time.perf_counter() - start)
+            times[name].append(timed(way)[0])
     for path in (counts, floats):
         read = read_recording(path).volts
         same = all(np.array_equal(a, b) for a, b in zip(read.values(), volts, strict=True))
@@ -233,19 +234,14 @@ def _read(folder: Path, rig: Rig, volts: Array, of_counts: tuple[Array, Scaling]
         path.unlink()
     n, median = len(volts), {name: statistics.median(t) for name, t in times.items()}
     rate = volts.shape[1] / 1e6
+    unit, peer = "M instants/s", rate / median["raw"]
     what = f"{n} channels, read to volts, verified:"
     figures = []
     for name in ("counts", "float64"):
         fraction = median["raw"] / median[name]
         figures += [
             Figure(f"{what} {name}, fraction of fromfile", fraction, "", LOWER, 0.6),
-            Figure(
-                f"{what} {name}",
-                rate / median[name],
-                "M instants/s",
-                "fromfile",
-                rate / median["raw"],
-            ),
+            Figure(f"{what} {name}", rate / median[name], unit, "fromfile", peer),
         ]
     return figures
 
@@ -257,9 +253,7 @@ def _described(folder: Path) -> list[Figure]:
     with Recording(path, load_rig(), session=SESSION, compress=False) as recording:
         while recording.n_samples * 16 < 2e9:
             recording.write_block(Block(recording.n_samples, block))
-    start = time.perf_counter()
-    peak, n = _in_a_child(f"describe({str(path)!r})['n_samples']")
-    elapsed = time.perf_counter() - start
+    elapsed, (peak, n) = timed(_in_a_child, f"describe({str(path)!r})['n_samples']")
     check(n == recording.n_samples, f"{n} of {recording.n_samples} samples are described")
     size = path.stat().st_size
     path.unlink()
@@ -288,12 +282,13 @@ def memory(name: str, status: str | None = None) -> float:
     return int(line.split()[1]) / 1024
 
 
-def _sixteen(rig: Rig) -> Rig:
+def sixteen(rig: Rig) -> Rig:
+    """Return a rig with sixteen channels."""
     channels = tuple(
         rig.daq.channels[-1].model_copy(update={"name": f"c{n}", "terminal": f"ai{n}"})
         for n in range(SIXTEEN)
     )
-    return rig.model_copy(update={"daq": rig.daq.model_copy(update={"channels": channels})})
+    return rig.replaced({"daq.channels": channels})
 
 
 def _continuous() -> list[Figure]:
@@ -302,7 +297,7 @@ def _continuous() -> list[Figure]:
     The samples are zeros, so that an hour is not 24 GB on the disk; the CPU load is measured
     with 60 s of a converter's noise.
     """
-    rig = _sixteen(load_rig())
+    rig = sixteen(load_rig())
     rate = rig.daq.sample_rate
     noise = np.round(np.random.default_rng(2).standard_normal((SIXTEEN, 51_200)) * 3000) * STEP
     with tempfile.TemporaryDirectory() as name:

@@ -41,7 +41,6 @@ def simulated_press(rig: Rig, scene: Scene, seed: int = 0) -> tuple[Press, Truth
     """Simulate a press with the scene's engine and sensors, without device protocols and files.
 
     Args:
-        rig: Nominal rig.
         scene: Scene with a step.
         seed: Seed of the sensors' noise and drop-outs.
 

@@ -29,7 +29,7 @@ def run() -> list[Figure]:
 
 def _errors(rig: Rig, speed: float) -> list[Figure]:
     """Return duration and force at release of the modal string against the spring's."""
-    rig = rig.model_copy(update={"press": rig.press.model_copy(update={"jack_speed": speed})})
+    rig = rig.replaced({"press.jack_speed": speed})
     static, modal = rig_pluck(rig), modal_pluck(rig)
     static_time, modal_time = (
         median_time(lambda pluck=pluck: (pluck_of.cache_clear(), pluck(rig)), RUNS)

@@ -12,11 +12,12 @@ import numpy as np
 
 from benchmarks.figures import Figure
 from benchmarks.independent import ONE_FACTOR, Conditions, Pressed, press
-from benchmarks.judged import judged_press
+from benchmarks.judged import judged_recording
+from sautereau.analysis.campaign.row import row_of
 from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.campaign.touch import FELT, find_touch
-from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.features import Row, features
+from sautereau.analysis.press.features import Row
+from sautereau.analysis.session.analysed import analyse_recording
 
 CONDITIONS = ("all stiff", "key bends at 350 Hz")
 PLECTRA, PRESSES = 8, 2
@@ -37,46 +38,21 @@ def run() -> list[Figure]:
     return figures
 
 
-def exponent_errors(
-    conditions: Conditions, plectra: int = PLECTRA, presses: int = PRESSES
-) -> dict[str, float]:
+def exponent_errors(conditions: Conditions) -> dict[str, float]:
     """Return the relative errors of the exponents of thickness, by quantity."""
     found: list[Row] = []
     true: list[Row] = []
     random = np.random.default_rng(15)
-    for plectrum in range(plectra):
-        thickness = CUTS[0][0] * (CUTS[0][1] / CUTS[0][0]) ** (plectrum / (plectra - 1))
+    for plectrum in range(PLECTRA):
+        thickness = CUTS[0][0] * (CUTS[0][1] / CUTS[0][0]) ** (plectrum / (PLECTRA - 1))
         overlap = random.uniform(*CUTS[1])
         choir = replace(conditions.choirs[0], thickness=thickness, overlap=overlap)
-        for seed in range(presses):
+        for seed in range(PRESSES):
             made = press(replace(conditions, choirs=(choir,)), 100 * plectrum + seed)
-            seen = judged_press(made, {"plectrum.contact": "surface"})
-            rig = seen.rig.plectrum
-            row: Row = {
-                "path": f"{plectrum}/{seed}.mcap",
-                "session": str(plectrum),
-                "plectrum": str(plectrum),
-                "rig": seen.rig.name,
-                "started": "",
-                "notes": "",
-                "warm_up": False,
-                "simulated": True,
-                "size": 1,
-                "mtime": 1,
-                "plectrum_length": rig.length,
-                "plectrum_width": rig.width,
-                "plectrum_thickness": rig.thickness,
-                "plectrum_overlap": rig.overlap,
-                "plectrum_youngs_modulus": rig.youngs_modulus,
-                "plectrum_bending_stiffness": rig.bending_stiffness,
-                "plectrum_friction": rig.friction,
-                "string_stiffness": seen.rig.string.static_stiffness,
-                "string_clearance": seen.rig.jack.string_clearance,
-                "jack_speed": seen.rig.press.jack_speed,
-            }
-            own = features(seen, find_phases(seen))
-            found.append(row | {n: own[n] for n in ("plucks", *FELT) if n in own})
-            true.append(row | {"plucks": 1} | _true(made))
+            recorded = judged_recording(made, {"plectrum.contact": "surface"})
+            row = row_of(analyse_recording(recorded), Path(f"{plectrum}/{seed}.mcap"))
+            found.append(row | {"plectrum": str(plectrum), "size": 1, "mtime": 1})
+            true.append(found[-1] | {"plucks": 1} | _true(made))
     exponents = [
         {name: felt.exponents[THICKNESS].value for name, felt in _touch(rows).felt.items()}
         for rows in (found, true)

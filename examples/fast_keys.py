@@ -29,8 +29,7 @@ def study(rig: Rig, speeds: tuple[float, ...] = SPEEDS) -> dict[float, float]:
 
 
 def _held(rig: Rig, speed: float) -> float:
-    press = rig.press.model_copy(update={"jack_speed": speed})
-    return modal_pluck(rig.model_copy(update={"press": press})).release
+    return modal_pluck(rig.replaced({"press.jack_speed": speed})).release
 
 
 def plot(path: str | Path, studied: dict[float, float]) -> None:

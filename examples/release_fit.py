@@ -101,10 +101,10 @@ def fit_release(
     x, out, up = map(float, _at_tip(plectrum, load))
     force = load if height is None or lift is None else stiffness * lift / up
     changed = {
-        "overlap": plectrum.length - x + force * out / stiffness,
-        "youngs_modulus": rig.plectrum.youngs_modulus * force / load,
+        "plectrum.overlap": plectrum.length - x + force * out / stiffness,
+        "plectrum.youngs_modulus": rig.plectrum.youngs_modulus * force / load,
     }
-    fitted = rig.model_copy(update={"plectrum": rig.plectrum.model_copy(update=changed)})
+    fitted = rig.replaced(changed)
     found = release_as_is(fitted, level)
     height = force * up / stiffness - float(plectrum.bend(plectrum.length, load).z)
     if abs(found.pluck.release_height - height) > SAME * height:

@@ -81,7 +81,7 @@ def voice(rig: Rig, field: str, values: tuple[float, ...], level: str) -> list[V
     reference = _finger_force(rig, rig_pluck(rig, level))
     voices = []
     for value in values:
-        cut = rig.model_copy(update={"plectrum": rig.plectrum.model_copy(update={field: value})})
+        cut = rig.replaced({f"plectrum.{field}": value})
         pluck = rig_pluck(cut, level)
         force = _finger_force(cut, pluck)
         v_osc = release_speed(rig.string, float(pluck.lift[-1]))

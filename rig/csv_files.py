@@ -58,10 +58,6 @@ def read_touched_points(path: Path, arm: Arm) -> TouchedPoints:
     The first row gives the columns with their units: ``point [mm], joint1 [counts],
     joint2 [counts]``; joints may also be angles, and the default units are m and rad.
 
-    Args:
-        path: The file.
-        arm: The arm, for the resolution of its encoders.
-
     Raises:
         RigError: The file cannot be read, a column is missing, or a cell is not a quantity.
     """
@@ -107,7 +103,6 @@ def read_columns(
 
     Args:
         path: The file; see `read_rows`. The first row names its columns: ``time [s], rise [mm]``.
-        what: Kind of file, for messages.
         units: Requested columns, each with its default unit.
         example: A first row, for messages.
         read: Makes a cell's value from its column's name and its text with unit; raises

@@ -26,8 +26,6 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
     removed.
 
     Args:
-        path: File to write.
-        data: Complete content.
         new: Whether to refuse an existing file, unless it may be replaced (`replacing`).
 
     Raises:
@@ -153,7 +151,6 @@ def read_limited(path: Path, most: int = TEXT_LIMIT) -> bytes:
     """Return the content of a regular file; a device, a pipe or a large file is not read.
 
     Args:
-        path: File to read.
         most: Largest size, bytes.
 
     Raises:

@@ -88,8 +88,6 @@ def edited_text(
     """Return the text of a rig file with new values; see `edit_rig`.
 
     Args:
-        text: A valid rig.
-        origin: Name of the file in messages.
         folder: Folder of the files that it names.
         values: TOML values by dotted key.
         source: Origin of the values.

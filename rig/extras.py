@@ -12,11 +12,6 @@ class MissingExtraError(SautereauError):
 def require(extra: str, what: str, *modules: str) -> None:
     """Refuse a use whose packages are not installed.
 
-    Args:
-        extra: Name of the extra.
-        what: What needs it.
-        modules: Names of its modules.
-
     Raises:
         MissingExtraError: Names what is missing, and the command that installs it.
     """

@@ -69,8 +69,6 @@ def parse_rig(
     A key that was renamed is accepted under its old name, with a note on standard error.
 
     Args:
-        text: TOML.
-        origin: Name of the rig in messages.
         folder: Folder of the files that it names; None for the working directory.
         others: Tables for those that the text lacks, as read from TOML.
 
@@ -106,7 +104,6 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
     """Return the rig with some values replaced and validated.
 
     Args:
-        rig: The rig to start from.
         values: TOML values by dotted key: ``{"press.jack_speed": "0.1 m/s"}``; a list
             entry is named by its index: ``"daq.channels.0.delay"``.
 

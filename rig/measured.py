@@ -14,7 +14,7 @@ class MeasuredQuantity:
     """What a sensor measures."""
 
     name: str
-    """As in the rig file: `velocity`."""
+    """Name in the rig file: `velocity`."""
     unit: str
     """SI unit of the signal, as pint spells it: `m/s`."""
     meaning: str

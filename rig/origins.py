@@ -20,7 +20,7 @@ class Origins:
     """A value and its assumed range."""
     sources: dict[str, str] = field(default_factory=dict)
     faults: list[tuple[str, str]] = field(default_factory=list)
-    """Of these, each after its key."""
+    """Faults of these two, each after the key that it concerns."""
 
     def split(self, document: dict[str, Any]) -> dict[str, Any]:
         """Return the values of a document alone, and keep the rest here."""

@@ -14,9 +14,6 @@ def named_text(
 
     Args:
         name: Path of a file, or name of a packaged one.
-        package: Package with the packaged files.
-        what: Kind of file, for messages.
-        error_type: Class of the error.
 
     Returns:
         The text, the name of the file for messages, and its folder.

@@ -23,13 +23,13 @@ class Quantity:
     name: str
     """Key in JSON and column of a table."""
     symbol: str
-    """In formulas; empty where there is none."""
+    """Symbol in formulas; empty if it has none."""
     unit: str
     """SI unit; `1` for a dimensionless number, empty for a text or a yes/no."""
     label: str
-    """In tables, plots and the report, without the unit."""
+    """Name in tables, plots and the report, without the unit."""
     definition: str
-    """One line."""
+    """Definition, in one line."""
 
     @property
     def displayed(self) -> tuple[float, str]:

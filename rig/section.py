@@ -1,6 +1,7 @@
 """Base class of the rig file's tables, and the kinds of quantities in them."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict
 
@@ -25,3 +26,15 @@ class Section(BaseModel):
     """A table of the rig file: frozen, no unknown keys, no NaN."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def replaced(self, values: Mapping[str, Any]) -> Self:
+        """Return a copy with other SI values by dotted key, unchecked: ``{"press.jack_speed": 1}``.
+
+        `sautereau.rig.load.with_values` checks them, which takes milliseconds.
+        """
+        parts: dict[str, dict[str, Any]] = {}
+        for key, value in values.items():
+            part, _, name = key.partition(".")
+            parts.setdefault(part, {})[name] = value
+        changed = {part: getattr(self, part).model_copy(update=new) for part, new in parts.items()}
+        return self.model_copy(update=changed)

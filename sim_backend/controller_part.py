@@ -33,11 +33,11 @@ class ControllerUnit(Section):
     """A Galil controller; what its manufacturer leaves open can be set to either answer."""
 
     model: Annotated[str, AfterValidator(_known_model)] = "DMC4020"
-    """As in the answer to ^R^V."""
+    """Model number, as the controller gives it in its answer to ^R^V."""
     firmware: str = Field(default="1.3a", pattern=r"^[0-9]\.[0-9][a-z][0-9]*(-[A-Z]+)?$")
     """Revision; `-FAST` has no PVT mode."""
     serial_number: int = Field(default=12_345, ge=1)
-    """Of the processor board."""
+    """Serial number of the processor board."""
     interface: Literal["rs232", "usb", "ethernet"] = "rs232"
     """Port to the host; `ethernet` is TCP, and never echoes."""
     baud_rate: int = Field(default=0, ge=0, le=921_600)

@@ -193,4 +193,7 @@ DEVICE_TYPES = {
         ),
     )
 }
-"""By product type. The inputs of a differential pair are not distinguished from single ones."""
+"""Device types by product.
+
+The inputs of a differential pair are not distinguished from single ones.
+"""

@@ -33,14 +33,14 @@ class _AtTime(_InPress):
 
 class _OnJoint(Section):
     joint: Literal[1, 2]
-    """Of the arm."""
+    """Joint of the arm."""
 
 
 class _AtSwitch(Section):
     switch: Literal["forward", "reverse", "home", "abort"]
     """Limit switches, home switch, or the abort input, which both joints share."""
     joint: Literal[1, 2] = 1
-    """Of the arm."""
+    """Joint of the arm."""
 
 
 class _Since(Section):
@@ -48,6 +48,14 @@ class _Since(Section):
     """Press in which it occurs, from 1; 0 for power-up."""
     at: Time = Field(default=0.0, ge=0, le=60)
     """s after the press's trigger edge."""
+
+
+class _JointAtTime(_AtTime, _OnJoint):
+    pass
+
+
+class _JointSince(_Since, _OnJoint):
+    pass
 
 
 class LineFault(Section):
@@ -91,22 +99,6 @@ class CableOut(Section):
         return self
 
 
-class TriggerMissing(_InPress):
-    """The trigger's edge does not reach the card."""
-
-
-class Overrun(_AtSample):
-    """Samples are overwritten before they are read: error -200279."""
-
-
-class ServerGone(_AtSample):
-    """The card's gRPC server answers every later call with UNAVAILABLE."""
-
-
-class DeviceGone(_AtSample):
-    """The card is disconnected: error -201003 for every call that needs it."""
-
-
 class Speckle(Section):
     """Drop-outs of the vibrometer, which loses its light."""
 
@@ -136,35 +128,15 @@ class Drift(Section):
     """N/s."""
 
 
-class Stall(_AtTime, _OnJoint):
-    """A motor is blocked for good: its joint does not move, whatever its torque."""
-
-
-class Slip(_AtTime, _OnJoint):
+class Slip(_JointAtTime):
     """An encoder slips on its shaft."""
 
     counts: int = Field(ge=-1_000_000, le=1_000_000)
     """Offset of its readings from then on."""
 
 
-class EncoderLoss(_Since, _OnJoint):
-    """An encoder's signals disappear: its position does not change any more."""
-
-
-class EncoderSign(_OnJoint):
-    """An encoder counts backwards, so that its loop has positive feedback."""
-
-
-class EncodersSwapped(Section):
-    """The encoders' cables are exchanged."""
-
-
-class IndexMissing(_OnJoint):
-    """An encoder's index is not wired."""
-
-
-class SwitchClosed(_Since, _AtSwitch):
-    """A switch is closed for good."""
+class _SwitchSince(_Since, _AtSwitch):
+    pass
 
 
 class SwitchPolarity(Section):
@@ -174,19 +146,11 @@ class SwitchPolarity(Section):
     """Which ones, of both joints."""
 
 
-class SwitchCut(_AtSwitch):
-    """The wire of a switch is broken: no current flows."""
-
-
 class SwitchesSwapped(Section):
     """The wires of two switches are exchanged."""
 
     switch: Literal["limit", "home"]
     """The limit switches of each joint, or the home switches of the joints."""
-
-
-class AmplifierFault(_Since, _OnJoint):
-    """The amplifier of a joint reports overcurrent."""
 
 
 class Faults(Section):
@@ -196,42 +160,42 @@ class Faults(Section):
     """A bad serial line."""
     cable_out: CableOut | None = None
     """The controller's cable is disconnected."""
-    trigger_missing: TriggerMissing | None = None
-    """The card does not receive an edge."""
-    overrun: Overrun | None = None
-    """The card loses samples."""
-    server_gone: ServerGone | None = None
-    """The card's server stops answering."""
-    device_gone: DeviceGone | None = None
-    """The card is disconnected."""
+    trigger_missing: _InPress | None = None
+    """The trigger's edge does not reach the card."""
+    overrun: _AtSample | None = None
+    """Samples are overwritten before they are read: error -200279."""
+    server_gone: _AtSample | None = None
+    """The card's gRPC server answers every later call with UNAVAILABLE."""
+    device_gone: _AtSample | None = None
+    """The card is disconnected: error -201003 for every call that needs it."""
     speckle: Speckle | None = None
     """The vibrometer has drop-outs."""
     overload: Overload | None = None
     """The force transducer overloads."""
     drift: Drift | None = None
     """The force transducer drifts."""
-    stall: Stall | None = None
-    """A motor is blocked."""
+    stall: _JointAtTime | None = None
+    """A motor is blocked for good: its joint does not move, whatever its torque."""
     slip: Slip | None = None
     """An encoder slips."""
-    encoder_loss: EncoderLoss | None = None
-    """An encoder is lost."""
-    encoder_sign: EncoderSign | None = None
-    """An encoder counts backwards."""
-    encoders_swapped: EncodersSwapped | None = None
-    """The encoders are exchanged."""
-    index_missing: IndexMissing | None = None
-    """An encoder has no index."""
-    switch_closed: SwitchClosed | None = None
-    """A switch is closed."""
+    encoder_loss: _JointSince | None = None
+    """An encoder's signals disappear: its position does not change any more."""
+    encoder_sign: _OnJoint | None = None
+    """An encoder counts backwards, so that its loop has positive feedback."""
+    encoders_swapped: Section | None = None
+    """The encoders' cables are exchanged."""
+    index_missing: _OnJoint | None = None
+    """An encoder's index is not wired."""
+    switch_closed: _SwitchSince | None = None
+    """A switch is closed for good."""
     switch_polarity: SwitchPolarity | None = None
     """Switches are inverted."""
-    switch_cut: SwitchCut | None = None
-    """The wire of a switch is broken."""
+    switch_cut: _AtSwitch | None = None
+    """The wire of a switch is broken: no current flows."""
     switches_swapped: SwitchesSwapped | None = None
     """Switches are exchanged."""
-    amplifier_fault: AmplifierFault | None = None
-    """An amplifier reports a fault."""
+    amplifier_fault: _JointSince | None = None
+    """The amplifier of a joint reports overcurrent."""
 
     @model_validator(mode="after")
     def _can_all_occur(self):

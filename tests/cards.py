@@ -1,13 +1,16 @@
 """A DAQ card whose inputs and readiness a test sets, for the server of the real nidaqmx."""
 
+import contextlib
 import threading
 
+import grpc
 import numpy as np
 import pytest
-from nidaqmx import DaqError
+from nidaqmx import DaqError, GrpcSessionOptions
 
 from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
 
 def volts(first, n, channels=1):
@@ -36,7 +39,7 @@ class CardRun:
     def read(self, first, n):
         if self.card.fault and first + n > self.card.fault[0]:
             raise DaqmxError(self.card.fault[1], "The driver's text.")
-        return volts(first, n, len(self.setup.terminals))
+        return self.card.volts(first, n, len(self.setup.terminals))
 
     @property
     def acquired(self):
@@ -50,13 +53,15 @@ class CardRun:
 class Card:
     """A card; `ready` are the samples that are there, None for all, or a function of those due.
 
-    At the sample `fault[0]` it fails with the code `fault[1]`.
+    At the sample `fault[0]` it fails with the code `fault[1]`. It measures what `measured` returns.
     """
 
-    name, chassis = "Dev1", ""
-
-    def __init__(self, inputs=2, *, ready=None, fault=None, paced=True, device=IDEAL):
-        self.device = device
+    def __init__(
+        self, inputs=2, *, ready=None, fault=None, paced=True, device=IDEAL, measured=volts
+    ):
+        self.device, self.volts = device, measured
+        self.chassis = "cDAQ1" if device.in_chassis else ""
+        self.name = "cDAQ1Mod1" if device.in_chassis else "Dev1"
         self.terminals = tuple(f"ai{n}" for n in range(inputs))
         self.ready, self.fault, self.paced = ready, fault, paced
         self.acquired = lambda run: run.wait_for(0, 0)
@@ -69,6 +74,13 @@ class Card:
     def start(self, setup):
         self.runs.append(CardRun(self, setup))
         return self.runs[-1]
+
+
+@contextlib.contextmanager
+def served(card, *options):
+    """Serve a card; yield what its client needs, with options of the channel."""
+    with DaqmxServer(card) as server, grpc.insecure_channel(server.address, options) as channel:
+        yield GrpcSessionOptions(channel, "")
 
 
 def code_of(function, *arguments, **named):

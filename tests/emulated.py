@@ -4,11 +4,16 @@ import numpy as np
 
 
 class Encoders:
-    """Encoders that are where an emulator's reference is, or stay put; `firmware` is to be set."""
+    """Encoders that are where an emulator's reference is, or stay put; `firmware` is to be set.
+
+    Two axes without switches, whose motors have torques [V] that a test sets.
+    """
 
     def __init__(self, counts=(0, 0), home=(0, 0)):
         self.counts, self.home = list(counts), home
         self.follows = True
+        self.torques = 0.0, 0.0
+        self.driven = None
 
     def encoder_counts(self):
         return self.counts[0], self.counts[1]
@@ -16,12 +21,30 @@ class Encoders:
     def home_counts(self):
         return self.home
 
+    def torque_volts(self):
+        return self.torques
+
+    def index(self, axis):
+        return None
+
+    def active(self, switch, axis):
+        return False
+
+    def amplifier_fault(self, axis):
+        return False
+
+    def drive(self, offsets, limits):
+        self.driven = offsets, limits
+
     def tick(self, times=1):
         for _ in range(times):
             self.firmware.tick()
-            positions, _ = self.firmware.reference(np.array([1.0]))
-            if self.follows:
-                self.counts = [round(value) for value in positions[0]]
+            self.move()
+
+    def move(self):
+        positions, _ = self.firmware.reference(np.array([1.0]))
+        if self.follows:
+            self.counts = [round(value) for value in positions[0]]
 
     def run(self, limit=20_000):
         for tick in range(limit):

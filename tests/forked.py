@@ -13,6 +13,7 @@ WORDS may also be `-c PROGRAM`, as of Python itself.
 import io
 import json
 import os
+import re
 import signal
 import socket
 import struct
@@ -59,6 +60,8 @@ class CommandServer:
     def run(self, *words: object, folder: Path, **more: object) -> subprocess.CompletedProcess[str]:
         """Run a command in a folder, without a terminal; return its status and its output.
 
+        Messages on standard error are one line each, as they were before they were wrapped.
+
         `largest_file` limits the sizes of the files that it writes, in bytes.
         """
         out, error = folder / ".out", folder / ".error"
@@ -66,10 +69,15 @@ class CommandServer:
         with open(os.devnull, "rb") as nothing, out.open("wb") as o, error.open("wb") as e:  # noqa: PTH123
             streams = [nothing.fileno(), o.fileno(), e.fileno()]
             status = run(self.path, arguments, streams, folder=str(folder), **more)
-        texts = out.read_text(encoding="utf-8"), error.read_text(encoding="utf-8")
+        texts = out.read_text(encoding="utf-8"), unwrapped(error.read_text(encoding="utf-8"))
         out.unlink()
         error.unlink()
         return subprocess.CompletedProcess(arguments, status, *texts)
+
+
+def unwrapped(text: str) -> str:
+    """Return a text with its indented lines joined to the line above them."""
+    return re.sub(r"\n +", " ", text)
 
 
 class Command(subprocess.Popen[str]):

@@ -29,7 +29,7 @@ def with_data(press, frame, **changes):
 
 def mute_scene(finger="ideal", *, faults=None, **changes):
     """Return a scene without a string, with tables of faults; `changes` are in SI."""
-    name, step = ("paper", 1e-4) if finger == "servo" else ("ideal", 1e-3)
+    name, step = ("paper", 5e-4) if finger == "servo" else ("ideal", 1e-3)
     tables = Faults.model_validate(faults) if faults else None
     mute = {"plectrum": "none", "string": "none", "step": step, "faults": tables}
     return load_scene(name).model_copy(update=mute | changes)

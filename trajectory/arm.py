@@ -30,7 +30,6 @@ def reach_margins(arm: Arm, centre: Floats) -> tuple[Floats, Floats]:
     """Return the distances [m] of points from the outer and the inner edge of the reach.
 
     Args:
-        arm: The arm.
         centre: m, centre of the fingertip, shape (n, 2).
     """
     distance = np.hypot(*(centre - base(arm)).T)
@@ -66,8 +65,6 @@ def joints_holding_point(arm: Arm, centre: Motion, what: str = "the fingertip's 
     """Return the joints [rad] that move the fingertip's centre along a path, arrays (n, 2).
 
     Args:
-        arm: The arm.
-        centre: m, of the fingertip's sphere, arrays (n, 2).
         what: The path's name in errors.
 
     Raises:
@@ -231,7 +228,6 @@ def follow_down(rig: Rig, contact: Path, height: Motion) -> Motion:
     """Return the joints [rad] of the straight approach from above the key to contact.
 
     Args:
-        rig: The bench.
         contact: The press, which starts at the end of the approach.
         height: Height of the fingertip above its position at contact [m]; shape (n,).
     """

@@ -46,7 +46,6 @@ def joint_torques(arm: Arm, joints: Motion, tip_force: Floats | None = None) -> 
     """Return the torques [N m] of a motion by inverse dynamics; shape (n, 2).
 
     Args:
-        arm: The arm.
         joints: rad, arrays of shape (n, 2).
         tip_force: N, external force on the fingertip's centre, shape (n, 2); None for none.
     """

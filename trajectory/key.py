@@ -115,7 +115,6 @@ def key_under_fingertip(key: Key, radius: float, centre: Motion) -> Motion:
     C . n(a) = H, for a fingertip in front of the pin.
 
     Args:
-        key: The key.
         radius: m, of the fingertip.
         centre: m, of the sphere, arrays of shape (n, 2).
 

@@ -110,7 +110,6 @@ def speed_error(law: PressLaw, time: Floats, speed: Floats) -> float:
     """Return the RMS error of the jack's speed in the cruise, relative to the planned speed.
 
     Args:
-        law: Law of the press without a correction.
         time: s from the start of motion, equidistant; shape (n,).
         speed: m/s, of the jack as measured; shape (n,).
 
@@ -137,7 +136,6 @@ def corrected(
     """Return the next press's correction.
 
     Args:
-        law: Law of the press without a correction.
         before: The correction of this press; None for none.
         time: s from the start of motion, equidistant; shape (n,).
         speed: m/s, of the jack as measured; shape (n,).

@@ -82,7 +82,6 @@ def plan_press(
     """Plan the press of a rig.
 
     Args:
-        rig: The bench.
         expected: Expected force against the finger; None for a key without a string.
         correction: Learned addition to the jack's rise; None for none.
 

@@ -57,8 +57,6 @@ def quantise(rig: Rig, law: JerkLaw, joints: Motion) -> Segments:
     further apart if necessary to fit into the controller's FIFO, final segment included.
 
     Args:
-        rig: The bench.
-        law: Law of the jack that the joints follow.
         joints: Their motion at every controller sample [rad], arrays (n, 2).
     """
     counts_per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
@@ -89,7 +87,6 @@ def _knots(law: JerkLaw, speed: Floats, rounding: Floats, period: float, grains:
     constant speed, which rounding would disturb; there they are placed at small rounding errors.
 
     Args:
-        law: Law of the jack that the joints follow.
         speed: Counts per sample of the slower joint, at every controller sample.
         rounding: Rounding error in counts, at every controller sample.
         period: s, one controller sample.

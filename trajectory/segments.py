@@ -60,7 +60,6 @@ def segments_document(
     """Return a motion as a JSON object, for use with other controllers.
 
     Args:
-        segments: The motion.
         sample_period: s, of one controller sample.
         home: Counts, joint positions at the home switches; shape (2,).
         hover: Counts, joint positions above the key; shape (2,).

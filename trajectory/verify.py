@@ -32,7 +32,6 @@ def verify(
     """Check every part of a press.
 
     Args:
-        rig: The bench.
         parts: Segments of approach, press and retreat.
         cruise_error: Dimensionless, of the jack's speed in the cruise.
         expected: Expected force against the finger; None for none.

@@ -32,10 +32,6 @@ def judgements(
     If all presses of a session have the same judgement, they count as one judgement, since they are
     not independent. Otherwise each press of the session counts as one.
 
-    Args:
-        data: Table of a campaign with the column `TOUCH`.
-        columns: Names of columns of measured quantities.
-
     Returns:
         Indices into `LEVELS`, shape (n_judgements,); and arrays of that shape, with NaN where no
         press has the quantity. Warm-up presses and presses without a pluck are excluded.
@@ -54,7 +50,6 @@ def with_labels(campaign: Campaign, path: Path) -> Campaign:
     """Return a campaign with the judgements of a CSV file; they replace those in the notes.
 
     Args:
-        campaign: The table.
         path: CSV with the column `TOUCH` and one of `KEYS`.
 
     Raises:

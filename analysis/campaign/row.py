@@ -136,12 +136,7 @@ def read_row(folder: Path, source: Source) -> Row:
 
 
 def row_of(found: AnalysedPress, path: Path) -> Row:
-    """Return a press as a row, in SI units: its session, values of its rig, and its features.
-
-    Args:
-        found: The press.
-        path: Value of the column `path`.
-    """
+    """Return a press as a row, in SI units: its session, values of its rig, and its features."""
     session, rig = found.session, found.press.rig
     row: Row = {
         "path": path.as_posix(),

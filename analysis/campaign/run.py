@@ -44,7 +44,6 @@ def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -
     presses.
 
     Args:
-        folder: Folder of recordings, `*.mcap`.
         out: Parquet file to write; an existing table is continued.
         where: Processes or cluster that read the recordings; the table does not depend on it. None:
             as many processes as shorten the run, at most one per core.

@@ -208,7 +208,6 @@ def fit_nested(data: Nested, *, subgroups: bool, groups: bool) -> Components:
     """Estimate the three standard deviations and the regression coefficients.
 
     Args:
-        data: Values, their regressors, groups and subgroups.
         subgroups: Whether to estimate a deviation of subgroups; else it is 0.
         groups: Whether to estimate a deviation of groups; else it is 0.
 

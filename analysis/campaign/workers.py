@@ -47,7 +47,6 @@ def run_over(
     Args:
         function: Defined in a module, and without side effects, because a cluster calls it again
             for an item whose worker was lost.
-        items: Arguments of the calls.
         where: See `Where`.
 
     Raises:

@@ -38,7 +38,6 @@ def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Part]]:
     """Return the figure and its moving parts, at the first frame.
 
     Args:
-        scene: The press at the frames' instants.
         slow: Duration of the animation over that of the press, dimensionless.
     """
     figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
@@ -102,19 +101,9 @@ def _bench(axes, scene: Replay) -> Part:
         joints = None if scene.joints is None else scene.joints[frame]
         pose.put(float(scene.angle[frame]), joints)
         clock.set_text(f"{scene.time[frame] * 1e3:.{digits}f} ms")
-        phase.set_text(_phase(scene, float(scene.time[frame])))
+        phase.set_text(scene.phase(float(scene.time[frame])))
 
     return Part(axes, [*pose.artists, clock, phase], show)
-
-
-def _phase(scene: Replay, time: float) -> str:
-    """Return the phase of the press at a time [s]."""
-    plucks = scene.phases.plucks
-    if any(held.contact <= time < held.release for held in plucks):
-        return "string held"
-    if plucks and time >= plucks[0].release:
-        return "string released"
-    return "free"
 
 
 def _head(axes, motion: ChoirMotion, name: str) -> Part:

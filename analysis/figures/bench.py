@@ -35,12 +35,7 @@ LENGTHS = {
 
 
 def bench_figure(rig: Rig, trajectory: Trajectory) -> Figure:
-    """Draw the bench to scale at rest and at full rise, with its dimensions, and a jack's head.
-
-    Args:
-        rig: The bench; dimensions that it assumes are marked.
-        trajectory: Its plan, for the arm's joints.
-    """
+    """Draw the bench to scale at rest and at full rise, with its dimensions, and a jack's head."""
     figure = Figure(figsize=(14, 9), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.5), height_ratios=(1.3, 1))
     side = figure.add_subplot(grid[0, :])

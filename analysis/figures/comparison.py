@@ -28,11 +28,6 @@ def comparison_figure(
     The first press is drawn over time with the three phases marked, as in the paper's
     figure 7; all presses and the prediction are drawn aligned at contact, as in figure 8.
 
-    Args:
-        presses: Recorded presses.
-        phases: Phases of the presses, in the same order.
-        prediction: The model's press.
-
     Raises:
         AnalysisError: There is no press to draw.
     """
@@ -56,7 +51,6 @@ def session_figure(found: SessionAnalysis, number: int = 1) -> Figure:
     """Return `comparison_figure` of the first presses of one condition of a session.
 
     Args:
-        found: The session.
         number: Number of the condition, from 1.
 
     Raises:

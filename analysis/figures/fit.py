@@ -12,13 +12,7 @@ from sautereau.analysis.summary.text import counted
 
 
 def fit_figure(fitted: Fit, found: Identified, simulated: bool) -> Figure:
-    """Return a figure of the first press's force, the residuals of all, and the correlation.
-
-    Args:
-        fitted: The fit.
-        found: Its result.
-        simulated: Whether a stand-in made any of the presses.
-    """
+    """Return a figure of the first press's force, the residuals of all, and the correlation."""
     figure = Figure(figsize=(12, 6.5), layout="constrained")
     several = len(found.estimates) > 1
     grid = figure.add_gridspec(2, 1 + several, width_ratios=(1.6, 1)[: 1 + several])

@@ -31,8 +31,6 @@ class JackView:
     """A jack's head and its string, as artists that can be moved, in mm from the string at rest.
 
     Args:
-        axes: To draw in.
-        choir: Jack, plectrum and string.
         travel: m, height of the jack above first contact that must be visible.
     """
 

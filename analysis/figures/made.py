@@ -15,7 +15,6 @@ def stamp(figure: "Figure", simulated: bool, size: float = 90) -> None:
     """Write *simulated* across a figure of simulated presses.
 
     Args:
-        figure: To write on.
         simulated: Whether any of its presses is simulated; if not, nothing is written.
         size: pt, of the letters.
     """

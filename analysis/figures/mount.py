@@ -8,8 +8,8 @@ from matplotlib.patches import Patch, Rectangle
 from sautereau.analysis.figures.palette import PRESSED, PURPLE
 from sautereau.analysis.figures.side import BenchPose
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.arm import joints_holding_normal, joints_holding_point
-from sautereau.trajectory.key import point_on_key
+from sautereau.trajectory.arm import follow_key
+from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.mount.bases import key_angles
 from sautereau.trajectory.mount.find import Mount, MountMap, mount_map
@@ -28,11 +28,6 @@ def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> Figure:
     The arm is drawn at the best base, with the key at rest and at full rise. Places that a
     limit excludes are hatched. If the region leaves room above the key, the neighbourhood of
     the best base is enlarged there.
-
-    Args:
-        rig: The bench, with its present base.
-        area: Residual over the region in which the robot can be clamped.
-        mount: The best base.
     """
     figure = Figure(figsize=(12, 6.6), layout="constrained")
     axes = figure.add_subplot()
@@ -118,12 +113,12 @@ def _draw_inset(axes, rig: Rig, mount: Mount, levels: Floats) -> None:
     low, high = np.array([rig.arm.mount_x, rig.arm.mount_z]).T
     best = np.array([mount.base_x, mount.base_z])
     corner, end = np.maximum(best - NEAR, low), np.minimum(best + NEAR, high)
-    region = {"mount_x": (corner[0], end[0]), "mount_z": (corner[1], end[1])}
-    near = rig.model_copy(update={"arm": rig.arm.model_copy(update=region)})
+    x, z = zip(corner, end, strict=True)
+    near = rig.replaced({"arm.mount_x": x, "arm.mount_z": z})
     inset = axes.inset_axes((0.5, 0.34, 0.42, 0.56))
     _draw_residual(inset, mount_map(near, 121), mount, levels)
     _draw_bases(inset, rig, mount)
-    inset.set(xlim=(corner[0] * 1e3, end[0] * 1e3), ylim=(corner[1] * 1e3, end[1] * 1e3))
+    inset.set(xlim=np.multiply(x, 1e3), ylim=np.multiply(z, 1e3))
     inset.set_aspect("equal")
     inset.yaxis.tick_right()
     inset.set_title("about the best base", fontsize="medium")
@@ -133,12 +128,14 @@ def _draw_inset(axes, rig: Rig, mount: Mount, levels: Floats) -> None:
 def _draw_bench(axes, rig: Rig, mount: Mount) -> None:
     key = rig.key
     rest, pressed = key_angles(rig, 2)
-    base = {"base_x": mount.base_x, "base_z": mount.base_z, "elbow": mount.elbow}
-    best = rig.model_copy(update={"arm": rig.arm.model_copy(update=base)})
+    base = {f"arm.{name}": getattr(mount, name) for name in ("base_x", "base_z", "elbow")}
+    best = rig.replaced(base)
     for angle, colour, name in ((rest, REST, "at rest"), (pressed, PRESSED, "at full rise")):
         ghost = name != "at rest"
         pose = BenchPose(axes, best, colour, ghost=ghost, label=f"arm and key {name}")
-        pose.put(float(angle), _joints(best, mount.hold, angle))
+        rise = np.array([rise_of_angle(key, angle)])
+        still = Motion(rise, np.zeros(1), np.zeros(1))
+        pose.put(float(angle), follow_key(best, still).joints.position[0])
     axes.plot(0, 0, "^", ms=9, color="black", zorder=4)
     axes.annotate(
         "balance pin", (0, 0), (0, -14), textcoords="offset points", ha="center", va="top"
@@ -153,13 +150,3 @@ def _draw_bench(axes, rig: Rig, mount: Mount) -> None:
         "jack", jack, (14, 34), textcoords="offset points", ha="left",
         arrowprops={"arrowstyle": "->", "color": "#555555"},
     )  # fmt: skip
-
-
-def _joints(rig: Rig, hold: str, angle: float) -> Floats:
-    """Return the joint angles [rad] at a key angle [rad], shape (2,)."""
-    key, arm = rig.key, rig.arm
-    still = Motion(np.array([angle]), np.zeros(1), np.zeros(1))
-    if hold == "normal":
-        return joints_holding_normal(arm, key, still)[0].position[0]
-    above = key.surface_height + arm.fingertip_radius
-    return joints_holding_point(arm, point_on_key(still, -key.press_arm, above)).position[0]

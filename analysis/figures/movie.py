@@ -15,6 +15,7 @@ from PIL import Image
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.animation import animation_figure
 from sautereau.analysis.press.replay import Replay
+from sautereau.analysis.summary.text import counted
 from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
 
@@ -43,8 +44,9 @@ def frame_times(start: float, stop: float, slow: float) -> Floats:
     count = int((stop - start) * slow * FRAME_RATE + 1e-6) + 1
     if not 2 <= count <= MOST_FRAMES:
         raise AnalysisError(
-            f"an animation of {(stop - start) * 1e3:.4g} ms, {slow:g} times slower, has {count}"
-            f" frames; it must have 2 to {MOST_FRAMES}: change --slow, --since or --until"
+            f"an animation of {(stop - start) * 1e3:.4g} ms, {slow:g} times slower, has"
+            f" {counted(count, 'frame')}; it must have 2 to {MOST_FRAMES}: change --slow, --since"
+            " or --until"
         )
     return start + np.arange(count) / (slow * FRAME_RATE)
 
@@ -54,7 +56,6 @@ def animate(path: str | Path, scene: Replay) -> None:
 
     Args:
         path: File, .gif or .mp4; the latter needs ffmpeg.
-        scene: The press at the frames' instants.
 
     Raises:
         AnalysisError: The file extension is another, or ffmpeg is not installed.

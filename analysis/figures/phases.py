@@ -27,10 +27,6 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:
     A boundary is a line with a band of 95 %; doubtful intervals are shaded, as is where the load
     climbs and collapses without a pluck.
 
-    Args:
-        presses: Recorded presses.
-        phases: Phases of the presses, in the same order.
-
     Raises:
         AnalysisError: There is no press to draw, or too many for one plot.
     """

@@ -19,8 +19,6 @@ def plan_figure(rig: Rig, trajectory: Trajectory, expected: Expectation | None) 
     """Return a figure of poses and path to scale, jack and joints over time, and limits used.
 
     Args:
-        rig: The bench.
-        trajectory: Its plan, whether or not its checks hold.
         expected: Predicted force on the finger, contact and release; None if unknown.
     """
     figure = Figure(figsize=(14, 9), layout="constrained")

@@ -24,7 +24,6 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
     A last panel has the differences of the force from that of the first level.
 
     Args:
-        rig: The bench.
         levels: Plectrum models by name; one without a pluck for this rig is listed
             in the legend as out of range.
 

@@ -14,9 +14,7 @@ def shade_phases(axes: Axes, edges: Sequence[float], *, named: bool = False) -> 
     """Shade the phases of a press, and name them above the upper edge of the axes.
 
     Args:
-        axes: Whose horizontal axis is time.
         edges: Start of the first phase and end of each, in the unit of the axis.
-        named: Whether to write the names.
     """
     for (name, colour, hatch), start, stop in zip(PHASES, edges, edges[1:], strict=False):
         axes.axvspan(start, stop, facecolor=colour, edgecolor=HATCH, hatch=hatch, lw=0, zorder=0)
@@ -32,7 +30,6 @@ def scale_to_pluck(axes: Axes, press: Press, found: Phases, highest: float = 0.0
 
     Args:
         axes: Force [N] over time [ms].
-        press: The drawn press.
         found: Its phases; without a pluck, all forces until the lowest key are in range.
         highest: N, of another curve in the axes.
     """

@@ -36,10 +36,7 @@ class BenchPose:
 
     Args:
         axes: In mm, with equal aspect.
-        rig: The bench.
-        colour: Colour of the arm.
         ghost: Draw a dashed outline in that colour.
-        label: Label of the arm in the legend.
     """
 
     def __init__(

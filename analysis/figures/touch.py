@@ -21,11 +21,7 @@ SOURCES = ("press", "session", "plectrum", "unexplained")
 
 
 def touch_figure(found: Touch) -> Figure:
-    """Return a figure: each quantity over the tip's stiffness, and all standard deviations.
-
-    Args:
-        found: Result of `sautereau.analysis.campaign.touch.find_touch`.
-    """
+    """Return a figure: each quantity over the tip's stiffness, and all standard deviations."""
     figure = Figure(figsize=(13, 7.5), layout="constrained")
     panels = figure.subplots(2, 2).ravel()
     for axes, (name, felt) in zip(panels, found.felt.items(), strict=False):

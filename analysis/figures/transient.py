@@ -29,12 +29,7 @@ NAMES = ("free", "held", "released")
 
 
 def transient_figure(examined: Sequence[Examined], found: Sequence[Attributed]) -> Figure:
-    """Return a figure: the first press without its slow part, frequencies and probabilities.
-
-    Args:
-        examined: Presses of one bench; the first is drawn over time.
-        found: Their oscillations.
-    """
+    """Return a figure: the first press without its slow part, frequencies and probabilities."""
     figure = Figure(figsize=(13, 9.5), layout="constrained")
     grid = figure.add_gridspec(3, 3, height_ratios=(1, 1, 1.2), wspace=0.06)
     for column, phase in enumerate(NAMES):

@@ -57,7 +57,6 @@ def find_start(
     encoders that are turned by fractions of a count would read it.
 
     Args:
-        rig: The bench.
         velocity: V, of the velocity channel; shape (n,).
         first: s, time of the first sample.
         rate: Hz.

@@ -126,7 +126,6 @@ def without_drift(
 
     Args:
         velocity: m/s, shape (n,), AC coupling inverted.
-        rests: Of `find_rests`.
         rate: Hz.
         start: s after the trigger, of the first row.
         corner: Hz, of the AC coupling; 0 for none.

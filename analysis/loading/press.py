@@ -240,7 +240,6 @@ def columns_of(key: Key, velocity: Floats, force: Floats, rate: float) -> Floats
     """Return the columns of `UNITS`, shape (columns, rows).
 
     Args:
-        key: The key.
         velocity: m/s, of the key at the laser, starting at rest; shape (rows,).
         force: N, of the finger; shape (rows,).
         rate: Hz.

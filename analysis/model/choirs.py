@@ -95,11 +95,6 @@ def choir_pluck(choir: Choir, level: str = "elastica") -> Pluck:
 def pluck_of(plectrum: Plectrum, string: String, level: str) -> Pluck:
     """Return the pluck of a plectrum and a spring string; the last 128 are kept.
 
-    Args:
-        plectrum: Plectrum.
-        string: String.
-        level: Plectrum model.
-
     Raises:
         ModelError: The level has no solution for them.
     """
@@ -146,8 +141,6 @@ def plucked(
     """Return a choir's pluck in time.
 
     Args:
-        rig: The bench.
-        held: The pluck.
         string_force: N, of the string on the jack, over the prediction's time; shape (n,).
         times: s, of contact and release.
         speed: m/s, of the first jack at release.

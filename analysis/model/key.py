@@ -15,7 +15,6 @@ def jack_load(jack: Jack, velocity: Floats, acceleration: Floats, string_force: 
     """Return the force [N] of a jack on the key; negative where the jack would lift off.
 
     Args:
-        jack: The jack.
         velocity: m/s, of the jack, shape (n,).
         acceleration: m/s^2, of the jack, shape (n,).
         string_force: N, with which the string pushes the jack down, shape (n,).
@@ -55,7 +54,6 @@ def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
     the force of the front felt once the key has reached it.
 
     Args:
-        rig: The bench.
         angle: Motion of the key [rad], arrays (n,).
         string_force: N, with which the strings push the jacks down, shape (choirs, n); or
             that of the first string alone, shape (n,).

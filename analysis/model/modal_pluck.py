@@ -78,8 +78,6 @@ def modal_pluck(
     """Push the plectrum up at the press's jack speed against a string at rest until release.
 
     Args:
-        rig: The bench.
-        level: Plectrum model.
         step: s; None for a thousandth of the spring string's pluck, or 0.3 of the shortest
             mode's period if that is less.
         modes: Number of modes that move.

@@ -95,7 +95,6 @@ def predict(rig: Rig, level: str = "elastica", *, speed: JackSpeed | None = None
 
     Args:
         rig: The bench; all its choirs are plucked.
-        level: Plectrum model.
         speed: Speed of the first jack; None: the constant `press.jack_speed`.
 
     Raises:

@@ -158,7 +158,7 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
 def fit_warnings(
     fit: Fit, further: Sequence[Growth], plucks: Sequence[HeldString], strings: int
 ) -> list[str]:
-    """Return warnings about a poor fit, growths of the load without a pluck, and missing plucks.
+    """Return warnings about a poor fit, growths without a pluck, and missing or surplus plucks.
 
     Args:
         fit: How well the load was explained.
@@ -176,6 +176,12 @@ def fit_warnings(
         found.append(
             f"plucks of {len(plucks)} of the rig's {strings} strings were found: two may be"
             " released together, or the press is too short; check the rise of the jack"
+        )
+    elif len(plucks) > strings and fit.model != "by hand":
+        found.append(
+            f"{len(plucks)} plucks were found, but the rig has {strings}"
+            f" string{'s' * (strings > 1)}: a jump of the jack's speed may look like a pluck; plot"
+            " the phases, and check the strings and the key's inertia in the rig"
         )
     if fit.verdict == "poor":
         left = (

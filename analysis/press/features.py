@@ -118,10 +118,6 @@ def features(press: Press, phases: Phases) -> Row:
 
     Without a pluck the columns of the first one are None; those of `NEED` are where the press
     lacks that signal.
-
-    Args:
-        press: The recording.
-        phases: As `sautereau.analysis.phases.find_phases` returns them.
     """
     time = press.time
     unknown = NEED[press.missing] if press.missing else ()

@@ -67,6 +67,17 @@ class Replay:
     """rad, of the arm, shape (n, 2); None without a recorded arm."""
     choirs: tuple[ChoirMotion, ...]
 
+    def phase(self, time: float) -> str:
+        """Return the phase of the press at a time [s], in words."""
+        plucks = self.phases.plucks
+        held = [n for n, one in enumerate(plucks, 1) if one.contact <= time < one.release]
+        if held:
+            return f"string held, pluck {held[0]}" if len(plucks) > 1 else "string held"
+        gone = sum(time >= one.release for one in plucks)
+        if not gone:
+            return "before contact"
+        return f"{gone} of {len(plucks)} strings released" if len(plucks) > 1 else "string released"
+
 
 def shown_stretch(
     press: Press, phases: Phases, since: float | None, until: float | None
@@ -74,8 +85,6 @@ def shown_stretch(
     """Return the start and the end [s] of the part of a press that is shown.
 
     Args:
-        press: The press.
-        phases: Its phases.
         since: s after the trigger; None for `BEFORE` before the jack rises.
         until: s after the trigger; None for the end of the recording.
 
@@ -98,7 +107,6 @@ def replay(press: Press, phases: Phases, time: Floats, arm: Joints | Plan | None
     """Return the motion of a press at given instants.
 
     Args:
-        press: The press.
         phases: Its phases; the plucks belong to the choirs in the order of the model's contacts.
         time: s after the trigger, within the press and evenly spaced; shape (n,), n at least 2.
         arm: The arm as recorded by the encoders, or else as planned; None for no arm.

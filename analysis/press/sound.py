@@ -64,7 +64,6 @@ def sound_of(
 
     Args:
         rig: The bench; its jack has a constant speed.
-        level: Plectrum model.
         duration: s, of the sound, which starts 20 ms before the first contact.
         held: s, from the last release until the dampers touch the strings; None for never.
         quality: Dimensionless quality factor, see `sautereau.analysis.press.strings`.

@@ -119,8 +119,6 @@ def string_decay(string: String, modes: int, quality: float = QUALITY) -> Floats
     """Return the decay rates [1/s] of the amplitudes of the lowest modes, shape (modes,).
 
     Args:
-        string: The string.
-        modes: Number of modes.
         quality: Dimensionless quality factor of all losses except those to the air.
 
     Raises:
@@ -148,7 +146,6 @@ def vibrating_strings(
 
     Args:
         rig: The bench; its jack has a constant speed and leaves rest at time 0.
-        level: Plectrum model.
         quality: Dimensionless, see `string_decay`.
         highest: Hz, of the highest mode; None for the lowest 30 modes.
 
@@ -160,8 +157,7 @@ def vibrating_strings(
         parts = {"jack": choir.jack, "plectrum": choir.plectrum, "string": choir.string}
         alone = rig.model_copy(update={**parts, "more_choirs": ()})
         speed = rig_pluck(alone, level).release_height / plucked.pluck_duration
-        press = rig.press.model_copy(update={"jack_speed": speed})
-        alone = alone.model_copy(update={"press": press})
+        alone = alone.replaced({"press.jack_speed": speed})
         modes = MODES if highest is None else int(highest / choir.string.frequency)
         decay = string_decay(choir.string, modes, quality)
         pluck = modal_pluck(alone, level, modes=modes, decay=decay)

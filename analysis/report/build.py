@@ -47,12 +47,7 @@ class About:
 
 
 def build_report(contents: Contents, about: About) -> str:
-    """Return the report as one HTML page that loads nothing from a network.
-
-    Args:
-        contents: The presses.
-        about: Further facts about the session.
-    """
+    """Return the report as one HTML page that loads nothing from a network."""
     presses, conditions = contents.presses, contents.conditions
     many = len(conditions) > 1
     names = [f"condition {number}" if many else "" for number in range(1, len(conditions) + 1)]

@@ -96,10 +96,6 @@ class Contents:
 def gather(paths: Sequence[Path], level: str) -> Contents:
     """Read and analyse the recordings of a session.
 
-    Args:
-        paths: Recordings, in the order in which they were made.
-        level: Level of the plectrum's bending model.
-
     Raises:
         AnalysisError: None of them can be read.
     """

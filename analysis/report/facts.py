@@ -27,10 +27,6 @@ def cleaned(value: Any, most: int = MOST_CHARACTERS) -> Any:
     """Return a text with invisible characters written out, and shortened if it is too long.
 
     The template escapes it. Markup, and values that are not texts, are returned unchanged.
-
-    Args:
-        value: Text of a recording or of the page.
-        most: Largest number of characters.
     """
     if isinstance(value, Markup) or not isinstance(value, str):
         return value
@@ -47,10 +43,6 @@ def warnings(contents: Contents, of_session: Sequence[str]) -> Facts:
     """Return all warnings, of the session, of unreadable recordings and of presses.
 
     Each has the text of the presses that it applies to, which is empty for the session.
-
-    Args:
-        contents: The presses.
-        of_session: Warnings of the session.
     """
     found = [(text, "") for text in of_session]
     found += [

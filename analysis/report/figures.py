@@ -86,7 +86,6 @@ def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -
     """Draw a few features from press to press.
 
     Args:
-        contents: The presses.
         columns: Title of each axis, and a value or None for every press.
     """
     plot = Plot([label for label, _ in columns], "press", 190 * len(columns), spacing=0.06)

@@ -68,7 +68,6 @@ def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
 
     Args:
         number: Number of the choir, from 1.
-        motion: Its motion.
         name: Start of the caption.
     """
     string = motion.choir.string
@@ -201,7 +200,6 @@ def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
     """Draw one choir's jack, plectrum, damper and wire.
 
     Args:
-        number: Number of the choir, from 1.
         motion: Its motion.
         name: Start of the caption.
     """

@@ -52,11 +52,6 @@ class SlowMotion:
 def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
     """Reconstruct a press from before its first contact to after its last release.
 
-    Args:
-        number: Number of the press on the page.
-        press: The press, with all its samples.
-        phases: Its phases, with at least one pluck.
-
     Raises:
         AnalysisError: The press has no pluck.
         ModelError: The model predicts no pluck for the rig.
@@ -85,7 +80,7 @@ def readings(shown: SlowMotion) -> dict[str, Frames]:
     )
     return {
         "time": tuple(f"{time * 1e3:.2f} ms" for time in scene.time),
-        "phase": tuple(_phase(scene, float(time)) for time in scene.time),
+        "phase": tuple(scene.phase(float(time)) for time in scene.time),
         "finger force": tuple(f"{newton:.3f} N" for newton in force),
         "jack speed": tuple(f"{one * 1e3:.1f} mm/s" for one in speed),
     }
@@ -109,17 +104,6 @@ def about(shown: SlowMotion) -> str:
         f"{several} Jack head and key are to scale; dimensions that the rig does not give have"
         " typical values."
     )
-
-
-def _phase(scene: Replay, time: float) -> str:
-    plucks = scene.phases.plucks
-    held = [n for n, one in enumerate(plucks, 1) if one.contact <= time < one.release]
-    if held:
-        return f"string held, pluck {held[0]}" if len(plucks) > 1 else "string held"
-    gone = sum(time >= one.release for one in plucks)
-    if not gone:
-        return "before contact"
-    return f"{gone} of {len(plucks)} strings released" if len(plucks) > 1 else "string released"
 
 
 def moving(shown: SlowMotion) -> dict[str, Any]:

@@ -9,13 +9,11 @@ from sautereau.analysis.session.compare import Comparison
 from sautereau.analysis.session.conditions import SessionAnalysis
 from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability
-from sautereau.analysis.summary.session import SIGNS, feature_cells
+from sautereau.analysis.summary.session import SIGNS, error_cells, feature_cells
 from sautereau.analysis.summary.session import repeatability_rows as rows_of_repeatability
-from sautereau.analysis.summary.text import percent
 from sautereau.rig.quantities import QUANTITIES
 
 NONE = "–"
-NO_INTERVAL = "none (one press)"
 DIGITS = {
     "plucks": 0,
     "free_speed": 5,
@@ -113,21 +111,13 @@ def compared_rows(found: Sequence[PooledFeature]) -> list[tuple[str, str, str, s
         if one.predicted is None:
             continue
         label, mean, interval, predicted = feature_cells(one)
-        interval = interval or NO_INTERVAL
         rows.append((label.replace("uJ", "µJ"), mean, interval, predicted, str(one.presses)))
     return rows
 
 
 def comparison_rows(found: Comparison) -> list[tuple[str, str, str]]:
     """Return quantity, mean model error and its interval."""
-    rows = []
-    for name in SIGNS:
-        error = getattr(found, name)
-        interval = (
-            NO_INTERVAL if error.low is None else f"{percent(error.low)} to {percent(error.high)}"
-        )
-        rows.append((QUANTITIES[name].label, percent(error.value), interval))
-    return rows
+    return [error_cells(name, getattr(found, name))[:3] for name in SIGNS]
 
 
 def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str]]:

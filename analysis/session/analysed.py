@@ -109,7 +109,6 @@ def jack_speed(press: Press, phases: Phases) -> JackSpeed | None:
 
     Args:
         press: The recording, at least its `jack_rise` from contact to release.
-        phases: Its phases.
     """
     if not phases.plucks or press.missing:
         return None

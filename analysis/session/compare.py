@@ -55,7 +55,6 @@ def compare(phases: Sequence[Phases], predictions: Sequence[Prediction]) -> Comp
     """Compare the first pluck of repeated presses with predictions.
 
     Args:
-        phases: Phases of the presses.
         predictions: Prediction of each press for the measured speed of its jack.
 
     Raises:
@@ -86,7 +85,6 @@ def predicted_features(
     They are computed as the phases compute them from a recording.
 
     Args:
-        prediction: The model's press.
         choir: Whose string; None for the first.
     """
     held = held_steps(prediction if choir is None else choir)
@@ -150,8 +148,6 @@ def predicted_means(
     """Return the model's features of repeated presses, each the mean over the presses that have it.
 
     Args:
-        rows: Features of the presses.
-        rig: The predicted bench.
         predictions: Prediction of each press for the measured speed of its jack.
 
     Returns:

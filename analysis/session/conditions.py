@@ -89,7 +89,6 @@ def analyse(
 
     Args:
         presses: In the order in which they were made; `AnalysedPress.light` ones suffice.
-        level: Plectrum model.
         rig: The bench to predict with; None for that of each recording.
 
     Raises:

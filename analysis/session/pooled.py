@@ -44,7 +44,6 @@ def pooled_features(
     """Return the features of repeated presses.
 
     Args:
-        rows: Features of the presses, in the order in which they were made.
         predicted: The model's, of `sautereau.analysis.session.compare.predicted_means`.
     """
     most = max((int(row.get("plucks") or 0) for row in rows), default=0)

@@ -68,7 +68,6 @@ def repeatability(presses: Sequence[Press], law: PressLaw) -> Repeatability:
     """Compare presses of one plan with each other.
 
     Args:
-        presses: In the order of recording, without warm-up.
         law: The planned motion of each.
 
     Raises:

@@ -9,8 +9,11 @@ from sautereau.analysis.identify.fixed import Sensitivity, Suggestion
 from sautereau.analysis.identify.identified import IDENTIFIABLE, Estimate, FittedMode, Identified
 from sautereau.analysis.identify.profile import Profile
 from sautereau.analysis.identify.quality import Quality
-from sautereau.analysis.summary.text import counted, part_of
+from sautereau.analysis.summary.text import counted, part_of, table
 from sautereau.rig.quantities import QUANTITIES
+
+TOGETHER = 2
+"""Number of results in one table of effects, which then fits into 80 columns."""
 
 
 def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str, Any]:
@@ -64,8 +67,6 @@ def fit_lines(
     """Return a fit as text.
 
     Args:
-        found: The fit.
-        profiles: Profiles of its parameters.
         every: Whether to add the table of the fixed numbers' effects.
     """
     lines = [
@@ -77,7 +78,12 @@ def fit_lines(
         _quality_line(found.quality),
         *(f"  {reason}" for reason in found.quality.reasons),
         *(_suggestion_line(suggestion) for suggestion in found.suggested),
-        *(_estimate_line(estimate) for estimate in found.estimates),
+        *table(map(_estimate_cells, found.estimates), left=(0, 2, 3, 4), indent=2, gap=1),
+        *(
+            f"{estimate.name} is not identifiable from these recordings"
+            for estimate in found.estimates
+            if not estimate.identifiable
+        ),
     ]
     if not found.quality.fits:
         lines.append("no 95 % intervals: the uncertainties are those of a model that fits")
@@ -92,8 +98,8 @@ def fit_lines(
             " the combinations of their relative changes:"
         )
         lines += [
-            f"  {'undetermined' if c.std is None else f'{c.std:.2g}':<12}"
-            f" {'identifiable' if c.identifiable else 'not identifiable':<16} {c}"
+            f"  {'undetermined' if c.std is None else f'{c.std:.2g}'},"
+            f" {'identifiable' if c.identifiable else 'not identifiable'}: {c}"
             for c in found.combinations
         ]
     if every:
@@ -130,26 +136,22 @@ def _quantity(value: float, unit: str) -> str:
 
 def _table(found: Identified) -> list[str]:
     """Return the effects of fixed numbers and calibrations, a line each."""
-    names = [e.name.rpartition(".")[2] for e in found.estimates]
-    widths = [max(len(name), 9) for name in names]
-    heads = "  ".join(f"{name:>{width}}" for name, width in zip(names, widths, strict=True))
     lines = [
-        "change of each result by a change of a number that is not a result (* stated in the rig):",
-        f"  {'number':<28} {'change':>18}  {heads}",
+        "change in % of each result by a change of a number that is not a result"
+        " (* stated in the rig):"
     ]
-    for s in found.sensitivity:
-        change = _quantity(s.change, s.unit) + "*" * s.stated
-        effects = [f"{100 * s.effects[e.name]:+.2f} %" for e in found.estimates]
-        row = "  ".join(f"{e:>{width}}" for e, width in zip(effects, widths, strict=True))
-        lines.append(f"  {s.name:<28} {change:>18}  {row}")
+    for first in range(0, len(found.estimates), TOGETHER):
+        names = [e.name for e in found.estimates[first : first + TOGETHER]]
+        rows = [("number", "change", *(name.rpartition(".")[2] for name in names))]
+        for s in found.sensitivity:
+            change = _quantity(s.change, s.unit) + "*" * s.stated
+            rows.append((s.name, change, *(f"{100 * s.effects[name]:+.2f}" for name in names)))
+        lines += table(rows, indent=2, gap=1)
     return lines
 
 
-def _estimate_line(estimate: Estimate) -> str:
+def _estimate_cells(estimate: Estimate) -> tuple[str, ...]:
+    """Return name, value, standard uncertainty, unit and the rig's own value."""
     unit = estimate.unit.replace("**", "^").replace("*", " ")
     spread = "undetermined" if estimate.std is None else f"+- {estimate.std:.2g}"
-    remark = "" if estimate.identifiable else "  not identifiable from these recordings"
-    return (
-        f"  {estimate.name:<28} {estimate.value:>11.5g} {spread} {unit}"
-        f" (rig: {estimate.start:.5g}){remark}"
-    )
+    return estimate.name, f"{estimate.value:.5g}", spread, unit, f"(rig: {estimate.start:.5g})"

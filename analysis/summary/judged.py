@@ -5,7 +5,7 @@ from typing import Any
 
 from sautereau.analysis.campaign.judged import Association, Judged
 from sautereau.analysis.campaign.labels import LEVELS
-from sautereau.analysis.session.repeatability import Spread
+from sautereau.analysis.summary.text import interval, table
 from sautereau.rig.quantities import QUANTITIES
 
 
@@ -23,26 +23,26 @@ def judged_lines(found: Judged | None) -> list[str]:
     counts = ", ".join(f"{count} {level}" for level, count in found.judgements.items())
     lines = [f"Touch as judged: {counts}; 95 % intervals in brackets:"]
     if found.quantities:
-        means = "".join(f"{level:>10}" for level in LEVELS)
-        titles = f"{'odds ratio per std':>26}{QUANTITIES['judged.q_value'].label:>22}"
-        lines.append(f"{'quantity':34}{means}{QUANTITIES['judged.somers_d'].label:>26}{titles}")
-    lines += [_line(name, one) for name, one in found.quantities.items()]
+        means = [_mean_cells(name, one) for name, one in found.quantities.items()]
+        lines += table([("mean", *LEVELS), *means])
+        somers_d, q_value = (QUANTITIES[f"judged.{name}"].label for name in ("somers_d", "q_value"))
+        heads = [
+            ("", "", "odds ratio", q_value.rpartition(" ")[0]),
+            ("association", somers_d, "per std", q_value.rpartition(" ")[2]),
+        ]
+        rows = [_association_cells(name, one) for name, one in found.quantities.items()]
+        lines += table([*heads, *rows])
     return [*lines, *(f"note: {note}" for note in found.notes)]
 
 
-def _line(name: str, one: Association) -> str:
-    quantity = QUANTITIES[name]
-    scale, unit = quantity.displayed
-    means = "".join(
-        f"{scale * one.means[level]:>10.4g}" if level in one.means else f"{'-':>10}"
-        for level in LEVELS
-    )
-    odds = "no overlap" if one.separated else _interval(one.odds_ratio)
-    d = _interval(one.somers_d)
-    return f"{quantity.title(unit):34}{means}{d:>26}{odds:>26}{one.q_value:>22.2g}"
+def _mean_cells(name: str, one: Association) -> tuple[str, ...]:
+    """Return a quantity with its unit, and its mean of each level."""
+    scale, unit = QUANTITIES[name].displayed
+    means = (f"{scale * one.means[k]:.4g}" if k in one.means else "-" for k in LEVELS)
+    return QUANTITIES[name].title(unit), *means
 
 
-def _interval(spread: Spread | None) -> str:
-    if spread is None:
-        return "-"
-    return f"{spread.value:.3g} ({spread.low:.3g} to {spread.high:.3g})"
+def _association_cells(name: str, one: Association) -> tuple[str, ...]:
+    """Return a quantity, its association with the judgements, and the false discovery rate."""
+    odds = "no overlap" if one.separated else interval(one.odds_ratio, digits=2)
+    return QUANTITIES[name].label, interval(one.somers_d, digits=2), odds, f"{one.q_value:.2g}"

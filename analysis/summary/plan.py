@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from sautereau.analysis.summary.text import counted
+from sautereau.analysis.summary.text import counted, table
 from sautereau.rig.quantities import DISPLAYED
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.checks import Check
@@ -41,7 +41,6 @@ def plan_lines(
 
     Args:
         rig: The bench.
-        draft: The plan.
         warnings: Warnings about the plan and about the prediction that it uses.
         all_checks: List every check instead of the tightest and the failed ones.
     """
@@ -65,10 +64,7 @@ def _check_lines(checks: Sequence[Check], all_checks: bool) -> list[str]:
     ordered = sorted(checks, key=_relative_margin)
     failed = sum(not check.holds for check in checks)
     shown = ordered if all_checks else ordered[: max(TIGHTEST, failed)]
-    lines = [
-        f"{'check':<36} {'value':>16} {'limit':>19} {'margin':>8}",
-        *(_check_line(check) for check in shown),
-    ]
+    lines = table([("check", "value", "limit", "margin", ""), *map(_check_cells, shown)])
     if len(shown) < len(ordered):
         lines.append(
             f"{len(ordered) - len(shown)} more checks hold by larger margins; -v lists them"
@@ -85,18 +81,16 @@ def _relative_margin(check: Check) -> float:
     return check.margin / abs(check.limit)
 
 
-def _check_line(check: Check) -> str:
+def _check_cells(check: Check) -> tuple[str, ...]:
+    """Return name, value in the unit of its limit, limit, margin, and whether the check fails."""
     plain = "" if check.unit == "1" else check.unit.replace("*", " ")
     scale, unit = DISPLAYED.get(check.unit, (1.0, plain))
 
-    def shown(value: float) -> str:
-        return f"{value * scale:.4g} {unit}".rstrip()
-
     relative = _relative_margin(check)
     margin = f"{100 * relative:.1f} %" if math.isfinite(relative) else "-"
-    limit = f"{'>=' if check.at_least else '<='} {shown(check.limit)}"
-    verdict = "" if check.holds else "  FAILS"
-    return f"{check.name:<36} {shown(check.value):>16} {limit:>19} {margin:>8}{verdict}"
+    limit = f"{'>=' if check.at_least else '<='} {check.limit * scale:.4g} {unit}".rstrip()
+    verdict = "" if check.holds else "FAILS"
+    return check.name, f"{check.value * scale:.4g}", limit, margin, verdict
 
 
 def mount_lines(rig: Rig, found: Mount) -> list[str]:
@@ -109,24 +103,23 @@ def mount_lines(rig: Rig, found: Mount) -> list[str]:
         error = f"slide {found.slide_max * 1e3:.3g} mm"
         increase = f"{found.slide_per_metre:.3g} mm"
     distance = math.hypot(rig.arm.base_x - found.base_x, rig.arm.base_z - found.base_z)
-    lines = [
+    rows = [("", "jack height (mm)", "jack speed (%)", "tilt (deg)")]
+    for what, cost in (
+        ("1 mm along x", found.unnoticed_x),
+        ("1 mm along z", found.unnoticed_z),
+        ("0.1 deg about joint 1", found.unnoticed_turn),
+    ):
+        height, speed = f"{cost.height_error * 1e3:.3g}", f"{100 * cost.speed_error:.2f}"
+        rows.append((what, height, speed, f"{math.degrees(cost.tilt_change):.3g}"))
+    return [
         f"rig {rig.name}: clamp the base at x = {found.base_x * 1e3:.2f} mm,"
         f" z = {found.base_z * 1e3:.2f} mm, elbow {found.elbow}"
         f" ({distance * 1e3:.3g} mm from the base in the rig file)",
         f"finger at this base: {error} at most; if you clamp it elsewhere and enter that place in"
         f" the rig file: {increase} more per mm of distance",
         "errors if the clamped base differs from the one in the rig file:",
+        *table(rows, indent=2),
     ]
-    for what, cost in (
-        ("1 mm along x", found.unnoticed_x),
-        ("1 mm along z", found.unnoticed_z),
-        ("0.1 deg about joint 1", found.unnoticed_turn),
-    ):
-        lines.append(
-            f"  {what + ':':22} jack height {cost.height_error * 1e3:.3g} mm, jack speed"
-            f" {100 * cost.speed_error:.2f} %, tilt {math.degrees(cost.tilt_change):.3g} deg"
-        )
-    return lines
 
 
 def located_summary(found: Located) -> dict[str, Any]:

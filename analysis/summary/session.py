@@ -9,7 +9,7 @@ from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.difference import Difference, Pair
 from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
-from sautereau.analysis.summary.text import counted, percent
+from sautereau.analysis.summary.text import counted, percent, table
 from sautereau.rig.quantities import QUANTITIES
 
 INTERVALS = {"student": "Student's t", "bootstrap": "bootstrap of the presses (BCa)"}
@@ -21,6 +21,8 @@ SIGNS = {
 """Words for a model whose error is negative, and for one whose error is positive."""
 DRIFTING = ("pluck_duration", "release_force")
 """Features whose drift the text reports: of more, some would be significant by chance."""
+NO_INTERVAL = "none (one press)"
+"""Text in place of the interval of a single press."""
 _OF_SEVERAL = ("presses", "changed", "warnings")
 """Keys of a condition that mean something else of a session."""
 
@@ -119,7 +121,6 @@ def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
     """Return the analysis of a session as text.
 
     Args:
-        found: The analysis.
         features: Whether to list the features that the model predicts.
     """
     lines = []
@@ -137,17 +138,16 @@ def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
 def _comparison_lines(found: Condition, level: str, features: bool) -> list[str]:
     if not found.comparison:
         return []
+    errors = [error_cells(name, getattr(found.comparison, name)) for name in SIGNS]
     lines = [
         "Model error, (model - measured) / measured,"
         f" {counted(found.comparison.presses, 'press')}, plectrum model {level}:",
-        *(_error_line(name, getattr(found.comparison, name)) for name in SIGNS),
+        *table([("feature", "error", "95 % interval", "the model is"), *errors], indent=2),
     ]
     compared = [one for one in found.features if one.predicted is not None]
     if features and compared:
-        lines.append(f"  {'feature':<34} {'measured':>10}  {'95 % of the mean':>20} {'model':>10}")
-        for label, mean, interval, predicted in map(feature_cells, compared):
-            between = interval or "one press: none"
-            lines.append(f"  {label:<34} {mean:>10}  {between:>20} {predicted:>10}")
+        heads = ("feature", "measured", "95 % of the mean", "model")
+        lines += table([heads, *map(feature_cells, compared)], indent=2)
         kind = compared[0].measured.interval
         lines += [f"  95 % intervals: {INTERVALS[kind]}"] if kind in INTERVALS else []
     return lines
@@ -187,41 +187,41 @@ def pair_summary(found: Pair) -> dict[str, Any]:
 def pair_lines(found: Pair) -> list[str]:
     """Return two conditions side by side as text."""
     numbers = [counted(len(one.counted), "press") for one in (found.first, found.second)]
+    rows = map(_difference_cells, found.differences)
     changed = "; ".join(f"{key}: {a} and {b}" for key, (a, b) in found.changed.items())
     lines = [
         *([f"{found.label}:"] if found.label else []),
         f"first ({numbers[0]}) minus second ({numbers[1]}); "
         + (f"they differ in {changed}" if changed else "same rig, scene and day"),
-        f"  {'feature':<38} {'first':>10} {'second':>10} {'difference':>11}  95 % interval (Welch)",
+        *table([("feature", "first", "second", "difference", "+- 95 %", ""), *rows], indent=2),
     ]
-    for one in found.differences:
-        scale, _ = QUANTITIES[split_column(one.name)[0]].displayed
-        ends = _ends(one)
-        interval = "one press: none"
-        if ends:
-            interval = f"{ends[0] * scale:+.4g} to {ends[1] * scale:+.4g}"
-        lines.append(
-            f"  {title_of(one.name):<38} {one.first.measured.value * scale:>10.5g}"
-            f" {one.second.measured.value * scale:>10.5g} {one.value * scale:>+11.4g}  {interval}"
-            + "  significant"
-            * one.significant
-        )
-    return lines
+    if all(one.high is not None for one in found.differences):
+        return [*lines, "  95 % intervals: Welch's t; * significant: the interval excludes zero"]
+    return [*lines, "  no 95 % intervals: at least one set has a single press"]
 
 
-def _error_line(name: str, error: Mean) -> str:
-    smaller, larger = SIGNS[name]
-    sign = f"model {smaller if error.value < 0 else larger}"
+def _difference_cells(one: Difference) -> tuple[str, ...]:
+    """Return a feature, its two means, their difference, the half-width of its interval, a mark."""
+    scale, _ = QUANTITIES[split_column(one.name)[0]].displayed
+    means = (f"{each.measured.value * scale:.5g}" for each in (one.first, one.second))
+    half = "-" if one.high is None else f"{(one.high - one.value) * scale:.3g}"
+    mark = "*" if one.significant else ""
+    return title_of(one.name), *means, f"{one.value * scale:+.3g}", half, mark
+
+
+def error_cells(name: str, error: Mean) -> tuple[str, str, str, str]:
+    """Return a feature, the model's error, its interval, and the sign of the error in words."""
+    sign = SIGNS[name][error.value >= 0]
     ends = _ends(error)
-    interval = f"95 %: {percent(ends[0])} to {percent(ends[1])}" if ends else "one press"
-    return f"  {QUANTITIES[name].label:<30} {percent(error.value)} ({sign}), {interval}"
+    interval = f"{percent(ends[0])} to {percent(ends[1])}" if ends else NO_INTERVAL
+    return QUANTITIES[name].label, percent(error.value), interval, sign
 
 
 def feature_cells(feature: PooledFeature) -> tuple[str, str, str, str]:
-    """Return label, mean, its interval (empty for one press) and the model's value as texts."""
+    """Return label, mean, its interval and the model's value as texts."""
     scale, _ = QUANTITIES[split_column(feature.name)[0]].displayed
     ends = _ends(feature.measured)
-    interval = f"{ends[0] * scale:.5g} to {ends[1] * scale:.5g}" if ends else ""
+    interval = f"{ends[0] * scale:.5g} to {ends[1] * scale:.5g}" if ends else NO_INTERVAL
     predicted = "" if feature.predicted is None else f"{feature.predicted * scale:.5g}"
     return title_of(feature.name), f"{feature.measured.value * scale:.5g}", interval, predicted
 

@@ -3,9 +3,9 @@
 from dataclasses import asdict
 from typing import Any
 
-from sautereau.analysis.campaign.touch import FELT, Felt, Touch
+from sautereau.analysis.campaign.touch import FELT, Felt, Plectrum, Touch
 from sautereau.analysis.session.repeatability import Spread
-from sautereau.analysis.summary.text import SOME_SIMULATED, counted
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted, interval, table
 from sautereau.rig.quantities import QUANTITIES
 
 
@@ -15,27 +15,29 @@ def touch_summary(found: Touch) -> dict[str, Any]:
 
 
 def touch_lines(found: Touch) -> list[str]:
-    """Return the touch as text: a table of the plectra, then the spread of each quantity."""
+    """Return the touch as text: of each quantity a table of the plectra, and its spread."""
     lines = []
     if found.simulated:
         lines.append(SOME_SIMULATED)
     lines.append(
         f"{counted(found.presses, 'press')}, {counted(found.sessions, 'session')},"
-        f" {counted(len(found.plectra), 'plectrum')}; 95 % intervals in brackets:"
+        f" {counted(len(found.plectra), 'plectrum')}; 95 % intervals in brackets"
     )
-    quantities = {name: QUANTITIES[name] for name in found.felt}
-    titles = "".join(f"{q.title(q.displayed[1]):>30}" for q in quantities.values())
-    lines.append(f"{'plectrum':10}{'3EI/L^3 N/m':>12}{'presses':>9}{titles}")
-    for plectrum in found.plectra:
-        cells = "".join(
-            f"{_interval(plectrum.felt.get(name), quantity.displayed[0]):>30}"
-            for name, quantity in quantities.items()
-        )
-        lines.append(f"{plectrum.name:10}{plectrum.tip_stiffness:12.4g}{plectrum.presses:9}{cells}")
     for name, felt in found.felt.items():
-        label = f"{quantities[name].label}, {counted(felt.presses, 'press')}"
+        quantity = QUANTITIES[name]
+        scale, unit = quantity.displayed
+        heads = ("plectrum", "3EI/L^3 (N/m)", "presses", quantity.title(unit))
+        cells = [_cells(plectrum, name, scale) for plectrum in found.plectra]
+        lines += table([heads, *cells], left=(0, 3))
+        label = f"{quantity.label}, {counted(felt.presses, 'press')}"
         lines += [f"{label}, standard deviations:", *_felt_lines(felt)]
     return [*lines, *(f"note: {note}" for note in found.notes)]
+
+
+def _cells(plectrum: Plectrum, name: str, scale: float) -> tuple[str, ...]:
+    """Return a plectrum, its stiffness and presses, and one quantity with its interval."""
+    stiffness, value = f"{plectrum.tip_stiffness:.4g}", interval(plectrum.felt.get(name), scale)
+    return plectrum.name, stiffness, str(plectrum.presses), value
 
 
 def _felt_lines(felt: Felt) -> list[str]:
@@ -50,13 +52,6 @@ def _felt_lines(felt: Felt) -> list[str]:
             f" ({exponent.low:.2f} to {exponent.high:.2f})"
         )
     return lines
-
-
-def _interval(spread: Spread | None, scale: float) -> str:
-    if spread is None:
-        return "-"
-    value, low, high = (scale * v for v in (spread.value, spread.low, spread.high))
-    return f"{value:.4g} ({low:.4g} to {high:.4g})"
 
 
 def _percent(spread: Spread) -> str:

@@ -4,7 +4,7 @@ import cmath
 from collections.abc import Sequence
 from typing import Any
 
-from sautereau.analysis.summary.text import SOME_SIMULATED, counted, part_of
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted, part_of, table
 from sautereau.analysis.transient import Attributed, Examined, ObservedMode
 
 _MODE = ("frequency", "frequency_std", "damping", "damping_std")
@@ -65,14 +65,15 @@ def transient_lines(examined: Sequence[Examined], found: Sequence[Attributed]) -
         " the start of the phase that shows it best:"
     )
     if found:
-        lines.append(
-            f"{'frequency (Hz)':>18} {'damping (%)':>14} {'force':>8} {'velocity':>10}"
-            f"  {'phases':<19} source"
-        )
-        lines.append(f"{'':>18} {'':>14} {'(mN)':>8} {'(mm/s)':>10}")
-    lines += [_line(each) for each in found]
+        heads = [
+            ("frequency", "damping", "force", "velocity", ""),
+            ("(Hz)", "(%)", "(mN)", "(mm/s)", "source"),
+        ]
+        lines += table([*heads, *map(_cells, found)], left=[4])
     for each in found:
         o = each.oscillation
+        phases = [phase for phase, fraction in o.seen.items() if fraction >= 0.5]
+        lines.append(f"{o.frequency:.4g} Hz: seen in {_phases(phases)}")
         if each.deciding:
             lines.append(f"{o.frequency:.4g} Hz: {UNDECIDED}; to decide it: {each.deciding}")
         if not o.consistent:
@@ -83,17 +84,25 @@ def transient_lines(examined: Sequence[Examined], found: Sequence[Attributed]) -
     return [*lines, *(f"{press.path}: {note}" for press in examined for note in press.notes)]
 
 
-def _line(each: Attributed) -> str:
+def _phases(names: Sequence[str]) -> str:
+    if not names:
+        return "none of the phases in half of the presses or more"
+    return f"the phase{'s' * (len(names) > 1)} {', '.join(names)}"
+
+
+def _cells(each: Attributed) -> tuple[str, ...]:
+    """Return frequency, damping, both amplitudes and the source, for the table."""
     o, mode = each.oscillation, each.oscillation.clearest.mode
     force, velocity = (abs(complex(a)) * 1e3 for a in mode.amplitude)
-    phases = ", ".join(phase for phase, fraction in o.seen.items() if fraction >= 0.5)
     likely = max(each.probability, key=lambda source: each.probability[source])
     chance = f"{100 * each.probability[likely]:.0f} %"
     verdict = f"{likely} ({chance})" if each.source else f"undecided, {likely} {chance}"
     return (
-        f"{_with_std(o.frequency, o.frequency_std):>18}"
-        f" {_with_std(100 * o.damping, 100 * o.damping_std):>14}"
-        f" {force:8.3g} {velocity:10.3g}  {phases:<19} {verdict}"
+        _with_std(o.frequency, o.frequency_std),
+        _with_std(100 * o.damping, 100 * o.damping_std),
+        f"{force:.3g}",
+        f"{velocity:.3g}",
+        verdict,
     )
 
 

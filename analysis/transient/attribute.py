@@ -81,8 +81,6 @@ def attribute(
     """Return the probability of every source for each oscillation.
 
     Args:
-        oscillations: Oscillations of presses on one bench.
-        rig: The bench.
         known: Hz, modes that were measured separately, for example by a tap on the key.
     """
     strings = _Strings(

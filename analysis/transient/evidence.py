@@ -88,8 +88,6 @@ def examine(press: Press, phases: Phases, number: int = 0) -> Examined:
     """Return the damped modes of one press.
 
     Args:
-        press: The recording.
-        phases: Its phases, as `sautereau.analysis.phases.find_phases` returns them.
         number: Number of the press among several, from 0.
 
     Raises:

@@ -95,7 +95,6 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
     """Return the document of a recording.
 
     Args:
-        recorded: The recording.
         columns: Unit and meaning of each column of the export.
     """
     volts, rate = recorded.volts, recorded.rate

@@ -33,9 +33,6 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
     file as ``NAME.csv.json``. No existing file is overwritten, except inside `disk.replacing`.
 
     Args:
-        path: Recording to read.
-        to: Format.
-        out: File to write.
         raw: Whether to write the raw volts only, without the SI values.
 
     Returns:

@@ -57,11 +57,8 @@ def import_file(
     resampled or filled in. The session's notes and an event name the file and its SHA-256.
 
     Args:
-        path: The file.
-        out: The recording.
         rig: The rig with the sensors' calibrations; None for an export, which holds it.
         options: What the file does not hold.
-        notes: The operator's notes.
 
     Raises:
         RecordingError: Lists everything that is missing or wrong.
@@ -157,8 +154,7 @@ def _import(
             f"it starts {(start - settings.trigger) * 1e3:.6g} ms after the trigger, so the samples"
             " between are missing; a recording starts at the trigger or before: correct --trigger"
         )
-    channels = tuple(column.channel for column in columns)
-    part = rig.model_copy(update={"daq": rig.daq.model_copy(update={"channels": channels})})
+    part = rig.replaced({"daq.channels": tuple(column.channel for column in columns)})
     device = f"none: {origin}"
     session = SessionInfo(
         press=1,

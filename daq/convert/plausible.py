@@ -24,7 +24,6 @@ def doubts(volts: Signal, channel: Channel) -> list[str]:
 
     Args:
         volts: Shape (n_samples,), V.
-        channel: Channel with its calibration.
     """
     name, unit = channel.name, channel.unit
     values = volts * channel.scale

@@ -42,9 +42,7 @@ def resolve_options(
     """Combine what the file holds with the options.
 
     Args:
-        source: The file.
         rig: The rig with its channels.
-        options: What the file does not hold.
         modified: Date of the file's last change, s since 1970.
 
     Raises:

@@ -11,21 +11,22 @@ def targets(files: list[Path], extension: str, out: Path | None) -> list[tuple[P
     """Return each file to read with the file to write.
 
     Args:
-        files: Files to read.
         extension: File extension of the files to write, without the dot.
-        out: File to write, or existing folder; None for the folder of each file.
+        out: File to write, or folder: one that exists, or for several files a name without file
+            extension; None for the folder of each file.
 
     Raises:
         RecordingError: Several files would be converted to the same file.
     """
     pairs = []
+    is_folder = out is not None and (out.is_dir() or (len(files) > 1 and not out.suffix))
     for file in files:
         name = f"{file.stem}.{extension}"
-        pairs.append((file, out / name if out and out.is_dir() else out or file.with_name(name)))
+        pairs.append((file, out / name if out and is_folder else out or file.with_name(name)))
     counts = Counter(target for _, target in pairs)
     faults = [
-        f"{target}: {n} files would be converted to it; give files with different names, and an"
-        " existing folder as the target"
+        f"{target}: {n} files would be converted to it; give files with different names, and a"
+        " folder as the target"
         for target, n in counts.items()
         if n > 1
     ]

@@ -21,7 +21,6 @@ def to_xarray(recorded: Recorded, *, raw: bool = False) -> Any:
     trigger on the controller's clock. The attributes describe the press.
 
     Args:
-        recorded: The recording.
         raw: Whether the channels are raw volts, of all rows.
 
     Raises:

@@ -53,7 +53,6 @@ def opened(path: Path, *, damaged: bool = False) -> Iterator[BufferedReader]:
     """Open a recording for reading; every error in the context names the file.
 
     Args:
-        path: The file.
         damaged: Whether to accept it even if its first bytes are not those of a recording.
 
     Raises:

@@ -161,7 +161,6 @@ def _scale(rig: Rig, layout: SampleLayout | None) -> NDArray[np.float32]:
     """Return offset and gain that convert samples to SI units, each of shape (n_channels, 1).
 
     Args:
-        rig: The rig with its channels.
         layout: Layout of the samples, with linear scaling; None for volts.
     """
     per_volt = np.array([channel.scale for channel in rig.daq.channels])

@@ -51,8 +51,6 @@ class Recording:
 
         Args:
             path: Finished file; it must not exist.
-            rig: Complete rig, written into the file.
-            session: Description of the press.
             rate: Actual sampling rate of the device, Hz; None for the rig's.
             scaling: Scaling of the device's counts; None for a recording of volts.
             t0_ns: Date of the trigger, ns since 1970; None to find it from the first blocks.

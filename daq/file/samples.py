@@ -100,7 +100,6 @@ def sample_layout(names: Iterable[str], scaling: Scaling | None) -> SampleLayout
     """Return a layout; without coefficients of zero at the end of each polynomial.
 
     Args:
-        names: Names of the channels, in their order.
         scaling: Scaling of the counts; None for volts.
     """
     if scaling is None:

@@ -71,7 +71,6 @@ def correct(volts: Signal, channel: Channel, rate: float) -> Signal:
 
     Args:
         volts: Raw volts, shape (n_samples,), V, starting at rest.
-        channel: Channel with its calibration.
         rate: Sampling rate, Hz.
 
     Returns:
@@ -128,12 +127,7 @@ def median(signal: Signal) -> float:
 
 
 def calibration_warning(channel: Channel, on: date) -> str | None:
-    """Return a warning about the age of a channel's calibration; None if there is none.
-
-    Args:
-        channel: Channel with the date of its calibration.
-        on: Day of the recording.
-    """
+    """Return a warning about the age of a channel's calibration; None if there is none."""
     sensor = f"{channel.name}: {channel.sensor}"
     if channel.calibrated is None:
         return f"{sensor} has no date of calibration; set `calibrated` in the rig file"

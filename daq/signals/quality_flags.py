@@ -77,7 +77,6 @@ def find_quality_flags(
 
     Args:
         volts: Raw volts, shape (n_samples,), V.
-        channel: Channel with its calibration.
         rate: Sampling rate, Hz.
         first_sample: Index of the first sample, counted from the trigger.
 

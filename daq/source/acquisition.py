@@ -36,7 +36,6 @@ class Acquisition:
         """Prepare; the device is accessed on entering the context.
 
         Args:
-            daq: The rig's table of the acquisition.
             duration_s: Duration after the trigger's edge or the start, s; rounded up to an
                 integer number of samples, at least the 2 that the driver requires; None to
                 continue until the context is left.
@@ -95,8 +94,7 @@ class Acquisition:
             channel.model_copy(update={"input_delay": actual.delay})
             for channel, actual in zip(rig.daq.channels, self._inputs, strict=True)
         )
-        daq = rig.daq.model_copy(update={"channels": channels})
-        return rig.model_copy(update={"daq": daq})
+        return rig.replaced({"daq.channels": channels})
 
     def __enter__(self) -> "Acquisition":
         from nidaqmx.constants import TaskMode

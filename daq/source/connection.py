@@ -33,7 +33,6 @@ def connect(daq: Daq, longest_wait: float) -> Iterator[Any]:
     """Yield the ``grpc_options`` for nidaqmx: None for the driver of this machine.
 
     Args:
-        daq: The rig's table of the acquisition, with address and certificates.
         longest_wait: Longest time for which a call may wait for samples, s.
 
     Raises:

@@ -31,13 +31,11 @@ def record(
     """Record all channels of a rig into one file.
 
     Args:
-        rig: The rig.
         path: Recording to write; it must not exist.
         duration_s: Duration, s; None to record until ``keep_going`` returns False.
         triggered: Whether the trigger's edge starts it; else it starts immediately.
         scene: Text of the stand-in's scene; empty on the hardware.
         seed: Seed of the stand-in's random numbers.
-        notes: The operator's notes.
         keep_going: Called after every block; False stops the recording.
         on_block: Called after every block with the number of samples of each channel so far.
 

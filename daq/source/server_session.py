@@ -21,7 +21,6 @@ def create_task(daq: Daq, options: Any, stack: ExitStack) -> Any:
     """Return a new nidaqmx task; the session of a dead client of this machine is cleared first.
 
     Args:
-        daq: The rig's table of the acquisition.
         options: Options of the gRPC session; None for the driver of this machine, which frees
             the device of a killed process itself.
         stack: Releases the lock on leaving.

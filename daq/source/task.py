@@ -46,9 +46,7 @@ def plan_task(daq: Daq, duration_s: float | None, triggered: bool) -> TaskPlan:
     """Count the samples of an acquisition.
 
     Args:
-        daq: The rig's table of the acquisition.
         duration_s: Duration after the edge or the start, s; None to continue until stopped.
-        triggered: Whether the trigger's edge starts it.
 
     Raises:
         DaqError: The settings are impossible for any device, or too many or too few reads per
@@ -90,8 +88,6 @@ def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
     """Give a new nidaqmx task its channels, clock, trigger and buffer.
 
     Args:
-        task: The task.
-        plan: What it must do.
         trigger: Terminal of the trigger's edge, with its device.
 
     Returns:
@@ -125,7 +121,6 @@ def trigger_terminal(daq: Daq, options: Any) -> str:
     A complete name, which starts with a slash, is returned unchanged.
 
     Args:
-        daq: The rig's table of the acquisition.
         options: Options of the gRPC session; None for the driver of this machine.
     """
     from nidaqmx.constants import ProductCategory

@@ -16,11 +16,7 @@ _RUN_UP = 0.1  # s, from rest to the speed of a move
 
 
 class Limits:
-    """The arm's limits in counts and counts per second.
-
-    Args:
-        arm: The rig's arm.
-    """
+    """The arm's limits in counts and counts per second."""
 
     def __init__(self, arm: Arm):
         self._turn = arm.counts_per_revolution
@@ -64,7 +60,6 @@ class Limits:
         """Refuse segments that the controller cannot or must not play, and list every fault.
 
         Args:
-            segments: The motion.
             segment_limit: Most segments that the controller holds; None without such a limit.
             sample_period: s, of one controller sample.
         """

@@ -37,8 +37,6 @@ class PoweredArm(MotionController, Generic[DriverT]):
     """A `MotionController` whose commands a `Driver` sends; see there for its methods.
 
     Args:
-        driver: Class of the driver; an instance is made for each connection.
-        rig: Its controller and arm are used.
         open_port: Opens the port: name, baud rate, timeout in seconds.
         clock: Returns seconds from any origin.
         sleep: Waits for seconds.

@@ -26,7 +26,6 @@ class Safety:
         """Abort a motion that fails, and report the outcome in the error.
 
         Args:
-            driver: The driver of the connection.
             call: Method that is guarded for some drivers only; empty for every driver.
         """
         try:
@@ -44,7 +43,6 @@ class Safety:
         """Stop with deceleration where possible, then abort.
 
         Args:
-            driver: The driver of the connection.
             error: Error that is being raised. The outcome is added to it, and nothing is raised.
         """
 

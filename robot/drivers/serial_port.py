@@ -143,8 +143,6 @@ class Wire:
     """Sends bytes to a controller, and receives bytes from it.
 
     Args:
-        port: An open serial port, whose reads end after its timeout.
-        name: Name of the port, for messages.
         timeout: s, of one read, for messages.
     """
 

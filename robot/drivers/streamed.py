@@ -25,9 +25,6 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
     A derived class implements `plan`, which sets ``_planned``.
 
     Args:
-        rig: As for `Driver`.
-        clock: As for `Driver`.
-        sleep: As for `Driver`.
         wire: Connection to the controller.
         supply: Name of the power supply of the motors, for messages.
     """

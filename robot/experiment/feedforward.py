@@ -74,8 +74,6 @@ def torque_table(rig: Rig, trajectory: Trajectory, measured: Expectation) -> Tor
     in proportion to the rise on the way back, where the key returns by itself.
 
     Args:
-        rig: The bench.
-        trajectory: The press to which they are added.
         measured: As `measured_force` returns it.
 
     Raises:

@@ -61,11 +61,9 @@ class IterativeLearning:
         """Plan the first press.
 
         Args:
-            rig: The bench.
             expected: Expected force on the finger; None for a key without jacks.
             presses: Largest number of presses.
             measured: Force for the feed-forward, as `measured_force` returns it; None for none.
-            notes: The operator's.
 
         Raises:
             TrajectoryError: The press cannot be made even without a correction.
@@ -156,9 +154,6 @@ def write_learned(
     """Write a correction into a new file, with the press, arm and controller it was learned for.
 
     Args:
-        path: Path of the file.
-        rig: The bench.
-        correction: The learned correction.
         errors: RMS relative error of the jack speed over the cruise, of every press.
         feed_forward: SHA-256 of the recording of the feed-forward; empty for none.
 
@@ -183,8 +178,6 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
     """Read a correction that was learned for a rig's press.
 
     Args:
-        path: Path of the file.
-        rig: The bench.
         feed_forward: SHA-256 of the recording of the feed-forward; empty for none.
 
     Raises:

@@ -102,7 +102,6 @@ def to_set(rig: Rig, set_before: Mapping[str, Any], row: Row) -> dict[str, Any]:
     """Return what the operator must set before a row's presses, by the rig's dotted key.
 
     Args:
-        rig: Rig of the session.
         set_before: Current settings that differ from the rig.
         row: Row of the next presses; settings that it does not change return to the rig's.
     """

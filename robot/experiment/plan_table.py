@@ -59,7 +59,6 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
     Args:
         path: The file, as `read_rows` reads it; the first row names the columns, and cells contain
             their units.
-        rig: The bench that the rows change.
         repeats: Presses of a row with an empty `repeats`.
         notes: The operator's, for all rows; those of a row are appended.
 

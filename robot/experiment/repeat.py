@@ -42,9 +42,7 @@ def rows_of_recording(
 
     Args:
         recording: The file.
-        rig: The bench that presses, of which only `press` is replaced.
         repeats: Number of presses.
-        notes: The operator's.
 
     Raises:
         daq.errors.RecordingError: The file is not a complete recording.

@@ -75,8 +75,6 @@ def make_presses(
     folder, so that no earlier recording is ever overwritten.
 
     Args:
-        controller: Not yet connected.
-        out: Folder of the recordings; it is created.
         items: The presses; the next one may depend on earlier calls of `on_press`.
         origin: What all recordings have in common.
         rest: s, pause between presses.

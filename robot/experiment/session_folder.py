@@ -86,8 +86,6 @@ class SessionFolder:
         """Read the folder; nothing is written.
 
         Args:
-            path: Of the folder, which need not exist.
-            plan: Of the session.
             seed: Of the stand-in's random numbers, as requested; None for that of the session.
             fresh_seed: Of a new session without a requested seed; None on the hardware.
             current_scene: Adds to the document of a scene what its version did not have.

@@ -10,6 +10,8 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import suppress
+from difflib import get_close_matches
+from pathlib import Path
 from typing import Literal, get_args, get_origin
 
 # No matrix here is large enough for the threads of BLAS, which wait for each other in busy loops
@@ -119,7 +121,7 @@ def main() -> None:
         from sautereau.rig.errors import SautereauError
 
         if isinstance(error, SautereauError | OSError):
-            status = fail(as_json, _with_notes(str(error), error))
+            status = fail(as_json, _with_notes(_text(error), error))
         elif as_json:
             status = fail(True, f"bug: {error!r}", traceback=traceback.format_exc())
         else:
@@ -156,6 +158,13 @@ def _unread(error: BaseException, as_json: bool) -> int:
     return UNREAD
 
 
+def _text(error: Exception) -> str:
+    """Return the message of an error; of the operating system's with the file first."""
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
+
+
 def _with_notes(message: str, *errors: BaseException) -> str:
     notes = [note for error in errors for note in getattr(error, "__notes__", [])]
     return "\n".join([message, *dict.fromkeys(notes)])
@@ -175,18 +184,36 @@ def _usage_fault(error: CycloptsError) -> str:
     argument = error.argument
     if type(error) is not MissingArgumentError or argument is None:
         return str(error)
+    faults = _unknown_options(error)
+    if not any(f"Did you mean {argument.name}?" in fault for fault in faults):
+        faults.append(_missing(argument, set(error.root_input_tokens or ())))
+    return "\n".join(faults)
+
+
+def _unknown_options(error: CycloptsError) -> list[str]:
+    """Return a message for each option that the command does not have."""
+    arguments = app[" ".join(error.command_chain or ())].assemble_argument_collection()
+    known = [name for argument in arguments for name in argument.names]
+    faults = []
+    for token in error.unused_tokens or ():
+        if token.startswith("-") and token not in known:
+            close = get_close_matches(token, known, n=1)
+            hint = f" Did you mean {close[0]}?" if close else ""
+            faults.append(f"Unknown option: {token}.{hint}")
+    return faults
+
+
+def _missing(argument: Argument, given: set[str]) -> str:
     if not argument.name.startswith("-"):
         return f"Missing argument: {argument.name}"
-    given = set(argument.names) & set(error.root_input_tokens or ())
-    what = "Missing value of option" if given else "Missing option"
-    mistyped = str(error).partition("Did you mean")
-    hint = f". {''.join(mistyped[1:])}" if mistyped[1] else ""
-    return f"{what}: {argument.name} {_value_name(argument)}{hint}"
+    what = "Missing value of option" if given & set(argument.names) else "Missing option"
+    return f"{what}: {argument.name} {_value_name(argument)}"
 
 
 def _value_name(argument: Argument) -> str:
-    """Return the name of an option's value: choices, the name in its annotation, or VALUE."""
+    """Return the name of an option's value: choices, the name in its annotation, FILE or VALUE."""
     if get_origin(argument.hint) is Literal:
         return "|".join(map(str, get_args(argument.hint)))
     metadata = getattr(argument.field_info.annotation, "__metadata__", ())
-    return next((text for text in metadata if isinstance(text, str)), "VALUE")
+    default = "FILE" if Path in (argument.hint, *get_args(argument.hint)) else "VALUE"
+    return next((text for text in metadata if isinstance(text, str)), default)

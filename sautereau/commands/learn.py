@@ -41,7 +41,7 @@ def learn(
         output.say(f"{path.name:<18} {100 * error:>8.2f} %")
         show(next(presses) / n)
 
-    with output.creating(out / LEARNED), output.progress("learning") as show:
+    with output.replacing(out / LEARNED), output.progress("learning") as show:
         presses = count(1)
         learning = Learning(common.bench(rig, simulation), n, out, notes, feed_forward)
         output.warn(*learning.warnings)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sautereau.commands.output import Output, printable
+from sautereau.commands.output import Output, printable, wrapped
 
 _ROOT = logging.getLogger("sautereau")
 
@@ -19,7 +19,8 @@ class _ToTerminal(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         if record.levelno < logging.ERROR:
             head = "warning: " * (record.levelno >= logging.WARNING)
-            sys.stderr.write(f"{head}{printable(record.getMessage())}\n")
+            text = f"{head}{record.getMessage()}"
+            sys.stderr.write(f"{printable(wrapped(text))}\n")
 
 
 class _Dated(logging.Formatter):
@@ -65,9 +66,11 @@ def logged(output: Output) -> Iterator[None]:
 
 
 def _file(path: Path) -> logging.Handler:
+    from sautereau.rig.disk import make_folder
     from sautereau.rig.errors import SautereauError
 
     try:
+        make_folder(path.parent)
         handler = logging.FileHandler(path, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise SautereauError(

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,6 +14,8 @@ from cyclopts import Group, Parameter
 
 SCHEMA = 1
 """Version of the JSON that commands print; raised when a key changes its name or meaning."""
+WIDTH = 80
+"""Columns of the narrowest usual terminal, to which texts are wrapped."""
 ESTIMATED_OVER = 600.0
 """s, over which the speed is averaged that gives the time left."""
 _GENERAL = Group("General options", sort_key=100)
@@ -43,15 +46,20 @@ class Output:
         if picture:
             result, lines = result | {"picture": str(picture)}, [*lines, f"picture: {picture}"]
         if self.json:
-            lines = [json_text({"schema": SCHEMA} | result)]
-        if self.json or not self.quiet:
-            _write("\n".join(lines))
+            _write(json_text({"schema": SCHEMA} | result))
+        elif not self.quiet:
+            _write(wrapped("\n".join(lines)))
         return 0
 
-    def say(self, line: str) -> None:
-        """Print a line while a command runs, unless its answer is JSON."""
+    def say(self, text: str, *, as_it_is: bool = False) -> None:
+        """Print a text while a command runs, unless its answer is JSON.
+
+        Args:
+            text: One line or several.
+            as_it_is: Whether to keep long lines.
+        """
         if not (self.json or self.quiet):
-            _write(line)
+            _write(text if as_it_is else wrapped(text))
 
     def warn(self, *warnings: str) -> None:
         """Log warnings, which are shown unless the answer is JSON, which holds them."""
@@ -114,6 +122,28 @@ class FileOutput(Output):
 
     @contextmanager
     def creating(self, *paths: Path | None) -> Iterator[None]:
+        """Make the folders of new files; see `replacing` about existing files.
+
+        Raises:
+            SautereauError: Lists the files that exist and the folders that cannot be written.
+            OSError: A folder cannot be made.
+        """
+        from sautereau.rig.disk import make_folder
+        from sautereau.rig.errors import SautereauError
+
+        with self.replacing(*paths):
+            folders = dict.fromkeys(path.parent for path in paths if path)
+            for folder in folders:
+                make_folder(folder)
+            refused = [f"{folder}" for folder in folders if not os.access(folder, os.W_OK)]
+            if refused:
+                raise SautereauError(
+                    f"no permission to write into {', '.join(refused)}; give another folder"
+                )
+            yield
+
+    @contextmanager
+    def replacing(self, *paths: Path | None) -> Iterator[None]:
         """Refuse existing files, or with `force` let the new ones inside replace them.
 
         An old file is there until the new one takes its name.
@@ -197,6 +227,31 @@ def printable(text: str) -> str:
     return text.translate(_CONTROL)
 
 
+def wrapped(text: str) -> str:
+    """Return a text whose lines of prose are broken at spaces, to fit into `WIDTH` columns.
+
+    A line with one gap of several spaces, such as `label:   text`, continues below its text. Kept
+    are lines with more gaps, which are rows of tables, and lines of two words: `report: PATH`.
+    """
+    return "\n".join(_wrapped_line(line) for line in text.split("\n"))
+
+
+def _wrapped_line(line: str) -> str:
+    gaps = [gap.end() for gap in re.finditer(r"(?<=\S) {2,}", line)]
+    if len(line) <= WIDTH or len(gaps) > 1 or len(line.split()) <= 2:
+        return line
+    first, *words = re.findall(r" *\S+", line)
+    indent = gaps[0] if gaps else len(first) - len(first.lstrip()) + 2
+    lines = [first]
+    for word in words:
+        below = " " * indent + word.lstrip()
+        if len(lines[-1] + word) <= WIDTH or len(below) > WIDTH:
+            lines[-1] += word
+        else:
+            lines.append(below)
+    return "\n".join(lines)
+
+
 def fail(as_json: bool, message: str, status: int = 1, **more: str) -> int:
     """Report an error on standard error, as text or as one JSON object.
 
@@ -210,6 +265,7 @@ def fail(as_json: bool, message: str, status: int = 1, **more: str) -> int:
         The status.
     """
     error = {"message": message, "status": status, **more}
-    text = json_text({"schema": SCHEMA, "error": error}) if as_json else f"sautereau: {message}"
+    text = f"sautereau: {message}"
+    text = json_text({"schema": SCHEMA, "error": error}) if as_json else wrapped(text)
     sys.stderr.write(printable(text) + "\n")
     return status

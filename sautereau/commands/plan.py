@@ -27,6 +27,7 @@ def plan(
     """
     from sautereau.analysis.summary.plan import plan_lines, plan_summary
     from sautereau.entrance.rig import Rig
+    from sautereau.rig.disk import write_durably
     from sautereau.trajectory.segments import segments_document
 
     made = Rig(rig).plan()
@@ -36,7 +37,7 @@ def plan(
     if out and made.feasible:
         period = nominal.controller.sample_period
         document = segments_document(draft.segments, period, draft.home, draft.hover)
-        _write(out, json_text(document))
+        write_durably(out, json_text(document) + "\n")
         lines.append(f"segments: {out}")
     if plot:
         made.plot().savefig(plot, dpi=110)
@@ -51,13 +52,6 @@ def plan(
         faults = (f"{c}; {c.how_to_fix}" for c in draft.checks if not c.holds)
         return output.fail("\n  ".join(["the press is not feasible:", *faults]))
     return 0
-
-
-def _write(path: Path, text: str) -> None:
-    from sautereau.rig.disk import make_folder, write_durably
-
-    make_folder(path.parent)
-    write_durably(path, text + "\n")
 
 
 def mount(

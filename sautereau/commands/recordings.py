@@ -16,25 +16,11 @@ def info(file: Path, /, *, output: Output = Output()) -> int:
     file
         Recording.
     """
+    from sautereau.analysis.summary.recording import recording_lines
     from sautereau.daq.file.survey import describe
 
     found = describe(file)
-    lines = [f"{'SIMULATED' if found['simulated'] else 'measured'}: {file}"]
-    for name, value in found.items():
-        if isinstance(value, dict):
-            lines += [f"{name}:", *(f"  {key}: {_text(item)}" for key, item in value.items())]
-        else:
-            lines.append(f"{name}: {_text(value)}")
-    return output.answer(dict(found), lines)
-
-
-def _text(value: object) -> str:
-    """Return a value of a description as text."""
-    if isinstance(value, dict):
-        return ", ".join(f"{name} {_text(item)}" for name, item in value.items())
-    if isinstance(value, list):
-        return ", ".join(map(_text, value)) or "none"
-    return {"True": "yes", "False": "no", "None": "none"}.get(str(value), str(value))
+    return output.answer(dict(found), recording_lines(found))
 
 
 def recover(
@@ -53,7 +39,7 @@ def recover(
     """
     from sautereau.daq.file.recovery import recover, recovered_path
 
-    with output.creating(None if out else recovered_path(file)):
+    with output.replacing(None if out else recovered_path(file)):
         found = recover(file, out)
     lines = [f"{found.path}: recovered from {file}; {found.damage}"]
     lines += [f"{name}: {count} samples" for name, count in found.samples.items()]
@@ -78,7 +64,7 @@ def export(
     to
         Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json.
     out
-        File to write, or existing folder for several. Default: beside each recording.
+        File to write, or folder for several. Default: beside each recording.
     raw
         Write raw volts only, without values in SI units.
     """

@@ -27,7 +27,7 @@ def report(
     """
     from sautereau.entrance.session import PAGE, open
 
-    with output.creating(None if out else session / PAGE), output.progress("making the report"):
+    with output.replacing(None if out else session / PAGE), output.progress("making the report"):
         made = open(session).report(out, level=level)
     lines = [*([SOME_SIMULATED] * made.simulated), f"report:     {made.path}"]
     lines += [f"omitted:    {path}: {why}" for path, why in made.left_out.items()]

@@ -32,10 +32,9 @@ def init(
     file
         New file.
     """
-    from sautereau.rig.disk import make_folder, write_durably
+    from sautereau.rig.disk import write_durably
     from sautereau.rig.text import commented_rig
 
-    make_folder(file.parent)
     write_durably(file, commented_rig(), new=True)
     return output.answer(
         {"path": str(file)},
@@ -53,9 +52,10 @@ def doctor(rig: common.RigName = "paper", *, output: Output = Output()) -> int:
     found = examine(common.load_rig(rig), Path())
     lines = []
     for finding in found:
-        lines.append(f"{'ok     ' if finding.ok else 'MISSING'} {finding.name}: {finding.detail}")
+        verdict = "ok" if finding.ok else "MISSING"
+        lines.append(f"{verdict:<7}  {finding.name}: {finding.detail}")
         if not finding.ok:
-            lines.append(f"        fix: {finding.how_to_fix}")
+            lines.append(f"         fix: {finding.how_to_fix}")
     return output.answer({"checks": [asdict(finding) for finding in found]}, lines)
 
 
@@ -166,7 +166,7 @@ class _Results:
         """Show the difference, and write it if the operator agrees."""
         if not edit.difference:
             return False
-        self._output.say(edit.difference)
+        self._output.say(edit.difference, as_it_is=True)
         if not save and (agreed or _asked(f"Write this into {edit.path}? [y/N] ").lower() != "y"):
             return False
         edit.save()

@@ -24,7 +24,7 @@ class PluckEvents:
     contacts: list[StringEvent] = field(default_factory=list)
     releases: list[StringEvent] = field(default_factory=list)
     returns: list[StringEvent] = field(default_factory=list)
-    """When a falling plectrum is below its string again."""
+    """Events at which a falling plectrum is below its string again."""
 
 
 @dataclass(frozen=True)

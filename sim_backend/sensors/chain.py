@@ -14,7 +14,7 @@ from sautereau.sim_backend.sensors.simulated import SIMULATED, Disturbance
 from sautereau.trajectory.motion import Floats
 
 IDEAL_CONVERTER = Converter(range=10.0, bits=24)
-"""Of a card that is not described, with sensors."""
+"""Converter of the ideal card, if the scene has sensors."""
 
 
 class Signal:

@@ -8,11 +8,14 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from sautereau.analysis.figures.palette import MARKERS, SERIES
+from sautereau.analysis.summary.text import table
 
-HEADER = (
-    "  engine   plectrum  string  iterations        step       error  force error"
-    "      build        run  x real time"
-)
+HEADS = (
+    ("", "", "", "", "iter-", "step", "error", "force", "build", "run", "x real"),
+    ("", "engine", "plectrum", "string", "ations", "(us)", "(us)", "error (%)", "(ms)", "(ms)",
+     "time"),
+)  # fmt: skip
+"""Heads of the table of points: its first column marks the Pareto-optimal ones."""
 SIMPLER = 2.0
 """Dimensionless speed over that of the scene's own models, from which simpler ones are
 recommended: they save no computing in the engine, but may in a modal string."""
@@ -30,10 +33,10 @@ class Point:
     """s, of a step."""
     engine: str
     level: str
-    """Of the plectrum."""
+    """Plectrum bending model."""
     string: str
     iterations: int
-    """Of the solver, per step."""
+    """Iterations of the solver in each step."""
     error: float | None
     """s, largest of all events; None where the point failed."""
     force_error: float | None
@@ -137,10 +140,15 @@ def trade_document(trade: Trade) -> dict[str, Any]:
 
 def trade_text(trade: Trade) -> list[str]:
     """Return the lines of a study: points, Pareto-optimal ones marked, and a recommendation."""
-    lines = [f"{trade.scene or 'scene'}: error against the reference solution, and speed", HEADER]
-    for i in sorted(range(len(trade.points)), key=lambda i: _order(trade.points[i])):
-        mark = ">" if i == trade.recommended else "*" if i in trade.pareto else " "
-        lines.append(f"{mark} {_row(trade.points[i])}")
+    lines = [f"{trade.scene or 'scene'}: error against the reference solution, and speed"]
+    order = sorted(range(len(trade.points)), key=lambda i: _order(trade.points[i]))
+    rows = [(_mark(trade, i), *_cells(trade.points[i])) for i in order]
+    lines += table([*HEADS, *rows], left=range(4), gap=1)
+    lines += [
+        f"{p.engine}, {p.level}, {p.string}, {p.dt * 1e6:.4g} us: failed: {p.failed}"
+        for p in (trade.points[i] for i in order)
+        if p.failed
+    ]
     lines.append("* Pareto-optimal: no other is both faster and more accurate")
     requested = f"{trade.requested * 1e6:.3g} us"
     if trade.recommended is None:
@@ -158,18 +166,18 @@ def _order(point: Point) -> tuple[bool, float, float]:
     return point.error is None, point.error or 0.0, -(point.real_time_factor or 0.0)
 
 
-def _row(point: Point) -> str:
-    what = (
-        f"{point.engine:8} {point.level:9} {point.string:7} {point.iterations:10d}"
-        f" {point.dt * 1e6:8.4g} us"
-    )
+def _mark(trade: Trade, index: int) -> str:
+    return ">" if index == trade.recommended else "*" if index in trade.pareto else ""
+
+
+def _cells(point: Point) -> tuple[str, ...]:
+    """Return a point for the table, with "failed" in place of its error."""
+    what = (point.engine, point.level, point.string, str(point.iterations), f"{point.dt * 1e6:.4g}")
     if point.error is None or point.force_error is None or point.real_time_factor is None:
-        return f"{what}  failed: {point.failed}"
+        return *what, "failed", "-", "-", "-", "-"
     build, run = 1e3 * (point.build_time or 0.0), 1e3 * (point.run_time or 0.0)
-    return (
-        f"{what} {point.error * 1e6:8.3g} us {100 * point.force_error:10.2g} %"
-        f" {build:7.3g} ms {run:7.3g} ms {point.real_time_factor:12.3g}"
-    )
+    errors = f"{point.error * 1e6:.3g}", f"{100 * point.force_error:.2g}"
+    return *what, *errors, f"{build:.3g}", f"{run:.3g}", f"{point.real_time_factor:.3g}"
 
 
 def trade_figure(trade: Trade) -> Figure:

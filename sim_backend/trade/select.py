@@ -32,7 +32,7 @@ class Selected:
     """A scene with every choice made, and its accuracy by its own measurement."""
 
     scene: Scene
-    """With a step, an engine, a plectrum level and a string."""
+    """The scene with its step, engine, plectrum level and string."""
     asked: Accuracy | None
     """None where the scene gives a step."""
     errors: Errors

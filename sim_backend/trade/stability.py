@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from sautereau.analysis.summary.text import table
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import with_values
 from sautereau.rig.progress import tracked
@@ -44,7 +45,7 @@ class Cell:
     error: Errors | None = None
     """The error found."""
     reason: str = ""
-    """Of a refusal or a failure."""
+    """Why the case was refused or has failed."""
 
 
 def run_stability(rig: Rig, cases: Iterable[Case] | None = None) -> list[Cell]:
@@ -112,9 +113,12 @@ def stability_document(cells: Sequence[Cell]) -> dict[str, Any]:
 
 def stability_text(cells: Sequence[Cell]) -> list[str]:
     """Return the lines of a map: one for each case, and how many of each verdict."""
-    head = f"{'case':40} {'engine':8} {'verdict':9}"
-    lines = [f"{head} {'error':>10} {'claimed':>10} {'force':>9} {'claimed':>9}"]
-    lines += [_row(cell) for cell in cells]
+    heads = [
+        ("", "", "", "error", "claimed", "force", "claimed"),
+        ("case", "engine", "verdict", "(us)", "(us)", "(%)", "(%)"),
+    ]
+    lines = table([*heads, *map(_cells, cells)], left=range(3), gap=1)
+    lines += [f"{c.case.name}, {c.case.scene.engine}: {c.reason}" for c in cells if c.reason]
     counts = [len(with_verdict(cells, each)) for each in get_args(Verdict)]
     lines.append("{} converged, {} refused, {} failed silently".format(*counts))
     return lines
@@ -150,10 +154,11 @@ def _document(cell: Cell) -> dict[str, Any]:
     }
 
 
-def _row(cell: Cell) -> str:
-    head = f"{cell.case.name:40} {cell.case.scene.engine:8} {cell.verdict:9}"
+def _cells(cell: Cell) -> tuple[str, ...]:
+    """Return a case for the table, without the reason of its verdict."""
+    head = (cell.case.name, cell.case.scene.engine, cell.verdict)
     if cell.claim is None or cell.error is None:
-        return f"{head} {cell.reason}"
-    times = (f"{1e6 * e.time:7.2g} us" for e in (cell.error, cell.claim))
-    forces = (f"{100 * e.force:7.2g} %" for e in (cell.error, cell.claim))
-    return f"{head} {' '.join((*times, *forces))}  {cell.reason}".rstrip()
+        return *head, "-", "-", "-", "-"
+    times = (f"{1e6 * each.time:.2g}" for each in (cell.error, cell.claim))
+    forces = (f"{100 * each.force:.2g}" for each in (cell.error, cell.claim))
+    return *head, *times, *forces

@@ -8,7 +8,7 @@ import os
 import platform
 import statistics
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from sautereau.sim_backend.physics.observation import Observation, drive_of, err
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.refinement import stepped
-from sautereau.sim_backend.trade.results import HEADER, Point, Trade, pareto_front, recommended
+from sautereau.sim_backend.trade.results import Point, Trade, pareto_front, recommended
 from sautereau.sim_backend.trade.select import best_models
 
 STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "exact": (1, 2, 4, 8, 16)}
@@ -32,7 +32,8 @@ STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "exact": (1, 2, 4, 8, 16)}
 FEW = (1, 8)
 """Those that simpler levels and strings are tried with: a step does not improve a model."""
 ITERATIONS = (1, 3, 30, 100)
-"""Of the rigid bodies' solver, tried beside the scene's own with `MIDDLE` steps per sample."""
+"""Iterations of the rigid bodies' solver that are tried, beside the scene's own, with `MIDDLE`
+steps per sample."""
 MIDDLE = 8
 MARGIN = 0.1
 """Fraction of a speed below which measured speeds count as equal."""
@@ -119,7 +120,8 @@ def machine() -> str:
 def _path(rig: Rig, scene: Scene) -> Path:
     import platformdirs
 
-    parts = [version("sautereau"), platform.node(), machine(), rig_json(rig), repr(scene), HEADER]
+    parts = [version("sautereau"), platform.node(), machine(), rig_json(rig), repr(scene)]
+    parts += [field.name for field in fields(Point)]
     name = hashlib.sha256("\n".join(parts).encode()).hexdigest()
     return platformdirs.user_cache_path("sautereau", appauthor=False) / "trade" / f"{name}.json"
 

@@ -94,7 +94,7 @@ def test_simulation_model_phase_and_time_are_shown(make_press):
     assert "SIMULATED, made on the stand-in; 5 times slower; no arm was recorded" in said
     assert "plectrum and string by the model" in said
     assert "simulated" in said.split("\n")
-    for frame, words in enumerate(("free", "string held", "string released")):
+    for frame, words in enumerate(("before contact", "string held", "string released")):
         for part in parts:
             part.show(frame)
         said = texts(figure)

@@ -46,7 +46,7 @@ def test_campaign_in_lines(recordings, table, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("SIMULATED")
     assert "12 presses" in lines[1]
-    assert "faulty.mcap: " in lines[2]
+    assert "faulty.mcap: " in " ".join(lines[2:])
 
 
 def test_processes_and_cluster_exclude_each_other(recordings, tmp_path, capsys):

@@ -61,6 +61,7 @@ def test_known_odds_and_what_does_not_matter():
     assert summary["quantities"]["release_force"]["odds_ratio"]["value"] > 1
     lines = judged_lines(found)
     assert any(line.startswith("release force (N)") for line in lines)
+    assert max(map(len, lines)) <= 80
 
 
 def test_levels_that_do_not_overlap_and_few_judgements():

@@ -279,6 +279,16 @@ def test_a_gradual_fall_is_no_pluck_but_a_warning_that_says_where(make_press):
     assert named in texts(phases_figure([press], [phases]))
 
 
+@pytest.mark.parametrize("second", [False, True])
+def test_more_plucks_than_the_rig_has_strings_give_a_warning(make_press, second):
+    press = make_press(**NOISY)
+    held = (press.time >= 0.09) & (press.time < 0.115)
+    press.samples["force"] += np.where(second & held, 27 * (press.time - 0.09), 0)
+    phases = find_phases(press)
+    assert len(phases.plucks) == 1 + second
+    assert any("the rig has 1 string:" in text for text in phases.warnings) == second
+
+
 @pytest.mark.parametrize("height", [0.3, 1.0, 10.0])
 @pytest.mark.parametrize("width", [1, 2])
 def test_a_spike_is_no_pluck(make_press, height, width):

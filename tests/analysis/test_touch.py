@@ -101,6 +101,7 @@ def test_results_as_json_lines_and_plot(found, tmp_path):
     assert summary["felt"]["force_drop"]["exponents"]["plectrum_overlap"]["std"] > 0
     lines = touch_lines(found)
     assert lines[0].startswith("SIMULATED")
+    assert max(map(len, lines)) <= 80
     assert any(line.lstrip().startswith("proportional to thickness^") for line in lines)
     figure = touch_figure(found)
     figure.savefig(tmp_path / "touch.png")

@@ -134,7 +134,7 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path
 
     described = sautereau("info", result["recordings"][0]).stdout
     assert described.startswith("SIMULATED")
-    assert "complete: yes" in described
+    assert "kB, complete\n" in described
     assert json.loads(sautereau("info", result["recordings"][0], "--json").stdout)["simulated"]
     done = sautereau("compare", result["recordings"][0], "--plot", "figure.svg")
     assert "SIMULATED" in done.stdout
@@ -172,7 +172,11 @@ def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
         ("setup", "give --yes"),
         ("plan --plot plan.foo", "file extension .foo"),
         ("plan --bench bench", "no file extension"),
-        ("predict --plot no/folder/pluck.png", "there is no folder no/folder"),
+        (
+            "animate a.mcap --slw 3",
+            "Unknown option: --slw. Did you mean --slow?\nMissing option: --out",
+        ),
+        ("campaign runs --ot a.parquet", "Unknown option: --ot. Did you mean --out?\nSee"),
     ],
 )
 def test_wrong_usage_ends_with_two(sautereau, tmp_path, words, message):

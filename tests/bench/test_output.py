@@ -83,7 +83,7 @@ def test_the_log_holds_steps_commands_to_the_controller_and_errors(sautereau, ba
     text = log.read_text(encoding="utf-8")
     assert text.startswith(first)
     assert "RigError: " in text.splitlines()[-1] + text
-    assert "cannot be written" in sautereau("plan", "--log", "no/folder/log").stderr
+    assert "cannot be written" in sautereau("plan", "--log", log / "log").stderr
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are POSIX's")

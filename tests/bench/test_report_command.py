@@ -117,7 +117,7 @@ def test_the_command_on_the_page_repeats_the_session(rig_file, tmp_path, monkeyp
         assert app(words, print_error=False, exit_on_error=False) in (0, None)
 
     monkeypatch.chdir(tmp_path)
-    options = "--sim -n 1 --seed 11 --out first --json"
+    options = "--scene ideal -n 1 --seed 11 --out first --json"
     run(["press", str(rig_file()), *options.split()])
     _, page = page_of(tmp_path / "first", capsys)
     rig = page.split('<pre id="rig-toml">')[1].split("</pre>")[0]

@@ -18,16 +18,15 @@ from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer, Servicer
 from sautereau.sim_backend.devices.emulators import EMULATORS
 from tests.cards import Card
-from tests.emulated import ScriptedPort
+from tests.emulated import Encoders, ScriptedPort
 from tests.fuzz import mutate
 from tests.fuzz.run import Wrong
-from tests.still import Still
 
 RIG = load_rig()
 TRANSCRIPTS = Path(__file__).parents[1] / "sim_backend" / "galil_transcripts"
 
 
-class Unmoved(Still):
+class Unmoved(Encoders):
     """An arm at rest that refuses commands without sense."""
 
     def drive(self, offsets, limits):

@@ -10,8 +10,7 @@ from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.errors import RobotError
 from sautereau.sim_backend.devices.galil.commands.table import HANDLERS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
-from tests.emulated import ScriptedPort
-from tests.still import Still
+from tests.emulated import Encoders, ScriptedPort
 
 MEGABYTE = 1 << 20
 WORDS = [
@@ -71,7 +70,7 @@ def test_noise_at_the_other_end_never_gets_the_motors_on(rig, kind):
 def test_noise_into_the_controller(kind, size):
     """Without SH nothing may move, nor without RS: by factory settings the motors start on."""
     changed = []
-    plant = Still()
+    plant = Encoders()
     firmware = GalilFirmware(plant, on_output=lambda *change: changed.append(change))
     data = babble(kind, 3, size).replace(b"SH", b"SX").replace(b"RS", b"SX")
     for part in range(0, size, 4096):
@@ -95,7 +94,7 @@ def test_noisy_programs_can_be_stopped(seed):
     random = np.random.default_rng(seed)
     words = [word for word in WORDS if word not in ("\r", "\n", "\\")]
     lines = ["".join(random.choice(words, 3)) for _ in range(40)]
-    firmware = GalilFirmware(Still(), on_output=lambda number, level: None)
+    firmware = GalilFirmware(Encoders(), on_output=lambda number, level: None)
     firmware.receive(("EO 0\rDL\r#A\r" + "\r".join(lines) + "\rJP #A\rEN\r\\\r").encode())
     firmware.receive(b"XQ 0,0;XQ 1,1;XQ 2,2;XQ 3,7\r")
     for _ in range(200):

@@ -42,7 +42,7 @@ def bump(height):
 def learn_on(scene, out, presses, seed=0, measured=None, **changes):
     """Learn on the stand-in; return the learning and the recordings."""
     learning = IterativeLearning(RIG, None, presses, measured=measured)
-    scene = load_scene(scene).model_copy(update=changes)
+    scene = load_scene(scene).model_copy(update={"step": 5e-4} | changes)
     with StandIn(RIG, scene, seed) as stand_in:
         items = learning.presses_on(stand_in.rig)
         paths = make_presses(GalilController(stand_in.rig), out, items, on_press=learning.update)

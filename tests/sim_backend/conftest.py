@@ -1,17 +1,20 @@
-"""A controller on a bench without inertia, shared by the tests of the firmware."""
+"""A controller on a bench without inertia, and served cards, for the tests of the devices."""
+
+import contextlib
 
 import numpy as np
 import pytest
 
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
+from tests.cards import served
+from tests.emulated import Encoders
 
 
-class BareBench:
-    """Encoders that are where the reference is (or stay put), and the host's end of the line."""
+class BareBench(Encoders):
+    """A Galil controller on such an arm, with switches and an index, and its host's line."""
 
     def __init__(self, unit=None, **options):
-        self.counts = [0, 0]
-        self.follows = True
+        super().__init__(home=(1500, -700))
         self.outputs, self.firmware = [], None
         self.torques = 0.5, -1.25
         self.closed, self.broken = set(), set()
@@ -20,18 +23,9 @@ class BareBench:
         self.firmware = GalilFirmware(self, unit, on_output=self._note_output, **options)
         self.firmware.receive(b"EO 0\r")
 
-    def encoder_counts(self):
-        return self.counts[0], self.counts[1]
-
-    def home_counts(self):
-        return 1500, -700
-
-    def torque_volts(self):
-        return self.torques
-
     def active(self, switch, axis):
         if switch == "home":
-            return self.counts[axis] < self.home_counts()[axis]
+            return self.counts[axis] < self.home[axis]
         return (switch, axis) in self.closed
 
     def index(self, axis):
@@ -40,9 +34,6 @@ class BareBench:
 
     def amplifier_fault(self, axis):
         return axis in self.broken
-
-    def drive(self, offsets, limits):
-        self.driven = offsets, limits
 
     def _note_output(self, number, level):
         at = self.firmware.samples if self.firmware else 0
@@ -66,25 +57,15 @@ class BareBench:
         assert answer.endswith("\r\n:"), (expression, answer)
         return float(answer[:-3])
 
-    def tick(self, times=1):
-        for _ in range(times):
-            self.firmware.tick()
-            positions, velocities = self.firmware.reference(np.array([0.0, 0.5, 1.0]))
-            self.positions.append(positions)
-            self.velocities.append(velocities)
-            if self.follows:
-                before, self.counts = self.counts, [round(value) for value in positions[-1]]
-                for axis, (old, new) in enumerate(zip(before, self.counts, strict=True)):
-                    low, high = sorted(((old - 100) // 4000, (new - 100) // 4000))
-                    self.indices[axis] = high * 4000 + 100 if low != high else None
-
-    def run(self, limit=20_000):
-        """Tick until nothing moves; return how many samples that took."""
-        start = self.firmware.samples
-        while self.firmware.moving:
-            self.tick()
-            assert self.firmware.samples - start < limit, "does not come to an end"
-        return self.firmware.samples - start
+    def move(self):
+        positions, velocities = self.firmware.reference(np.array([0.0, 0.5, 1.0]))
+        self.positions.append(positions)
+        self.velocities.append(velocities)
+        if self.follows:
+            before, self.counts = self.counts, [round(value) for value in positions[-1]]
+            for axis, (old, new) in enumerate(zip(before, self.counts, strict=True)):
+                low, high = sorted(((old - 100) // 4000, (new - 100) // 4000))
+                self.indices[axis] = high * 4000 + 100 if low != high else None
 
     def assert_smooth(self):
         """Position and velocity are continuous from one sample to the next."""
@@ -102,3 +83,10 @@ def bench():
 def make_bench():
     """For tests that need a fresh bench for every example."""
     return BareBench
+
+
+@pytest.fixture
+def serve():
+    """Return a function that serves a card until the test ends; see `served`."""
+    with contextlib.ExitStack() as stack:
+        yield lambda card, *options: stack.enter_context(served(card, *options))

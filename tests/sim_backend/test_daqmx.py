@@ -13,7 +13,7 @@ from nidaqmx.system import Device, System
 
 from sautereau.sim_backend.devices.daqmx.card import DaqmxError
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-from tests.cards import Card, code_of, volts
+from tests.cards import Card, code_of, served, volts
 
 
 @pytest.fixture
@@ -23,10 +23,8 @@ def card():
 
 @pytest.fixture
 def options(card):
-    with DaqmxServer(card) as server:
-        limit = [("grpc.max_receive_message_length", 64 * 2**20)]
-        with grpc.insecure_channel(server.address, limit) as channel:
-            yield GrpcSessionOptions(channel, "")
+    with served(card, ("grpc.max_receive_message_length", 64 * 2**20)) as options:
+        yield options
     assert not [t for t in threading.enumerate() if t.name.startswith("daqmx stand-in")]
 
 

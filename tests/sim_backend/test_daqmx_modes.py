@@ -1,38 +1,29 @@
 """Continuous tasks, buffers and reference triggers of the DAQmx stand-in, by the real nidaqmx."""
 
+import contextlib
 from dataclasses import replace
 
-import grpc
 import pytest
-from nidaqmx import DaqError, GrpcSessionOptions, Task
+from nidaqmx import DaqError, Task
 from nidaqmx.constants import READ_ALL_AVAILABLE, AcquisitionType, Edge, ReadRelativeTo
 from nidaqmx.error_codes import DAQmxErrors
 
 from sautereau.sim_backend.device_types import IDEAL
-from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 from tests.cards import Card, code_of, volts
 
 
 @pytest.fixture
-def task_on():
-    """Make a task of one channel on a card."""
-    open_ones = []
+def task_on(serve):
+    """Return a function that makes a task of one channel on a card."""
+    with contextlib.ExitStack() as tasks:
 
-    def make(card, n, mode=AcquisitionType.CONTINUOUS, rate=1000.0):
-        server = DaqmxServer(card)
-        server.__enter__()
-        channel = grpc.insecure_channel(server.address)
-        task = Task(grpc_options=GrpcSessionOptions(channel, ""))
-        open_ones.append((task, channel, server))
-        task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-        task.timing.cfg_samp_clk_timing(rate, sample_mode=mode, samps_per_chan=n)
-        return task
+        def make(card, n, mode=AcquisitionType.CONTINUOUS, rate=1000.0):
+            task = tasks.enter_context(Task(grpc_options=serve(card)))
+            task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+            task.timing.cfg_samp_clk_timing(rate, sample_mode=mode, samps_per_chan=n)
+            return task
 
-    yield make
-    for task, channel, server in open_ones:
-        task.close()
-        channel.close()
-        server.__exit__(None, None, None)
+        yield make
 
 
 def test_a_continuous_task_gives_what_there_is_and_is_never_done(task_on):

@@ -2,10 +2,9 @@
 
 import threading
 
-import grpc
 import numpy as np
 import pytest
-from nidaqmx import DaqError, GrpcSessionOptions, Scale, Task
+from nidaqmx import DaqError, Scale, Task
 from nidaqmx.constants import (
     READ_ALL_AVAILABLE,
     AcquisitionType,
@@ -27,64 +26,24 @@ from nidaqmx.system import Device
 from nptdms import TdmsFile
 
 from sautereau.sim_backend.device_types import DEVICE_TYPES
-from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
-from tests.cards import code_of
+from tests.cards import Card, code_of
 
 G = 9.80665
 
 
-class RampRun:
-    """Counts in steps of 1 mV, all there at once."""
-
-    def __init__(self, setup):
-        self.n, self.rows = setup.n_samples, len(setup.terminals)
-        self.acquired = self.n
-
-    def wait_for(self, n, timeout):
-        return min(n, self.n) if self.n > 10**9 else self.n
-
-    def read(self, first, n):
-        return np.tile(np.arange(first, first + n) / 1000, (self.rows, 1))
-
-    def stop(self):
-        pass
+def ramp(first, n, channels):
+    """Counts in steps of 1 mV."""
+    return np.tile(np.arange(first, first + n) / 1000, (channels, 1))
 
 
-class RampCard:
-    paced = False
-    terminals = tuple(f"ai{n}" for n in range(4))
-
-    def __init__(self, product="NI 9234"):
-        self.device = DEVICE_TYPES[product]
-        self.chassis = "cDAQ1" if self.device.in_chassis else ""
-        self.name = "cDAQ1Mod1" if self.chassis else "Dev1"
-
-    def start(self, setup):
-        self.setup = setup
-        return RampRun(setup)
-
-
-@pytest.fixture
-def serve():
-    """Serve a card, and return the options of a client."""
-    closing = []
-
-    def start(card):
-        server = DaqmxServer(card)
-        server.__enter__()
-        channel = grpc.insecure_channel(server.address)
-        closing.append((channel, server))
-        return GrpcSessionOptions(channel, "")
-
-    yield start
-    for channel, server in closing:
-        channel.close()
-        server.__exit__(None, None, None)
+def ramp_card(product="NI 9234", ready=None):
+    """Return a card of a product that measures a ramp, all there at once."""
+    return Card(4, ready=ready, paced=False, device=DEVICE_TYPES[product], measured=ramp)
 
 
 @pytest.fixture
 def task(serve):
-    with Task(grpc_options=serve(RampCard())) as task:
+    with Task(grpc_options=serve(ramp_card())) as task:
         yield task
 
 
@@ -131,7 +90,7 @@ def test_a_sensor_is_read_in_its_unit(task, add, settings, volts_per_unit):
 
 @pytest.mark.parametrize(("slope", "intercept"), [(50.0, -3.0), (-2.0, 0.5)])
 def test_a_channel_is_read_in_a_custom_scale(serve, slope, intercept):
-    options = serve(RampCard())
+    options = serve(ramp_card())
     scale = Scale.create_lin_scale(
         "of load", slope, intercept, scaled_units="N", grpc_options=options
     )
@@ -169,7 +128,7 @@ def test_what_the_device_cannot_supply_is_refused(task):
 
 
 def test_counts_and_their_polynomial_are_the_volts(serve):
-    with Task(grpc_options=serve(RampCard("PCI-6251"))) as task:
+    with Task(grpc_options=serve(ramp_card("PCI-6251"))) as task:
         channel = task.ai_channels.add_ai_voltage_chan("Dev1/ai0", min_val=-2, max_val=1.5)
         task.timing.cfg_samp_clk_timing(1000, sample_mode=AcquisitionType.FINITE, samps_per_chan=50)
         task.ai_channels.add_ai_voltage_chan("Dev1/ai1", min_val=-2, max_val=2)
@@ -183,7 +142,7 @@ def test_counts_and_their_polynomial_are_the_volts(serve):
 
 
 def test_single_ended_inputs_have_one_range_and_fewer_bits(serve):
-    with Task(grpc_options=serve(RampCard("USB-6009"))) as task:
+    with Task(grpc_options=serve(ramp_card("USB-6009"))) as task:
         channel = task.ai_channels.add_ai_voltage_chan("Dev1/ai0", min_val=-1, max_val=1)
         assert (channel.ai_rng_high, channel.ai_resolution) == (1.0, 14)
         channel.ai_term_cfg = TerminalConfiguration.RSE
@@ -200,7 +159,7 @@ def test_ranges_of_channels_in_properties(task):
 
 
 def test_the_filter_delay_can_be_removed(serve):
-    card = RampCard("NI 9239")
+    card = ramp_card("NI 9239")
     with Task(grpc_options=serve(card)) as task:
         channel = task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
         finite(task, 20_000)
@@ -208,15 +167,15 @@ def test_the_filter_delay_can_be_removed(serve):
         assert channel.ai_filter_delay == pytest.approx((40 + 5 / 512) / 25e3 + 3.3e-6)
         assert code_of(getattr, task.timing, "ai_conv_rate") == -200452
         task.start()
-        assert card.setup.lags == (channel.ai_filter_delay,)
+        assert card.setups[-1].lags == (channel.ai_filter_delay,)
         task.stop()
         channel.ai_remove_filter_delay = True
         task.start()
-        assert card.setup.lags == pytest.approx((0.0,), abs=1e-12)
+        assert card.setups[-1].lags == pytest.approx((0.0,), abs=1e-12)
 
 
 def test_the_chassis_has_the_terminals(serve):
-    options = serve(RampCard())
+    options = serve(ramp_card())
     module, chassis = (Device(name, grpc_options=options) for name in ("cDAQ1Mod1", "cDAQ1"))
     assert module.compact_daq_chassis_device.name == "cDAQ1"
     assert chassis.chassis_module_devices[0].name == "cDAQ1Mod1"
@@ -232,7 +191,7 @@ def test_the_chassis_has_the_terminals(serve):
 
 
 def test_the_highest_rate_is_shared_by_multiplexed_channels(serve):
-    with Task(grpc_options=serve(RampCard("USB-6009"))) as task:
+    with Task(grpc_options=serve(ramp_card("USB-6009"))) as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0:1")
         task.timing.cfg_samp_clk_timing(24_001)
         assert code_of(getattr, task.timing, "samp_clk_rate") == -200077
@@ -304,7 +263,7 @@ def test_what_would_not_be_followed_is_refused(task):
 
 
 def test_every_edge_starts_a_finite_acquisition(serve):
-    card = RampCard("PCIe-6363")
+    card = ramp_card("PCIe-6363", ready=lambda n: n)
     with Task(grpc_options=serve(card)) as task:
         task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
         finite(task)
@@ -312,7 +271,7 @@ def test_every_edge_starts_a_finite_acquisition(serve):
         assert code_of(task.start) == -201320
         task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI0")
         task.start()
-        assert (card.setup.per_trigger, card.setup.trigger) == (100, "/Dev1/PFI0")
+        assert (card.setups[-1].per_trigger, card.setups[-1].trigger) == (100, "/Dev1/PFI0")
         assert task.read(70) == list(np.arange(70) / 1000)
         assert task.read(READ_ALL_AVAILABLE) == list(np.arange(70, 100) / 1000)
         assert len(task.read(250)) == 250
@@ -388,7 +347,7 @@ def test_a_task_that_only_logs_cannot_be_read(task, tmp_path):
 
 
 def test_one_task_reserves_the_card_until_it_releases_it(serve):
-    options = serve(RampCard())
+    options = serve(ramp_card())
     with Task(grpc_options=options) as first, Task(grpc_options=options) as second:
         for task in (first, second):
             task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")

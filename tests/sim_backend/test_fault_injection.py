@@ -14,10 +14,7 @@ from sautereau.daq.errors import DaqError
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import (
-    CommandRefused,
     GarbledAnswer,
-    LineLost,
-    MotionFault,
     SettingNotTaken,
     SilentController,
 )
@@ -81,22 +78,6 @@ def test_a_card_or_server_that_is_gone_stays_so(injected, name, said, later, cod
 # The serial line.
 
 
-def test_a_cable_whose_port_disappears(injected):
-    """The motion continues, and the driver says that it cannot confirm the motors' state."""
-    found = injected(cable_out={"press": 1, "at": "30 ms", "port_closes": True})
-    assert isinstance(found.error, LineLost)
-    assert "NOT confirmed off" in str(found.error)
-    assert found.motors_on == (True, True)
-
-
-def test_a_cable_that_is_disconnected_within_a_command(injected):
-    """In homing: the motors stay on, as no time passes for the watchdog."""
-    found = injected(cable_out={"after_bytes": 2500}, rig={"controller.timeout": "1 s"})
-    assert isinstance(found.error, SilentController)
-    assert "NOT confirmed off" in str(found.error)
-    assert found.motors_on == (True, True)
-
-
 def test_answers_later_than_the_timeout(injected):
     found = injected(line={"delay": "0.5 s"}, rig={"controller.timeout": "0.1 s"})
     assert isinstance(found.error, SilentController)
@@ -109,17 +90,6 @@ def test_answers_within_the_timeout_do_no_harm(injected):
     assert len(found.made) == 1
 
 
-@pytest.mark.parametrize(
-    "line", [{"flipped": 0.002}, {"flipped": 3e-4, "towards": "controller"}], ids=["both", "one"]
-)
-def test_bits_that_flip_are_never_played(injected, line):
-    """They are refused, cannot be parsed, or are found when the program is read back."""
-    found = injected(line=line)
-    assert isinstance(found.error, CommandRefused | GarbledAnswer | SettingNotTaken)
-    assert not found.made
-    assert found.motors_on == (False, False)
-
-
 def test_the_same_seed_loses_the_same_bytes(injected):
     one, other = (injected(line={"dropped": 1e-3}) for _ in range(2))
     assert str(one.error).partition("sent")[2] == str(other.error).partition("sent")[2]
@@ -128,21 +98,6 @@ def test_the_same_seed_loses_the_same_bytes(injected):
 
 
 # The arm.
-
-
-@pytest.mark.parametrize(
-    ("joint", "tables"),
-    [
-        (1, {"stall": {"joint": 1, "at": "30 ms"}}),
-        (2, {"slip": {"joint": 2, "counts": -30_000, "at": "30 ms"}}),
-    ],
-    ids=["stall", "slip"],
-)
-def test_a_following_error_switches_the_motor_off(injected, joint, tables):
-    found = injected("servo", **tables)
-    assert isinstance(found.error, MotionFault)
-    assert f"joint {joint} switched off by a following error" in str(found.error)
-    assert is_safe(found)
 
 
 @pytest.fixture

@@ -1,10 +1,13 @@
 """The table of faults, and each fault by itself against its definition."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
+from sautereau.sim_backend.devices.serial_port import PortGone
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import BadLine, disturbed
 from sautereau.sim_backend.fault_tables import Drift, Faults, Overload, Speckle
@@ -162,6 +165,15 @@ def test_only_the_direction_asked_for_is_bad(towards):
         b"x" if towards == "controller" else b""
     )
     assert heard == [b"" if towards == "controller" else b"TP\r"]
+
+
+@pytest.mark.parametrize("port_closes", [True, False])
+def test_a_cable_that_is_disconnected_ends_the_command_after_some_bytes(port_closes):
+    line, heard = echo_line(cable_out={"after_bytes": 2, "port_closes": port_closes}), []
+    gone = pytest.raises(PortGone) if port_closes else contextlib.nullcontext()
+    with gone:
+        assert line.carry(b"TP\r", lambda data: heard.append(data) or b"x") == b""
+    assert heard == [b"TP"]
 
 
 # The sensors.

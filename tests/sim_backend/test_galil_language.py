@@ -22,24 +22,8 @@ def run(bench):
     return go
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("1<2", 1),
-        ("2<1", 0),
-        ("2<=2", 1),
-        ("3>=4", 0),
-        ("3<>4", 1),
-        ("3=3", 1),
-        ("(1=1)&(2>1)", 1),
-        ("(1=2)|(2>1)", 1),
-        ("1+1=2", 1),
-        ("2=1+1", 1),
-        ("-1<0", 1),
-    ],
-)
-def test_comparisons_go_from_left_to_right_like_all_operators(bench, text, value):
-    assert bench.number(text) == value
+def test_operators_go_from_left_to_right(bench):
+    assert bench.send("MG 2=1+1,-1<0,(1=2)|(2>1)") == " 1.0000 1.0000 1.0000\r\n:"
 
 
 def test_variables_and_elements(bench):
@@ -61,34 +45,15 @@ def test_variables_and_elements(bench):
 @pytest.mark.parametrize(("x", "said"), [(0, "zero"), (1, "one"), (2, "many")])
 def test_branches_nest(run, bench, x, said):
     bench.accept(f"x={x}")
-    told = run(
-        "IF (x=0)",
-        'MG "zero"',
-        "ELSE",
-        'IF (x=1);MG "one"',
-        "ELSE",
-        'MG "many"',
-        "ENDIF",
-        "ENDIF;y=x",
-        "EN",
-    )
+    many = ("ELSE", 'MG "many"', "ENDIF")
+    told = run("IF (x=0)", 'MG "zero"', "ELSE", 'IF (x=1);MG "one"', *many, "ENDIF;y=x", "EN")
     assert told.split() == [said]
     assert bench.number("y") == x
-
-
-def test_a_branch_without_its_end(run, bench):
-    assert run("IF (1=0)", "EN").startswith("?")
-    assert bench.send("TC1") == "63 IF statement without ENDIF\r\n:"
 
 
 def test_a_subroutine_may_be_skipped(run, bench):
     run("x=1", "JS #SUB,x>1", "JS #SUB,x=1", "EN", "#SUB", "x=x+10", "EN")
     assert bench.number("x") == 11
-
-
-def test_subroutines_without_end(run, bench):
-    assert run("JS #A", "EN").startswith("?")
-    assert bench.send("TC1") == "12 Subroutine more than 16 deep\r\n:"
 
 
 @pytest.mark.parametrize(
@@ -98,11 +63,6 @@ def test_subroutines_without_end(run, bench):
 def test_a_program_cannot(run, bench, line, code):
     assert run(line, "EN").startswith("?1 ")
     assert bench.send("TC1").startswith(f"{code} ")
-
-
-@pytest.mark.parametrize("line", ["JP #A", "JS #A", "IF (1)", "ELSE", "ENDIF", "RE", "AT 0"])
-def test_only_a_program_can(bench, line):
-    assert bench.refusal(line) == 2
 
 
 def test_at_keeps_time_however_long_the_lines_take(run, bench):
@@ -150,7 +110,6 @@ def test_offsets_and_torque_limits_go_to_the_amplifiers(bench):
     bench.accept("OF 1,2", "TL 3,4", "OFB=-1")
     assert bench.driven == ((1, -1), (3, 4))
     assert bench.send("OF ?,?") == " 1.0000,-1.0000\r\n:"
-    assert bench.refusal("OF 10") == 6
     bench.accept("AB", "MO")
     assert bench.driven[0] == (1, -1)
 

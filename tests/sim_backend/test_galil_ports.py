@@ -98,18 +98,6 @@ def test_a_silent_cable_is_noticed_by_messages_without_acknowledgement():
     assert not bench.connected("A")
 
 
-@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="no pseudo-terminals")
-def test_messages_reach_a_serial_port_unasked():
-    with (
-        StandIn(load_rig(), quiet()) as stand_in,
-        serial.serial_for_url(stand_in.serial_port, timeout=10) as line,
-    ):
-        line.write(b"EO 0\r" + HELLO)
-        assert line.read_until(b"::") == b"EO 0\r::"
-        line.write(b"XQ #A\r")
-        assert line.read_until(b"hello\r\n") == b":hello\r\n"
-
-
 def transmitted(bench, data, limit=5000):
     """What comes back over a line that takes time, and the samples until its end."""
     bench.firmware.receive(data)

@@ -51,14 +51,6 @@ def test_en_in_place_of_re_leaves_the_routine_in_progress(bench):
     assert bench.number("n") == 1
 
 
-def test_without_cmderr_an_error_ends_all_threads(bench):
-    load(bench, "#W", "WT 2;n=n+1;JP #W", "#BAD", "WT 10", "BT AB", "EN")
-    bench.accept("n=0", "XQ #W,1", "XQ #W,2", "XQ #BAD,3")
-    bench.tick(40)
-    assert bench.number("_NO") == 0
-    assert bench.send("MG _ED0,_ED1,_TC") == " 4.0000 3.0000 20.0000\r\n:"
-
-
 def test_cmderr_interrupts_thread_0_and_ends_the_failing_thread(bench):
     load(
         bench, "#W", "WT 2;n=n+1;JP #W", "#BAD", "WT 10", "BT AB", "EN",
@@ -118,11 +110,6 @@ def test_a_limit_switch_stops_the_motion_towards_it(bench, kind, disable, off, s
         assert bench.refusal("SH;JGA=200;BGA") == 22
     bench.accept("CN 1")
     assert bench.send("MG _LFA,_LRA,_LFB,_LRB") == " 1.0000 1.0000 1.0000 0.0000\r\n:"
-
-
-def test_a_wrong_polarity_forbids_motion(make_bench):
-    bench = make_bench(ControllerUnit(burned=("MO", "CN 1")))
-    assert bench.refusal("SH;PR 10;BG") == 22
 
 
 @pytest.mark.parametrize("keep", [0, 1])

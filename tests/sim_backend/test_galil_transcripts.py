@@ -9,7 +9,7 @@ import serial
 
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.scene import load_scene, parse_scene
+from sautereau.sim_backend.scene import parse_scene
 from tests.presses import MUTE_TEXT
 from tests.sim_backend.transcripts import Terminal, read_dialogues
 
@@ -87,43 +87,6 @@ def test_other_unit(name):
             if name != "ethernet":
                 terminal.reset()
             terminal.replay(dialogue)
-
-
-def test_unsolicited_messages_over_ethernet():
-    """Headings CF and CW: to the chosen handle, with the highest bit set after CW 1."""
-    with (
-        StandIn(load_rig(), parse_scene(SCENE + UNITS["ethernet"])) as stand_in,
-        serial.serial_for_url(stand_in.serial_port.replace("tcp:", "socket:"), timeout=5) as first,
-        serial.serial_for_url(stand_in.serial_port.replace("tcp:", "socket:"), timeout=5) as other,
-    ):
-        commands, messages = Terminal(first, stand_in.bench), Terminal(other, stand_in.bench)
-        assert messages.ask("WH").strip() == "IHB"
-        assert messages.ask("CFI") == ""
-        assert float(commands.ask("MG_CF")) == 66
-        assert commands.ask('DL\rMG "hello"\rEN\r\\') == ""
-        assert commands.ask("XQ") == ""
-        assert other.read(7) == b"hello\r\n"
-        assert commands.ask("CW1") == ""
-        assert commands.ask("XQ") == ""
-        shown = other.read(7)
-        assert bytes(each & 0x7F for each in shown) == b"hello\r\n"
-        assert all(each & 0x80 for each in shown[:5])
-
-
-def test_recorded_torque():
-    """Heading RD: 32767 is 10 V; the arm is held against gravity, and MG shows volts."""
-    with (
-        StandIn(load_rig(), load_scene("paper")) as stand_in,
-        serial.serial_for_url(stand_in.serial_port, timeout=0.2) as port,
-    ):
-        terminal = Terminal(port, stand_in.bench)
-        terminal.reset()
-        for line in ("DM t[20]", "RA t[]", "RD _TTA", "SH", "RC 1"):
-            assert terminal.ask(line) == ""
-        recorded, volts = map(float, terminal.ask("MG t[19],_TTA").split())
-        assert volts > 0.1
-        assert recorded == round(recorded)
-        assert recorded / 32767 * 10 == pytest.approx(volts, abs=1e-3)
 
 
 RANGES = list(csv.DictReader((HERE / "ranges.csv").read_text(encoding="utf-8").splitlines()))

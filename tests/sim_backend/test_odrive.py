@@ -319,11 +319,3 @@ def test_writing_the_control_mode_replaces_the_target_by_the_position(bench):
     bench.tick()
     positions, _ = bench.firmware.reference(np.array([1.0]))
     assert positions[0, 0] == 0
-
-
-def test_a_megabyte_of_noise_neither_crashes_nor_moves(bench):
-    noise = np.random.default_rng(3).integers(0, 256, 1 << 20, dtype=np.uint8).tobytes()
-    bench.firmware.receive(noise)
-    bench.tick(3)
-    assert bench.counts == [0, 0]
-    assert bench.firmware.motors_on == (False, False)

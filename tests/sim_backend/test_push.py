@@ -6,10 +6,9 @@ import pytest
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.physics.observation import observe
-from sautereau.sim_backend.physics.world import new_world
 from tests import key_oracle
 from tests.key_oracle import energy, solved
-from tests.sim_backend.scenes import RIG, at_rest, push_of, scene_of
+from tests.sim_backend.scenes import RIG, push_of, scene_of
 
 KEY, JACK = RIG.key, RIG.jack
 PERIOD = RIG.controller.sample_period
@@ -103,18 +102,3 @@ def test_dry_friction_holds_the_key_up_to_its_limit():
         push = push_of(needed * factor, 0.020)
         moved = observe(RIG, scene_of("free-key", friction=True, push=push)).motions
         assert (moved.angle[-1] > 1e-7) == moves
-
-
-def test_no_power_is_no_push():
-    world = new_world(RIG, scene_of("pluck"))
-    for _ in range(5):
-        motions = world.advance(at_rest, False)
-    np.testing.assert_allclose(motions.angle, 0, atol=1e-15)
-    np.testing.assert_array_equal(motions.finger_force, 0)
-    start = RIG.arm.home_angles
-    scene = scene_of("pluck")
-    assert world.finger.joints() == (
-        start[0] + scene.start_offset[0], start[1] + scene.start_offset[1],
-    )  # fmt: skip
-    assert world.finger.torques() == (0, 0)
-    assert world.finger.settled

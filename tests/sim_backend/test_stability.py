@@ -1,12 +1,7 @@
-import numpy as np
 import pytest
 
-from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.load import load_rig
 from sautereau.rig.progress import progress_to
-from sautereau.rig.section import GRAVITY
-from sautereau.sim_backend.physics.observation import observe
-from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.trade import stability
 from sautereau.sim_backend.trade.cases import grid
 from sautereau.sim_backend.trade.random_cases import random_cases
@@ -95,31 +90,6 @@ def test_document_and_text_count_every_case():
     assert document["cases"][1]["error"] is None
     assert stability_text(found)[-1] == "1 converged, 1 refused, 0 failed silently"
     assert shares == [0.5, 1.0]
-
-
-@pytest.mark.parametrize(("engine", "steps"), [("rigid", 64), ("exact", 8)])
-def test_without_friction_no_energy_is_made_or_lost(engine, steps):
-    key, jack = RIG.key, RIG.jack
-    scene = load_scene("pluck").model_copy(
-        update={"engine": engine, "step": RIG.controller.sample_period / steps}
-    )
-    found = observe(RIG, scene)
-    motions, release = found.motions, found.events.releases[0].time
-    angle, spin = motions.angle, motions.angular_velocity
-    slope = key.jack_arm / np.cos(angle) ** 2
-    slope += key.jack_surface_height * np.sin(angle) / np.cos(angle) ** 2
-    kinetic = (key.inertia + jack.mass * slope**2) * spin**2 / 2
-    done = (scene.push.force * key.press_arm + key.gravity_moment) * angle
-    pluck = rig_pluck(RIG, "elastica")
-    height = np.linspace(0, pluck.release_height, 20_001)
-    string = np.trapezoid(pluck.force_on_jack(height), height)
-    after = (motions.time > release) & (motions.time < scene.push.duration)
-    before = motions.time < found.events.contacts[0].time
-    balance = done - kinetic - jack.mass * GRAVITY * motions.rise
-    assert before.sum() > 5
-    assert after.sum() > 1
-    assert np.abs(balance[before]).max() < 1e-5 * done.max()
-    assert np.abs(balance[after] - string).max() < 1e-5 * done.max()
 
 
 @pytest.mark.slow

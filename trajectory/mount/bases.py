@@ -179,9 +179,6 @@ class Misplacement:
 def residual_and_sensitivity(rig: Rig) -> tuple[float, float]:
     """Return the residual of the rig's base, and its sensitivity to a known displacement.
 
-    Args:
-        rig: The bench.
-
     Returns:
         The largest tilt [rad] or slide [m] over the press, and its increase per metre for 1 mm in
         the worst direction that leaves the key in reach [rad/m, or 1].

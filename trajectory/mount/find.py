@@ -119,8 +119,8 @@ def find_mount(rig: Rig) -> Mount:
     base, assessment, elbow = min(found, key=lambda each: each[1].cost[0])
     if assessment.violation[0] > 0:
         raise TrajectoryError(_infeasible_message(rig, coarse, base, elbow, assessment))
-    place = {"base_x": float(base[0]), "base_z": float(base[1]), "elbow": elbow}
-    return assess_mount(rig.model_copy(update={"arm": rig.arm.model_copy(update=place)}))
+    place = {"arm.base_x": float(base[0]), "arm.base_z": float(base[1]), "arm.elbow": elbow}
+    return assess_mount(rig.replaced(place))
 
 
 def assess_mount(rig: Rig) -> Mount:

@@ -28,10 +28,6 @@ LEVELS = Registry(
 def plectrum_map(plectrum: "Plectrum", level: str) -> "PlectrumMap":
     """Return the map of a plectrum at a level.
 
-    Args:
-        plectrum: The rig's plectrum; the map includes its friction.
-        level: A name of `LEVELS`.
-
     Raises:
         ModelError: There is no such level, or the plectrum is out of its range.
     """

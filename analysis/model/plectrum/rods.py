@@ -36,7 +36,6 @@ class Rods(Cantilever):
         """Read and check the plectrum's parameters.
 
         Args:
-            plectrum: Of the rig.
             count: Rods between clamp and string; by default 20.
 
         Raises:

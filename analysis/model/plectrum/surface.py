@@ -80,8 +80,6 @@ def string_map(plectrum: "Plectrum", string: "String", level: str) -> StringCent
 
     Args:
         plectrum: The rig's plectrum; `plectrum.contact` gives the place of the string.
-        string: The rig's string.
-        level: A name of `sautereau.analysis.model.plectrum.levels.LEVELS`.
 
     Raises:
         ModelError: There is no such level, or the plectrum is out of its range.

@@ -75,7 +75,6 @@ def solve_paths(equilibria: Equilibria, points: int) -> Paths:
     """Follow the strings along their plectra from first contact to release.
 
     Args:
-        equilibria: The cases.
         points: Points of a stretch; a dip of the height between two of them is not seen.
     """
     slip, slips = np.zeros(len(equilibria.rest)), np.ones(len(equilibria.rest), bool)

@@ -94,7 +94,6 @@ def solve_pluck(plectrum: PlectrumMap, stiffness: float, overlap: float) -> Pluc
     """Follow the string along the plectrum from first contact to its release.
 
     Args:
-        plectrum: The plectrum's map, with its friction.
         stiffness: N/m, of the string at the plucking point, K of the paper's equation 2.
         overlap: m, from the string at rest to the tip, along the undeformed mid-line.
 

@@ -71,7 +71,6 @@ class ModalContact:
     """The contact of a moving string and a plectrum, until the string slides off.
 
     Args:
-        plectrum: The plectrum's map.
         overlap: m, from the string at rest to the tip.
         string: The string, at rest; it may be replaced by one with the same modes between two
             steps, for instance when a damper comes down.

@@ -23,7 +23,6 @@ def release_speed(string: String, lift: float) -> float:
     Vosc = c h / (2 L b (1 - b)) with c = 2 L f: the paper's section 2.4 with all modes.
 
     Args:
-        string: The string.
         lift: m, displacement at the plucking point at release.
     """
     b = string.plucking_point / string.length
@@ -79,7 +78,6 @@ class ModalString:
         """Compute the modes.
 
         Args:
-            string: The string.
             modes: Number of moving modes; the higher ones act as a spring.
             decay: 1/s, of the amplitudes; one for all modes, or shape (modes,).
 

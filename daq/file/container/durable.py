@@ -34,7 +34,6 @@ class DurableFile:
         """Open the unfinished file for writing.
 
         Args:
-            path: Path of the finished file.
             ending: Appended to its name until it is complete. With `PART` an existing unfinished
                 file is never replaced, since it may hold the only samples of a press. With
                 another ending it is replaced: a killed program left it, and it was made from
@@ -128,7 +127,6 @@ class RecordingFile(DurableFile):
         """Open the unfinished file.
 
         Args:
-            path: Path of the finished file.
             compress: Whether to compress chunks with zstd.
             seconds: Time in s of a clock that is never set.
             ending: Appended to its name until it is finished; see `DurableFile`.
@@ -180,11 +178,7 @@ class RecordingFile(DurableFile):
             self.stream.flush()
 
     def finish(self, end: dict[str, str]) -> None:
-        """Complete the file, flush it to the disk and close it, still under its ``.part`` name.
-
-        Args:
-            end: Metadata at the end of the file.
-        """
+        """Complete the file, flush it to the disk and close it, still under its ``.part`` name."""
         try:
             with self.writing():
                 self._writer.close_chunk(least=0)

@@ -62,7 +62,6 @@ def records_within(
     """Yield opcode, body and number of the records of an unpacked chunk.
 
     Args:
-        chunk: Its records.
         counted: Channels whose messages are only counted: consecutive ones of equal length are
             yielded as the first of them, with their number.
     """

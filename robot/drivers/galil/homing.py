@@ -27,7 +27,6 @@ def find_switches(axes: Axes, home: Counts) -> None:
     """Find home, define the position there, and set the limits of torque and travel.
 
     Args:
-        axes: Their motors are on.
         home: Counts at home, shape (2,).
 
     Raises:

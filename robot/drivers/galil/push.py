@@ -35,7 +35,6 @@ def plan_push(rig: Rig, torque: TorqueTable, motion: Segments, volts: float) -> 
     A row holds the table's value at the middle of the row; outside the table the torque is 0.
 
     Args:
-        rig: Its arm and controller give the volts of a torque, and the limit.
         torque: N m of both joints, over s from the start of motion.
         motion: The motion during which it is played.
         volts: V, the limit of the torque that the controller has taken.

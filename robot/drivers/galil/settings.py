@@ -22,12 +22,7 @@ _MEMORY = ("_MT", "_CE", "_AG", "_KP", "_KI", "_KD")
 
 
 class ControllerSettings:
-    """The settings of one controller.
-
-    Args:
-        line: To the controller.
-        rig: Its controller and arm are used.
-    """
+    """The settings of one controller."""
 
     def __init__(self, line: Line, rig: Rig):
         self._line, self._controller, self._limits = line, rig.controller, Limits(rig.arm)

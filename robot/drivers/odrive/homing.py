@@ -28,7 +28,6 @@ def find_switches(axes: Axes, home: Counts) -> None:
     moment after it has found its switch.
 
     Args:
-        axes: The axes, with power.
         home: Counts of the switches, shape (2,).
     """
     fast, slow = map(axes.limits.in_counts, _SPEEDS)

@@ -1,6 +1,7 @@
 """Lower the finger onto the key in small steps, and stop at the first contact."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,7 +109,6 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
     """Approach a point of the key, again in finer steps, and lift the finger.
 
     Args:
-        rig: The bench.
         controller: At home, motors on.
         along: m, of the point in front of the balance pin.
         creep: How.
@@ -144,7 +144,8 @@ def _creep_down(
     controller.move_to(counts[0], approach_speed(rig))
     torque_before: Floats | None = None
     for i in range(n):
-        segments = _one_step(rig, counts[i], counts[i + 1], creep)
+        durations = (_REST, creep.step / creep.speed, _REST)
+        segments = between_rests(rig, counts[[i, i, i + 1, i + 1]], durations)
         capture, measured = play_measured(rig, controller, segments)
         angles = np.stack([counts[i], counts[i + 1]]) * rig.arm.radians_per_count
         by_motors, torque_before = _by_motors(rig, angles[1], capture, torque_before)
@@ -171,7 +172,6 @@ def over_key(rig: Rig, along: float, heights: Floats) -> Counts:
     """Return the joint positions [counts, (n, 2)] with the fingertip above the key at rest.
 
     Args:
-        rig: The bench.
         along: m, in front of the balance pin.
         heights: m, of the fingertip above the surface; shape (n,).
     """
@@ -215,21 +215,14 @@ def play_recorded(
     return controller.capture(), dict(zip(names, volts, strict=True))
 
 
-def _one_step(rig: Rig, start: Counts, end: Counts, creep: Creep) -> Segments:
-    """Return a step down between two rests."""
-    rest, move = (
-        _even(t / rig.controller.sample_period) for t in (_REST, creep.step / creep.speed)
-    )
-    still, step = np.zeros(2, np.int64), end - start
-    return Segments(
-        start=start,
-        steps=np.stack([still, step, still]),
-        velocities=np.zeros((3, 2), np.int64),
-        samples=np.array([rest, move, rest]),
-    )
+def between_rests(rig: Rig, counts: Counts, durations: Sequence[float]) -> Segments:
+    """Return a motion through points [counts, (n + 1, 2)], with a rest at each, in n times [s]."""
+    samples = [even(duration / rig.controller.sample_period) for duration in durations]
+    still = np.zeros((len(samples), 2), np.int64)
+    return Segments(counts[0], np.diff(counts, axis=0), still, np.array(samples))
 
 
-def _even(samples: float) -> int:
+def even(samples: float) -> int:
     """Return the next even number of samples, 2 at least."""
     return max(2, 2 * math.ceil(samples / 2))
 

@@ -31,7 +31,6 @@ class Ask(Protocol):
         """Return a measured value.
 
         Args:
-            question: What to measure.
             unit: SI unit of the answer and of the expected value.
             expected: Expected value.
 

@@ -34,8 +34,6 @@ def make_steps(rig: Rig, ask: Ask, step: str | None = None) -> Iterator[tuple[st
     """Run one step, or all, each with the values that those before it have found.
 
     Args:
-        rig: The bench.
-        ask: Asked before anything moves.
         step: Its name; None for all.
 
     Raises:

@@ -13,7 +13,7 @@ from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.setup.contact import over_key, play_recorded
+from sautereau.robot.experiment.setup.contact import between_rests, over_key, play_recorded
 from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Segments
@@ -73,20 +73,11 @@ def modes_of_recordings(paths: Sequence[Path]) -> Found:
 def _taps(rig: Rig) -> Segments:
     """Return the motion: rests above the key, and between them down and up again."""
     above, below = over_key(rig, rig.key.press_arm, np.array([ABOVE, -BELOW]))
-    period = rig.controller.sample_period
     # The largest acceleration of a cubic between two rests is six lengths over its squared time.
     turn = float(np.abs(below - above).max()) * rig.arm.radians_per_count
     quick = math.sqrt(6 * turn / rig.arm.acceleration_limit)
-    rest, move = (2 * math.ceil(t / period / 2) for t in (REST, quick))
-    still, down = np.zeros(2, np.int64), below - above
-    steps = [each for _ in range(TAPS) for each in (still, down, -down)] + [still]
-    samples = [rest, move, move] * TAPS + [rest]
-    return Segments(
-        start=above,
-        steps=np.array(steps),
-        velocities=np.zeros((len(steps), 2), np.int64),
-        samples=np.array(samples),
-    )
+    counts = np.array([above, *(above, below, above) * TAPS, above])
+    return between_rests(rig, counts, [*(REST, quick, quick) * TAPS, REST])
 
 
 def _signals(daq: Daq, volts: Mapping[str, Floats], of: str) -> tuple[Floats, Floats]:

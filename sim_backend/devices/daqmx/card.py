@@ -49,7 +49,7 @@ class TaskSetup:
     lags: tuple[float, ...] | None = None
     """s, by which the samples of each channel lag its terminal; None for no lags."""
     converters: tuple[Converter, ...] | None = None
-    """Of each channel; None for an ideal card."""
+    """Converter of each channel; None for an ideal card."""
     limits: tuple[tuple[float, float], ...] | None = None
     """V, lowest and highest requested of each channel, for a card that makes a signal of them."""
     per_trigger: int | None = None
@@ -92,7 +92,7 @@ class Card(Protocol):
 
     @property
     def name(self) -> str:
-        """Of the device, ``"Dev1"``."""
+        """Name of the device, ``"Dev1"``."""
         ...
 
     @property

@@ -28,8 +28,8 @@ _TRIGGERS: dict[str, tuple[int, str, Mapping[str, str]]] = {
         },
     ),
 }
-"""By the word in the calls' names: the type of trigger, the field of its edge, empty for none, and
-the fields that are only kept, by property."""
+"""The kinds of triggers, by the word in the names of their calls: the trigger's type, the field of
+its edge (empty if it has none), and the fields that are only stored, by property."""
 
 
 def _trigger(task: TaskSettings, which: str) -> Trigger:
@@ -105,4 +105,4 @@ CONFIGURING = {
         },
     }.items()
 }
-"""By the call of nidaqmx.proto."""
+"""Methods that configure a task, by the call of nidaqmx.proto."""

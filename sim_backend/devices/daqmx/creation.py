@@ -80,7 +80,7 @@ SENSORS = {
     "CreateAICurrentChan": Sensor(10134, "AI_CURRENT_UNITS", "AI_CURRENT_SHUNT_RESISTANCE"),
     "CreateAIMicrophoneChan": Sensor(10354, "AI_SOUND_PRESSURE_UNITS", "AI_MICROPHONE_SENSITIVITY"),
 }
-"""By the call of nidaqmx.proto."""
+"""Kinds of channels, by the call of nidaqmx.proto that adds one."""
 
 
 def _sensitivity(request: Any) -> tuple[float | None, float]:

@@ -143,7 +143,7 @@ def _of_either(key: int) -> Attribute:
 
 
 DEVICE = {key: _of_either(key) for key in (*_OF_CARD, *_OF_CHASSIS)}
-"""Of the card, and of its `Chassis`."""
+"""Properties of the card and of its `Chassis`."""
 
 PHYSICAL_CHANNEL = table(
     "PHYSICALCHANNEL",

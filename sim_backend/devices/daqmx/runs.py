@@ -39,7 +39,7 @@ class Wiring:
     scene: Scene
     """Its sensors, ideal where it has none, and their faults."""
     seed: int
-    """Of the noise."""
+    """Seed of the noise."""
     lock: FairLock
     """Guards the bench; notified whenever requested samples are complete."""
     paced: bool = False
@@ -78,7 +78,7 @@ class SampledRun:
         self._skew = max(0.0, *(-lag for lag in lags))
         self._chains: list[SensorChain | OpenInput] = []
         self._parts: list[tuple[SensorChain, Source]] = []
-        """Of each input with a sensor: its chain and its source."""
+        """Chain and source of each input that has a sensor."""
         for i, name in enumerate(setup.terminals):
             if name not in wired:
                 self._chains.append(OpenInput())

@@ -232,7 +232,7 @@ PROPERTIES: dict[str, tuple[Callable[[Any, Any], Any], Table]] = {
     "Buffer": (Servicer._task, BUFFER),
     "Scale": (lambda self, request: find_scale(self, request.scale_name), SCALE),
 }
-"""By the subject in the names of the calls: what a request is about, and its properties."""
+"""What a request is about, and the properties of that, by the subject in the names of the calls."""
 
 for _subject, (_find, _table) in PROPERTIES.items():
     for _name, _method in calls(_subject, _find, _table).items():

@@ -43,7 +43,7 @@ class TaskSettings:
     card: Card
     name: str
     channels: dict[str, Input] = field(default_factory=dict)
-    """By name, in order."""
+    """Channels by name, in the order in which they were added."""
     requested_rate: float | None = None
     """Hz; None without a sample clock."""
     clock: str = ""

@@ -23,7 +23,7 @@ class Leg(NamedTuple):
     """A piece of a search."""
 
     pieces: list[tuple[float, float]]
-    """Of a `Ramp`."""
+    """Pieces of the `Ramp` that the axis follows."""
     found: Callable[[], bool] | None = None
     """What ends it before its end."""
     target: float | None = None

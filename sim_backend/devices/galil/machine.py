@@ -74,7 +74,7 @@ class Machine(CheckedAxes):
                 axis.switch_on(raw)
         self.config = {code: list(values) for code, values in burned.config.items()}
         self.error_code = 0
-        """Of the last refused command, for TC."""
+        """Error code of the last refused command, which TC reports."""
         self.latching_amplifier = False
         self.program = memory.program
         self.tasks = Tasks(self._run_command, self._store, self.tell, self.unit.error_routine)

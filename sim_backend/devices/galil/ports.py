@@ -37,7 +37,7 @@ class Port:
 
     letter: str
     line: bytearray = field(default_factory=bytearray)
-    """Of the present command line."""
+    """Characters of the command line so far."""
     peer: int = 0
     """TCP port of the host, of a handle."""
     download: Download | None = None
@@ -100,7 +100,7 @@ class Ports:
         self._ports = {SERIAL: Port(SERIAL)}
         self._outbox: dict[str, str] = {}
         self.unsolicited_port = SERIAL
-        """Where unsolicited messages go, by CF."""
+        """Letter of the port to which CF sends unsolicited messages."""
         self.lost_handle = -1
         """Number of the handle that was lost last."""
 

@@ -16,7 +16,7 @@ class Limits:
     labels: int = 510
     variables: int = 510
     elements: int = 24_000
-    """Of all arrays together."""
+    """Elements of all arrays together."""
     line_length: int = 80
     """Characters in a line of a program or of a command."""
 

@@ -34,7 +34,7 @@ class Tasks:
     ) -> None:
         self.threads: dict[int, Thread] = {}
         self.failed_line, self.failed_thread = 0, -1
-        """Of the last error."""
+        """Line and thread of the last error."""
         self.current = -1
         """Number of the thread that runs a line."""
         self.pending: list[str] = []

@@ -3,7 +3,7 @@
 from collections import deque
 
 BITS = 10
-"""Of a character, with start and stop bit."""
+"""Bits of one character, with its start and stop bit."""
 
 
 class Uart:

@@ -45,7 +45,7 @@ FLOAT, INTEGER, BOOL = Property("float"), Property("integer"), Property("bool")
 _READ = {kind: Property(kind, writable=False) for kind in ("float", "integer", "bool")}
 
 ROOT = {"error": INTEGER, "vbus_voltage": _READ["float"]}
-"""Of the device."""
+"""Properties of the device."""
 AXIS = {
     "config.enable_sensorless_mode": BOOL,
     "config.enable_step_dir": BOOL,
@@ -87,7 +87,7 @@ AXIS = {
     "trap_traj.config.decel_limit": Property("float", 0.5),
     "trap_traj.config.vel_limit": Property("float", 2.0),
 }
-"""Of an axis, `axis0.` or `axis1.` before them. The stand-in's motors are calibrated."""
+"""Properties of an axis, without `axis0.` or `axis1.`. The stand-in's motors are calibrated."""
 
 
 def single(value: float, kind: str = "float") -> float:

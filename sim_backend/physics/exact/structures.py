@@ -37,10 +37,16 @@ KEY = _record(
     " force push_end gravity slip up down",
     "felt",
 )
-"""kg m^2, N m, N m s/rad, N m; rad at first contact with the felt, infinite without it, N m/rad,
-N m s/rad; m, of the surface under the jacks above the pin; m; a push in N, and its end in s;
-m/s^2. Its state: the sign of its velocity; N m, by which friction holds a key at rest against a
-rise and against a fall; the felt."""
+"""The key.
+
+- inertia [kg m^2]; gravity_moment, viscous and dry friction [N m, N m s/rad, N m]
+- dip [rad]: where the felt begins, infinite without it; felt_stiffness, felt_damping [N m/rad,
+  N m s/rad]
+- height [m]: of the surface under the jacks above the pin; press_arm [m]
+- force [N], push_end [s]: a push and its end; gravity [m/s^2]
+- slip: state, the sign of the key's velocity; felt: state of the felt
+- up, down [N m]: by how much friction holds a key at rest against a rise and against a fall
+"""
 JACK = _record(
     "mass friction arm clearance tongue_force tongue_stiffness lift damper low high load slope push"
     " dry sign",
@@ -48,14 +54,21 @@ JACK = _record(
     first=("i8", 3),
     range=("f8", (5, 2)),
 )
-"""kg, N, m from the pin, m, infinite for a mute jack; N as the tongue starts to turn, N/m; m of
-rise at which the damper leaves, minus infinity without it, and N/m. The first cells of the force
-law where the string sticks and slides, and the end of the last; the rises [m] of each state of the
-string. Its state: m, rises between which string and damper do not change; N, of the jack on the
-key; m/rad, slope of the key under it; constant and friction of its force in an inclusion; sign of
-its speed off the key, 0 where friction holds it. The string, and the cell of its law; whether the
-damper is on it, whether the jack stands on the key, and whether it may act on the key in an
-inclusion."""
+"""A jack with its string and damper.
+
+- mass [kg], friction [N], arm [m] from the pin; clearance [m]: infinite for a mute jack
+- tongue_force [N], tongue_stiffness [N/m]: force when the tongue starts to turn, and its increase
+- lift [m]: rise at which the damper leaves the string, minus infinity without it; damper [N/m]
+- first: first cells of the force law where the string sticks and slides, and the end of the last
+- range [m]: lowest and highest rise of each state of the string
+- low, high [m]: rises between which neither string nor damper changes
+- load [N]: force of the jack on the key; slope [m/rad]: slope of the key under it
+- push, dry [N]: constant part and friction of the jack's force in an inclusion
+- sign: sign of its speed off the key, 0 if friction holds it
+- string: state; cell: present cell of its law
+- damped, stands, closed: whether the damper is on the string, whether the jack stands on the key,
+  and whether it may act on the key in an inclusion
+"""
 FINGER = _record(
     "base_x base_z upper lower height inertia1 inertia2 rotor2 coupling weight1 weight2"
     " integral_time radians pad_stiffness pad_damping moment reaction angle speed acceleration"
@@ -65,27 +78,37 @@ FINGER = _record(
     locked=("i8", 2),
     cubics=("f8", (2, 4)),
 )
-"""Of the arm: lengths in m, inertias in kg m^2, weights in N m; of the position loops s, and rad
-per encoder count; of the fingertip's pad N/m, 0 if it is rigid, and N s/m. Its state: N m, of a
-push or a pad, and of a rigid contact. Of a key that touches the fingertip rad, rad/s, and rad/s^2
-if no force acts on it; what a moment of 1 N m takes from that, 0 if ideal and infinite behind a
-pad; m, moment per force. Of a pad m, by which a rigid fingertip would be within the key, and the
-moment [N m] of its spring and damper, negative if they would pull. The kind; whether an ideal one
-is at rest, whether it touches the key, and the pad.
+"""The finger; names in the plural or of both joints have one value for each joint.
 
-Of both joints: N m/rad, N m s/rad, kg m^2; rad where the encoders are 0; limits, offsets and
-integrals [N m], following errors [rad] of the last sample, torques [N m]; accelerations without a
-force [rad/s^2], and what a moment of 1 N m takes from those; whether the joint is braked, and its
-reference [rad] over the controller sample."""
+- base_x, base_z, upper, lower, height [m]: of the arm, and of the fingertip's centre in contact
+- inertia1, inertia2, rotor2, coupling [kg m^2], weight1, weight2 [N m]: of the arm
+- pad_stiffness [N/m]: 0 for a rigid fingertip; pad_damping [N s/m]
+- moment, reaction [N m]: on the key, of a push or a pad, and of a rigid contact
+- angle, speed, acceleration [rad, rad/s, rad/s^2]: of a key in contact with the fingertip; the
+  acceleration is the one without a force
+- compliance [rad/s^2 per N m]: what a moment takes from it, 0 if ideal, infinite behind a pad
+- lever [m]: moment per force
+- overlap [m]: of a pad; push [N m]: moment of its spring and damper, negative if they would pull
+- kind; still: whether an ideal finger is at rest; touch: whether it touches the key; pad: state
+- stiffness [N m/rad], damping [N m s/rad], feedforward [kg m^2], integral_time [s]: of the loops
+- radians [rad]: of an encoder count; start [rad]: where the encoders are 0
+- limit, offset, integral, torque [N m]; lag [rad]: following error of the last sample
+- free [rad/s^2], by [rad/s^2 per N m]: accelerations without a force, and what a moment takes
+- locked: whether the joint is braked; cubics [rad]: its reference over the controller sample
+"""
 RUN = _record(
     "period step tolerance time start",
     "order steps left crowd changed events rows ends",
 )
-"""s, of the controller's sample and of an undivided step, which need not be the present one's; the
-relative error that a step may have; s, now and at the start of the sample. The order of the steps,
-and their number in a sample; of steps left before a scene counts as too stiff; of events since the
-last complete step; whether a force has jumped now; numbers of recorded events and rows, and of rows
-to come for the ends of steps."""
+"""The course of the simulation.
+
+- period, step [s]: of the controller's sample, and of an undivided step
+- tolerance: relative error that a step may have; order: of the steps
+- time, start [s]: now, and the start of the sample
+- steps: in a sample; left: before the scene counts as too stiff
+- crowd: events since the last complete step; changed: whether a force has jumped now
+- events, rows: recorded so far; ends: rows to come for the ends of steps
+"""
 
 
 class Press(NamedTuple):

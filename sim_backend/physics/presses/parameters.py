@@ -30,7 +30,7 @@ from sautereau.trajectory.motion import Floats
 FINGERS = ("push", "ideal", "servo")
 """Kinds of finger, as the structures number them."""
 ORDER = 4
-"""Of the steps of a scene."""
+"""Order of the steps with which a scene is simulated."""
 RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
 """A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
 order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
@@ -50,7 +50,7 @@ class Numbers:
     def __init__(self, rig: Rig, scene: Scene, given: Mapping[str, Floats]):
         self.rig, self.scene, self.given = rig, scene, given
         self.prefixes = ["", *(f"more_choirs.{k}." for k in range(len(rig.more_choirs)))]
-        """Of each choir's dotted keys."""
+        """The first parts of the dotted keys of each choir."""
         self.used: dict[str, tuple[Any, str]] = {}
         """Model and name of every value asked for so far."""
 

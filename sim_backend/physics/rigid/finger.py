@@ -21,7 +21,7 @@ class SteppedFinger(Finger, ABC):
     strikes: bool = False
     """Whether it strikes the key in the present step, which the engine does not know before."""
     pad: Pad | None = None
-    """Between a compliant fingertip and the key."""
+    """The pad between a compliant fingertip and the key; None for a rigid fingertip."""
     push_end: float = math.inf
     """ms into the controller sample, end of that moment; inf if not within this sample."""
 

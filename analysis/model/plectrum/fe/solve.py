@@ -114,7 +114,6 @@ def solve_loads(body: Body, patch: Patch, forces: Sequence[float] | Floats) -> l
 
     Args:
         body: The meshed plectrum.
-        patch: Where the load is.
         forces: Normal forces, in E W L.
 
     Raises:

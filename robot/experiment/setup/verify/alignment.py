@@ -16,6 +16,7 @@ from sautereau.robot.controller import Capture
 from sautereau.robot.experiment.setup.contact import (
     Creep,
     NoContact,
+    even,
     over_key,
     play_measured,
     touch_at,
@@ -143,13 +144,12 @@ def stroke(rig: Rig, height: float, speed: float) -> Segments:
     """Return a stroke [PVT segments] across the key, at a constant speed at the contact.
 
     Args:
-        rig: The bench.
         height: m, of the key's surface above the one given by the rig.
         speed: m/s, of the fingertip there.
     """
     period = rig.controller.sample_period
-    ramp, rest = (_even(t / period) for t in (_RAMP, _REST))
-    cruise = _even((2 * _APART - speed * _RAMP) / speed / period)
+    ramp, rest = (even(t / period) for t in (_RAMP, _REST))
+    cruise = even((2 * _APART - speed * _RAMP) / speed / period)
     samples = np.array([rest, ramp, cruise, ramp, rest])
     speed = 2 * _APART / ((ramp + cruise) * period)  # as complete samples have it
     speeds = np.array([0.0, 0.0, -speed, -speed, 0.0, 0.0])
@@ -166,11 +166,6 @@ def stroke(rig: Rig, height: float, speed: float) -> Segments:
         velocities=2 * np.rint(turning[1:] / rig.arm.radians_per_count / 2).astype(np.int64),
         samples=samples,
     )
-
-
-def _even(samples: float) -> int:
-    """Return the nearest even number of samples, 2 at least."""
-    return max(2, 2 * round(samples / 2))
 
 
 STEPS = (

@@ -31,9 +31,9 @@ class Call:
     text: str
     """Arguments as sent."""
     thread: Thread | None
-    """Of the program that gave it; None for the host."""
+    """Thread of the program that gave the command; None for the host."""
     axes: list[int] = field(default_factory=list)
-    """That a mask names."""
+    """Axes that a mask names."""
     values: dict[int, float | None] = field(default_factory=dict)
     """Numbers by axis; None for a query."""
     numbers: list[float | None] = field(default_factory=list)

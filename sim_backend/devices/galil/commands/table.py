@@ -96,7 +96,7 @@ HANDLERS: dict[str, Handler] = {
     "AT": programs.at_time,
     "AI": programs.after_input,
 }
-"""By the letters of the command; the same as in the reference's table."""
+"""Functions that carry out the commands of the reference's table, by the command's letters."""
 
 
 def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | None:
