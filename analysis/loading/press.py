@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError, MissingSignalError
+from sautereau.analysis.loading.delay import lost_samples, without_delay
 from sautereau.analysis.loading.drift import (
     NO_DRIFT,
     RETURNED,
@@ -23,9 +24,7 @@ from sautereau.analysis.loading.drift import (
 )
 from sautereau.daq.signals.calibration import (
     calibration_warning,
-    correct,
     to_si,
-    undelayed,
     white_noise,
 )
 from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
@@ -183,9 +182,10 @@ def partial_press_of(recorded: "Recorded") -> Press:
     marks: list[QualityFlag] = []
     for name, channel in channels.items():
         volts = recorded.volts[channel.name]
-        corrected = correct(volts, channel, rate)
-        signals[name] = undelayed(corrected, channel.lag * rate + early)[:rows]
-        marks += find_quality_flags(volts, channel, rate, recorded.first_sample)
+        flags = find_quality_flags(volts, channel, rate, recorded.first_sample)
+        lost = lost_samples(flags, channel, rate, recorded.first_sample, len(volts))
+        signals[name] = without_delay(volts, lost, channel, rate, early)[:rows]
+        marks += flags
     warnings = [
         *map(str, recorded.gaps),
         *_calibrations(recorded, *channels.values()),

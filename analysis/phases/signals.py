@@ -31,7 +31,11 @@ LEFT = 0.005
 TOP = 0.995
 """Dimensionless, fraction of the full rise at which the jack is at its top."""
 SPREAD = 18
-"""Samples on either side of flagged samples over which the correction of the delay spreads them."""
+"""Samples on either side of clipped samples over which the correction of the delay spreads them."""
+TAIL = 60e-6
+"""s, on either side of a drop-out in which the low-pass of the vibrometer still shows it."""
+LEAST_TAIL = 2
+"""Samples, least number of this stretch."""
 NOISE_ROWS = 4096
 """Samples from which the noise is estimated."""
 FORCE_FLOOR = 5e-4
@@ -130,7 +134,8 @@ def signals_of(press: Press) -> Signals:
     flagged = {quantity: np.zeros(len(time), bool) for quantity in ("force", "velocity")}
     for mark in press.quality_flags:
         first, last = np.searchsorted(time, (mark.start, mark.stop))
-        flagged[names[mark.channel]][max(0, first - SPREAD) : last + SPREAD] = True
+        side = max(LEAST_TAIL, round(TAIL * rate)) if mark.kind == "drop-out" else SPREAD
+        flagged[names[mark.channel]][max(0, first - side) : last + side] = True
     force = _without_spikes(force, force_noise)
     if flagged["velocity"].any() and not flagged["velocity"].all():
         good = ~flagged["velocity"]
