@@ -2,14 +2,13 @@
 
 Of each bench the plectrum, the key's inertia and friction and the clearance differ from the rig,
 and so do the gains and delays of the sensors, by what the rig states; on half of them the plectrum
-has friction of which the rig does not know. As a user would, the benchmark frees what a fit
-suggests. The string lies on the surface, in the rig as well.
+has friction of which the rig does not know. The string lies on the surface, in the rig as well.
 
 The simulation has steps of 20 us: with the 100 us of the scene its force is 20 us late, which is
 not an error of a bench.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +25,6 @@ from benchmarks.judged import judged_press
 from benchmarks.simulated import acquired
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.identified import Identified, identify
-from sautereau.analysis.identify.keys import NAMES
 from sautereau.analysis.identify.parameters import value_of
 from sautereau.analysis.loading.press import Press, press_of
 from sautereau.analysis.phases import Phases, find_phases
@@ -39,8 +37,6 @@ RESULTS = ("plectrum.bending_stiffness", "plectrum.overlap", "key.inertia")
 FREE = (*RESULTS, "key.pivot_coulomb_friction")
 BENCHES, PRESSES = range(400, 500), 5
 """Random benches, none of which was seen in the development, and the number of presses of each."""
-ROUNDS = 3
-"""Fits of a bench, each with the first suggestion of the last one freed."""
 STEP = 20e-6
 """s, step of the simulation."""
 JUDGED_PRESSES = 3
@@ -128,19 +124,6 @@ def presses_of(made: Bench, seeds: range) -> tuple[list[Press], list[Phases]]:
     return pressed, [find_phases(press) for press in pressed]
 
 
-def identified(pressed: Sequence[Press], phases: Sequence[Phases]) -> tuple[Identified, float]:
-    """Return the last of several fits, each of which frees a suggestion, and its time [s]."""
-    free: list[str] = list(FREE)
-    spent, found = timed(identify, pressed, phases, free, starts=1)
-    for _ in range(ROUNDS - 1):
-        # What is suggested of another kind, as where the string lies, cannot be freed.
-        if not found.suggested or found.suggested[0].name not in NAMES:
-            break
-        free.append(found.suggested[0].name)
-        spent, found = timed(identify, pressed, phases, free, starts=1)
-    return found, spent
-
-
 Case = tuple[list[Press], list[Phases], dict[str, float]]
 """Presses of a bench, their phases, and the true values of `RESULTS`."""
 
@@ -154,11 +137,16 @@ def simulated_cases(benches: range) -> Iterator[Case]:
         yield *presses_of(made, seeds), {name: value_of(true, name) for name in RESULTS}
 
 
-def independent_cases(benches: range) -> Iterator[Case]:
+def random_bench(number: int) -> Conditions:
+    """Return a bench of the independent simulator with every factor drawn."""
+    return random_conditions(np.random.default_rng([15, number]))
+
+
+def independent_cases(benches: Iterable[Conditions]) -> Iterator[Case]:
     """Yield benches of the independent simulator that pluck one string or more."""
-    for number in benches:
+    for conditions in benches:
         try:
-            case = _independent(random_conditions(np.random.default_rng([15, number])))
+            case = _independent(conditions)
         except (ValueError, ArithmeticError):
             continue
         if case is not None:
@@ -202,7 +190,7 @@ def outcomes(cases: Iterator[Case]) -> Outcomes:
     nothing = ([np.nan] * len(RESULTS), *[[False] * len(RESULTS)] * 2, False)
     for pressed, phases, truth in cases:
         try:
-            found, spent = identified(pressed, phases)
+            spent, found = timed(identify, pressed, phases, FREE, starts=1)
         except AnalysisError:
             rows.append(nothing)
             continue
@@ -231,15 +219,18 @@ def judged(
 def run() -> list[Figure]:
     """Return how many results are claimed, and how many of the claimed ones are right."""
     found = outcomes(simulated_cases(BENCHES))
-    figures = _figures("stand-in", found)
+    figures = figures_of("stand-in", found)
     soft = (one_factor_case(name) for name in COMPLIANT)
-    figures += _figures("independent, one soft part", outcomes(soft))
-    figures += _figures("independent, all random", outcomes(independent_cases(RANDOM)))
+    figures += figures_of("independent, one soft part", outcomes(soft))
+    figures += figures_of(
+        "independent, all random", outcomes(independent_cases(map(random_bench, RANDOM)))
+    )
     spent = Figure(f"a fit of {len(FREE)} to {PRESSES} presses", found.seconds, "s", "limit", 10.0)
     return [*figures, spent]
 
 
-def _figures(what: str, found: Outcomes) -> list[Figure]:
+def figures_of(what: str, found: Outcomes) -> list[Figure]:
+    """Return the verdicts on the fits, and what is claimed and right of each result."""
     count = len(found.fits)
     fits = f"{what}: benches whose model fits, of {count}"
     figures = [Figure(fits, float(found.fits.mean()), "1", "all", 1.0)]

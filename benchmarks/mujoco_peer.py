@@ -13,6 +13,7 @@ import ctypes
 import math
 import time
 from functools import cache, lru_cache
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -29,32 +30,7 @@ from sautereau.sim_backend.physics.observation import Observation
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
-_XML = """
-<mujoco>
-  <compiler inertiafromgeom="false" boundmass="0" boundinertia="0"
-            usethread="false"/>
-  <option timestep="{step}" integrator="Euler" gravity="0 0 -{gravity}"
-          iterations="100" tolerance="1e-12">
-    <flag eulerdamp="disable"/>
-  </option>
-  <size nuserdata="{numbers}"/>
-  <worldbody>
-    <body name="key">
-      <joint name="key" type="hinge" axis="0 -1 0" limited="true" range="0 1" margin="0"
-             damping="{viscous}" frictionloss="{dry}" {hard}/>
-      <inertial pos="0 0 0" mass="0.1" diaginertia="{inertia} {inertia} {inertia}"/>
-    </body>
-    <body name="jack">
-      <joint name="jack" type="slide" axis="0 0 1" frictionloss="{register}" {hard}/>
-      <inertial pos="0 0 0" mass="{mass}" diaginertia="1e-6 1e-6 1e-6"/>
-    </body>
-  </worldbody>
-  <equality>
-    <joint joint1="jack" joint2="key" polycoef="0 {arm} {half} {third} {fourth}"
-           solref="{reference} 1" solimp="0.9999 0.9999 0.001"/>
-  </equality>
-</mujoco>
-"""
+_XML = Path(__file__).with_suffix(".xml").read_text(encoding="utf-8")
 """The jack follows the key by the series of its rise; in this scene it never loses contact."""
 _SLIDER = """
 <mujoco>

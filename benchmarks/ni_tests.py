@@ -26,42 +26,8 @@ from sautereau.sim_backend.device_types import DEVICE_TYPES
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
-TESTS = (
-    "component/stream_readers/test_analog_multi_channel_reader.py",
-    "component/stream_readers/test_analog_single_channel_reader.py",
-    "component/stream_readers/test_analog_unscaled_reader.py",
-    "component/task/channels/test_ai_channel.py",
-    "component/task/channels/test_channel_properties.py",
-    "component/task/test_in_stream.py",
-    "component/task/test_in_stream_buffer_properties.py",
-    "component/task/test_in_stream_read_properties.py",
-    "component/task/test_task_read_ai.py",
-    "component/task/test_task_read_waveform_ai.py",
-    "component/task/test_timing.py",
-    "component/task/test_timing_properties.py",
-    "component/task/test_triggers.py",
-    "component/task/test_triggers_properties.py",
-    "component/test_interpreter.py",
-    "component/test_task.py",
-    "component/test_task_events.py",
-    "component/test_task_properties.py",
-    "component/test_task_resource_warnings.py",
-    "component/system/_collections/test_device_collection.py",
-    "component/system/_collections/test_physical_channel_collection.py",
-    "component/system/test_device.py",
-    "component/system/test_physical_channel.py",
-    "legacy/test_channels.py",
-    "legacy/test_container_operations.py",
-    "legacy/test_events.py",
-    "legacy/test_invalid_reads.py",
-    "legacy/test_properties.py",
-    "legacy/test_read_exceptions.py",
-    "legacy/test_read_write.py",
-    "legacy/test_resource_warnings.py",
-    "legacy/test_stream_analog_readers_writers.py",
-    "legacy/test_system_collections.py",
-    "legacy/test_triggers.py",
-)
+TESTS = Path(__file__).with_suffix(".txt").read_text(encoding="utf-8").split()
+"""Files of NI's tests, in the folder `tests`."""
 PERIOD = 0.1
 """s, of the sine."""
 PLUGIN = """

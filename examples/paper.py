@@ -2,9 +2,8 @@
 
 python -m examples.paper FOLDER
 
-writes the figures into a folder and rewrites docs/paper.md.
+writes the figures into a folder and rewrites docs/paper.md, whose text is in paper.md.in.
 """
-# ruff: noqa: E501 (a row of a Markdown table is one line)
 
 import sys
 from dataclasses import dataclass
@@ -32,36 +31,7 @@ CONTACT, RELEASE, SPEED, RISE, V_OSC, SLOPE_ERROR = 27e-3, 47e-3, 0.072, 10e-3, 
 """s, s, m/s, m, m/s and 1, as the paper prints them."""
 PAGE = Path(__file__).parents[1] / "docs" / "paper.md"
 
-TEXT = """\
-# The paper, number by number
-
-Written by `python -m examples.paper FOLDER` on {day}.
-
-This page compares the printed numbers of the paper with the model and with {presses} presses on the stand-in
-(SIMULATED). The instrument of the paper was not available. [Table 1](table-1.md) lists the values of the rig.
-The command also draws the paper's figures into the folder, with the printed numbers marked: 4 (a pluck by
-every plectrum model), 6 (the planned press), 7 (a press with its three phases) and 8 (force over deflection).
-
-| quantity | printed | model | stand-in | |
-|---|---|---|---|---|
-| jack speed (m/s) | 0.072 | {planned_speed:.4f}, planned | {speed:.4f} in the mean, {held_speed:.4f} while the string is held | the string slows the servo down, as in the paper's figure 7 |
-| jack rise (mm) | 10 | {rise:.3g}, planned | {measured_rise:.3g} | agrees |
-| contact (ms) | 27 | {contact:.4g} | {measured_contact:.4g} after the start | agrees by choice of the clearance, which Table 1 lacks |
-| release (ms) | 47 | {release:.4g} | {measured_release:.4g} after the start | agrees by choice of the overlap, which Table 1 lacks |
-| Vosc (m/s) | 0.46 | {v_osc:.3g}; first mode alone {first_v_osc:.3g} | - | contradicts the duration with Table 1's plectrum: see below |
-| slope error | 60 % | - | {slope_error:+.1%} | the stand-in has the rig's own plectrum |
-
-## A plectrum that explains the numbers
-
-Pluck duration and Vosc together determine a plectrum that differs from Table 1. If the instrument had this
-plectrum, a prediction with the rig's plectrum would have these errors of the slope:
-
-| interpretation of Vosc = 0.46 m/s | EI over Table 1's | overlap (mm) | release force (N) | slope, model over instrument |
-|---|---|---|---|---|
-{rows}
-
-{finding}
-"""
+TEXT = Path(__file__).with_suffix(".md.in").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -123,10 +93,11 @@ def _finding(found: list[Reading]) -> str:
     if abs(near.slope_error - SLOPE_ERROR) > 0.1:
         return "Neither explains the printed slope error of 60 %."
     return (
-        f"If Vosc is the speed of {near.name.replace('first', 'the first')}, one softer plectrum explains"
-        f" pluck duration and Vosc, and\ngives a slope error of {near.slope_error:+.0%}, close to the 60 %"
-        " that the paper prints. The paper states\nneither this interpretation nor the sign of its error,"
-        " so this is consistent, but not proven."
+        f"If Vosc is the speed of {near.name.replace('first', 'the first')}, one softer plectrum"
+        " explains pluck duration and Vosc, and\ngives a slope error of"
+        f" {near.slope_error:+.0%}, close to the 60 % that the paper prints. The paper states\n"
+        "neither this interpretation nor the sign of its error, so this is consistent, but not"
+        " proven."
     )
 
 

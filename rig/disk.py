@@ -144,6 +144,8 @@ def read_text(path: Path) -> str:
 
 def why_unreadable(error: Exception) -> str:
     """Return the reason for a message that already names the file."""
+    if isinstance(error, UnicodeDecodeError):
+        return f"it is not a text in UTF-8 (byte {error.start + 1})"
     return getattr(error, "strerror", None) or str(error)
 
 

@@ -51,7 +51,8 @@ def load_rig_to_acquire(name: str | Path) -> Rig:
         RigError: Lists every fault of the file.
     """
     text, origin, folder = named_text(name, "sautereau.rig", "rig", RigError)
-    if not set(read_toml(text, origin, RigError)) <= {"name", "daq"}:
+    tables = set(read_toml(text, origin, RigError))
+    if "daq" not in tables or not tables <= {"name", "daq"}:
         return parse_rig(text, origin, folder)
     packaged, *_ = named_text("paper", "sautereau.rig", "rig", RigError)
     others = read_toml(packaged, "paper", RigError) | {"name": Path(name).stem}

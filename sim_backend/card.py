@@ -11,15 +11,6 @@ from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
 from sautereau.sim_backend.devices.daqmx.runs import SampledRun, Wiring
 from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
-from sautereau.sim_backend.scene import Scene
-
-
-def input_terminals(rig: Rig, scene: Scene) -> tuple[str, ...]:
-    """Return the analog inputs of a scene's card; an ideal one has those of the rig."""
-    number = DEVICE_TYPES[scene.card].inputs
-    if number is None:
-        return tuple(channel.terminal for channel in rig.daq.channels)
-    return tuple(f"ai{n}" for n in range(number))
 
 
 def _chassis_name(rig: Rig) -> str:
@@ -55,13 +46,15 @@ class BenchCard:
 
     @property
     def terminals(self) -> tuple[str, ...]:
-        """The analog inputs.
+        """The analog inputs; an ideal card has those of the rig.
 
         Raises:
             DaqmxError: The card is disconnected.
         """
         self._injection.check_plugged()
-        return input_terminals(self._wiring.rig, self._wiring.scene)
+        if self.device.inputs is None:
+            return tuple(channel.terminal for channel in self._wiring.rig.daq.channels)
+        return tuple(f"ai{n}" for n in range(self.device.inputs))
 
     def start(self, setup: TaskSetup) -> SampledRun:
         """Arm an acquisition, or start one that keeps samples before its trigger's edge.

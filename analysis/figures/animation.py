@@ -161,7 +161,7 @@ def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
         axes.set_ylim(-0.1 * most, most)
         at = int(np.argmax(values))
         axes.annotate(
-            f"up to {values[at]:.2g} N", (time[at], most), (5, -2), textcoords="offset points",
+            f"peak {values[at]:.2g} N", (time[at], most), (5, -2), textcoords="offset points",
             va="top", fontsize=8,
         )  # fmt: skip
     for held in scene.phases.plucks:

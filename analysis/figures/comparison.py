@@ -100,7 +100,7 @@ def _force_on_deflection(axes, presses, phases, prediction: Prediction) -> None:
         held = found.plucks[0]
         end = min(held.release + BESIDE, found.bottom)
         deflection, force = press.from_contact(held.contact, held.contact - BESIDE, end)
-        label = None if axes.lines else f"{_label(press)}, {len(presses)} in all"
+        label = None if axes.lines else f"{_label(press)}, {counted(len(presses), 'press')}"
         axes.plot(deflection * 1e3, force, color=MEASURED, lw=0.7, alpha=0.7, label=label)
     deflection, force = prediction.from_contact(BESIDE)
     label = f"predicted ({prediction.level})"

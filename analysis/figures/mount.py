@@ -121,7 +121,7 @@ def _draw_inset(axes, rig: Rig, mount: Mount, levels: Floats) -> None:
     inset.set(xlim=np.multiply(x, 1e3), ylim=np.multiply(z, 1e3))
     inset.set_aspect("equal")
     inset.yaxis.tick_right()
-    inset.set_title("about the best base", fontsize="medium")
+    inset.set_title("around the best base", fontsize="medium")
     axes.indicate_inset_zoom(inset, edgecolor="black")
 
 

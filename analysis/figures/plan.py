@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 
 from sautereau.analysis.figures.palette import ARM, GRAIN, LASER, PHASES, PRESSED, SKY
 from sautereau.analysis.figures.side import BenchPose
+from sautereau.analysis.summary.plan import check_cells
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.expected import Expectation
@@ -74,14 +75,14 @@ def _path(axes, trajectory: Trajectory) -> None:
     """Draw the path of the fingertip's centre, from its side, and the tilt along it."""
     bottom = _moments(trajectory)[2]
     tip = (trajectory.fingertip.position[: bottom + 1] - trajectory.fingertip.position[0]) * 1e3
-    axes.plot(-tip[:, 1], tip[:, 0], color=FIRST, label="along the key (mm)")
+    axes.plot(-tip[:, 1], tip[:, 0], color=FIRST, label="position along the key (mm)")
     axes.plot(
         -tip[:, 1], np.degrees(trajectory.tilt[: bottom + 1]), color=SECOND, label="tilt (deg)"
     )
     if trajectory.slide.any():
         slide = trajectory.slide[: bottom + 1] * 1e3
         axes.plot(-tip[:, 1], slide, color=KEY, label="slide on the key (mm)")
-    axes.set(xlabel="depth of the fingertip (mm)", ylabel="along the path of the fingertip")
+    axes.set(xlabel="depth of the fingertip (mm)", ylabel="fingertip: position (mm), tilt (deg)")
     axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize=8)
 
@@ -114,7 +115,8 @@ def _speeds(axes, rig: Rig, trajectory: Trajectory) -> None:
     if limit <= 1.25 * top:
         for side in (-limit, limit):
             axes.axhline(side, color=FAILED, ls="--")
-    axes.set(ylabel=f"joint speed (rad/s)\nlimit {limit:.4g}", xlabel="time after the trigger (ms)")
+    axes.set_ylabel(f"joint speed (rad/s)\nlimit {limit:.4g} rad/s")
+    axes.set_xlabel("time after the start of motion (ms)")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper right", fontsize=8)
 
@@ -128,14 +130,14 @@ def _limits(axes, trajectory: Trajectory) -> None:
     colours = [FIRST if check.holds else FAILED for check in bars]
     axes.barh([check.name for check in bars], np.minimum(used, 130), color=colours)
     for y, (percent, check) in enumerate(zip(used, bars, strict=True)):
-        text = f" {check.value:.3g} of {check.limit:.3g} {check.unit.replace('1', '')}"
+        text = " {1} {2}".format(*check_cells(check))
         inside = bool(percent > 60)
         axes.text(
             min(percent, 130), y, text + " " * inside, va="center", fontsize=7,
             ha="right" if inside else "left", color="white" if inside else "black",
         )  # fmt: skip
     axes.axvline(100, color=FAILED, lw=1)
-    axes.set(xlim=(0, 130), xlabel="used part of the limit (%)")
+    axes.set(xlim=(0, 130), xlabel="fraction of the limit (%)")
     axes.tick_params(labelsize=7)
     failed = [c.name for c in trajectory.checks if c not in bars and not c.holds]
     text = "reach, branch, clearance and range: within their limits"

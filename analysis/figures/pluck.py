@@ -16,6 +16,8 @@ from sautereau.rig.schema import Rig
 
 WIDTHS = (7.5, 4.5, 2.6, 1.2, 0.8, 0.5)
 """Points, decreasing, so that covered curves remain visible."""
+LEGEND = "pluck duration, plectrum force at release"
+"""Meaning of the numbers in the legend."""
 
 
 def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
@@ -72,7 +74,7 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
         differences.legend(loc="best", framealpha=0.8, edgecolor="none")
     differences.grid(color=GRID, lw=0.7)
     entries, columns = angle.get_legend_handles_labels(), min(4, len(levels))
-    figure.legend(*entries, loc="outside lower center", ncols=columns, frameon=False)
+    figure.legend(*entries, loc="outside lower center", ncols=columns, frameon=False, title=LEGEND)
     plectrum = rig.plectrum
     title = (
         f"Pluck of rig {rig.name}: overlap {plectrum.overlap * 1e3:.4g} mm, string of"

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.elastic import (
     LEAST_PERIODS,
     MOST,
@@ -28,6 +27,7 @@ from sautereau.analysis.identify.fit import (
 )
 from sautereau.analysis.identify.fixed import ScoreTest
 from sautereau.analysis.identify.observed import MIN_INSTANTS, Observed
+from sautereau.analysis.identify.parameter_names import ENDS, FINGERTIP, FORCE, INERTIA
 from sautereau.analysis.identify.parameters import Parameter, Prior
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.identify.residuals import InverseDynamics
@@ -74,7 +74,7 @@ def fit_presses(
     The modes that the rig states are tried first.
     """
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
-    best = fit(dynamics, starts, robust, free_offset=keys.FORCE in names)
+    best = fit(dynamics, starts, robust, free_offset=FORCE in names)
     good, before = quality(best), best.residual_before
     while not good.quiet and len(modes_of(_named(best))) < MOST:
         dynamics = _with_mode(best)
@@ -99,12 +99,12 @@ def _with_mode(fitted: Fit) -> InverseDynamics | None:
     # The fit of a rigid key may be far off: search the first mode at the values of the rig.
     values = fitted.values if number else np.array([p.start for p in dynamics.free])
     free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, values, strict=True)]
-    free = [_near_stated(dynamics.rig, p) if p.name == keys.INERTIA else p for p in free]
+    free = [_near_stated(dynamics.rig, p) if p.name == INERTIA else p for p in free]
     # Only the way back separates the fingertip's friction from the force's gain. It is not fitted.
-    tip, ends = dynamics.rig.arm.fingertip_friction, keys.ENDS[keys.FINGERTIP]
+    tip, ends = dynamics.rig.arm.fingertip_friction, ENDS[FINGERTIP]
     unknown = [
         cloth_parameter(),
-        Parameter(keys.FINGERTIP, "", tip, *ends, tip, FINGERTIP_STD, hidden=True),
+        Parameter(FINGERTIP, "", tip, *ends, tip, FINGERTIP_STD, hidden=True),
     ]
     free += [new for new in unknown if all(p.name != new.name for p in free)]
     presses = _before_release(dynamics.presses)

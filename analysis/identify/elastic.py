@@ -23,9 +23,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.noise import WINDOW
 from sautereau.analysis.identify.observed import SUBSTEPS, Observed
+from sautereau.analysis.identify.parameter_names import CLOTH, MODE
 from sautereau.analysis.identify.parameters import Parameter
 from sautereau.trajectory.motion import Floats
 
@@ -173,7 +173,7 @@ def doubtful_modes(
 
 def cloth_parameter() -> Parameter:
     """Return the hidden compliance of the cloth under the jack."""
-    return Parameter(keys.CLOTH, "m/N", 0.0, 0.0, 10 * CLOTH_STD, 0.0, CLOTH_STD, hidden=True)
+    return Parameter(CLOTH, "m/N", 0.0, 0.0, 10 * CLOTH_STD, 0.0, CLOTH_STD, hidden=True)
 
 
 class Bending:
@@ -283,4 +283,4 @@ def _moved(push: Floats, frequency: float, damping: float, step: float) -> Float
 
 def mode_names(number: int) -> list[str]:
     """Return the names of the parameters of a mode, in the order of the fields of `Mode`."""
-    return [f"{keys.MODE}{number}.{field.name}" for field in fields(Mode)]
+    return [f"{MODE}{number}.{field.name}" for field in fields(Mode)]

@@ -7,29 +7,14 @@ import numpy as np
 
 from sautereau.analysis.alike import check_alike
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify import keys
+from sautereau.analysis.identify.excluded import coupled_force
 from sautereau.analysis.identify.hidden import BOUND_STDS, delay_std, hidden_parameters
-from sautereau.analysis.identify.observed import (
-    BACK,
-    FREE,
-    HELD,
-    MIN_INSTANTS,
-    coupled_force,
-    observed,
-)
+from sautereau.analysis.identify.observed import BACK, FREE, HELD, MIN_INSTANTS, observed
+from sautereau.analysis.identify.parameter_names import MODE, TIME, TIME_RANGE
 from sautereau.analysis.identify.parameters import Parameter, Prior, parameters
-from sautereau.analysis.identify.problem import (
-    COARSE,
-    FLOOR,
-    TOLERANCE,
-    Problem,
-    Whitening,
-    autocovariance,
-    minimise,
-    white,
-    whitening,
-)
+from sautereau.analysis.identify.problem import COARSE, TOLERANCE, Problem, minimise
 from sautereau.analysis.identify.residuals import InverseDynamics
+from sautereau.analysis.identify.whitening import FLOOR, Whitening, autocovariance, white, whitening
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.progress import tracked
@@ -83,9 +68,7 @@ def inverse_dynamics(
     rig = check_alike({str(press.path): press.rig for press in presses})
     free = parameters(rig, names, priors)
     free += tuple(hidden_parameters(rig, names))
-    shift = (
-        keys.TIME_RANGE if keys.TIME in names else min(keys.TIME_RANGE, BOUND_STDS * delay_std(rig))
-    )
+    shift = TIME_RANGE if TIME in names else min(TIME_RANGE, BOUND_STDS * delay_std(rig))
     taken = [observed(p, f, shift) for p, f in zip(presses, phases, strict=True)]
     return InverseDynamics(rig, free, taken, level)
 
@@ -133,7 +116,7 @@ def refined(fitted: Fit, robust: bool = False) -> Fit:
     whitening causes is counted as an uncertainty.
     """
     dynamics, values, problem = fitted.problem.dynamics, fitted.values, fitted.problem
-    compliant = any(p.name.startswith(keys.MODE) for p in dynamics.free)
+    compliant = any(p.name.startswith(MODE) for p in dynamics.free)
     floor = COMPLIANT_FLOOR if compliant else FLOOR
     for tolerance in [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
         forces, rises = dynamics.residuals(values)

@@ -12,12 +12,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.fit import DEPENDENT, Fit
 from sautereau.analysis.identify.hidden import assumed_std
+from sautereau.analysis.identify.parameter_names import (
+    CONTACT,
+    ENDS,
+    FORCE,
+    MODULUS,
+    NAMES,
+    STIFFNESS,
+    VELOCITY_GAIN,
+)
 from sautereau.analysis.identify.parameters import unit_of_parameter, value_of, with_parameters
-from sautereau.analysis.identify.problem import Problem, white
+from sautereau.analysis.identify.problem import Problem
 from sautereau.analysis.identify.residuals import InverseDynamics
+from sautereau.analysis.identify.whitening import white
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -136,7 +145,7 @@ def sensitivities(fitted: Fit, jacobian: Floats, excess: float) -> tuple[Sensiti
         for name, unit, value in _fixed(dynamics)
     ]
     place = float(dynamics.rig.plectrum.contact == "surface")
-    fixed.append((keys.CONTACT, "", place, 1.0, False, _other_contact(dynamics.rig), 1.0))
+    fixed.append((CONTACT, "", place, 1.0, False, _other_contact(dynamics.rig), 1.0))
     whitened = problem.data(fitted.values / problem.scales)
     for name, unit, value, change, stated, rig, step in fixed:
         moved = problem.by_another(whitened, *_moved_to(dynamics, fitted.values, rig), step)
@@ -165,7 +174,7 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
         if name in MEASURED:
             continue
         step, reduction = freed(*_beside(dynamics, name, value))
-        low, high = keys.ENDS.get(name, (0.0, np.inf))
+        low, high = ENDS.get(name, (0.0, np.inf))
         # An impossible value is not the cause. A linear step may be too long, however.
         if reduction > SUGGESTED and low <= value + step <= high + (high - low):
             found.append(Suggestion(name, unit, reduction, min(value + step, high)))
@@ -175,7 +184,7 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
         step, reduction = freed(_other_contact(dynamics.rig), 1.0)
         if reduction > SUGGESTED and step > LIKELY:
             # It comes first, because friction has a similar effect.
-            found.insert(0, Suggestion(keys.CONTACT, "", reduction, 1.0))
+            found.insert(0, Suggestion(CONTACT, "", reduction, 1.0))
     return tuple(found)
 
 
@@ -193,10 +202,8 @@ def _moved(rows: Floats, column: Floats) -> Floats:
 def _fixed(dynamics: InverseDynamics) -> list[tuple[str, str, float]]:
     """Return name, unit and value of the fixed numbers of the model."""
     free = {p.name for p in dynamics.free}
-    taken = (
-        free | {keys.FORCE, keys.MODULUS} | ({keys.STIFFNESS} if keys.MODULUS in free else set())
-    )
-    names = [name for name in (*keys.NAMES, *MEASURED) if name not in taken]
+    taken = free | {FORCE, MODULUS} | ({STIFFNESS} if MODULUS in free else set())
+    names = [name for name in (*NAMES, *MEASURED) if name not in taken]
     return [(name, unit_of_parameter(name), value_of(dynamics.rig, name)) for name in names]
 
 
@@ -219,6 +226,6 @@ def _moved_to(
     """Return the inverse dynamics of another rig, and the values of its parameters."""
     values = values.copy()
     # The angle follows from the measured velocity and this lever arm.
-    gain = [p.name for p in dynamics.free].index(keys.VELOCITY_GAIN)
+    gain = [p.name for p in dynamics.free].index(VELOCITY_GAIN)
     values[gain] *= dynamics.rig.key.laser_arm / rig.key.laser_arm
     return InverseDynamics(rig, dynamics.free, dynamics.presses, dynamics.level), values

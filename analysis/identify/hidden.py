@@ -7,7 +7,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sautereau.analysis.identify import keys
+from sautereau.analysis.identify.parameter_names import (
+    CHOIR,
+    CLEARANCE,
+    DAMPER,
+    DAMPER_LIFT,
+    ENDS,
+    FORCE_GAIN,
+    FRICTION,
+    LATE_SLIDING,
+    MODULUS,
+    OVERLAP,
+    RELEASE,
+    SLIDING,
+    STIFFNESS,
+    TIME,
+    VELOCITY_GAIN,
+)
 from sautereau.analysis.identify.parameters import Parameter
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.schema import Rig
@@ -45,19 +61,19 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         names: Names of the free parameters; they are omitted.
     """
     found = [
-        _hidden(keys.CLEARANCE, rig.jack.string_clearance, CLEARANCE_STD, "m"),
-        _hidden(keys.TIME, 0.0, delay_std(rig), "s"),
+        _hidden(CLEARANCE, rig.jack.string_clearance, CLEARANCE_STD, "m"),
+        _hidden(TIME, 0.0, delay_std(rig), "s"),
     ]
-    for name, quantity in ((keys.FORCE_GAIN, "force"), (keys.VELOCITY_GAIN, "velocity")):
+    for name, quantity in ((FORCE_GAIN, "force"), (VELOCITY_GAIN, "velocity")):
         # Not 0, which would give an empty range.
         found.append(_hidden(name, 1.0, max(_channel(rig, quantity).gain_std, 1e-6)))
     found += [
-        _hidden(keys.SLIDING, 0.0, SLIDING_STD, "1/N"),
-        _hidden(keys.LATE_SLIDING, 0.0, SLIDING_STD, "1/N"),
-        _hidden(keys.RELEASE, 0.0, RELEASE_STD),
+        _hidden(SLIDING, 0.0, SLIDING_STD, "1/N"),
+        _hidden(LATE_SLIDING, 0.0, SLIDING_STD, "1/N"),
+        _hidden(RELEASE, 0.0, RELEASE_STD),
     ]
     for choir in range(1, len(rig.more_choirs) + 1):
-        stiffness, overlap, clearance = (name.format(choir) for name in keys.CHOIR)
+        stiffness, overlap, clearance = (name.format(choir) for name in CHOIR)
         found += [
             _hidden(stiffness, 1.0, CHOIR_STD),
             _hidden(overlap, 1.0, CHOIR_STD),
@@ -68,14 +84,14 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         std = assumed_std(rig, "jack.damper.stiffness") / damper.stiffness or DAMPER_STD
         lift_std = assumed_std(rig, "jack.damper.lift") or DAMPER_LIFT_STD
         found += [
-            _hidden(keys.DAMPER, 1.0, std),
-            _hidden(keys.DAMPER_LIFT, damper.lift, lift_std, "m"),
+            _hidden(DAMPER, 1.0, std),
+            _hidden(DAMPER_LIFT, damper.lift, lift_std, "m"),
         ]
-    plectrum_is_free = not {keys.MODULUS, keys.STIFFNESS, keys.OVERLAP}.isdisjoint(names)
+    plectrum_is_free = not {MODULUS, STIFFNESS, OVERLAP}.isdisjoint(names)
     if plectrum_is_free and rig.plectrum.contact == "surface":
         value = rig.plectrum.friction
-        ends = keys.ENDS[keys.FRICTION]
-        found.append(Parameter(keys.FRICTION, "", value, *ends, value, FRICTION_STD, hidden=True))
+        ends = ENDS[FRICTION]
+        found.append(Parameter(FRICTION, "", value, *ends, value, FRICTION_STD, hidden=True))
     return [parameter for parameter in found if parameter.name not in names]
 
 

@@ -1,16 +1,17 @@
-"""The result of a fit: values, uncertainties and identifiability.
-
-The right singular vectors of the scaled Jacobian are combinations of parameters. The singular
-values are the inverses of their standard uncertainties.
-"""
+"""The result of a fit: values, uncertainties and identifiability."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sautereau.analysis.identify import keys
+from sautereau.analysis.identify.combinations import (
+    IDENTIFIABLE,
+    Combination,
+    combinations,
+    covariance_of,
+    without_hidden,
+)
 from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
 from sautereau.analysis.identify.fit import Fit, informative, rms
@@ -21,7 +22,9 @@ from sautereau.analysis.identify.fixed import (
     sensitivities,
     suggestions,
 )
-from sautereau.analysis.identify.parameters import Parameter, Prior, with_parameters
+from sautereau.analysis.identify.measurements import Information, Measurement
+from sautereau.analysis.identify.parameter_names import CONTACT, FRICTION, INERTIA
+from sautereau.analysis.identify.parameters import Prior, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.quality import Quality, quality
 from sautereau.analysis.identify.residuals import InverseDynamics
@@ -32,18 +35,11 @@ from sautereau.trajectory.motion import Floats
 
 INTERVAL = 1.96
 """Half width of a 95 % interval, in standard uncertainties."""
-UNDETERMINED = 1e-7
-"""A combination is undetermined if its singular value is below this fraction of the largest."""
-IDENTIFIABLE = 0.025
-"""A parameter is identifiable if its standard uncertainty, divided by its scale, is below this. The
-ends of its 95 % interval are then at most 5 % of the scale from the value."""
 SIGNIFICANT = 3.0
 """A hidden friction is reported as a result if it differs from the rig's value by this number of
 standard uncertainties."""
 NEAR_BOUND = 1.02
 """Ratio of a compliant key's inertia to a bound up to which it counts as being at the bound."""
-LEAST_WEIGHT = 0.1
-"""Smallest weight of a parameter that is listed in a combination."""
 
 
 @dataclass(frozen=True)
@@ -66,22 +62,10 @@ class Estimate:
     identifiable: bool
     """Whether the data determine it without its prior while all others are free; see
     `IDENTIFIABLE`."""
-
-
-@dataclass(frozen=True)
-class Combination:
-    """A combination of the scaled parameters."""
-
-    weights: dict[str, float]
-    """Weight of each parameter's scaled change. The squares sum to 1; small weights are omitted."""
-    std: float | None
-    """Standard uncertainty of the combination, dimensionless; None if undetermined."""
-    identifiable: bool
-    """Whether the uncertainty is below `IDENTIFIABLE`."""
-
-    def __str__(self) -> str:
-        parts = [f"{'-' if w < 0 else '+'} {abs(w):.2f} {n}" for n, w in self.weights.items()]
-        return " ".join(parts).removeprefix("+ ")
+    needed: float
+    """Standard uncertainty below which it is identifiable."""
+    measurements: tuple[Measurement, ...]
+    """What would reduce its uncertainty most, the best first; empty if it is identifiable."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +133,7 @@ def identify(
     Args:
         presses: Recordings of one instrument.
         phases: Phases of these presses, in the same order.
-        names: Free parameters, from `keys.NAMES`.
+        names: Free parameters, from `parameter_names.NAMES`.
         priors: Prior knowledge of parameters, by name.
         level: Plectrum model.
         starts: Number of starting points: the rig's values, and points between the bounds.
@@ -168,32 +152,19 @@ def evaluate(fitted: Fit) -> Identified:
     point = values / found.scales
     data, prior = found.jacobian(point, found.data), found.prior_jacobian(point)
     rows = informative(fitted, data) / np.sqrt(good.repetition)
-    lacking = np.zeros((len(values), len(values)))
-    if fitted.moved is not None:
-        lacking = np.outer(fitted.moved, fitted.moved)
-    covariance, known = _covariance(np.vstack([rows, prior]))
-    covariance += lacking
-    stds = np.where(known, np.sqrt(np.diag(covariance)), np.inf)
+    moved = np.zeros(len(values)) if fitted.moved is None else fitted.moved
+    covariance, determined = covariance_of(np.vstack([rows, prior]))
+    covariance += np.outer(moved, moved)
+    stds = np.where(determined, np.sqrt(np.diag(covariance)), np.inf)
     fitted = _with_found_friction(fitted, stds * found.scales)
     found, dynamics = fitted.problem, fitted.problem.dynamics
     suggested = suggestions(fitted, good.scale)
-    doubts = (*_hidden_by_fit(suggested), *doubtful_modes(found.free, values, dynamics.presses))
-    if fitted.moved is not None:
-        doubts += tuple(_inertia_at_bound(found.free, values))
-    good = replace(good, reasons=(*good.reasons, *doubts))
-    alone, seen = _covariance(np.vstack([rows, prior[found.nuisances]]))
-    seen &= np.sqrt(np.diag(alone + lacking)) < IDENTIFIABLE
+    good = replace(good, reasons=(*good.reasons, *_doubts(fitted, suggested)))
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
-    free = [found.free[k] for k in shown]
+    names, hidden_prior = [p.name for p in found.free], prior[found.nuisances]
+    known = Information(names, rows, hidden_prior, np.abs(moved))
     estimates = [
-        _estimate(
-            found.free[k],
-            float(values[k]),
-            float(stds[k] * found.scales[k]),
-            identifiable=bool(seen[k]),
-            fits=good.fits,
-        )
-        for k in shown
+        _estimate(found, k, float(values[k]), float(stds[k]), known, fits=good.fits) for k in shown
     ]
     forces, rises = dynamics.residuals(values)
     offsets = [float(w.trend(f).mean()) for f, w in zip(forces, found.whitenings, strict=True)]
@@ -204,7 +175,9 @@ def evaluate(fitted: Fit) -> Identified:
         rig=with_parameters(dynamics.rig, {e.name: e.value for e in estimates}),
         estimates=tuple(estimates),
         correlation=correlation[np.ix_(shown, shown)],
-        combinations=tuple(combinations(_apart(rows, found, shown), [p.name for p in free])),
+        combinations=tuple(
+            combinations(without_hidden(rows, hidden_prior, shown), [names[k] for k in shown])
+        ),
         presses=tuple(press.name for press in dynamics.presses),
         releases=len(rises),
         level=dynamics.level,
@@ -225,7 +198,8 @@ def _with_found_friction(fitted: Fit, stds: Floats) -> Fit:
     dynamics = fitted.problem.dynamics
     free = tuple(
         replace(
-            p, hidden=p.hidden and (p.name != keys.FRICTION or abs(v - p.start) < SIGNIFICANT * std)
+            p,
+            hidden=p.hidden and (p.name != FRICTION or abs(v - p.start) < SIGNIFICANT * std),
         )
         for p, v, std in zip(dynamics.free, fitted.values.tolist(), stds.tolist(), strict=True)
     )
@@ -247,62 +221,64 @@ def _modes(found: Problem, values: Floats, stds: Floats) -> tuple[FittedMode, ..
     return tuple(sorted(modes, key=lambda mode: mode.frequency))
 
 
-def _hidden_by_fit(suggested: Sequence[Suggestion]) -> list[str]:
-    """Return reasons why the plectrum's model is wrong although the residuals may be small."""
-    return [
+def _doubts(fitted: Fit, suggested: Sequence[Suggestion]) -> list[str]:
+    """Return reasons why the model is wrong although the residuals may be small."""
+    found = fitted.problem
+    doubts = [
         f"{s.name}: freeing it would reduce the weighted sum of squares by {s.reduction:.0f}, and"
         f" {SUGGESTED:.0f} are allowed: the other parameters imitate it"
         for s in suggested
-        if s.name in (keys.FRICTION, keys.CONTACT)
+        if s.name in (FRICTION, CONTACT)
     ]
-
-
-def _inertia_at_bound(free: Sequence[Parameter], values: Floats) -> list[str]:
-    """Return a reason if the inertia of a compliant key is at a bound."""
-    return [
-        f"{keys.INERTIA}: the fit reached a bound at {value:.4g} kg m^2, so that the modes imitate"
+    doubts += doubtful_modes(found.free, fitted.values, found.dynamics.presses)
+    doubts += [
+        f"{INERTIA}: the fit reached a bound at {value:.4g} kg m^2, so that the modes imitate"
         " it: give its range by a prior, or press more slowly"
-        for parameter, value in zip(free, values.tolist(), strict=True)
-        if parameter.name == keys.INERTIA
+        for parameter, value in zip(found.free, fitted.values.tolist(), strict=True)
+        if fitted.moved is not None
+        and parameter.name == INERTIA
         and min(value / parameter.low, parameter.high / value) < NEAR_BOUND
     ]
+    return doubts
 
 
 def _estimate(
-    parameter: Parameter, value: float, std: float, *, identifiable: bool, fits: bool
+    found: Problem,
+    number: int,
+    value: float,
+    relative_std: float,
+    known: Information,
+    *,
+    fits: bool,
 ) -> Estimate:
+    """Return the result of one parameter.
+
+    Args:
+        found: The problem.
+        number: Number of the parameter.
+        value: SI, fitted value.
+        relative_std: Standard uncertainty from data and priors, divided by the scale.
+        known: What the data say without the priors of the results.
+        fits: Whether the model fits.
+    """
+    parameter, scale = found.free[number], float(found.scales[number])
     room = AT_BOUND * (parameter.high - parameter.low)
-    known = np.isfinite(std)
+    std = relative_std * scale
+    interval = np.isfinite(std) and fits
+    identifiable = known.std(number) < IDENTIFIABLE
     return Estimate(
         name=parameter.name,
         unit=parameter.unit,
         value=value,
         start=parameter.start,
-        std=std if known else None,
-        low=value - INTERVAL * std if known and fits else None,
-        high=value + INTERVAL * std if known and fits else None,
+        std=std if np.isfinite(std) else None,
+        low=value - INTERVAL * std if interval else None,
+        high=value + INTERVAL * std if interval else None,
         at_bound=min(value - parameter.low, parameter.high - value) <= room,
         identifiable=identifiable,
+        needed=IDENTIFIABLE * scale,
+        measurements=() if identifiable else known.measurements(number, scale),
     )
-
-
-def _covariance(jacobian: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the covariance of the scaled parameters, and which of them are determined."""
-    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
-    seen = singular > UNDETERMINED * max(float(singular[0]), 1e-300)
-    bounded = np.all(np.abs(directions[~seen]) < 1e-3, axis=0)
-    kept = directions[seen] / singular[seen, None]
-    return kept.T @ kept, bounded
-
-
-def _apart(data: Floats, found: Problem, shown: Sequence[int]) -> Floats:
-    """Return the Jacobian by the reported parameters, orthogonal to that by the hidden ones."""
-    hidden = [k for k in range(data.shape[1]) if k not in shown]
-    if not hidden:
-        return data
-    own = np.vstack([data, found.prior_jacobian(np.zeros(data.shape[1]))[found.nuisances]])
-    base, _ = np.linalg.qr(own[:, hidden])
-    return own[:, shown] - base @ (base.T @ own[:, shown])
 
 
 def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple[str, ...]:
@@ -325,32 +301,3 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
     if not any(len(press.releases) for press in dynamics.presses):
         found.append("no press has a pluck: plectrum, string and clearance are not identifiable")
     return tuple(found)
-
-
-def combinations(jacobian: Floats, names: Sequence[str]) -> list[Combination]:
-    """Return the combinations of parameters, the best determined first.
-
-    Args:
-        jacobian: Jacobian of the whitened residuals by the scaled parameters, shape
-            (n, parameters).
-        names: Names of the parameters.
-    """
-    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
-    found = []
-    for value, direction in zip(singular, directions, strict=True):
-        largest = int(np.argmax(np.abs(direction)))
-        direction = direction * np.sign(direction[largest])
-        order = np.argsort(-np.abs(direction))
-        std = 1 / float(value) if value > 1e-9 * max(float(singular[0]), 1e-300) else None
-        found.append(
-            Combination(
-                {
-                    names[int(i)]: float(direction[i])
-                    for i in order
-                    if abs(direction[i]) >= LEAST_WEIGHT
-                },
-                std,
-                std is not None and std < IDENTIFIABLE,
-            )
-        )
-    return found

@@ -6,7 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify import keys
+from sautereau.analysis.identify.parameter_names import (
+    ENDS,
+    FORCE,
+    FRICTION,
+    MODULUS,
+    NAMES,
+    OVERLAP,
+    STIFFNESS,
+    TIME,
+)
 from sautereau.rig.faults import fault_list, unit_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity
@@ -59,12 +68,12 @@ class Parameter:
     def scale(self, value: float) -> float:
         """Return the scale by which changes of the parameter near a value are divided."""
         width = self.high - self.low
-        return width if self.name == keys.FRICTION else max(abs(value), width / FACTOR)
+        return width if self.name == FRICTION else max(abs(value), width / FACTOR)
 
     @property
     def difference(self) -> float:
         """Step of numerical derivatives, divided by the scale."""
-        return FRICTION_DIFFERENCE if self.name == keys.FRICTION else DIFFERENCE
+        return FRICTION_DIFFERENCE if self.name == FRICTION else DIFFERENCE
 
 
 def parameters(
@@ -86,26 +95,24 @@ def parameters(
     """
     priors = priors or {}
     faults = [
-        f"{name}: no parameter has this name{_near(name, keys.NAMES)}"
+        f"{name}: no parameter has this name{_near(name, NAMES)}"
         for name in dict.fromkeys(names)
-        if name not in keys.NAMES
+        if name not in NAMES
     ]
     faults += [f"{name}: given twice; name it once" for name in set(names) if names.count(name) > 1]
-    if {keys.MODULUS, keys.STIFFNESS} <= set(names):
-        faults.append(
-            f"{keys.MODULUS}, {keys.STIFFNESS}: one determines the other; fit one of them"
-        )
+    if {MODULUS, STIFFNESS} <= set(names):
+        faults.append(f"{MODULUS}, {STIFFNESS}: one determines the other; fit one of them")
     faults += [
         f"prior of {name}: it is not fitted{_near(name, names)}; free it or omit the prior"
         for name in priors
-        if name not in names or name == keys.FORCE
+        if name not in names or name == FORCE
     ]
     found = []
     for name in names:
-        if name in keys.NAMES and name != keys.FORCE:
+        if name in NAMES and name != FORCE:
             found.append(_parameter(rig, name, priors.get(name, Prior()), faults))
     if not found and not faults:
-        faults.append(f"no parameter is free; name at least one of {', '.join(keys.NAMES[:-1])}")
+        faults.append(f"no parameter is free; name at least one of {', '.join(NAMES[:-1])}")
     if faults:
         raise AnalysisError(fault_list("identify", faults))
     return tuple(found)
@@ -120,11 +127,11 @@ def read_prior(text: str) -> tuple[str, Prior]:
     name, _, value = (part.strip() for part in text.partition("="))
     spread, ends = _SPREAD.fullmatch(value), _RANGE.fullmatch(value)
     found = spread or ends
-    if name not in keys.NAMES or found is None:
+    if name not in NAMES or found is None:
         raise AnalysisError(
             f"prior {text!r}: expected a key with a range or a standard uncertainty, such as"
             f" 'plectrum.overlap=0.1 mm to 0.5 mm' or 'key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2'"
-            f"{_near(name, keys.NAMES)}"
+            f"{_near(name, NAMES)}"
         )
     unit = unit_of_parameter(name)
     try:
@@ -144,7 +151,7 @@ def value_of(rig: Rig, name: str) -> float:
 
 def unit_of_parameter(name: str) -> str:
     """Return a parameter's SI unit; empty for a ratio."""
-    known = {keys.STIFFNESS: "N*m**2", keys.TIME: "s", keys.FORCE: "N"}
+    known = {STIFFNESS: "N*m**2", TIME: "s", FORCE: "N"}
     return known.get(name) or unit_of(Rig, name.split(".")) or ""
 
 
@@ -156,14 +163,14 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
     """
     found: dict[str, str | float] = {}
     for name, value in values.items():
-        if name == keys.STIFFNESS:
-            name, value = keys.MODULUS, value * rig.plectrum.youngs_modulus / _stiffness(rig)
-        if name == keys.TIME:
+        if name == STIFFNESS:
+            name, value = MODULUS, value * rig.plectrum.youngs_modulus / _stiffness(rig)
+        if name == TIME:
             at, channel = next(
                 (i, c) for i, c in enumerate(rig.daq.channels) if c.quantity == "velocity"
             )
             found[f"daq.channels.{at}.delay"] = format_quantity(channel.delay - value, "s")
-        elif name != keys.FORCE:
+        elif name != FORCE:
             unit = unit_of_parameter(name)
             found[name] = format_quantity(value, unit) if unit else value
     return found
@@ -174,15 +181,15 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
     changes: dict[str, dict[str, float]] = {}
     for name, value in values.items():
         section, _, field = name.partition(".")
-        if section != "offset" and name != keys.STIFFNESS:
+        if section != "offset" and name != STIFFNESS:
             changes.setdefault(section, {})[field] = value
     parts = {
         section: getattr(rig, section).model_copy(update=fields)
         for section, fields in changes.items()
     }
-    if keys.STIFFNESS in values:
+    if STIFFNESS in values:
         plectrum = parts.get("plectrum", rig.plectrum)
-        modulus = values[keys.STIFFNESS] * plectrum.youngs_modulus / plectrum.bending_stiffness
+        modulus = values[STIFFNESS] * plectrum.youngs_modulus / plectrum.bending_stiffness
         parts["plectrum"] = plectrum.model_copy(update={"youngs_modulus": modulus})
     return rig.model_copy(update=parts)
 
@@ -190,7 +197,7 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
 def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Parameter:
     """Return a parameter with its bounds; add contradictions to `faults`."""
     value, unit = value_of(rig, name), unit_of_parameter(name)
-    low, high = keys.ENDS.get(name) or rig.assumed.get(name) or _around(rig, name, value)
+    low, high = ENDS.get(name) or rig.assumed.get(name) or _around(rig, name, value)
     low = low if prior.low is None else prior.low
     high = high if prior.high is None else prior.high
     if prior.mean is not None and prior.std is not None:
@@ -213,12 +220,12 @@ def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Paramete
 
 
 def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
-    if name == keys.STIFFNESS and keys.MODULUS in rig.assumed:
+    if name == STIFFNESS and MODULUS in rig.assumed:
         ratio = _stiffness(rig) / rig.plectrum.youngs_modulus
-        low, high = rig.assumed[keys.MODULUS]
+        low, high = rig.assumed[MODULUS]
         return low * ratio, high * ratio
     low, high = sorted((value / FACTOR, value * FACTOR))
-    if name == keys.OVERLAP:
+    if name == OVERLAP:
         high = min(high, 0.9 * rig.plectrum.length)
     return low, high
 

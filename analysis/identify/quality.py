@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.fit import Fit, rms
 from sautereau.analysis.identify.noise import WINDOW
 from sautereau.analysis.identify.observed import BACK, FREE, HELD, Observed
+from sautereau.analysis.identify.parameter_names import FORCE_GAIN, TIME, VELOCITY_GAIN
 from sautereau.trajectory.motion import Floats
 
 NOISE_MAX = 1.2
@@ -37,7 +37,7 @@ INDEPENDENT = 0.6
 """Time between independent values of a smoothed force, divided by the windows of smoothing and
 averaging."""
 SAME = 0.05
-"""Largest relative difference of the velocities of presses with the same motion."""
+"""Largest RMS difference of the velocities of presses of one motion, relative to their RMS."""
 
 
 @dataclass(frozen=True)
@@ -123,10 +123,7 @@ def quality(fitted: Fit) -> Quality:
     offsets = {
         p.name: float((value - p.mean) / p.std)
         for p, value in zip(dynamics.free, fitted.values.tolist(), strict=True)
-        if p.hidden
-        and p.name in (keys.TIME, keys.FORCE_GAIN, keys.VELOCITY_GAIN)
-        and p.mean is not None
-        and p.std
+        if p.hidden and p.name in (TIME, FORCE_GAIN, VELOCITY_GAIN) and p.mean is not None and p.std
     }
     reasons += [
         f"{name}: the fit is {abs(off):.1f} standard uncertainties from the calibration"
@@ -173,28 +170,41 @@ def _repeated(
 ) -> tuple[float, float, float] | None:
     """Return the RMS [N] of the residual's repeated part, its limit, and the repetition.
 
-    The result is None unless there are at least two presses, all with the same motion.
+    Presses of different motions are compared separately; the result is that of the motion whose
+    repeated part is largest relative to its limit. It is None if no two presses have the same
+    motion.
     """
-    count = max(len(p.time) for p in presses)
-    every = np.full((len(presses), count), np.nan)
-    for row, press, residual in zip(every, presses, slow, strict=True):
-        row[: len(residual)] = np.where(press.phase == BACK, np.nan, residual)
-    alike = np.isfinite(every).all(axis=0)
-    first = presses[0].motion.velocity
-    same = all(
-        len(p.time) == len(first)
-        and np.abs(p.motion.velocity - first).max() < SAME * np.abs(first).max()
-        for p in presses
-    )
-    if len(presses) < 2 or not same or alike.sum() < 2:
-        return None
-    n, mean = len(presses), every[:, alike].mean(axis=0)
-    within = float(np.mean(np.var(every[:, alike], axis=0, ddof=1))) + floor**2
-    common = float(np.mean(mean**2)) - within / n
-    spread = np.sqrt(2 / max(1.0, alike.sum() * _independent(presses, period))) * within / n
-    allowed = np.sqrt(REPEATED_MAX**2 * within + REPEATED_STDS * spread)
-    common = max(0.0, common)
-    return float(np.sqrt(common)), float(allowed), 1 + n * common / within
+    found = []
+    for numbers in _same_motion(presses):
+        own = [presses[k] for k in numbers]
+        every = np.full((len(own), len(own[0].time)), np.nan)
+        for row, press, number in zip(every, own, numbers, strict=True):
+            row[:] = np.where(press.phase == BACK, np.nan, slow[number])
+        every = every[:, np.isfinite(every).all(axis=0)]
+        n, instants = every.shape
+        if n < 2 or instants < 2:
+            continue
+        within = float(np.mean(np.var(every, axis=0, ddof=1))) + floor**2
+        common = max(0.0, float(np.mean(every.mean(axis=0) ** 2)) - within / n)
+        spread = np.sqrt(2 / max(1.0, instants * _independent(presses, period))) * within / n
+        allowed = np.sqrt(REPEATED_MAX**2 * within + REPEATED_STDS * spread)
+        found.append((float(np.sqrt(common)), float(allowed), 1 + n * common / within))
+    return max(found, key=lambda each: each[0] / each[1], default=None)
+
+
+def _same_motion(presses: Sequence[Observed]) -> list[list[int]]:
+    """Return the numbers of the presses, grouped by their motion."""
+    groups: list[list[int]] = []
+    for number, press in enumerate(presses):
+        speed = press.motion.velocity
+        for group in groups:
+            first = presses[group[0]].motion.velocity
+            if len(speed) == len(first) and rms([speed - first]) < SAME * rms([first]):
+                group.append(number)
+                break
+        else:
+            groups.append([number])
+    return groups
 
 
 def _autocorrelation(presses: Sequence[Observed], left: Sequence[Floats]) -> float:

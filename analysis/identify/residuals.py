@@ -6,9 +6,21 @@ from functools import cached_property
 
 import numpy as np
 
-from sautereau.analysis.identify import keys
 from sautereau.analysis.identify.elastic import Bending, modes_of, noise_gain, shortest_record
 from sautereau.analysis.identify.observed import Observed
+from sautereau.analysis.identify.parameter_names import (
+    CHOIR,
+    CLOTH,
+    DAMPER,
+    DAMPER_LIFT,
+    FINGERTIP,
+    FORCE_GAIN,
+    LATE_SLIDING,
+    RELEASE,
+    SLIDING,
+    TIME,
+    VELOCITY_GAIN,
+)
 from sautereau.analysis.identify.parameters import Parameter, with_parameters
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
 from sautereau.analysis.model.key import finger_force
@@ -22,12 +34,12 @@ MODEL_STD = 5e-4
 """Accuracy of the model, divided by the largest force. Without it, small errors of the model would
 be attributed to the calibrations if the recordings have no noise."""
 NOT_OF_STRINGS = {
-    *(keys.SLIDING, keys.LATE_SLIDING, keys.RELEASE, keys.FINGERTIP),
+    *(SLIDING, LATE_SLIDING, RELEASE, FINGERTIP),
     *("key.gravity_moment", "key.pivot_coulomb_friction", "key.pivot_viscous_friction"),
     "jack.register_friction",
 }
 """Parameters that affect neither the strings' forces nor the bending of the key."""
-NOT_OF_RIGID_KEY = {keys.FORCE_GAIN, "key.inertia", "jack.mass"}
+NOT_OF_RIGID_KEY = {FORCE_GAIN, "key.inertia", "jack.mass"}
 """Further parameters of this kind if the key is rigid."""
 CACHED_POINTS = 3
 """Number of points whose string forces are cached. Most derivatives do not change the forces."""
@@ -89,9 +101,9 @@ class InverseDynamics:
             ModelError: The model has no solution there.
         """
         values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
-        rig, lag = with_parameters(self.rig, values), values.get(keys.TIME, 0.0)
-        force_gain, gain = values.get(keys.FORCE_GAIN, 1.0), values.get(keys.VELOCITY_GAIN, 1.0)
-        sliding = values.get(keys.SLIDING, 0.0), values.get(keys.LATE_SLIDING, 0.0)
+        rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
+        force_gain, gain = values.get(FORCE_GAIN, 1.0), values.get(VELOCITY_GAIN, 1.0)
+        sliding = values.get(SLIDING, 0.0), values.get(LATE_SLIDING, 0.0)
         strings = _strings(
             rig, self.level, values, rig.plectrum.friction - self.rig.plectrum.friction
         )
@@ -184,7 +196,7 @@ def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float)
     for number, stated in enumerate(choirs(rig)):
         choir = _further(stated, number, values, friction) if number else stated
         key, pluck = key_of(rig, choir), choir_pluck(choir, level)
-        late = 1 + values.get(keys.RELEASE, 0.0)
+        late = 1 + values.get(RELEASE, 0.0)
         height = choir.jack.string_clearance + late * pluck.release_height
         found.append(_String(number, choir, key, pluck, float(angle_of_rise(key, height))))
     return sorted(found, key=lambda string: string.release)
@@ -195,7 +207,7 @@ def _further(choir: Choir, number: int, values: Mapping[str, float], friction: f
 
     Its friction changes by the same amount as that of the first choir.
     """
-    names = [name.format(number) for name in keys.CHOIR]
+    names = [name.format(number) for name in CHOIR]
     if names[0] not in values:
         return choir
     stiffness, overlap, clearance = (values[name] for name in names)
@@ -218,10 +230,10 @@ def _press_state(
     rig: Rig, strings: Sequence[_String], press: Observed, values: Mapping[str, float]
 ) -> _PressState:
     """Return the state of one press; a string is held until its measured release."""
-    lag, cloth, modes = values.get(keys.TIME, 0.0), values.get(keys.CLOTH, 0.0), modes_of(values)
-    angle = values.get(keys.VELOCITY_GAIN, 1.0) * press.substep_angle
-    releases, key, damped = press.releases - lag, rig.key, values.get(keys.DAMPER, 0.0)
-    higher = values[keys.DAMPER_LIFT] - rig.jack.damper.lift if rig.jack.damper and damped else 0.0
+    lag, cloth, modes = values.get(TIME, 0.0), values.get(CLOTH, 0.0), modes_of(values)
+    angle = values.get(VELOCITY_GAIN, 1.0) * press.substep_angle
+    releases, key, damped = press.releases - lag, rig.key, values.get(DAMPER, 0.0)
+    higher = values[DAMPER_LIFT] - rig.jack.damper.lift if rig.jack.damper and damped else 0.0
 
     def forces(rigid: Floats, rise: Floats | float, pushed: Floats) -> Floats:
         """Return the forces [N] of strings and dampers on the jacks; shape (choirs, n).
@@ -253,7 +265,7 @@ def _press_state(
     every = choirs(rig)
     arms = np.array([choir.jack_arm for choir in every])
     inertia = _inertia_over_arm(rig) * key.press_arm
-    gain = values.get(keys.FORCE_GAIN, 1.0)
+    gain = values.get(FORCE_GAIN, 1.0)
     bending = Bending(modes, press, lag, gain, key.press_arm, inertia)
     # Two iterations suffice, because the strings' forces hardly depend on the bending.
     bent, rise = bending.by(arms @ (pushing - pushing[:, :1]))

@@ -96,9 +96,10 @@ def shown_stretch(
     stop = last if until is None else until
     if not first <= start < stop <= last:
         raise AnalysisError(
-            f"press {press.path}: {start * 1e3:.5g} to {stop * 1e3:.5g} ms is not within the"
-            f" recording, {first * 1e3:.5g} to {last * 1e3:.5g} ms after the trigger; change"
-            " --since or --until"
+            f"press {press.path}: an animation from {start * 1e3:.5g} to {stop * 1e3:.5g} ms is not"
+            " possible: it must start before it ends, within the recording from"
+            f" {first * 1e3:.5g} to {last * 1e3:.5g} ms after the trigger; change --since or"
+            " --until"
         )
     return start, stop
 

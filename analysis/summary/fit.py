@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from sautereau.analysis.identify import keys
+from sautereau.analysis.identify.combinations import IDENTIFIABLE
 from sautereau.analysis.identify.fixed import Sensitivity, Suggestion
-from sautereau.analysis.identify.identified import IDENTIFIABLE, Estimate, FittedMode, Identified
+from sautereau.analysis.identify.identified import Estimate, FittedMode, Identified
+from sautereau.analysis.identify.parameter_names import CONTACT
 from sautereau.analysis.identify.profile import Profile
 from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.summary.text import counted, part_of, table
@@ -79,11 +80,7 @@ def fit_lines(
         *(f"  {reason}" for reason in found.quality.reasons),
         *(_suggestion_line(suggestion) for suggestion in found.suggested),
         *table(map(_estimate_cells, found.estimates), left=(0, 2, 3, 4), indent=2, gap=1),
-        *(
-            f"{estimate.name} is not identifiable from these recordings"
-            for estimate in found.estimates
-            if not estimate.identifiable
-        ),
+        *(line for estimate in found.estimates for line in _needed_lines(estimate)),
     ]
     if not found.quality.fits:
         lines.append("no 95 % intervals: the uncertainties are those of a model that fits")
@@ -124,14 +121,14 @@ def _quality_line(good: Quality) -> str:
 
 def _suggestion_line(suggestion: Suggestion) -> str:
     gain = f"weighted sum of squares {suggestion.reduction:.0f} less"
-    if suggestion.name == keys.CONTACT:
-        return f'  suggested: set {keys.CONTACT} = "surface" in the rig ({gain})'
+    if suggestion.name == CONTACT:
+        return f'  suggested: set {CONTACT} = "surface" in the rig ({gain})'
     value = _quantity(suggestion.value, suggestion.unit)
     return f"  suggested: free {suggestion.name}, about {value} ({gain})"
 
 
 def _quantity(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit.replace('**', '^').replace('*', ' ')}".strip()
+    return f"{value:.4g} {_unit(unit)}".strip()
 
 
 def _table(found: Identified) -> list[str]:
@@ -152,6 +149,23 @@ def _table(found: Identified) -> list[str]:
 
 def _estimate_cells(estimate: Estimate) -> tuple[str, ...]:
     """Return name, value, standard uncertainty, unit and the rig's own value."""
-    unit = estimate.unit.replace("**", "^").replace("*", " ")
     spread = "undetermined" if estimate.std is None else f"+- {estimate.std:.2g}"
-    return estimate.name, f"{estimate.value:.5g}", spread, unit, f"(rig: {estimate.start:.5g})"
+    rig = f"(rig: {estimate.start:.5g})"
+    return estimate.name, f"{estimate.value:.5g}", spread, _unit(estimate.unit), rig
+
+
+def _needed_lines(estimate: Estimate) -> list[str]:
+    """Return what would make a parameter identifiable; nothing if it is."""
+    if estimate.identifiable:
+        return []
+    unit = _unit(estimate.unit)
+    helps = [f"at best +- {m.std:.2g} {unit} if you {m.what}" for m in estimate.measurements]
+    return [
+        f"{estimate.name} is not identifiable from these recordings:"
+        f" +- {estimate.needed:.2g} {unit} is needed",
+        *(f"  {each}" for each in helps or ["no single measurement would change this"]),
+    ]
+
+
+def _unit(unit: str) -> str:
+    return unit.replace("**", "^").replace("*", " ")

@@ -5,7 +5,8 @@ from typing import Any
 
 from sautereau.analysis.campaign.judged import Association, Judged
 from sautereau.analysis.campaign.labels import LEVELS
-from sautereau.analysis.summary.text import interval, table
+from sautereau.analysis.summary.text import table
+from sautereau.analysis.summary.touch import interval
 from sautereau.rig.quantities import QUANTITIES
 
 

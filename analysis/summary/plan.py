@@ -64,7 +64,7 @@ def _check_lines(checks: Sequence[Check], all_checks: bool) -> list[str]:
     ordered = sorted(checks, key=_relative_margin)
     failed = sum(not check.holds for check in checks)
     shown = ordered if all_checks else ordered[: max(TIGHTEST, failed)]
-    lines = table([("check", "value", "limit", "margin", ""), *map(_check_cells, shown)])
+    lines = table([("check", "value", "limit", "margin", ""), *map(check_cells, shown)])
     if len(shown) < len(ordered):
         lines.append(
             f"{len(ordered) - len(shown)} more checks hold by larger margins; -v lists them"
@@ -81,7 +81,7 @@ def _relative_margin(check: Check) -> float:
     return check.margin / abs(check.limit)
 
 
-def _check_cells(check: Check) -> tuple[str, ...]:
+def check_cells(check: Check) -> tuple[str, ...]:
     """Return name, value in the unit of its limit, limit, margin, and whether the check fails."""
     plain = "" if check.unit == "1" else check.unit.replace("*", " ")
     scale, unit = DISPLAYED.get(check.unit, (1.0, plain))

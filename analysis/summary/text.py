@@ -1,12 +1,13 @@
-"""Phrases and parts that several summaries share."""
+"""Phrases, tables and line breaks that all texts share."""
 
+import re
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
-from sautereau.analysis.session.repeatability import Spread
-
 SOME_SIMULATED = "SIMULATED: at least one of these presses was made on the stand-in"
 """First line of the text on presses of which any was made on a stand-in."""
+WIDTH = 80
+"""Columns of the narrowest usual terminal, to which texts are wrapped."""
 _PLURALS = {"press": "presses", "plectrum": "plectra"}
 
 
@@ -40,17 +41,34 @@ def table(
     ]
 
 
+def wrapped(text: str) -> str:
+    """Return a text whose lines of prose are broken at spaces, to fit into `WIDTH` columns.
+
+    A line with one gap of several spaces, such as `label:   text`, continues below its text. Kept
+    are lines with more gaps, which are rows of tables, and lines of two words: `report: PATH`.
+    """
+    return "\n".join(_wrapped_line(line) for line in text.split("\n"))
+
+
+def _wrapped_line(line: str) -> str:
+    gaps = [gap.end() for gap in re.finditer(r"(?<=\S) {2,}", line)]
+    if len(line) <= WIDTH or len(gaps) > 1 or len(line.split()) <= 2:
+        return line
+    first, *words = re.findall(r" *\S+", line)
+    indent = gaps[0] if gaps else len(first) - len(first.lstrip()) + 2
+    lines = [first]
+    for word in words:
+        below = " " * indent + word.lstrip()
+        if len(lines[-1] + word) <= WIDTH or len(below) > WIDTH:
+            lines[-1] += word
+        else:
+            lines.append(below)
+    return "\n".join(lines)
+
+
 def part_of(found: object, *names: str) -> dict[str, Any]:
     """Return some attributes of a result by their names."""
     return {name: getattr(found, name) for name in names}
-
-
-def interval(spread: Spread | None, scale: float = 1.0, digits: int = 4) -> str:
-    """Return a figure with its interval: `0.34 (0.3 to 0.38)`; `-` for None."""
-    if spread is None:
-        return "-"
-    value, low, high = (f"{scale * v:.{digits}g}" for v in (spread.value, spread.low, spread.high))
-    return f"{value} ({low} to {high})"
 
 
 def percent(ratio: float) -> str:

@@ -62,7 +62,7 @@ def transient_lines(examined: Sequence[Examined], found: Sequence[Attributed]) -
     lines = [SOME_SIMULATED] if any(press.simulated for press in examined) else []
     lines.append(
         f"{counted(len(found), 'oscillation')} in {counted(len(examined), 'press')}; amplitudes at"
-        " the start of the phase that shows it best:"
+        " the start of the clearest phase:"
     )
     if found:
         heads = [

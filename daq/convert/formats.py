@@ -85,7 +85,8 @@ def open_source(path: Path) -> ImportSource:
         RecordingError: The file does not exist, has an unknown extension, or is damaged.
     """
     if not path.is_file():
-        raise RecordingError("no such file; check its name and folder")
+        found = "it is a folder; give a file in it"
+        raise RecordingError(found if path.is_dir() else "no such file; check its name and folder")
     extension = path.suffix.lower().removeprefix(".")
     if extension not in FORMATS.names():
         raise RecordingError(

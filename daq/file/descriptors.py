@@ -1,12 +1,16 @@
 """The messages of a recording, as protobuf descriptors built without a compiler.
 
+sautereau.proto and foxglove.proto declare them.
+
 Arrays exist twice. The declared message, whose descriptor is in the file for viewers, has
 ``repeated double`` fields. Its twin has ``bytes`` instead: packed little-endian doubles are the
 same bytes on the wire, and numpy reads them without parsing.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
+from pathlib import Path
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
 from google.protobuf.message import DecodeError, Message
@@ -28,102 +32,44 @@ INFO, ERROR = 2, 4
 """Levels of a `LOG`."""
 
 _Field = descriptor_pb2.FieldDescriptorProto
-_Fields = Mapping[str, "str | tuple[int, str]"]
-"""Type of each field, with its number if that is not its place."""
-_ARRAY = "doubles"
-_TIMESTAMP = "google.protobuf.Timestamp"
+_Fields = Mapping[str, tuple[int, str]]
+"""Number and type of each field."""
+_ARRAY = "repeated double"
+_MESSAGE = re.compile(r"^message (\w+) \{(.*?)\}", re.DOTALL | re.MULTILINE)
+_FIELD = re.compile(r"((?:repeated )?[\w.]+) (\w+) = (\d+);")
 
-FIELDS: dict[str, dict[str, str]] = {
-    # t0: date of the trigger, ns since 1970; first_sample, begin: index of the first sample of
-    # this block and of the recording, counted from the trigger; rate: Hz; data: the samples of one
-    # channel after the other, of the type in the topic's metadata.
-    "Block": {
-        "t0": "sfixed64",
-        "first_sample": "sfixed64",
-        "rate": "double",
-        "begin": "sfixed64",
-        "data": "bytes",
-    },
-    # t: s after the trigger; q1, q2: rad; jack_rise: m.
-    "Plan": {"t": _ARRAY, "q1": _ARRAY, "q2": _ARRAY, "jack_rise": _ARRAY},
-    # t: s after the trigger on the controller's clock; q1, q2: rad.
-    # e1, e2: following errors in rad; m1, m2: motor torques in N m; empty if not recorded.
-    "Joints": dict.fromkeys(("t", "q1", "q2", "e1", "e2", "m1", "m2"), _ARRAY),
-    # Format 1: as Block, of one channel, in V; first_sample used to be uint64, which has the same
-    # bytes from 0 up.
-    "Samples": {
-        "t0": "int64",
-        "first_sample": "int64",
-        "rate": "double",
-        "volts": _ARRAY,
-        "begin": "int64",
-    },
-    # Format 1. time: s after the trigger; std: s, standard uncertainty of it.
-    "Event": {"time": "double", "kind": "string", "text": "string", "std": "double"},
-}
+
+def _declared(package: str) -> dict[str, _Fields]:
+    """Return the messages that PACKAGE.proto beside this file declares."""
+    text = Path(__file__).with_name(f"{package}.proto").read_text("utf-8")
+    return {
+        name: {field: (int(number), kind) for kind, field, number in _FIELD.findall(body)}
+        for name, body in _MESSAGE.findall(text)
+    }
+
+
+FIELDS, _FOXGLOVE = _declared(PACKAGE), _declared("foxglove")
 """Fields of each message, in the order of their numbers."""
-_FOXGLOVE: dict[str, _Fields] = {
-    "Log": {
-        "timestamp": _TIMESTAMP,
-        "level": "enum",
-        "message": "string",
-        "name": "string",
-        "time": (15, "double"),  # s after the trigger; this and the next are not Foxglove's
-        "std": (16, "double"),  # s, standard uncertainty of it
-    },
-    "SceneUpdate": {"entities": (2, "repeated foxglove.SceneEntity")},
-    "SceneEntity": {
-        "timestamp": _TIMESTAMP,
-        "frame_id": "string",
-        "id": "string",
-        "lines": (11, "repeated foxglove.LinePrimitive"),
-    },
-    "LinePrimitive": {  # type 0, a strip of lines, is the default
-        "pose": (2, "foxglove.Pose"),
-        "thickness": (3, "double"),
-        "scale_invariant": (4, "bool"),
-        "points": (5, "repeated foxglove.Point3"),
-        "color": (6, "foxglove.Color"),
-    },
-    "FrameTransforms": {"transforms": "repeated foxglove.FrameTransform"},
-    "FrameTransform": {
-        "timestamp": _TIMESTAMP,
-        "parent_frame_id": "string",
-        "child_frame_id": "string",
-        "translation": "foxglove.Vector3",
-        "rotation": "foxglove.Quaternion",
-    },
-    "Pose": {"position": "foxglove.Vector3", "orientation": "foxglove.Quaternion"},
-    "Vector3": dict.fromkeys("xyz", "double"),
-    "Quaternion": dict.fromkeys("xyzw", "double"),
-    "Point3": dict.fromkeys("xyz", "double"),
-    "Color": dict.fromkeys("rgba", "double"),
-}
-"""The fields of Foxglove's messages that are used."""
 MOTION = tuple(name for name in FIELDS["Joints"] if name != "t")
 """Numbers in each row of the message Motion."""
 ARRAYS = {
-    name: [field for field, kind in fields.items() if kind == _ARRAY]
+    name: [field for field, (_, kind) in fields.items() if kind == _ARRAY]
     for name, fields in FIELDS.items()
 }
 
 
 def _add(file: descriptor_pb2.FileDescriptorProto, name: str, fields: _Fields) -> None:
     message = file.message_type.add(name=name)
-    for place, (field, kind) in enumerate(fields.items(), 1):
-        number, kind = kind if isinstance(kind, tuple) else (place, kind)
+    for field, (number, kind) in fields.items():
         added = message.field.add(name=field, number=number, label=_Field.LABEL_OPTIONAL)
         if kind == _ARRAY:
-            added.type = _Field.TYPE_DOUBLE
-            added.label = _Field.LABEL_REPEATED
             added.options.packed = True
-            continue
         if kind.startswith("repeated "):
             kind, added.label = kind.removeprefix("repeated "), _Field.LABEL_REPEATED
         scalar = f"TYPE_{kind.upper()}"
         added.type = getattr(_Field, scalar, _Field.TYPE_MESSAGE)
-        if kind == "enum":
-            added.type_name = f".{file.package}.{name}.Level"
+        if kind == "Level":
+            added.type, added.type_name = _Field.TYPE_ENUM, f".{file.package}.{name}.Level"
             levels = message.enum_type.add(name="Level")
             for level, text in enumerate(("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL")):
                 levels.value.add(name=text, number=level)
@@ -160,7 +106,7 @@ def schema_data(rows: Mapping[str, Iterable[str]]) -> bytes:
     """
     messages: dict[str, _Fields] = {
         **{name: fields for name, fields in FIELDS.items() if name not in FORMAT_1_ONLY},
-        **{message: dict.fromkeys(names, "float") for message, names in rows.items()},
+        **{m: {name: (i, "float") for i, name in enumerate(n, 1)} for m, n in rows.items()},
     }
     declared = descriptor_pb2.FileDescriptorSet(file=list(_files(PACKAGE, messages)))
     return declared.SerializeToString(deterministic=True)
@@ -194,7 +140,7 @@ def twins() -> dict[str, type[Message]]:
     package = f"{PACKAGE}.wire"
     pool = descriptor_pool.DescriptorPool()
     twins: dict[str, _Fields] = {
-        name: {field: "bytes" if kind == _ARRAY else kind for field, kind in fields.items()}
+        name: {f: (i, "bytes" if kind == _ARRAY else kind) for f, (i, kind) in fields.items()}
         for name, fields in FIELDS.items()
     }
     for file in _files(package, twins):

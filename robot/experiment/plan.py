@@ -95,7 +95,7 @@ def digest(path: Path) -> str:
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
-        raise RobotError(f"{path}: cannot be read: {error.strerror}; give its path") from error
+        raise RobotError(f"{path}: cannot be read: {error.strerror}; check its name") from error
 
 
 def to_set(rig: Rig, set_before: Mapping[str, Any], row: Row) -> dict[str, Any]:

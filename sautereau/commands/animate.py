@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from sautereau.analysis.summary.text import part_of
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput
 
@@ -100,12 +101,8 @@ def listen(
     result = {
         "path": str(out),
         "sample_rate": SAMPLE_RATE,
-        "duration": sound.duration,
-        "full_scale": sound.full_scale,
         "level": LEVEL,
-        "releases": sound.releases,
-        "decay_times": sound.decay_times,
-        "modes": sound.modes,
+        **part_of(sound, "duration", "full_scale", "releases", "decay_times", "modes"),
     }
     heard = zip(sound.releases, sound.modes, sound.decay_times, strict=True)
     lines = [

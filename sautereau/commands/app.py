@@ -120,7 +120,9 @@ def main() -> None:
     except Exception as error:
         from sautereau.rig.errors import SautereauError
 
-        if isinstance(error, SautereauError | OSError):
+        if isinstance(error, ImportError) and isinstance(error.__context__, KeyboardInterrupt):
+            status = _interrupted(error.__context__, as_json)  # while a compiled module was loaded
+        elif isinstance(error, SautereauError | OSError):
             status = fail(as_json, _with_notes(_text(error), error))
         elif as_json:
             status = fail(True, f"bug: {error!r}", traceback=traceback.format_exc())

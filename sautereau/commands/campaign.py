@@ -5,9 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.text import SOME_SIMULATED, counted
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted, part_of
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, Output
+from sautereau.commands.output import FileOutput, Output, make_folders
 
 SHOWN = 20
 """Faulty recordings that the text lists; JSON lists all."""
@@ -27,8 +27,8 @@ def campaign(
 ) -> int:
     """Write one table of the features of all recordings in a folder.
 
-    Run it again to continue after an interruption, or to add new recordings. It does not read
-    recordings again that are in the table. Faulty recordings are listed and omitted.
+    Run it again to continue after an interruption, or to add new recordings. Recordings that are
+    in the table are not read again. Faulty recordings are listed and omitted.
 
     Parameters
     ----------
@@ -41,18 +41,17 @@ def campaign(
 
     if processes is not None and cluster is not None:
         return output.fail("--processes and --cluster exclude each other; give one of them", 2)
+    make_folders(out)
     where = processes if cluster is None else cluster
     with output.progress("reading recordings"):
         made = run_campaign(folder, out, where)
     found = made.campaign
     presses, faults = len(found.table), found.faults
     result = {
-        "table": str(out),
+        "table": out,
         "presses": presses,
         "simulated": found.simulated,
-        "read": made.read,
-        "kept": made.kept,
-        "dropped": made.dropped,
+        **part_of(made, "read", "kept", "dropped"),
         "faults": [{"path": f.source.path, "fault": f.text} for f in faults],
     }
     lines = [
@@ -84,7 +83,7 @@ def touch(
         Table written by `sautereau campaign`.
     labels
         CSV of judgements: a column `touch` (soft, medium, hard) and one of path, session,
-        plectrum or rig. Default: the lines `touch: hard` in the notes of the recordings.
+        plectrum or rig. Default: lines such as "touch: hard" in the notes of the recordings.
     """
     from sautereau.analysis.campaign.judged import find_judged
     from sautereau.analysis.campaign.judgements import with_labels

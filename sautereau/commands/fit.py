@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput
+from sautereau.commands.output import FileOutput, make_folders
 
 
 def phases(
@@ -59,7 +59,8 @@ def compare(
 ) -> int:
     """Compare recorded presses with the model, or with another set of presses.
 
-    Presses of different rigs, scenes or days are not pooled but compared separately.
+    Presses of different rigs, scenes or days are not pooled but compared separately. The plot
+    shows the first set of presses and the model.
 
     Parameters
     ----------
@@ -127,6 +128,7 @@ def identify(
 
     names = [name.strip() for name in free.split(",") if name.strip()]
     output.refuse(out)
+    make_folders(out)
     session = common.opened(files, output, samples=True)
     with output.progress("fitting"):
         fit = session.identify(names, prior or (), level=level, starts=starts, robust=robust)

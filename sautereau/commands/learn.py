@@ -4,6 +4,7 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sautereau.analysis.summary.text import part_of
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput
 
@@ -53,13 +54,10 @@ def learn(
         else "no correction reduced the speed error"
     )
     result = {
-        "rms_speed_error": list(found.errors),
-        "stopped": found.stopped,
-        "learned": str(found.path) if found.path else None,
-        "recordings": [str(press.path) for press in found.session],
-        "simulated": found.simulated,
-        "seed": found.seed,
-        "warnings": list(found.warnings),
+        "rms_speed_error": found.errors,
+        "learned": found.path,
+        "recordings": [press.path for press in found.session],
+        **part_of(found, "stopped", "simulated", "seed", "warnings"),
     }
     lines += [f"recording:  {press.path}" for press in found.session]
     return output.answer(result, lines)

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sautereau.commands.output import Output, printable, wrapped
+from sautereau.analysis.summary.text import wrapped
+from sautereau.commands.output import Output, printable
 
 _ROOT = logging.getLogger("sautereau")
 

@@ -2,7 +2,6 @@
 
 import logging
 import os
-import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,10 +11,10 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from sautereau.analysis.summary.text import wrapped
+
 SCHEMA = 1
 """Version of the JSON that commands print; raised when a key changes its name or meaning."""
-WIDTH = 80
-"""Columns of the narrowest usual terminal, to which texts are wrapped."""
 ESTIMATED_OVER = 600.0
 """s, over which the speed is averaged that gives the time left."""
 _GENERAL = Group("General options", sort_key=100)
@@ -125,21 +124,10 @@ class FileOutput(Output):
         """Make the folders of new files; see `replacing` about existing files.
 
         Raises:
-            SautereauError: Lists the files that exist and the folders that cannot be written.
-            OSError: A folder cannot be made.
+            SautereauError: Lists the files that exist, or the folders that cannot be written.
         """
-        from sautereau.rig.disk import make_folder
-        from sautereau.rig.errors import SautereauError
-
         with self.replacing(*paths):
-            folders = dict.fromkeys(path.parent for path in paths if path)
-            for folder in folders:
-                make_folder(folder)
-            refused = [f"{folder}" for folder in folders if not os.access(folder, os.W_OK)]
-            if refused:
-                raise SautereauError(
-                    f"no permission to write into {', '.join(refused)}; give another folder"
-                )
+            make_folders(*paths)
             yield
 
     @contextmanager
@@ -172,6 +160,28 @@ class FileOutput(Output):
         if faults:
             raise SautereauError("\n".join(faults))
         return there
+
+
+def make_folders(*paths: Path | None) -> None:
+    """Make the folders of files to write, before a long computation.
+
+    Raises:
+        SautereauError: Lists the folders that cannot be made or written.
+    """
+    from sautereau.rig.disk import make_folder, why_unreadable
+    from sautereau.rig.errors import SautereauError
+
+    faults = []
+    for folder in dict.fromkeys(path.parent for path in paths if path):
+        try:
+            make_folder(folder)
+        except OSError as error:
+            faults.append(f"folder {folder}: it cannot be made: {why_unreadable(error)}")
+        else:
+            if not os.access(folder, os.W_OK):
+                faults.append(f"folder {folder}: no permission to write into it")
+    if faults:
+        raise SautereauError("\n".join([*faults, "give another folder"]))
 
 
 def _write(text: str) -> None:
@@ -225,31 +235,6 @@ def printable(text: str) -> str:
     terminal, nor a mark that changes the direction of writing.
     """
     return text.translate(_CONTROL)
-
-
-def wrapped(text: str) -> str:
-    """Return a text whose lines of prose are broken at spaces, to fit into `WIDTH` columns.
-
-    A line with one gap of several spaces, such as `label:   text`, continues below its text. Kept
-    are lines with more gaps, which are rows of tables, and lines of two words: `report: PATH`.
-    """
-    return "\n".join(_wrapped_line(line) for line in text.split("\n"))
-
-
-def _wrapped_line(line: str) -> str:
-    gaps = [gap.end() for gap in re.finditer(r"(?<=\S) {2,}", line)]
-    if len(line) <= WIDTH or len(gaps) > 1 or len(line.split()) <= 2:
-        return line
-    first, *words = re.findall(r" *\S+", line)
-    indent = gaps[0] if gaps else len(first) - len(first.lstrip()) + 2
-    lines = [first]
-    for word in words:
-        below = " " * indent + word.lstrip()
-        if len(lines[-1] + word) <= WIDTH or len(below) > WIDTH:
-            lines[-1] += word
-        else:
-            lines.append(below)
-    return "\n".join(lines)
 
 
 def fail(as_json: bool, message: str, status: int = 1, **more: str) -> int:

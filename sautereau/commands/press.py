@@ -37,7 +37,7 @@ def press(
     Parameters
     ----------
     n
-        Number of presses. With a table: number of presses of each row without `repeats`.
+        Number of presses. With a table: number of presses of each row with an empty cell `repeats`.
     table
         CSV file of presses. Its columns are keys of the rig file (press.jack_speed), with values
         and units in the cells, and optionally `repeats` and `notes`. If a row changes the

@@ -133,12 +133,7 @@ class _Results:
         for line in found.lines:
             self._output.say(line)
         self._output.warn(*(f"{name}: {warning}" for warning in found.warnings))
-        self._steps[name] = {
-            "lines": list(found.lines),
-            "values": dict(found.values),
-            "figures": dict(found.figures),
-            "warnings": list(found.warnings),
-        }
+        self._steps[name] = asdict(found)
         self._values |= {
             key: value
             for key, value in found.values.items()
@@ -174,7 +169,7 @@ class _Results:
 
     def _closing(self, saved: bool) -> str:
         if not self._values:
-            return "the rig file already contains these values"
+            return "there is nothing to write into a rig file"
         if saved:
             return f"written into {self._rig}"
         found = ", ".join(f"{key} = {value}" for key, value in self._values.items())

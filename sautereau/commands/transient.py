@@ -17,12 +17,12 @@ def transient(
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Find oscillations in presses of one rig, each of string, key, finger or transducer.
+    """Find oscillations in presses of one rig, and the source of each.
 
     Parameters
     ----------
     known
-        Frequency of a mode known from another measurement, "key=350 Hz", "finger=..." or
+        Source and frequency of a mode that another measurement gave: "key=350 Hz", "finger=..." or
         "transducer=...". Repeat it for several.
     """
     from sautereau.analysis.alike import check_alike

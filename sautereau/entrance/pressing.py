@@ -100,9 +100,8 @@ class Pressing:
 
     def run(self, observer: Observer) -> None:
         """Make the presses that are not yet in the folder."""
-        bench, fresh = self.bench, None
-        if bench.scene is not None:
-            fresh = fresh_seed()
+        bench = self.bench
+        fresh = None if bench.scene is None else fresh_seed()
         with only_session(self._out):
             self.folder = SessionFolder(self._out, self.plan, bench.seed, fresh, current_scene)
             observer.begin(self.folder)

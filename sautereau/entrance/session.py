@@ -174,7 +174,8 @@ class Session(Shown, Sequence[PressFile]):
 
         if out is None and self.folder is None:
             raise AnalysisError(
-                "report: the presses were not opened as one folder; give the file to write, `out`"
+                "report: the presses were not given as one folder; give the folder of the session,"
+                " or the file to write (--out, or `out`)"
             )
         page = Path(out) if out is not None else Path(self.folder or "") / PAGE
         paths = [press.path for press in self]
@@ -196,10 +197,17 @@ def open(what: "str | Path | Iterable[str | Path]", *, folder: str | Path | None
         folder: Folder of the recordings of a campaign's table; None for that of the table.
 
     Raises:
-        AnalysisError: There is no recording.
+        AnalysisError: Lists the parts of `what` without a recording.
     """
     parts = [what] if isinstance(what, str | Path) else list(what)
-    found = [recordings_of(part, folder) for part in parts]
+    found, faults = [], []
+    for part in parts:
+        try:
+            found.append(recordings_of(part, folder))
+        except AnalysisError as error:
+            faults.append(str(error))
+    if faults:
+        raise AnalysisError("\n".join(faults))
     home = Path(parts[0]) if len(parts) == 1 and Path(parts[0]).is_dir() else None
     paths = [path for some, _ in found for path in some]
     return Session(paths, [warning for _, some in found for warning in some], home)

@@ -25,11 +25,11 @@ def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iter
         wait: Waits for seconds.
 
     Raises:
-        AnalysisError: There is no such folder.
+        AnalysisError: It is not a folder.
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise AnalysisError(f"{folder}: there is no such folder; give the folder of the recordings")
+        raise AnalysisError(f"{folder}: this is not a folder; give the folder of the recordings")
     return _sessions(folder, wait)
 
 

@@ -191,9 +191,12 @@ class SocketPort(Port):
         handler: Takes the received bytes, returns the answer.
     """
 
+    scheme = "socket"
+    """Scheme of the URL."""
+
     def _open(self) -> None:
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self.url = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
+        self.url = f"{self.scheme}://127.0.0.1:{self._listener.getsockname()[1]}"
 
     def _close(self) -> None:
         self._listener.close()

@@ -4,32 +4,36 @@ import contextlib
 import socket
 
 from sautereau.sim_backend.devices.emulators import Handles
-from sautereau.sim_backend.devices.serial_port import MOST_UNREAD, Port, PortGone, accepted, ready
+from sautereau.sim_backend.devices.serial_port import (
+    MOST_UNREAD,
+    PortGone,
+    SocketPort,
+    accepted,
+    ready,
+)
 
 _CHUNK = 4096
 
 
-class TcpPort(Port):
+class TcpPort(SocketPort):
     """A TCP port on loopback, for several hosts or connections at a time.
 
     Args:
         controller: Answers them.
     """
 
+    scheme = "tcp"
+
     def __init__(self, controller: Handles) -> None:
         super().__init__()
         self._controller = controller
         self._connections: dict[socket.socket, tuple[str, bytearray]] = {}
 
-    def _open(self) -> None:
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.url = f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
-
     def _close(self) -> None:
         for connection in self._connections:
             connection.close()
         self._connections.clear()
-        self._listener.close()
+        super()._close()
 
     def _serve(self) -> None:
         while True:

@@ -55,8 +55,6 @@ class PressDrive:
         self.start = (first, second)
         self._last = segments.total_samples
         self.samples = LEAD + self._last + TAIL
-        self.breaks: Floats = np.asarray(LEAD + segments.ends, float) * self.period
-        """s, joints between the cubics of the reference; shape (n,)."""
         self._cubics = segment_cubics(segments, 1 / self.radians, self.period)
 
     def reference(self, sample: int) -> Reference:

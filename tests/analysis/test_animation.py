@@ -38,7 +38,7 @@ def scene(make_press):
     [
         (-1.0, "must be above 0"),
         (np.nan, "must be above 0"),
-        (0.1, "1 frames"),
+        (0.1, "1 frame;"),
         (1e6, "frames; it must have 2 to 1500"),
     ],
 )

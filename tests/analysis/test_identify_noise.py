@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 
 from sautereau.analysis.identify.noise import noise_at_rest
-from sautereau.analysis.identify.problem import autocovariance, whitening
+from sautereau.analysis.identify.whitening import autocovariance, whitening
 from sautereau.trajectory.motion import Motion
 
 STEP = 0.5e-3
@@ -28,7 +28,7 @@ def with_gaps(count):
 @pytest.mark.parametrize("free_offset", [False, True])
 def test_whitening_is_that_of_the_dense_covariance(free_offset):
     used = with_gaps(400)
-    covariance = 0.8 ** np.arange(100) * 4e-6
+    covariance = 4e-6 * np.power(0.8, np.arange(100.0))
     white = whitening(used, covariance, free_offset)
     at = np.flatnonzero(used)
     dense = toeplitz(np.r_[covariance, np.zeros(300)])[np.ix_(at, at)]

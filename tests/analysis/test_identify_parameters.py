@@ -3,7 +3,7 @@
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.keys import NAMES
+from sautereau.analysis.identify.parameter_names import NAMES
 from sautereau.analysis.identify.parameters import (
     Prior,
     parameters,

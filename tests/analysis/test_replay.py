@@ -166,5 +166,5 @@ def test_the_shown_interval_must_be_in_the_recording(press, phases):
     assert stop == press.data.index[-1]
     assert shown_stretch(press, phases, 0.05, 0.06) == (0.05, 0.06)
     for since, until in ((-1.0, None), (0.06, 0.05), (None, 9.0), (0.05, 0.05)):
-        with pytest.raises(AnalysisError, match="is not within the recording"):
+        with pytest.raises(AnalysisError, match="must start before it ends, within the recording"):
             shown_stretch(press, phases, since, until)

@@ -214,12 +214,20 @@ def test_errors_of_every_command_are_json_under_json(sautereau):
         assert "none" in error["message"]
 
 
+def _import_error() -> ImportError:
+    """Return what a compiled module raises if Ctrl-C comes while it is loaded."""
+    error = ImportError("initialization failed")
+    error.__context__ = KeyboardInterrupt()
+    return error
+
+
 @pytest.mark.parametrize(
     ("error", "message", "status"),
     [
         (KeyboardInterrupt(), "interrupted\nthe arm is off", 130),
         (KeyboardInterrupt("SIGTERM"), "interrupted\nthe arm is off", 143),
         (RuntimeError("oh"), "bug: RuntimeErr", 1),
+        (_import_error(), "interrupted", 130),
     ],
 )
 def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, message, status):

@@ -45,7 +45,7 @@ def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     assert [len(c.presses) for c in session.compare().found.conditions] == [1, 1]
     assert session.report().path == Path("monday/report.html")
     assert (session.report("page.html").presses, session.folder) == (2, Path("monday"))
-    with pytest.raises(SautereauError, match="not opened as one folder"):
+    with pytest.raises(SautereauError, match="not given as one folder"):
         session[:1].report()
     assert session.plot()._repr_png_().startswith(b"\x89PNG")
     assert "condition 1 of 2, day" in session.compare().plot().get_suptitle()

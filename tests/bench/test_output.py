@@ -117,3 +117,21 @@ def test_progress_of_parts_is_part_of_the_progress():
                 pass
     assert shown == [0.25, 0.5, 0.5, 0.75, 1.0, 1.0]
     assert list(tracked("ab")) == ["a", "b"]
+
+
+def test_folders_that_cannot_be_written_are_all_reported_first(sautereau, tmp_path):
+    (tmp_path / "file").touch()
+    done = sautereau("plan", "--plot", "file/a.png", "--out", "file/b/c.json", "--bench", "d/e.png")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "folder file: it cannot be made" in done.stderr
+    assert "folder file/b: it cannot be made" in done.stderr
+    assert not (tmp_path / "d" / "e.png").exists()
+    assert sautereau("plan", "--bench", "d/e/f.png").returncode == 0
+    assert (tmp_path / "d" / "e" / "f.png").is_file()
+
+
+def test_all_missing_recordings_are_reported(sautereau):
+    done = sautereau("phases", "a.mcap", "b.mcap")
+    assert done.returncode == 1
+    assert "a.mcap: there is no such file" in done.stderr
+    assert "b.mcap: there is no such file" in done.stderr

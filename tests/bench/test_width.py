@@ -5,8 +5,8 @@ import shutil
 
 import pytest
 
+from sautereau.analysis.summary.text import WIDTH, wrapped
 from sautereau.commands.app import app
-from sautereau.commands.output import WIDTH, wrapped
 from tests.pages import ROOT
 
 QUICK = {

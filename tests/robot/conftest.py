@@ -14,6 +14,7 @@ from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.drivers.galil.program import controller_program, signature
 from sautereau.trajectory.segments import Segments
 from tests.emulated import ScriptedPort
+from tests.robot.motions import no_keep_alive
 
 REVISION = "DMC4020 Rev 1.3c-SIM"
 STATE = "MG 4711,_MOA,_MOB,_BGA,_BGB,_OFA,_OFB"
@@ -318,7 +319,7 @@ def bench(rig):
             open_port=transcript.open,
             clock=time.clock,
             sleep=time.sleep,
-            keep_alive=lambda renew, period: contextlib.nullcontext(),
+            keep_alive=no_keep_alive,
         )
         made.append(transcript)
         return controller, transcript
@@ -337,7 +338,7 @@ def terminal(rig):
         end = Terminal([pair for part in parts for pair in part])
         made.append(end)
         at = with_values(rig, {"controller.port": end.port})
-        return GalilController(at, keep_alive=lambda *_: contextlib.nullcontext()), end
+        return GalilController(at, keep_alive=no_keep_alive), end
 
     yield make
     for end in made:

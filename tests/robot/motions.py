@@ -1,6 +1,12 @@
 """Motions of an arm in tests: a press up to its end, and one that is stopped."""
 
+import contextlib
 import threading
+
+
+def no_keep_alive(*_):
+    """Give the controller no signs of life."""
+    return contextlib.nullcontext()
 
 
 def stop_after(controller, setpoints):

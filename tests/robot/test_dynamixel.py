@@ -1,6 +1,5 @@
 """The driver of bus servos: what it refuses, how it plays a motion, and how it leaves the arm."""
 
-import contextlib
 import shutil
 import sys
 from importlib import resources
@@ -30,7 +29,7 @@ from sautereau.sim_backend.devices.dynamixel.firmware import Servos
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
 from tests.emulated import EmulatedPort
-from tests.robot.motions import stop_after
+from tests.robot.motions import no_keep_alive, stop_after
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -71,9 +70,7 @@ def port(rig):
 
 @pytest.fixture
 def controller(rig, port):
-    return DynamixelController(
-        rig, open_port=port.open, keep_alive=lambda *_: contextlib.nullcontext()
-    )
+    return DynamixelController(rig, open_port=port.open, keep_alive=no_keep_alive)
 
 
 def segments_from(start):

@@ -12,6 +12,7 @@ from sautereau.robot.controller import play
 from sautereau.robot.drivers.ethernet import EthernetPort
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.errors import LineLost, PortUnavailable
+from tests.robot.motions import no_keep_alive
 
 
 @pytest.fixture
@@ -55,7 +56,7 @@ def connect(lines):
 
 def on(rig, port):
     at = with_values(rig, {"controller.port": port})
-    return GalilController(at, keep_alive=lambda *_: contextlib.nullcontext())
+    return GalilController(at, keep_alive=no_keep_alive)
 
 
 def test_a_press_over_ethernet(rig, lines, handle, segments):

@@ -12,8 +12,8 @@ def test_the_page_is_up_to_date():
 
 def test_every_operand_and_program_line_is_explained_and_nothing_else():
     commands, operands = sent()
-    assert set(operands) == set(OPERANDS)
-    assert set(commands) == set(COMMANDS)
+    assert set(operands) == OPERANDS
+    assert set(commands) == COMMANDS
     for line in controller_program(1):
         if line.startswith("#"):
             assert line in ROUTINES or line[1:5].isalpha()

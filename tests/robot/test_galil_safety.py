@@ -11,12 +11,11 @@ from sautereau.robot.errors import (
     GarbledAnswer,
     MotionFault,
     NotReady,
-    RobotError,
     SettingNotTaken,
     UnsafeRequest,
 )
 from sautereau.trajectory.segments import Segments
-from tests.robot.motions import run_to_wait
+from tests.robot.motions import no_keep_alive, run_to_wait
 
 FAULTS = ("#CMDERR", "#POSERR", "#LIMSWI", "#AMPERR", "#TCPERR", "#SAFE")
 
@@ -56,14 +55,6 @@ def test_an_active_input_keeps_the_power_off(bench, lines, state, said):
     controller, _ = bench(lines.connect, asked, lines.off)
     with controller, pytest.raises(SettingNotTaken, match=said), controller.powered():
         pass
-
-
-def test_a_trigger_output_that_is_a_brake(bench, lines):
-    brake = [(lines.memory[1][0], " 4711.0000 100.0000 0.0000\r\n:")]
-    at = lines.connect.index(lines.memory[1])
-    controller, _ = bench(lines.connect[:at], brake)
-    with pytest.raises(RobotError, match="is the brake of joint 1: its BW is 100"):
-        controller.connect()
 
 
 @pytest.mark.parametrize(
@@ -150,12 +141,6 @@ def test_a_real_controller_is_only_powered_as_it_was_verified(
             with pytest.raises(NotReady, match=said), controller.powered():
                 pass
     transcript.check()
-
-
-def no_keep_alive(*_):
-    import contextlib
-
-    return contextlib.nullcontext()
 
 
 def test_segments_off_the_controllers_steps_are_refused(segments):

@@ -1,6 +1,5 @@
 """The driver of an ODrive: what it sends, what it refuses, and how it leaves the arm."""
 
-import contextlib
 import itertools
 import threading
 import time
@@ -25,7 +24,7 @@ from sautereau.robot.errors import (
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
 from sautereau.trajectory.segments import Segments
 from tests.emulated import EmulatedPort
-from tests.robot.motions import stop_after
+from tests.robot.motions import no_keep_alive, stop_after
 
 GRBL = "".join(map(framed, ("Grbl 1.1h", "x", "y"))).encode()
 OFF = "its motors are off: the controller confirms it"
@@ -85,9 +84,7 @@ def port(rig):
 
 def controller_at(port, rig):
     """Return a controller that gives no signs of life."""
-    return OdriveController(
-        rig, open_port=port.open, keep_alive=lambda *_: contextlib.nullcontext()
-    )
+    return OdriveController(rig, open_port=port.open, keep_alive=no_keep_alive)
 
 
 @pytest.fixture

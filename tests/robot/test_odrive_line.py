@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from sautereau.robot.drivers.odrive.errors import error_names
 from sautereau.robot.drivers.odrive.line import OdriveLine, framed
 from sautereau.robot.errors import (
     GarbledAnswer,
@@ -62,11 +61,6 @@ def test_unrequested_text_is_not_taken_for_an_answer():
     port.in_waiting = 18
     with pytest.raises(GarbledAnswer, match="before it was asked"):
         OdriveLine(port, "port", 0.1).read("axis0.error")
-
-
-def test_names_of_errors():
-    assert error_names("axis.error", str(0x40 | 0x200)) == "MOTOR_FAILED, CONTROLLER_FAILED"
-    assert error_names("error", "0") == ""
 
 
 IDENTITY = ("Hardware version: 3.6-56V", "Firmware version: 0.5.6", "Serial number: 1")

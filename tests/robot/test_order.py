@@ -156,14 +156,6 @@ def test_a_fifo_that_took_less_than_was_sent(bench, lines, segments):
             controller.arm()
 
 
-def test_firmware_without_pvt(bench, lines):
-    refused = [("MG _PVA", "?"), ("TC1", "1 Unrecognized command\r\n:")]
-    controller, transcript = bench(lines.connect[:2], refused)
-    with pytest.raises(RobotError, match=r"has no PVT mode \(1 Unrecognized"):
-        controller.connect()
-    assert transcript.closed
-
-
 def test_something_that_is_no_galil_controller(bench, lines):
     controller, _ = bench(lines.connect[:1], [("\x12\x16", "Grbl 1.1h\r\n:")])
     with pytest.raises(RobotError, match=r"this one answers 'Grbl 1\.1h'"):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.errors import MotionFault, PortUnavailable, RobotError
+from sautereau.robot.errors import MotionFault, RobotError
 from sautereau.robot.experiment.setup.contact import Creep, find_contact
 from sautereau.robot.experiment.setup.dry_run import play_in_air, raised
 from sautereau.robot.experiment.setup.joints import check_encoders
@@ -222,8 +222,3 @@ def test_something_in_the_way_is_noticed(rig):
     )
     with pytest.raises(MotionFault, match=r"the force reached .* in the air"):
         play_in_air(low, Person())
-
-
-def test_a_controller_that_is_not_there(rig):
-    with pytest.raises(PortUnavailable):
-        identify(with_values(rig, {"controller.port": "/dev/ttyNONE"}), Person())

@@ -1,6 +1,5 @@
 """A host that is lost: the controller switches the motors off by itself."""
 
-import contextlib
 import threading
 import time
 
@@ -12,6 +11,7 @@ from sautereau.robot.drivers.keep_alive import KeepAlive
 from sautereau.robot.errors import LineLost, MotionFault
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
+from tests.robot.motions import no_keep_alive
 
 
 def test_signs_of_life_come_until_the_block_is_left():
@@ -67,7 +67,7 @@ def test_a_dead_thread_gives_none():
 def test_a_host_without_signs_of_life_gets_the_reason():
     values = {"controller.timeout": "10 s", "controller.watchdog_period": "100 ms"}
     with StandIn(with_values(load_rig(), values), load_scene("ideal"), paced=True) as paced:
-        controller = GalilController(paced.rig, keep_alive=lambda *_: contextlib.nullcontext())
+        controller = GalilController(paced.rig, keep_alive=no_keep_alive)
         with controller, pytest.raises(MotionFault, match="watchdog has switched") as caught:  # noqa: PT012, SIM117
             with controller.powered():
                 controller.home()

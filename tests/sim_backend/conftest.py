@@ -42,6 +42,10 @@ class BareBench(Encoders):
     def send(self, text):
         return self.firmware.receive(text.encode("latin-1") + b"\r").decode("latin-1")
 
+    def load(self, *lines, end="\\\r"):
+        """Download a program; return the answer."""
+        return self.firmware.receive(("DL\r" + "\r".join(lines) + "\r" + end).encode()).decode()
+
     def accept(self, *lines):
         for line in lines:
             answer = self.send(line)

@@ -121,7 +121,7 @@ def test_an_ideal_finger_prescribes_the_motion_and_takes_the_force_of_inverse_dy
     motion = drive.joints(found.time)
     centre = fingertip_motion(RIG.arm, motion)
     planned = key_under_fingertip(RIG.key, RIG.arm.fingertip_radius, centre)
-    breaks = np.min(np.abs(found.time[:, None] - drive.breaks), axis=1)
+    breaks = np.min(np.abs(found.time[:, None] - (LEAD + drive.segments.ends) * PERIOD), axis=1)
     breaks[:-1] *= np.diff(found.time) > 0  # before a jump
     moving = (planned.position > 0) & (planned.velocity > 1e-3) & (breaks > 1e-5)
     assert moving.sum() > 300

@@ -9,10 +9,6 @@ from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.galil.tasks import LINE_TIME
 
 
-def download(bench, *lines, end="\\\r"):
-    return bench.firmware.receive(("DL\r" + "\r".join(lines) + "\r" + end).encode()).decode()
-
-
 def capture(bench, *sources, exponent=1, size=100):
     names = [f"D{number}[]" for number in range(len(sources))]
     bench.accept(
@@ -34,7 +30,7 @@ def test_a_press_triggers_captures_and_starts_with_the_next_sample(bench):
         for part in (f"{sign * 500},{sign * 9000},60", f"{sign * 500},0,60", "0,0,0"):
             bench.accept(f"PV{axis}={part}")
     capture(bench, "_TPA", "_TPB", "_TEA")
-    assert download(bench, "#PRESS", "WT 5", "RC 1;SB 1;BT AB", "AM", "CB 1", "EN") == ":"
+    assert bench.load("#PRESS", "WT 5", "RC 1;SB 1;BT AB", "AM", "CB 1", "EN") == ":"
     bench.accept("XQ #PRESS")
     assert bench.number("_XQ") == 0
     bench.run()
@@ -80,7 +76,7 @@ def test_capture_stops_when_full_or_stopped_and_records_every_power_of_two(bench
 
 def test_lines_take_their_time_and_a_line_goes_in_one_go(bench):
     lines = [f"SB {n % 4 + 1};CB {n % 4 + 1}" for n in range(40)]
-    download(bench, "#A;SB 8", *lines, "NO a comment; SB 7", "' another", "EN")
+    bench.load("#A;SB 8", *lines, "NO a comment; SB 7", "' another", "EN")
     bench.accept("XQ #A")
     assert bench.outputs == []
     assert bench.run() == math.ceil(44 * LINE_TIME * 1024)
@@ -91,14 +87,14 @@ def test_lines_take_their_time_and_a_line_goes_in_one_go(bench):
 
 def test_a_faster_sample_has_time_for_fewer_lines(bench):
     bench.accept("TM 250")
-    download(bench, "#A", *["NO"] * 42, "EN")
+    bench.load("#A", *["NO"] * 42, "EN")
     bench.accept("XQ #A")
     assert bench.run() == pytest.approx(44 * LINE_TIME * 4096, abs=1)
 
 
 def test_a_trip_point_releases_the_rest_of_its_line(bench):
     bench.accept("SH", "PVA=100,0,10;PVA=,,0")
-    download(bench, "#WAIT", "AI -2;SB 1;BTA", "AM;CB 1;EN")
+    bench.load("#WAIT", "AI -2;SB 1;BTA", "AM;CB 1;EN")
     bench.accept("XQ #WAIT,3")
     bench.tick(20)
     assert bench.outputs == []
@@ -109,7 +105,7 @@ def test_a_trip_point_releases_the_rest_of_its_line(bench):
 
 
 def test_a_refused_command_ends_the_program_and_is_reported(bench):
-    download(bench, "#A", "SB 1;BT AB;SB 2", "EN")
+    bench.load("#A", "SB 1;BT AB;SB 2", "EN")
     bench.accept("XQ #A")
     bench.run()
     assert bench.firmware.receive(b"") == b"?1 BT AB\r\n"
@@ -118,7 +114,7 @@ def test_a_refused_command_ends_the_program_and_is_reported(bench):
 
 
 def test_a_program_that_does_not_end_is_an_error(bench):
-    assert download(bench, "#A", "SB 1") == ":"
+    assert bench.load("#A", "SB 1") == ":"
     bench.accept("XQ #A")
     bench.run()
     assert bench.firmware.receive(b"").startswith(b"?")
@@ -127,7 +123,7 @@ def test_a_program_that_does_not_end_is_an_error(bench):
 
 @pytest.mark.parametrize("end", ["\\", "\\\r", "\\\r\n"])
 def test_download_answers_once(bench, end):
-    assert download(bench, "#A", "EN", end=end) == ":"
+    assert bench.load("#A", "EN", end=end) == ":"
     assert bench.send("LS") == "0 #A \r\n1 EN \r\n:"
 
 
@@ -142,7 +138,7 @@ def test_download_answers_once(bench, end):
     ],
 )
 def test_a_bad_download_leaves_no_program(bench, lines, code):
-    assert download(bench, *lines) == "?"
+    assert bench.load(*lines) == "?"
     assert bench.send("TC1").startswith(f"{code} ")
     assert bench.refusal("XQ") == 10
 
@@ -168,7 +164,7 @@ def test_elements_are_uploaded_in_pieces(make_bench):
 
 
 def test_waits_have_a_resolution_of_two_and_scale_with_tm(bench):
-    download(bench, "#A", "t=TIME;WT 9;a=TIME-t", "t=TIME;WT 9,1;b=TIME-t", "EN")
+    bench.load("#A", "t=TIME;WT 9;a=TIME-t", "t=TIME;WT 9,1;b=TIME-t", "EN")
     for period, first in ((1000, 8), (500, 16)):
         bench.accept(f"TM {period}", "XQ #A")
         bench.run()
@@ -177,7 +173,7 @@ def test_waits_have_a_resolution_of_two_and_scale_with_tm(bench):
 
 def test_at_may_be_late(make_bench):
     bench = make_bench(ControllerUnit(at_jitter=4))
-    download(bench, "#A", "AT 0", "#L", "AT -10,1;SB 1;CB 1;n=n+1", "JP #L,n<40", "EN")
+    bench.load("#A", "AT 0", "#L", "AT -10,1;SB 1;CB 1;n=n+1", "JP #L,n<40", "EN")
     bench.accept("n=0", "XQ #A")
     bench.tick(450)
     rises = np.array([at for at, _, level in bench.outputs if level])

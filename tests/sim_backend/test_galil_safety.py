@@ -4,12 +4,6 @@ import pytest
 
 from sautereau.sim_backend.controller_part import ControllerUnit
 
-UNIT = ControllerUnit()
-
-
-def load(bench, *lines):
-    assert bench.firmware.receive(("DL\r" + "\r".join(lines) + "\r\\").encode()) == b":"
-
 
 def trip(bench, limit=300):
     """Jog axis A away from an encoder that does not follow."""
@@ -21,7 +15,7 @@ def trip(bench, limit=300):
 @pytest.mark.parametrize("threads", [(), ("XQ #W",), ("XQ #W,1",)])
 @pytest.mark.parametrize(("kind", "off"), [(0, False), (1, True), (2, False), (3, True)])
 def test_a_position_error_stops_its_own_axis_and_runs_poserr(bench, threads, kind, off):
-    load(bench, "#W", "WT 4", "JP #W", "#POSERR", "n=n+1", "ER -1", "RE 1")
+    bench.load("#W", "WT 4", "JP #W", "#POSERR", "n=n+1", "ER -1", "RE 1")
     bench.accept("n=0", "SH", f"OE {kind},{kind}", *threads, "JGB=500;BGB")
     trip(bench)
     assert bench.firmware.motors_on == (not off, True)
@@ -32,7 +26,7 @@ def test_a_position_error_stops_its_own_axis_and_runs_poserr(bench, threads, kin
 
 
 def test_re_enters_again_until_the_error_is_cleared(bench):
-    load(bench, "#POSERR", "n=n+1", "RE")
+    bench.load("#POSERR", "n=n+1", "RE")
     bench.accept("n=0", "SH", "OE 1,1")
     trip(bench)
     assert bench.firmware.motors_on == (False, True)
@@ -45,15 +39,15 @@ def test_re_enters_again_until_the_error_is_cleared(bench):
 
 
 def test_en_in_place_of_re_leaves_the_routine_in_progress(bench):
-    load(bench, "#W", "WT 2;JP #W", "#POSERR", "n=n+1", "EN")
+    bench.load("#W", "WT 2;JP #W", "#POSERR", "n=n+1", "EN")
     bench.accept("n=0", "SH", "XQ #W")
     trip(bench)
     assert bench.number("n") == 1
 
 
 def test_cmderr_interrupts_thread_0_and_ends_the_failing_thread(bench):
-    load(
-        bench, "#W", "WT 2;n=n+1;JP #W", "#BAD", "WT 10", "BT AB", "EN",
+    bench.load(
+        "#W", "WT 2;n=n+1;JP #W", "#BAD", "WT 10", "BT AB", "EN",
         "#CMDERR", "code=_TC;line=_ED0;from=_ED1;me=_ED4", "EN 1",
     )  # fmt: skip
     bench.accept("n=0", "XQ #W", "XQ #W,1", "XQ #BAD,3")
@@ -70,7 +64,7 @@ def test_cmderr_interrupts_thread_0_and_ends_the_failing_thread(bench):
 
 @pytest.mark.parametrize("last", ["RE", "XX"])
 def test_an_error_in_cmderr_ends_all_threads(bench, last):
-    load(bench, "#W", "WT 2;JP #W", "#BAD", "XX", "#CMDERR", last)
+    bench.load("#W", "WT 2;JP #W", "#BAD", "XX", "#CMDERR", last)
     bench.accept("XQ #W", "XQ #W,1", "XQ #BAD,2")
     bench.tick(20)
     assert bench.number("_NO") == 0
@@ -78,7 +72,7 @@ def test_an_error_in_cmderr_ends_all_threads(bench, last):
 
 @pytest.mark.parametrize(("number", "n"), [(0, 0), (1, 1)])
 def test_the_end_restores_a_trip_point_or_not(bench, number, n):
-    load(bench, "#W", "WT 1000", "n=0", "EN", "#POSERR", "ER -1", f"RE {number}")
+    bench.load("#W", "WT 1000", "n=0", "EN", "#POSERR", "ER -1", f"RE {number}")
     bench.accept("n=1", "SH", "XQ #W")
     trip(bench)
     assert bench.number("n") == n
@@ -89,7 +83,7 @@ def test_the_end_restores_a_trip_point_or_not(bench, number, n):
     [(0, 0, False, True), (1, 0, False, True), (2, 0, True, True), (3, 1, False, False)],
 )
 def test_a_limit_switch_stops_the_motion_towards_it(bench, kind, disable, off, stopped):
-    load(bench, "#LIMSWI", "n=n+1", "RE")
+    bench.load("#LIMSWI", "n=n+1", "RE")
     bench.accept("n=0", "SH", f"OEA={kind};LDA={disable};SDA=1024000", "JGA=8192;BGA")
     bench.tick(100)
     bench.closed |= {("reverse", 0), ("forward", 1)}
@@ -114,7 +108,7 @@ def test_a_limit_switch_stops_the_motion_towards_it(bench, kind, disable, off, s
 
 @pytest.mark.parametrize("keep", [0, 1])
 def test_the_abort_input(bench, keep):
-    load(bench, "#W", "WT 2;JP #W")
+    bench.load("#W", "WT 2;JP #W")
     bench.accept("SH", "OE 1,0", f"CN ,,,,{keep}", "JG 5000,5000;BG", "XQ #W,1")
     bench.tick(50)
     assert bench.number("_AB") == 1
@@ -127,7 +121,7 @@ def test_the_abort_input(bench, keep):
 
 @pytest.mark.parametrize(("torque", "stop"), [(5.0, True), (0.5, False)])
 def test_an_encoder_that_does_not_move_under_torque_has_failed(bench, torque, stop):
-    load(bench, "#POSERR", "n=n+1", "SH", "RE")
+    bench.load("#POSERR", "n=n+1", "SH", "RE")
     bench.accept("n=0", "OV 2;OT 20;OA 1", "SH", "JGA=400;BGA")
     bench.tick(100)
     bench.torques = torque, 0
@@ -145,7 +139,7 @@ def test_an_encoder_that_does_not_move_under_torque_has_failed(bench, torque, st
 
 
 def test_an_input_may_abort_its_axis(bench):
-    load(bench, "#POSERR", "n=n+1", "RE")
+    bench.load("#POSERR", "n=n+1", "RE")
     bench.accept("n=0", "SH", "OE 1,1", "CN ,,,1", "JG 5000,5000;BG")
     bench.tick(9)
     bench.firmware.inputs[5] = False
@@ -157,7 +151,7 @@ def test_an_input_may_abort_its_axis(bench):
 
 
 def test_an_amplifier_fault_switches_off_every_axis_with_oe(bench):
-    load(bench, "#AMPERR", "bits=_TA0", "#W;WT 2;JP #W")
+    bench.load("#AMPERR", "bits=_TA0", "#W;WT 2;JP #W")
     bench.accept("SH", "OE 1,1", "JGB=500;BGB")
     bench.tick(9)
     bench.broken.add(0)
@@ -167,7 +161,7 @@ def test_an_amplifier_fault_switches_off_every_axis_with_oe(bench):
 
 
 def test_motion_complete_times_out(bench):
-    load(bench, "#A", "MCA", "late=TIME-t", "EN", "#MCTIME", "code=_SCA", "EN 1")
+    bench.load("#A", "MCA", "late=TIME-t", "EN", "#MCTIME", "code=_SCA", "EN 1")
     bench.accept("SH", "TWA=50", "t=TIME;late=0;code=0", "PRA=500;BGA", "XQ #A,1")
     bench.run()
     assert bench.send("MG late>20,code") == " 1.0000 0.0000\r\n:"
@@ -179,7 +173,7 @@ def test_motion_complete_times_out(bench):
 
 
 def test_zs_makes_the_subroutine_a_jump(bench):
-    load(bench, "#W", "WT 2;JP #W", "#POSERR", "a=_ZS0;ZS;b=_ZS0;ER -1", "EN")
+    bench.load("#W", "WT 2;JP #W", "#POSERR", "a=_ZS0;ZS;b=_ZS0;ER -1", "EN")
     bench.accept("SH", "XQ #W")
     trip(bench)
     assert bench.send("MG a,b,_XQ0") == " 1.0000 0.0000-1.0000\r\n:".replace("0-1", "0 -1")

@@ -7,10 +7,12 @@ from sautereau.analysis.model.choirs import choir_pluck
 from sautereau.rig.instrument import Choir
 from sautereau.sim_backend.physics.observation import observe
 from tests.sim_backend import oracle
-from tests.sim_backend.scenes import RIG, push_of, pushed
+from tests.sim_backend.scenes import RIG, push_of, pushed, slow
 
 QUICK = (23, 41, 43, 59, 71, 93)
+"""Seeds in which much happens: landings that accumulate, returns, a second contact, the felt."""
 SOON_STUCK = (217, 259)
+"""Seeds of a string that soon sticks on the plectrum."""
 
 
 def drawn_choir(rng):
@@ -118,21 +120,10 @@ def test_the_oracles_elastica_is_that_of_table_1(force, drop, shortening):
     assert (-z * length, (1 - x) * length) == pytest.approx((drop, shortening), abs=6e-4)
 
 
-# Landings that accumulate, returns, a second contact, the felt: seeds in which much happens.
-@pytest.mark.parametrize("seed", QUICK)
+@pytest.mark.parametrize(
+    "seed", [*QUICK, *(slow(n) for n in (*range(66), *SOON_STUCK) if n not in QUICK)]
+)
 def test_random_presses_are_the_documented_equations(seed):
-    compare(seed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [seed for seed in range(66) if seed not in QUICK])
-def test_more_random_presses_are_the_documented_equations(seed):
-    compare(seed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SOON_STUCK)
-def test_a_string_that_soon_sticks_on_the_plectrum(seed):
     compare(seed)
 
 

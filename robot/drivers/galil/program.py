@@ -3,11 +3,12 @@
 Thread 0 runs the watchdog, and the automatic routines interrupt it. Thread 1 runs the press,
 thread 2 the torques. Thread 3 checks that no joint stops alone. Every fault ends at `AB 1;MO AB`.
 The abort alone switches the motors off, because off-on-error is set, even if the commands after it
-fail. The program sends no message: a full port would block it. This file names the variables that
-the host sets.
+fail. The program sends no message: a full port would block it. Its text is in program.dmc; this
+file names the variables that the host sets.
 """
 
 import zlib
+from pathlib import Path
 
 WATCH = 0
 """Thread of the watchdog."""
@@ -39,7 +40,6 @@ PUSH_EVERY = "pushk"
 """Negative number of samples that each row lasts."""
 PUSH = ("pushA", "pushB")
 """Arrays of torques, in volts."""
-_FAULTS = ("AMPERR", "TCPERR")
 RESOLUTION = 2
 """Resolution of WT (ms), of AT (samples), and of a segment's samples and velocities."""
 
@@ -55,56 +55,8 @@ def signature(trigger_output: int) -> int:
 
 
 def _lines(trigger_output: int, sign: int) -> list[str]:
-    now = "AB 1;MO AB"
-    # In thread 3, the last command ends the thread itself.
+    names = {name: value for name, value in globals().items() if name.isupper()}
     rest = f"HX {PRESS};HX {TORQUES};OF 0,0;RC 0;CB {trigger_output};HX {BOTH}"
-    return [
-        "#WATCH",
-        f"WT {TICK}",
-        f"{LEFT}={LEFT}-1;{SIGN}={sign}",
-        f"JP #WATCH,{LEFT}>0",
-        "#SAFE",
-        now,
-        rest,
-        "EN",
-        "#PRESS",
-        f"XQ #PUSH,{TORQUES};RC {RATE};SB {trigger_output};BT AB",
-        f"XQ #BOTH,{BOTH}",
-        "AM AB",
-        f"HX {BOTH};HX {TORQUES};OF 0,0",
-        f"WT {SETTLE}",
-        "RC 0",
-        f"CB {trigger_output}",
-        "EN",
-        "#BOTH",
-        f"WT {LOOK}",
-        "JP #BOTH,_BGA*_BGB=1",
-        # Both joints end in the same sample, or one has stopped alone.
-        f"WT {LOOK}",
-        "JP #SAFE,_BGA+_BGB>0",
-        "EN",
-        "#PUSH",
-        f"AT 0;row=0;JP #NONE,{PUSHES}=0",
-        # On one line, since other threads run between lines.
-        f"#NEXT;OF {PUSH[0]}[row],{PUSH[1]}[row];row=row+1;AT {PUSH_EVERY},1;JP #NEXT,row<{PUSHES}",
-        "#NONE",
-        "OF 0,0",
-        "EN",
-        "#CMDERR",
-        now,
-        rest,
-        f"{FAULT}=_TC",
-        "EN 1",
-        # The error is cleared, or the routine is entered again at once.
-        "#POSERR",
-        now,
-        rest,
-        "DP _TPA,_TPB",
-        "RE 1",
-        "#LIMSWI",
-        now,
-        rest,
-        f"{FAULT}={LIMIT}",
-        "RE 1",
-        *(line for name in _FAULTS for line in (f"#{name}", now, rest, "RE 1")),
-    ]
+    names |= {"stop": "AB 1;MO AB", "rest": rest, "output": trigger_output, "signature": sign}
+    text = Path(__file__).with_suffix(".dmc").read_text(encoding="utf-8")
+    return [line.format(**names) for line in text.splitlines() if not line.startswith("'")]

@@ -17,7 +17,8 @@ def play_in_air(rig: Rig, ask: Ask) -> Found:
     """Play approach, press and retreat so high that the finger stays `press.hover` off the key.
 
     Raises:
-        RobotError: The motion broke off, or the finger touched something; the motors are off.
+        RobotError: The motion broke off, or the finger touched something in it; then the motors
+            are off, and the motions after it are not played.
         TrajectoryError: The press cannot be planned at that height.
     """
     trajectory, lift = raised(rig)
@@ -36,12 +37,12 @@ def play_in_air(rig: Rig, ask: Ask) -> Found:
                 errors.append(np.abs(capture.following_errors).max())
             if force is not None:
                 forces.append(float(np.abs(force).max()))
-        if forces and max(forces) > TOUCHED:
-            raise MotionFault(
-                f"setup dry-run: the force reached {max(forces):.3g} N in the air, above"
-                f" {TOUCHED:g} N; check what is in the way, and whether the force channel's cable"
-                " moves with the arm"
-            )
+            if forces and forces[-1] > TOUCHED:
+                raise MotionFault(
+                    f"setup dry-run: the force reached {forces[-1]:.3g} N in the air, above"
+                    f" {TOUCHED:g} N; check what is in the way, and whether the force channel's"
+                    " cable moves with the arm"
+                )
     lines = [f"dry-run: the complete press was played {lift * 1e3:.1f} mm above its height"]
     figures = {"lift": lift}
     if errors:

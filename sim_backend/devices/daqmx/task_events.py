@@ -39,20 +39,66 @@ def _stream(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Registration:
-    """One registered event of a task."""
+class Listener:
+    """A client that waits for an event of a task."""
 
     kind: str
+    task: CardTask
+    context: grpc.ServicerContext
+    server: "Events"
 
+    def wait(self, seconds: float) -> None:
+        """Wait, or until the server closes."""
+        self.server._closing.wait(seconds)
 
-def _register(task: CardTask, kind: str, taken: int) -> Registration:
-    """Register an event; ``taken`` is the error where it is registered already."""
-    if task.run is not None:
-        raise DaqmxError(-200960, f"The event {kind} cannot be registered while the task runs.")
-    registration = Registration(kind)
-    if task.events.setdefault(kind, registration) is not registration:
-        raise DaqmxError(taken, f"The event {kind} is already registered.")
-    return registration
+    @property
+    def there(self) -> bool:
+        """Whether client, task, registration and server still exist."""
+        registered = self.task.events.get(self.kind) is self
+        known = self.task.name in self.server._tasks
+        return (
+            registered and known and self.context.is_active() and not self.server._closing.is_set()
+        )
+
+    def runs(self) -> Iterator[Run]:
+        """Yield each run of the task once, while the listener is there.
+
+        The client waits for the metadata, which say that its event is registered.
+        """
+        self.context.send_initial_metadata(())
+        last = None
+        try:
+            while self.there:
+                run = self.task.run
+                if run is None or run is last:
+                    self.wait(_WAIT)
+                else:
+                    last = run
+                    yield run
+        finally:
+            if self.task.events.get(self.kind) is self:
+                del self.task.events[self.kind]
+
+    def waits(self, run: Run) -> bool:
+        """Return whether a run of the task continues while the listener is there."""
+        return self.task.run is run and self.there
+
+    def every(self, n: int, answer: Any) -> Iterator[Any]:
+        """Yield an answer for every ``n`` samples of each run."""
+        task = self.task
+        for run in self.runs():
+            sent = 0
+            while self.waits(run):
+                # A bench that is not paced runs only as far as somebody reads.
+                free = task.card.paced or task.mode == FINITE or task.position >= sent * n
+                goal = (sent + 1) * n if free else 0
+                there = run.wait_for(goal, _WAIT)
+                for _ in range(sent, there // n):
+                    sent += 1
+                    yield answer
+                if there >= task.length:
+                    break
+                self.wait(0 if goal else _WAIT)
 
 
 class Events:
@@ -62,9 +108,18 @@ class Events:
     _tasks: dict[str, CardTask]
     _closing: Any
 
+    def _register(self, request: Any, context: Any, kind: str, taken: int) -> Listener:
+        """Register an event; ``taken`` is the error where it is registered already."""
+        task = self._task(request)
+        if task.run is not None:
+            raise DaqmxError(-200960, f"The event {kind} cannot be registered while the task runs.")
+        listener = Listener(kind, task, context, self)
+        if task.events.setdefault(kind, listener) is not listener:
+            raise DaqmxError(taken, f"The event {kind} is already registered.")
+        return listener
+
     @_stream
     def RegisterEveryNSamplesEvent(self, request, context):  # noqa: N802
-        task = self._task(request)
         kind = given(request, "every_n_samples_event_type")
         n = request.n_samples
         if kind != _ACQUIRED:
@@ -74,14 +129,14 @@ class Events:
         answer = pb.RegisterEveryNSamplesEventResponse(
             every_n_samples_event_type_raw=kind, n_samples=n
         )
-        yield from self._every(n, answer, task, _register(task, EVERY_N, -200966), context)
+        yield from self._register(request, context, EVERY_N, -200966).every(n, answer)
 
     @_stream
     def RegisterDoneEvent(self, request, context):  # noqa: N802
-        task = self._task(request)
-        registration = _register(task, DONE, -200950)
-        for run in self._runs(task, registration, context):
-            while self._waits(task, run, registration, context):
+        listener = self._register(request, context, DONE, -200950)
+        task = listener.task
+        for run in listener.runs():
+            while listener.waits(run):
                 goal = task.length if task.mode == FINITE else 0
                 try:
                     over, status = run.wait_for(goal, _WAIT) >= task.length, 0
@@ -90,15 +145,15 @@ class Events:
                 if over:
                     yield pb.RegisterDoneEventResponse(status=status)
                     break
-                self._closing.wait(0 if goal else _WAIT)
+                listener.wait(0 if goal else _WAIT)
 
     @_stream
     def RegisterSignalEvent(self, request, context):  # noqa: N802
-        task, signal = self._task(request), given(request, "signal_id")
+        signal = given(request, "signal_id")
         if signal not in _SIGNALS:
             raise DaqmxError(-200987, f"The stand-in has no events of the signal {signal}.")
         answer = pb.RegisterSignalEventResponse(signal_id=signal)
-        yield from self._every(1, answer, task, _register(task, SIGNAL, -200949), context)
+        yield from self._register(request, context, SIGNAL, -200949).every(1, answer)
 
     @call
     def UnregisterEveryNSamplesEvent(self, request, context):  # noqa: N802
@@ -111,60 +166,3 @@ class Events:
     @call
     def UnregisterSignalEvent(self, request, context):  # noqa: N802
         self._task(request).events.pop(SIGNAL, None)
-
-    def _every(
-        self,
-        n: int,
-        answer: Any,
-        task: CardTask,
-        registration: Registration,
-        context: grpc.ServicerContext,
-    ) -> Iterator[Any]:
-        """Yield an answer for every ``n`` samples of each run of a task."""
-        for run in self._runs(task, registration, context):
-            sent = 0
-            while self._waits(task, run, registration, context):
-                # A bench that is not paced runs only as far as somebody reads.
-                goal = (sent + 1) * n if self._may_run(task, sent * n) else 0
-                there = run.wait_for(goal, _WAIT)
-                for _ in range(sent, there // n):
-                    sent += 1
-                    yield answer
-                if there >= task.length:
-                    break
-                self._closing.wait(0 if goal else _WAIT)
-
-    def _runs(
-        self, task: CardTask, registration: Registration, context: grpc.ServicerContext
-    ) -> Iterator[Run]:
-        """Yield each run of a task once, until the client, the task or the event is gone.
-
-        The client waits for the metadata, which say that its event is registered.
-        """
-        context.send_initial_metadata(())
-        last = None
-        try:
-            while self._listens(task, registration, context):
-                run = task.run
-                if run is None or run is last:
-                    self._closing.wait(_WAIT)
-                else:
-                    last = run
-                    yield run
-        finally:
-            if task.events.get(registration.kind) is registration:
-                del task.events[registration.kind]
-
-    def _listens(
-        self, task: CardTask, registration: Registration, context: grpc.ServicerContext
-    ) -> bool:
-        there = task.events.get(registration.kind) is registration and task.name in self._tasks
-        return there and context.is_active() and not self._closing.is_set()
-
-    def _waits(
-        self, task: CardTask, run: Run, registration: Registration, context: grpc.ServicerContext
-    ) -> bool:
-        return task.run is run and self._listens(task, registration, context)
-
-    def _may_run(self, task: CardTask, position: int) -> bool:
-        return task.card.paced or task.mode == FINITE or task.position >= position

@@ -15,8 +15,6 @@ TEXTS = {
     11: "Invalid label or line number",
     12: "Subroutine more than 16 deep",
     13: "JG only valid when running in jog mode",
-    14: "EEPROM check sum error",
-    15: "EEPROM write error",
     16: "IP incorrect sign during position move or IP given during forced deceleration",
     17: "ED, BN and DL not valid while program running",
     19: "Application strand already executing",
@@ -27,7 +25,6 @@ TEXTS = {
     32: "Segment buffer full",
     39: "No time specified",
     50: "Not enough fields",
-    51: "Question mark not valid",
     52: 'Missing " or string too long',
     53: "Error in {}",
     55: "Missing [ or []",
@@ -48,17 +45,14 @@ TEXTS = {
     84: "Too many elements",
     90: "Only A B C D valid operand",
     106: "Privilege Violation",
-    120: "Bad Ethernet transmit",
     123: "TCP lost sync",
-    126: "Closed Ethernet handle",
-    131: "Serial Port Timeout",
     135: "Motor must be in MO",
     136: "Invalid Password",
     137: "Invalid lock setting",
     138: "Passwords not identical",
     141: "Feature not supported",
 }
-"""Texts of the error codes, in the command reference's words."""
+"""Texts of the error codes that occur, in the command reference's words."""
 
 
 class CommandError(Exception):

@@ -18,8 +18,8 @@ from typing import Any
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS, OnOutput, Plant
-from sautereau.sim_backend.devices.odrive.machine import Machine, number
-from sautereau.sim_backend.devices.odrive.properties import single
+from sautereau.sim_backend.devices.odrive.machine import Machine
+from sautereau.sim_backend.devices.odrive.properties import FLOAT, single
 
 _LINE = 256
 """Largest number of bytes in a line; a longer one is ignored."""
@@ -124,7 +124,7 @@ class OdriveFirmware(Machine):
             return ["invalid command format"]
         name, word = words[1], words[2] if len(words) > 2 else None
         if name == "stand_in.wait":
-            return self._wait(None if word is None else number(word))
+            return self._wait(None if word is None else FLOAT.scan(word))
         return self.write(name, word)
 
     def _wait(self, seconds: float | None) -> list[str]:
@@ -155,7 +155,7 @@ def _numbers(text: str) -> list[float]:
     """Return the leading numbers after a command's letter."""
     found: list[float] = []
     for word in text[1:].split():
-        if (value := number(word)) is None:
+        if (value := FLOAT.scan(word)) is None:
             break
         found.append(value)
     return found

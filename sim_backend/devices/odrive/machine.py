@@ -7,7 +7,7 @@ from sautereau.sim_backend.devices.odrive.axis import (
     OdriveAxis,
     State,
 )
-from sautereau.sim_backend.devices.odrive.properties import AXIS, FLOAT, ROOT, Property
+from sautereau.sim_backend.devices.odrive.properties import AXIS, ROOT, Property
 from sautereau.sim_backend.devices.streamed import StreamedController
 
 _SUPPLY = 24.0  # V
@@ -108,8 +108,3 @@ class Machine(StreamedController[OdriveAxis]):
             if head == f"axis{index}":
                 return index, axis, AXIS.get(rest), rest
         return 0, None, ROOT.get(name), name
-
-
-def number(word: str) -> float | None:
-    """Return the number at the head of a word, or None for none, or one that is too large."""
-    return FLOAT.scan(word)

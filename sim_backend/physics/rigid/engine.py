@@ -67,17 +67,17 @@ class RigidWorld(World):
 
     def advance(self, reference: Reference, powered: bool) -> Motions:
         """Advance by one controller sample; see `World.advance`."""
-        return self._motions([self._sample(reference, powered)])
+        start = self.time
+        table = np.array(self._sample(reference, powered)).T
+        table[0] = start + table[0] / MM
+        table[0, -1] = self.time
+        return Motions(*table)
 
     def play(self, drive: Drive) -> Motions:
         """Advance through a complete drive; see `World.play`."""
-        return self._motions([self._sample(drive.reference(i), True) for i in range(drive.samples)])
-
-    def _motions(self, samples: list[list[Row]]) -> Motions:
-        """Return the motion over the last controller samples, by the rows of each."""
-        counts = [len(rows) for rows in samples]
-        first, period = self.samples - len(samples), self.rig.controller.sample_period
-        numbers = np.arange(first, self.samples)
+        first, period = self.samples, self.rig.controller.sample_period
+        samples = [self._sample(drive.reference(i), True) for i in range(drive.samples)]
+        counts, numbers = [len(rows) for rows in samples], np.arange(first, self.samples)
         numbers_in_rows = chain.from_iterable(chain.from_iterable(samples))  # faster than np.array
         table = np.fromiter(numbers_in_rows, float).reshape(-1, 6).T
         table[0] = np.repeat(numbers * period, counts) + table[0] / MM

@@ -6,10 +6,14 @@ from sautereau.sim_backend.devices.galil.formats import write_list
 from sautereau.sim_backend.devices.galil.grammar import named_axes, parse_axes
 from sautereau.sim_backend.devices.galil.machine import Machine
 
-LARGEST_GAIN = {"D3040": 2, "D3240": 2, "D3540": 2, "D3547": 2, "D3640": None}
-"""AG of internal amplifiers at which TL is limited; None for a fixed gain."""
-GAIN_LIMITS = {"D3040": 7.0, "D3240": 5.0, "D3540": 5.0, "D3547": 5.0, "D3640": 5.0}
-"""V, largest TL at that gain."""
+LIMITED = {
+    "D3040": (2, 7.0),
+    "D3240": (2, 5.0),
+    "D3540": (2, 5.0),
+    "D3547": (2, 5.0),
+    "D3640": (0, 5.0),
+}
+"""Least AG of internal amplifiers at which TL is limited, and the largest TL [V] from there on."""
 
 
 def setting(machine: Machine, call: Call) -> str | None:
@@ -22,12 +26,8 @@ def setting(machine: Machine, call: Call) -> str | None:
 
 def largest_torque(machine: Machine, index: int) -> float:
     """Return the largest TL [V] that the amplifier's gain allows."""
-    amplifier = machine.unit.amplifier
-    if amplifier == "none":
-        return 10.0
-    gain = LARGEST_GAIN[amplifier]
-    limited = gain is None or machine.axes[index].settings["AG"] >= gain
-    return GAIN_LIMITS[amplifier] if limited else 10.0
+    gain, limit = LIMITED.get(machine.unit.amplifier, (0, 10.0))
+    return limit if machine.axes[index].settings["AG"] >= gain else 10.0
 
 
 def gain(machine: Machine, call: Call) -> str | None:

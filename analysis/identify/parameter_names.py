@@ -1,4 +1,4 @@
-"""Names of the parameters that can be fitted: dotted keys of the rig, and of offsets."""
+"""Names of the parameters that can be fitted and of the hidden ones, and their natural bounds."""
 
 # Values of the rig.
 STIFFNESS = "plectrum.bending_stiffness"
