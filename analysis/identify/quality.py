@@ -61,7 +61,7 @@ class Quality:
     offsets: dict[str, float]
     """Fitted errors of the calibrations, divided by their standard uncertainties."""
     quiet: bool
-    """Whether the noise at rest explains the residual without a string; True if it is unknown."""
+    """Whether noise explains the residual without a string; True if the noise is unknown."""
     reasons: tuple[str, ...]
     """Why the model does not fit; empty if it does."""
 
@@ -114,11 +114,13 @@ def quality(fitted: Fit) -> Quality:
             )
     repeated = _repeated(dynamics.presses, slow, dynamics.floor, period)
     if repeated is not None:
-        size, allowed, _ = repeated
-        if size > max(allowed, REPEATED_MAX * (noise or 0.0)):
+        size = repeated.size
+        # Noise may hide the modes of a key, but it does not repeat.
+        quiet &= size <= repeated.chance
+        if size > max(repeated.allowed, REPEATED_MAX * (noise or 0.0)):
             reasons.append(
                 f"{size * 1e3:.3g} mN of the residual repeat from press to press, and noise would"
-                f" leave up to {allowed * 1e3:.3g} mN: free what is suggested"
+                f" leave up to {repeated.allowed * 1e3:.3g} mN: free what is suggested"
             )
     offsets = {
         p.name: float((value - p.mean) / p.std)
@@ -134,8 +136,8 @@ def quality(fitted: Fit) -> Quality:
         noise=noise,
         free_residual=free,
         held_residual=held_residual,
-        repeated_residual=repeated[0] if repeated else None,
-        repetition=repeated[2] if repeated else 1.0,
+        repeated_residual=repeated.size if repeated else None,
+        repetition=repeated.repetition if repeated else 1.0,
         autocorrelation=_autocorrelation(dynamics.presses, left),
         offsets=offsets,
         quiet=quiet,
@@ -165,10 +167,24 @@ def _independent(presses: Sequence[Observed], period: float) -> float:
     return presses[0].step / (INDEPENDENT * (WINDOW + period))
 
 
+@dataclass(frozen=True)
+class _Repeated:
+    """The part of the residual that repeats from press to press."""
+
+    size: float
+    """N, RMS."""
+    allowed: float
+    """N, largest size of a model that fits."""
+    chance: float
+    """N, largest size that noise explains."""
+    repetition: float
+    """See `Quality`."""
+
+
 def _repeated(
     presses: Sequence[Observed], slow: Sequence[Floats], floor: float, period: float
-) -> tuple[float, float, float] | None:
-    """Return the RMS [N] of the residual's repeated part, its limit, and the repetition.
+) -> _Repeated | None:
+    """Return the repeated part of the residual.
 
     Presses of different motions are compared separately; the result is that of the motion whose
     repeated part is largest relative to its limit. It is None if no two presses have the same
@@ -187,9 +203,11 @@ def _repeated(
         within = float(np.mean(np.var(every, axis=0, ddof=1))) + floor**2
         common = max(0.0, float(np.mean(every.mean(axis=0) ** 2)) - within / n)
         spread = np.sqrt(2 / max(1.0, instants * _independent(presses, period))) * within / n
-        allowed = np.sqrt(REPEATED_MAX**2 * within + REPEATED_STDS * spread)
-        found.append((float(np.sqrt(common)), float(allowed), 1 + n * common / within))
-    return max(found, key=lambda each: each[0] / each[1], default=None)
+        chance = REPEATED_STDS * spread
+        allowed = REPEATED_MAX**2 * within + chance
+        size, allowed, chance = np.sqrt([common, allowed, chance]).tolist()
+        found.append(_Repeated(size, allowed, chance, 1 + n * common / within))
+    return max(found, key=lambda each: each.size / each.allowed, default=None)
 
 
 def _same_motion(presses: Sequence[Observed]) -> list[list[int]]:
