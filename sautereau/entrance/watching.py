@@ -29,7 +29,8 @@ def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iter
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise AnalysisError(f"{folder}: this is not a folder; give the folder of the recordings")
+        fault = "this is not a folder" if folder.exists() else "there is no such folder"
+        raise AnalysisError(f"{folder}: {fault}; give the folder of the recordings")
     return _sessions(folder, wait)
 
 

@@ -155,5 +155,7 @@ def test_a_watched_folder_gives_each_recording_once(four, tmp_path):
 
     found = [(len(s), len(s.warnings)) for s in islice(st.watch(tmp_path, arrive), 3)]
     assert found == [(1, 1), (2, 1), (3, 1)]
-    with pytest.raises(AnalysisError, match="no such folder"):
+    with pytest.raises(AnalysisError, match="there is no such folder; give the folder"):
         st.watch(tmp_path / "none")
+    with pytest.raises(AnalysisError, match="this is not a folder; give the folder"):
+        st.watch(tmp_path / "press-0009.mcap")
