@@ -1,6 +1,7 @@
 """Shared by all tests: a server of commands, and sessions made of one press of the stand-in."""
 
 import importlib
+import os
 import sys
 import tempfile
 import tomllib
@@ -8,6 +9,9 @@ from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
+
+# As the commands do: other threads of BLAS wait in busy loops, which slows the other workers.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest

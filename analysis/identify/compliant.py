@@ -76,7 +76,12 @@ def fit_presses(
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
     best = fit(dynamics, starts, robust, free_offset=FORCE in names)
     good, before = quality(best), best.residual_before
-    while not good.quiet and len(modes_of(_named(best))) < MOST:
+    if good.quiet:
+        # The noise at rest may hide modes, but it does not repeat as their residual does.
+        stiff = refined(best, robust)
+        if not quality(stiff).repeats:
+            return stiff
+    while (good.repeats or not good.quiet) and len(modes_of(_named(best))) < MOST:
         dynamics = _with_mode(best)
         if dynamics is None:
             break

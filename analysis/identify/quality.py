@@ -61,7 +61,9 @@ class Quality:
     offsets: dict[str, float]
     """Fitted errors of the calibrations, divided by their standard uncertainties."""
     quiet: bool
-    """Whether noise explains the residual without a string; True if the noise is unknown."""
+    """Whether the noise at rest explains the residual without a string; True if it is unknown."""
+    repeats: bool
+    """Whether more of the residual repeats from press to press than noise explains."""
     reasons: tuple[str, ...]
     """Why the model does not fit; empty if it does."""
 
@@ -115,8 +117,6 @@ def quality(fitted: Fit) -> Quality:
     repeated = _repeated(dynamics.presses, slow, dynamics.floor, period)
     if repeated is not None:
         size = repeated.size
-        # Noise may hide the modes of a key, but it does not repeat.
-        quiet &= size <= repeated.chance
         if size > max(repeated.allowed, REPEATED_MAX * (noise or 0.0)):
             reasons.append(
                 f"{size * 1e3:.3g} mN of the residual repeat from press to press, and noise would"
@@ -141,6 +141,7 @@ def quality(fitted: Fit) -> Quality:
         autocorrelation=_autocorrelation(dynamics.presses, left),
         offsets=offsets,
         quiet=quiet,
+        repeats=repeated is not None and repeated.size > repeated.chance,
         reasons=tuple(reasons),
     )
 

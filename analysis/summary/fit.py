@@ -37,7 +37,7 @@ def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str
         },
         "modes": [asdict(mode) for mode in found.modes],
         "fits": found.quality.fits,
-        "quality": _without(found.quality, "repetition", "quiet"),
+        "quality": _without(found.quality, "repetition", "quiet", "repeats"),
         "suggested": [asdict(s) for s in found.suggested],
         "sensitivity": {s.name: _without(s, "name") for s in found.sensitivity},
         "presses": list(found.presses),
