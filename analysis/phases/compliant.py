@@ -47,6 +47,8 @@ LEAST_RELEASE_STD = 0.1e-3
 """s, standard uncertainty that is added to that of a release."""
 RELEASE_PART = 0.6
 """The same as `CONTACT_PART` for a release."""
+MOST_RELEASE_STD = 10e-3
+"""s, standard uncertainty of a release above which a growth of the load is no pluck."""
 SEVERAL_RELEASES = 1.5
 """Factor of the uncertainties where a press has several releases: the ringing after one release
 disturbs the fit of the next."""
@@ -95,7 +97,7 @@ def compliant_plucks(
         hidden = (
             around.any() and growth.force < LEAST_HIDDEN and growth.significance < CERTAIN_IF_HIDDEN
         )
-        if hidden or release.time - growth.contact < SHORTEST:
+        if hidden or not growth.contact + SHORTEST <= release.time <= last:
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)
         std = LARGER * growth.contact_std
@@ -103,7 +105,8 @@ def compliant_plucks(
         contact = Contact(growth.contact, std, growth.significance, growth.force, growth.noise)
         std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)
         std *= SEVERAL_RELEASES if len(growths) > 1 else 1.0
-        found.append((contact, replace(release, std=std)))
+        if std < MOST_RELEASE_STD:
+            found.append((contact, replace(release, std=std)))
     return found, searched
 
 
