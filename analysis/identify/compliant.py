@@ -76,11 +76,10 @@ def fit_presses(
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
     best = fit(dynamics, starts, robust, free_offset=FORCE in names)
     good, before = quality(best), best.residual_before
-    if good.quiet:
-        # The noise at rest may hide modes, but it does not repeat as their residual does.
-        stiff = refined(best, robust)
-        if not quality(stiff).repeats:
-            return stiff
+    stiff = refined(best, robust) if good.quiet else None
+    # The noise at rest may hide modes, but it does not repeat as their residual does.
+    if stiff and not quality(stiff).repeats:
+        return stiff
     while (good.repeats or not good.quiet) and len(modes_of(_named(best))) < MOST:
         dynamics = _with_mode(best)
         if dynamics is None:
@@ -90,6 +89,8 @@ def fit_presses(
         if found.free_residual > LEAST_GAIN * good.free_residual or close_modes(_named(fitted)):
             break
         best, good = fitted, found
+    if stiff and not modes_of(_named(best)):
+        return stiff
     return replace(refined(best, robust), residual_before=before)
 
 

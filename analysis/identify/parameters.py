@@ -178,20 +178,13 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
 
 def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
     """Return the rig with these values [SI]; they must be within the bounds of the rig's keys."""
-    changes: dict[str, dict[str, float]] = {}
-    for name, value in values.items():
-        section, _, field = name.partition(".")
-        if section != "offset" and name != STIFFNESS:
-            changes.setdefault(section, {})[field] = value
-    parts = {
-        section: getattr(rig, section).model_copy(update=fields)
-        for section, fields in changes.items()
-    }
-    if STIFFNESS in values:
-        plectrum = parts.get("plectrum", rig.plectrum)
-        modulus = values[STIFFNESS] * plectrum.youngs_modulus / plectrum.bending_stiffness
-        parts["plectrum"] = plectrum.model_copy(update={"youngs_modulus": modulus})
-    return rig.model_copy(update=parts)
+    own = {n: v for n, v in values.items() if n != STIFFNESS and not n.startswith("offset.")}
+    changed = rig.replaced(own)
+    if STIFFNESS not in values:
+        return changed
+    plectrum = changed.plectrum
+    modulus = values[STIFFNESS] * plectrum.youngs_modulus / plectrum.bending_stiffness
+    return changed.replaced({"plectrum.youngs_modulus": modulus})
 
 
 def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Parameter:

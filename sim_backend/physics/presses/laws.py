@@ -103,22 +103,11 @@ def _different(
     return dict(zip(values, different, strict=True)), which
 
 
-def _varied(choir: Choir, values: Mapping[str, Any]) -> Choir:
-    """Return a choir with other values of its plectrum and string, numbers or arrays."""
-    parts: dict[str, dict[str, Any]] = {"plectrum": {}, "string": {}}
-    for key, value in values.items():
-        part, name = key.split(".")
-        parts[part][name] = value
-    return choir.model_copy(
-        update={part: getattr(choir, part).model_copy(update=new) for part, new in parts.items()}
-    )
-
-
 def _elastica(
     choir: Choir, level: str, values: Mapping[str, Floats]
 ) -> tuple[Laws, NDArray[np.bool_]]:
     """Return laws of the elastica, and which of them are valid."""
-    varied = _varied(choir, {n: value for n, value in values.items() if n not in DERIVED})
+    varied = choir.replaced({n: value for n, value in values.items() if n not in DERIVED})
     plectrum, string = varied.plectrum, varied.string
     bending = values.get(DERIVED[0], plectrum.bending_stiffness)
     stiffness = values.get(DERIVED[1], string.static_stiffness)
@@ -150,7 +139,7 @@ def _one_by_one(
     good, laws = np.ones(len(rows), bool), []
     for i, row in enumerate(rows):
         try:
-            varied = _varied(choir, dict(zip(values, row, strict=True)))
+            varied = choir.replaced(dict(zip(values, row, strict=True)))
             plectrum, string = varied.plectrum, varied.string
             laws.append(law_of(plectrum, string, level))  # pyright: ignore[reportArgumentType]
         except ModelError:
