@@ -2,22 +2,31 @@
 
 from collections.abc import Sequence
 
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made, stamp
-from sautereau.analysis.figures.palette import MEASURED, PREDICTED
+from sautereau.analysis.figures.palette import AGAINST, MEASURED, PREDICTED
 from sautereau.analysis.figures.pressed import scale_to_pluck, shade_phases
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.session.conditions import SessionAnalysis
+from sautereau.analysis.session.conditions import Condition, SessionAnalysis
+from sautereau.analysis.session.difference import Pair
 from sautereau.analysis.summary.text import counted
 
 BESIDE = 5e-3
 """s, before contact and after release, that force on deflection is drawn of."""
 PICTURED = 8
 """Number of presses of a condition that its plot shows, the first ones."""
+ROWS = 8
+"""Number of conditions that a plot shows, the first ones."""
+SIZE = (12, 6.5)
+"""Inches, of the plot of a condition."""
+COLOURS = (MEASURED, AGAINST)
+"""Of the first set and of the other."""
+
+_Set = tuple[Sequence[Press], Sequence[Phases]]
 
 
 def comparison_figure(
@@ -33,55 +42,82 @@ def comparison_figure(
     """
     if not presses:
         raise AnalysisError("there is no press to draw; give at least one recording")
-    figure = Figure(figsize=(12, 6.5), layout="constrained")
+    figure = Figure(figsize=SIZE, layout="constrained")
+    _draw(figure, [(presses, phases)], prediction)
+    return figure
+
+
+def session_figure(
+    found: SessionAnalysis, pairs: Sequence[Pair] = (), number: int | None = None
+) -> Figure:
+    """Return a figure with a row as of `comparison_figure` for each condition of a session.
+
+    Args:
+        pairs: Conditions of another set, drawn beside those of the session.
+        number: Number of the only condition to draw, from 1; None for all.
+
+    Raises:
+        AnalysisError: There is no such condition, or nothing to draw.
+    """
+    count = len(found.conditions)
+    if number is not None and not 1 <= number <= count:
+        raise AnalysisError(f"condition {number}: the session has 1 to {count}")
+    chosen = range(1, count + 1) if number is None else [number]
+    others = {id(pair.first): pair.second for pair in pairs}
+    rows, faults = [], []
+    for n in chosen:
+        condition = found.conditions[n - 1]
+        if condition.prediction is None or not condition.counted:
+            why = "; ".join(condition.warnings) or "only warm-up presses"
+            faults.append(f"condition {n}: nothing to draw: {why}")
+        else:
+            rows.append((n, condition))
+    if not rows:
+        raise AnalysisError("\n".join(faults))
+    rows = rows[:ROWS]
+    figure = Figure(figsize=(SIZE[0], len(rows) * SIZE[1]), layout="constrained")
+    parts = figure.subfigures(len(rows), squeeze=False)[:, 0]
+    for part, (n, condition) in zip(parts, rows, strict=True):
+        sets = [condition, *filter(None, [others.get(id(condition))])]
+        _draw(part, [_first_presses(each) for each in sets], condition.prediction)
+        if count > 1:
+            title = f"condition {n} of {count}, {found.label(condition)}"
+            part.suptitle(f"{part.get_suptitle()}\n{title}")
+    return figure
+
+
+def _first_presses(condition: Condition) -> _Set:
+    first = condition.counted[:PICTURED]
+    return [load_press(press.press.path) for press in first], [press.phases for press in first]
+
+
+def _draw(figure: FigureBase, sets: Sequence[_Set], prediction: Prediction) -> None:
+    """Draw one or two sets of presses and the prediction of the first."""
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
     top = figure.add_subplot(grid[0, 0])
     below = figure.add_subplot(grid[1, 0], sharex=top)
     right = figure.add_subplot(grid[:, 1])
-    _over_time(top, below, presses[0], phases[0], prediction)
-    _force_on_deflection(right, presses, phases, prediction)
-    simulated = any(press.simulated for press in presses)
-    number = counted(len(presses), "press")
-    figure.suptitle(f"Rig {presses[0].rig.name}: {number}, {how_made(simulated)}")
+    _over_time(top, below, sets, prediction)
+    _force_on_deflection(right, sets, prediction)
+    simulated = any(press.simulated for presses, _ in sets for press in presses)
+    numbers = " against ".join(counted(len(presses), "press") for presses, _ in sets)
+    figure.suptitle(f"Rig {sets[0][0][0].rig.name}: {numbers}, {how_made(simulated)}")
     stamp(figure, simulated)
-    return figure
 
 
-def session_figure(found: SessionAnalysis, number: int = 1) -> Figure:
-    """Return `comparison_figure` of the first presses of one condition of a session.
-
-    Args:
-        number: Number of the condition, from 1.
-
-    Raises:
-        AnalysisError: There is no such condition, or nothing to compare in it.
-    """
-    if not 1 <= number <= len(found.conditions):
-        raise AnalysisError(f"condition {number}: the session has 1 to {len(found.conditions)}")
-    condition = found.conditions[number - 1]
-    if condition.prediction is None or not condition.counted:
-        why = "; ".join(condition.warnings) or "only warm-up presses"
-        raise AnalysisError(f"condition {number}: nothing to draw: {why}")
-    first = condition.counted[:PICTURED]
-    presses = [load_press(press.press.path) for press in first]
-    figure = comparison_figure(presses, [press.phases for press in first], condition.prediction)
-    if (n := len(found.conditions)) > 1:
-        condition_of = f"condition {number} of {n}, {found.label(condition)}"
-        figure.suptitle(f"{figure.get_suptitle()}\n{condition_of}")
-    return figure
-
-
-def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction) -> None:
-    time = press.time * 1e3
+def _over_time(top, below, sets: Sequence[_Set], prediction: Prediction) -> None:
+    for (presses, _), colour, of_set in zip(sets, COLOURS, _names(sets), strict=False):
+        press = presses[0]
+        label = f"{of_set}{press.path.name}, {_label(press)}"
+        top.plot(press.time * 1e3, press.samples["deflection"] * 1e3, color=colour, label=label)
+        below.plot(press.time * 1e3, press.samples["force"], color=colour, lw=0.8)
+    press, phases = sets[0][0][0], sets[0][1][0]
     model = (prediction.time + phases.start) * 1e3
     if phases.plucks:
         model = (prediction.time - prediction.contact + phases.plucks[0].contact) * 1e3
-    label = f"{press.path.name}, {_label(press)}"
-    top.plot(time, press.samples["deflection"] * 1e3, color=MEASURED, label=label)
     top.plot(model, prediction.deflection * 1e3, color=PREDICTED, ls="--", label="predicted")
     top.set_ylabel("deflection at the laser (mm)")
     top.legend(loc="lower right")
-    below.plot(time, press.samples["force"], color=MEASURED, lw=0.8)
     below.plot(model, prediction.finger_force, color=PREDICTED, ls="--")
     below.set(ylabel="finger force (N)", xlabel="time after the trigger (ms)")
     end = phases.bottom * 1e3
@@ -93,20 +129,26 @@ def _over_time(top, below, press: Press, phases: Phases, prediction: Prediction)
     shade_phases(top, edges, named=True)
 
 
-def _force_on_deflection(axes, presses, phases, prediction: Prediction) -> None:
-    for press, found in zip(presses, phases, strict=True):
-        if not found.plucks:
-            continue
-        held = found.plucks[0]
-        end = min(held.release + BESIDE, found.bottom)
-        deflection, force = press.from_contact(held.contact, held.contact - BESIDE, end)
-        label = None if axes.lines else f"{_label(press)}, {counted(len(presses), 'press')}"
-        axes.plot(deflection * 1e3, force, color=MEASURED, lw=0.7, alpha=0.7, label=label)
+def _force_on_deflection(axes, sets: Sequence[_Set], prediction: Prediction) -> None:
+    for (presses, phases), colour, of_set in zip(sets, COLOURS, _names(sets), strict=False):
+        label = f"{of_set}{_label(presses[0])}, {counted(len(presses), 'press')}"
+        for press, found in zip(presses, phases, strict=True):
+            if not found.plucks:
+                continue
+            held = found.plucks[0]
+            end = min(held.release + BESIDE, found.bottom)
+            deflection, force = press.from_contact(held.contact, held.contact - BESIDE, end)
+            axes.plot(deflection * 1e3, force, color=colour, lw=0.7, alpha=0.7, label=label)
+            label = None
     deflection, force = prediction.from_contact(BESIDE)
     label = f"predicted ({prediction.level})"
     axes.plot(deflection * 1e3, force, color=PREDICTED, ls="--", lw=2, label=label)
     axes.set(xlabel="deflection at the laser from contact (mm)", ylabel="finger force (N)")
     axes.legend(loc="upper left")
+
+
+def _names(sets: Sequence[_Set]) -> tuple[str, ...]:
+    return ("first set: ", "second set: ") if len(sets) > 1 else ("",)
 
 
 def _label(press: Press) -> str:

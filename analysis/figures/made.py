@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import FigureBase
 
 
 def how_made(simulated: bool) -> str:
@@ -11,7 +11,7 @@ def how_made(simulated: bool) -> str:
     return "SIMULATED, made on the stand-in" if simulated else "measured"
 
 
-def stamp(figure: "Figure", simulated: bool, size: float = 90) -> None:
+def stamp(figure: "FigureBase", simulated: bool, size: float = 90) -> None:
     """Write *simulated* across a figure of simulated presses.
 
     Args:

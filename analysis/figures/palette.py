@@ -8,8 +8,8 @@ tritanopia; lines differ in their dashes as well, areas in their hatching, point
 BLUE, VERMILLION, GREEN = "#0072b2", "#d55e00", "#009e73"
 PURPLE, ORANGE, SKY, YELLOW = "#cc79a7", "#e69f00", "#56b4e9", "#f0e442"
 
-MEASURED, PREDICTED, BEFORE = "#0b4f8a", VERMILLION, "#8c8c8c"
-"""A measurement, the model, and the model before a fit."""
+MEASURED, PREDICTED, BEFORE, AGAINST = "#0b4f8a", VERMILLION, "#8c8c8c", GREEN
+"""A measurement, the model, the model before a fit, and a measurement to compare with."""
 CONTACT, RELEASE, OTHER = GREEN, VERMILLION, "#4d4d4d"
 """Boundaries of phases, and other instants and signals."""
 PHASES = (
@@ -37,6 +37,7 @@ GRID = "#e6e6e6"
 
 GROUPS = {
     "curves": (MEASURED, PREDICTED, BEFORE),
+    "sets": (MEASURED, PREDICTED, AGAINST),
     "instants": (MEASURED, CONTACT, RELEASE, OTHER),
     "phases": tuple(colour for _, colour, _ in PHASES),
     "series": SERIES,

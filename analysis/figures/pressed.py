@@ -45,4 +45,4 @@ def scale_to_pluck(axes: Axes, press: Press, found: Phases, highest: float = 0.0
         at = np.flatnonzero(before)[np.argmax(force[before])]
         text = f"peak {force[at]:.2g} N"
         place = (time[at] * 1e3, high + margin)
-        axes.annotate(text, place, (-4, -6), textcoords="offset points", ha="right", va="top")
+        axes.annotate(text, place, (4, -6), textcoords="offset points", va="top")

@@ -60,7 +60,7 @@ def compare(
     """Compare recorded presses with the model, or with another set of presses.
 
     Presses of different rigs, scenes or days are not pooled but compared separately. The plot
-    shows the first set of presses and the model.
+    has a row for each condition: its first presses in both sets, and the model of the first set.
 
     Parameters
     ----------

@@ -96,11 +96,11 @@ class Comparison(Shown):
         """Return the differences from the other set; without one, the features."""
         return self.differences if self.pairs else self.features
 
-    def plot(self, condition: int = 1) -> "Figure":
-        """Return a figure of the first presses of a condition and of the model."""
+    def plot(self, condition: int | None = None) -> "Figure":
+        """Return a figure of the first presses of each condition, or of one, and of the model."""
         from sautereau.analysis.figures.comparison import session_figure
 
-        return shown(session_figure(self.found, condition))
+        return shown(session_figure(self.found, self.pairs, condition))
 
 
 def _frame(rows: list[Any], names: tuple[str, ...]) -> "pd.DataFrame":

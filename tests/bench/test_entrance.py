@@ -14,6 +14,7 @@ from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.monitor import Made, Stage
 from sautereau.robot.experiment.session_folder import read_manifest
 from tests.pages import read_page
+from tests.plots import texts
 
 
 @pytest.fixture
@@ -48,7 +49,13 @@ def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     with pytest.raises(SautereauError, match="not given as one folder"):
         session[:1].report()
     assert session.plot()._repr_png_().startswith(b"\x89PNG")
-    assert "condition 1 of 2, day" in session.compare().plot().get_suptitle()
+    both = texts(session.compare().plot())
+    assert [sum(f"condition {n} of 2, day" in text for text in both) for n in (1, 2)] == [1, 1]
+    alone = texts(session.compare().plot(2))
+    assert [sum(f"condition {n} of 2, day" in text for text in alone) for n in (1, 2)] == [0, 1]
+    against = texts(session[:1].compare(session[1:]).plot())
+    assert any("1 press against 1 press, SIMULATED" in text for text in against)
+    assert {"first set: simulated, 1 press", "second set: simulated, 1 press"} <= set(against)
     assert len(repr(session[0].phases)) < 100
     shown = [names["rig"], plan, session, session[0], session.compare(), fit]
     shown += [names["rig"].predict(), names["rig"].sweep(overlap=...)]
