@@ -45,7 +45,7 @@ class Driver(Player, Protocol):
         """Start the watchdog, switch the motors on, and verify both."""
 
     def renew(self, keep_waiting: Callable[[], bool] | None = None, /) -> None:
-        """Give the watchdog a sign of life, from the keep-alive's thread.
+        """Renew the watchdog, from the keep-alive's thread.
 
         Args:
             keep_waiting: Returns whether to continue to wait for an answer; None for one

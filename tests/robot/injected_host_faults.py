@@ -99,7 +99,7 @@ def host_frozen(desk):
     child_pressing(desk, lambda child: child.send_signal(signal.SIGSTOP))
 
 
-@fault("the host stopped for 1.5 s 30 ms after the trigger", ALONE, f"no sign of life.*{OFF}")
+@fault("the host stopped for 1.5 s 30 ms after the trigger", ALONE, f"did not renew it.*{OFF}")
 def host_frozen_for_a_while(desk):
     def freeze(child):
         child.send_signal(signal.SIGSTOP)

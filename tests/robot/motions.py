@@ -5,7 +5,7 @@ import threading
 
 
 def no_keep_alive(*_):
-    """Give the controller no signs of life."""
+    """Do not renew the watchdog of the controller."""
     return contextlib.nullcontext()
 
 

@@ -83,7 +83,7 @@ def port(rig):
 
 
 def controller_at(port, rig):
-    """Return a controller that gives no signs of life."""
+    """Return a controller whose watchdogs are not renewed."""
     return OdriveController(rig, open_port=port.open, keep_alive=no_keep_alive)
 
 

@@ -121,7 +121,7 @@ def test_a_host_that_is_killed_leaves_the_motors_off(rig, command_server):
             try:
                 assert host.stdout.readline() == "on\n"
                 start = stand_in.bench.time
-                until(lambda: stand_in.bench.time > start + 0.5)  # kept on by its signs of life
+                until(lambda: stand_in.bench.time > start + 0.5)  # its watchdogs are renewed
                 assert firmware.motors_on == (True, True)
             finally:
                 host.kill()

@@ -118,7 +118,7 @@ class Servos(StreamedDriver[Goals]):
         return min(units, _LONGEST_WATCHDOG) if self.stepped else units
 
     def renew(self, _keep_waiting: Callable[[], bool] | None = None, /) -> None:
-        """Give the watchdogs a sign of life: any packet to both."""
+        """Renew the watchdogs: any packet to both."""
         self.line.read(table.TORQUE_ENABLE)
 
     def switch_on(self) -> None:

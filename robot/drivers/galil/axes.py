@@ -36,7 +36,7 @@ class Axes(Connection):
     _signed = 0.0
     """Samples on the controller's clock at the last signature of the program."""
     silent = False
-    """Whether the signs of life are withheld, to measure the watchdog."""
+    """Whether the watchdog is not renewed, to measure it."""
 
     def positions(self) -> Counts:
         """Read the encoders: counts, shape (2,)."""
@@ -70,7 +70,7 @@ class Axes(Connection):
         if tripped and not CAUSES.intersection(codes):
             raise MotionFault(
                 f"{what} broke off: the controller's watchdog has switched the motors off,"
-                " because the host gave no sign of life for too long"
+                " because the host did not renew it for too long"
                 " (controller.watchdog_period); reduce the load on this machine, then home()"
                 " again"
             )
@@ -162,7 +162,7 @@ class Axes(Connection):
         return left
 
     def renew(self, keep_waiting: Callable[[], bool] | None = None, /) -> None:
-        """Give the watchdog a sign of life; stop the arm where another program runs in its place.
+        """Renew the watchdog; stop the arm where another program runs in its place.
 
         Args:
             keep_waiting: As for `Line.ask`.

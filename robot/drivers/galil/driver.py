@@ -44,7 +44,7 @@ class GalilDriver(Axes):
 
     WITHOUT_HOST: ClassVar[str] = (
         "A motion that the controller has started continues until its watchdog trips, {period:g} s"
-        " after the host's last sign of life."
+        " after the host last renewed it."
     )
     ABORT_AFTER: ClassVar[frozenset[str]] = frozenset()
     CAPABILITIES: ClassVar[Capabilities] = Capabilities(

@@ -47,7 +47,7 @@ class Power(StreamedDriver[Setpoints]):
         super().__init__(rig, clock, sleep, self.line, "motors' supply")
 
     def renew(self, _keep_waiting: Callable[[], bool] | None = None, /) -> None:
-        """Give both watchdogs a sign of life."""
+        """Renew both watchdogs."""
         self.line.ask("u 0", "u 1", answers=0)
 
     @property

@@ -41,7 +41,7 @@ def holding(bench: Workbench) -> None:
 
 
 def watchdog(bench: Workbench) -> None:
-    """Give no sign of life, and measure the time to motors off on the controller's clock."""
+    """Stop renewing the watchdog, and measure the time to motors off on the controller's clock."""
     driver, line, rig = bench.driver, bench.line, bench.rig.controller
     with bench.controller.powered():
         driver.renew()
@@ -62,12 +62,12 @@ def watchdog(bench: Workbench) -> None:
     took = (now - begun) * rig.sample_period
     bench.expect(
         off == [1, 1] and took <= rig.watchdog_period + _REACTION,
-        f"without a sign of life, the motors went off after {took:.3g} s, and"
+        f"the motors went off {took:.3g} s after the watchdog was last renewed, and"
         f" controller.watchdog_period is {rig.watchdog_period:g} s",
         "do not use this controller without a watchdog relay",
     )
     bench.figures["watchdog_time"] = took
-    bench.say(f"without a sign of life, motors off after {took:.3f} s")
+    bench.say(f"motors off {took:.3f} s after the watchdog was last renewed")
 
 
 def segments(bench: Workbench) -> None:
