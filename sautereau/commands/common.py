@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from cyclopts import Parameter, Token
 
-from sautereau.analysis.model.plectrum.levels import levels_help
+from sautereau.analysis.model.plectrum.levels import LEVELS, levels_help
 from sautereau.commands.log import logged
 from sautereau.commands.output import FileOutput, Output
 from sautereau.commands.signals import signals_stop
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from sautereau.entrance.bench import Bench
     from sautereau.entrance.session import Session
     from sautereau.rig.schema import Rig
-    from sautereau.sim_backend.scene import Scene
 
 OutFile = Annotated[Path, "FILE"]
 """A file that a command writes: `run` refuses an existing one."""
@@ -31,7 +30,6 @@ FeedForward = Annotated[
     Parameter(help="Recording of an earlier press; its force is compensated by torque."),
 ]
 RigName = Annotated[str, Parameter(help="Path of a rig file, or name of a packaged one.")]
-Level = Annotated[str, Parameter(help=levels_help())]
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp", ".eps")
 """File extensions of the plots that can be written."""
 
@@ -70,6 +68,11 @@ def _integer(_: object, tokens: Sequence[Token]) -> int:
         raise ValueError(f"{text!r} is not an integer") from error
 
 
+def _check_level(_: object, level: str) -> None:
+    if fault := LEVELS.unknown(level):
+        raise ValueError(f"Plectrum level {fault}.")
+
+
 def _check_duration(_: object, value: float | None) -> None:
     if value is not None and not value >= 0:
         raise ValueError("A duration is 0 s or longer.")
@@ -91,6 +94,7 @@ Drawing = Annotated[
         validator=_check_plot_path,
     ),
 ]
+Level = Annotated[str, Parameter(help=levels_help(), validator=_check_level)]
 Time = Annotated[Quantity, "QUANTITY", Parameter(converter=_seconds)]
 Duration = Annotated[Time, Parameter(validator=_check_duration)]
 Integer = Annotated[int, Parameter(converter=_integer)]
@@ -129,12 +133,6 @@ class Simulation:
         """Whether to run on the stand-in."""
         return self.sim or self.scene is not None
 
-    def load(self) -> "Scene":
-        """Return the stand-in's scene."""
-        from sautereau.sim_backend.scene import load_scene
-
-        return load_scene(self.scene or "paper")
-
 
 def load_rig(name: str) -> "Rig":
     from sautereau.rig.load import load_rig
@@ -157,7 +155,7 @@ def bench(rig: "str | Rig", simulation: Simulation, *, moves: bool = True) -> "B
     from sautereau.entrance.rig import Rig as Own
 
     if simulation.requested:
-        return benches.stand_in(rig, simulation.load(), simulation.seed)
+        return benches.stand_in(rig, simulation.scene or "paper", simulation.seed)
     return benches.bench(rig) if moves else benches.Bench(Own(rig))
 
 

@@ -27,12 +27,12 @@ def stand_in(
     fast
         Run as fast as possible instead of in real time.
     """
+    from sautereau.entrance.bench import rig_and_scene
     from sautereau.sim_backend.bench import StandIn
-    from sautereau.sim_backend.scene import load_scene
 
-    bench = common.load_rig(rig)
+    bench, simulated = rig_and_scene(rig, scene)
     with (
-        StandIn(bench, load_scene(scene), seed or 0, paced=not fast) as served,
+        StandIn(bench.values, simulated, seed or 0, paced=not fast) as served,
         suppress(KeyboardInterrupt),
     ):
         result = {"serial_port": served.serial_port, "daq_address": served.daq_address}
@@ -68,21 +68,21 @@ def trade(
     stability
         Find the steps at which the engines are stable, and those at which they refuse to run.
     """
-    from sautereau.sim_backend.scene import load_scene
+    from sautereau.entrance.bench import rig_and_scene
     from sautereau.sim_backend.trade import results
     from sautereau.sim_backend.trade import stability as stability_map
     from sautereau.sim_backend.trade.study import run_trade
 
-    bench = common.load_rig(rig)
+    bench, simulated = rig_and_scene(rig, scene)
     if stability:
         with output.progress("mapping the stability"):
-            found = stability_map.run_stability(bench)
+            found = stability_map.run_stability(bench.values)
         output.answer(stability_map.stability_document(found), stability_map.stability_text(found))
         if stability_map.with_verdict(found, "failed"):
             return output.fail("an engine diverged without an error; see the table")
         return 0
     with output.progress("measuring speed and accuracy"):
-        measured = run_trade(bench, load_scene(scene), fresh=fresh)
+        measured = run_trade(bench.values, simulated, fresh=fresh)
     if plot:
         results.trade_figure(measured).savefig(plot, dpi=120)
     return output.answer(results.trade_document(measured), results.trade_text(measured), plot)

@@ -12,6 +12,7 @@ from sautereau.entrance.session import Session
 from sautereau.rig import schema
 from sautereau.rig.errors import RigError
 from sautereau.robot.experiment.monitor import Watch
+from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import Scene, load_scene
 
 
@@ -132,10 +133,29 @@ def stand_in(
         seed: Seed of all random numbers; None for a new one, which the recording stores.
 
     Raises:
-        RigError: The rig is not valid.
+        RigError: The rig is not valid; the message also lists the faults of the scene.
         SceneError: The scene is not valid.
     """
-    return Bench(Rig(rig), scene if isinstance(scene, Scene) else load_scene(str(scene)), seed)
+    return Bench(*rig_and_scene(rig, scene), seed)
+
+
+def rig_and_scene(
+    rig: Rig | schema.Rig | str | Path, scene: str | Path | Scene
+) -> tuple[Rig, Scene]:
+    """Return the rig and the scene of a stand-in; the errors are those of `stand_in`."""
+    try:
+        loaded = Rig(rig)
+    except RigError as error:
+        try:
+            _scene(scene)
+        except SceneError as other:
+            raise RigError(f"{error}\n{other}") from error
+        raise
+    return loaded, _scene(scene)
+
+
+def _scene(scene: str | Path | Scene) -> Scene:
+    return scene if isinstance(scene, Scene) else load_scene(scene)
 
 
 def bench(rig: Rig | schema.Rig | str | Path) -> Bench:

@@ -161,6 +161,7 @@ def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
         ("press --sim --out", "Missing value of option: --out FOLDER"),
         ("press --sim --out out -n many", "'many' is not an integer"),
         ("press --sim --out out -n 2.5", "'2.5' is not an integer"),
+        ("predict --level wood", "Plectrum level 'wood' is unknown"),
         ("press --sim --out out --rest 2_mm", "'2_mm'"),
         ("press --sim --out out --seed -1", "from 0 to 2**63 - 1"),
         ("learn --sim", "Missing option: --out FOLDER"),
@@ -243,6 +244,11 @@ def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, mes
     answer = json.loads(capsys.readouterr().err)
     assert (answer["schema"], answer["error"]["status"]) == (1, status)
     assert answer["error"]["message"].startswith(message)
+
+
+def test_faults_of_rig_and_scene_are_reported_together(sautereau):
+    for words in ("press none --scene nothing --out out", "stand-in nothing --rig none"):
+        refused(sautereau(*words.split()), "rig 'none' is neither", "scene 'nothing' is neither")
 
 
 def test_a_packaged_rig_does_not_move_the_hardware(sautereau, tmp_path):
