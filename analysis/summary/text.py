@@ -1,6 +1,7 @@
 """Phrases, tables and line breaks that all texts share."""
 
 import re
+import textwrap
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
@@ -54,16 +55,14 @@ def _wrapped_line(line: str) -> str:
     gaps = [gap.end() for gap in re.finditer(r"(?<=\S) {2,}", line)]
     if len(line) <= WIDTH or len(gaps) > 1 or len(line.split()) <= 2:
         return line
-    first, *words = re.findall(r" *\S+", line)
-    indent = gaps[0] if gaps else len(first) - len(first.lstrip()) + 2
-    lines = [first]
-    for word in words:
-        below = " " * indent + word.lstrip()
-        if len(lines[-1] + word) <= WIDTH or len(below) > WIDTH:
-            lines[-1] += word
-        else:
-            lines.append(below)
-    return "\n".join(lines)
+    indent = gaps[0] if gaps else len(line) - len(line.lstrip()) + 2
+    return textwrap.fill(
+        line,
+        WIDTH,
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def part_of(found: object, *names: str) -> dict[str, Any]:
