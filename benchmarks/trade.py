@@ -147,9 +147,12 @@ def _mujoco(rig: Rig, scene: Scene) -> list[Figure]:
                 Figure(f"{name}: times real time", alone[""], "1", engine, alone[engine]),
                 Figure(
                     f"{name}: times real time, world included",
-                    whole[""], "1", engine, whole[engine],
+                    whole[""],
+                    "1",
+                    engine,
+                    whole[engine],
                 ),
-            ]  # fmt: skip
+            ]
     return figures
 
 

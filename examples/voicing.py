@@ -108,9 +108,12 @@ def plot(path: str | Path, studied: list[list[Voice]]) -> None:
             axes.plot(height, force, color=colour, ls=dashes)
             axes.plot(height[-1], force[-1], marker, color=colour)
             axes.annotate(
-                f"{v.value * 1e3:.2f}", (height[-1], force[-1]), (7, -3),
-                textcoords="offset points", fontsize=9,
-            )  # fmt: skip
+                f"{v.value * 1e3:.2f}",
+                (height[-1], force[-1]),
+                (7, -3),
+                textcoords="offset points",
+                fontsize=9,
+            )
         axes.set_title(f"{voices[0].field.replace('_', ' ')} (mm), as {voices[0].level}")
         axes.set_xlabel("jack's height above first contact (mm)")
         axes.grid(color=GRID)

@@ -39,8 +39,10 @@ def transient_figure(examined: Sequence[Examined], found: Sequence[Attributed]) 
     _frequencies(figure.add_subplot(grid[2, :2]), found)
     _probabilities(figure.add_subplot(grid[2, 2]), found)
     kind = how_made(any(press.simulated for press in examined))
-    figure.suptitle(f"Transient phase of {examined[0].path.name}: signals without their slow"
-                    f" part, and modes; {kind}")  # fmt: skip
+    figure.suptitle(
+        f"Transient phase of {examined[0].path.name}: signals without their slow"
+        f" part, and modes; {kind}"
+    )
     return figure
 
 

@@ -35,9 +35,17 @@ REACH = -(-(ORDER * HOPS + 1) // (HOPS // 2))
 MARGIN = 4
 """Widths of signal before and after, as far as there is any."""
 TERMS = {
-    "v1": 0.4, "F2": 1.5e-5, "F1": 3e-4, "v2": 3e-5, "v3": 3e-7, "F4": 3e-12,
-    "F3": 1e-9, "v4": 1e-10, "v5": 3e-13, "F6": 3e-18,
-}  # fmt: skip
+    "v1": 0.4,
+    "F2": 1.5e-5,
+    "F1": 3e-4,
+    "v2": 3e-5,
+    "v3": 3e-7,
+    "F4": 3e-12,
+    "F3": 1e-9,
+    "v4": 1e-10,
+    "v5": 3e-13,
+    "F6": 3e-18,
+}
 """Prior standard deviations of the terms: dimensionless; s^2, s; kg s, kg s^2; s^4."""
 SUDDEN = 0.3
 """Error of the load over the local rms of fast motion: impacts and ringing, for which the relation

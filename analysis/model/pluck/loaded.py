@@ -143,11 +143,15 @@ class OnePlectrum:
             bend, force = self._map.bend(s, self._force(s, load)), self._force(s, load)
             by_force = -2 * force / s  # dF/ds at the same load
             return Loaded(
-                bend.x, bend.z, -bend.theta, -np.sin(bend.theta), np.cos(bend.theta),
+                bend.x,
+                bend.z,
+                -bend.theta,
+                -np.sin(bend.theta),
+                np.cos(bend.theta),
                 bend.x_s + by_force * bend.x_f,
                 bend.z_s + by_force * bend.z_f,
                 -bend.theta_s - by_force * bend.theta_f,
-            )  # fmt: skip
+            )
 
         return at
 

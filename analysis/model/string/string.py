@@ -117,9 +117,7 @@ class ModalString:
         v_to = slope - vq * offset - vv * slope
         # A constant force is the sum of a rising and a falling one.
         held = self.shape / (self.mass * self.omega**2)
-        return Propagator(
-            qq, qv, vq, vv, held * (1 - qq) - q_to, q_to, -held * vq - v_to, v_to
-        )  # fmt: skip
+        return Propagator(qq, qv, vq, vv, held * (1 - qq) - q_to, q_to, -held * vq - v_to, v_to)
 
     def free(self, state: ModalState, time: ArrayLike) -> ModalState:
         """Return the coordinates after free times [s], each of shape (2, n, modes)."""

@@ -74,11 +74,15 @@ class TerminalView:
 
     def _drawn(self) -> RenderableType:
         state = Text.assemble(
-            ("arm ", "dim"), f"{self._arm or 'not connected':<18} ",
-            ("acquisition ", "dim"), f"{self._daq or '-':<9} ",
-            ("press ", "dim"), f"{self._press or '-':<5} ",
-            ("made ", "dim"), f"{self._made}",
-        )  # fmt: skip
+            ("arm ", "dim"),
+            f"{self._arm or 'not connected':<18} ",
+            ("acquisition ", "dim"),
+            f"{self._daq or '-':<9} ",
+            ("press ", "dim"),
+            f"{self._press or '-':<5} ",
+            ("made ", "dim"),
+            f"{self._made}",
+        )
         lines = [state]
         if self._dropped:
             lines.append(Text(f"{self._dropped} events are not shown", "yellow"))
