@@ -130,15 +130,10 @@ def signals_of(press: Press) -> Signals:
     force_noise, velocity_noise = (
         white_noise(signal[:NOISE_ROWS], longest) for signal in (force, velocity)
     )
-    names = {c.name: c.quantity for c in press.rig.daq.channels}
-    flagged = {quantity: np.zeros(len(time), bool) for quantity in ("force", "velocity")}
-    for mark in press.quality_flags:
-        first, last = np.searchsorted(time, (mark.start, mark.stop))
-        side = max(LEAST_TAIL, round(TAIL * rate)) if mark.kind == "drop-out" else SPREAD
-        flagged[names[mark.channel]][max(0, first - side) : last + side] = True
+    no_force, no_velocity = (flagged(press, quantity) for quantity in ("force", "velocity"))
     force = _without_spikes(force, force_noise)
-    if flagged["velocity"].any() and not flagged["velocity"].all():
-        good = ~flagged["velocity"]
+    if no_velocity.any() and not no_velocity.all():
+        good = ~no_velocity
         velocity = np.interp(time, time[good], velocity[good])
         _, _, _, deflection, rise, speed = columns_of(key, velocity, force, rate)
     inertia = key.inertia + sum(c.jack.mass * c.jack_arm**2 for c in choirs(press.rig))
@@ -160,11 +155,24 @@ def signals_of(press: Press) -> Signals:
         force_noise=force_noise,
         velocity_noise=velocity_noise,
         instant_std=math.hypot(1 / rate / math.sqrt(12), _lag_std(press.rig)),
-        no_force=flagged["force"],
-        no_velocity=flagged["velocity"],
+        no_force=no_force,
+        no_velocity=no_velocity,
         missing=press.missing,
         fall_std=ASSUMED_FALL if press.missing else 0.0,
     )
+
+
+def flagged(press: Press, quantity: str) -> NDArray[np.bool_]:
+    """Return the rows of force or velocity with values of flagged samples; shape (rows,)."""
+    found = np.zeros(len(press.time), bool)
+    quantities = {channel.name: channel.quantity for channel in press.rig.daq.channels}
+    for mark in press.quality_flags:
+        if quantities.get(mark.channel) == quantity:
+            first, last = np.searchsorted(press.time, (mark.start, mark.stop))
+            tail = max(LEAST_TAIL, round(TAIL * press.rate))
+            side = tail if mark.kind == "drop-out" else SPREAD
+            found[max(0, first - side) : last + side] = True
+    return found
 
 
 def _assumed(press: Press) -> tuple[Floats, ...]:

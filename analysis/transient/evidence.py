@@ -14,6 +14,7 @@ from scipy.signal import firwin
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.phases.signals import flagged
 from sautereau.analysis.transient.modes import LEAST_SAMPLES, DampedMode, StretchModes, fit_modes
 from sautereau.trajectory.motion import Floats
 
@@ -32,8 +33,6 @@ CONTACT_LOST = 0.3
 """Fraction of the force in the free phase below which the key is not in contact with the finger."""
 ABOVE_REST = 4.0
 """Smallest amplitude of a mode, in its uncertainties at the noise level at its frequency."""
-SPREAD = 18
-"""Samples before and after flagged samples that are also replaced by a line."""
 
 
 @dataclass(frozen=True)
@@ -135,12 +134,7 @@ def _bridged(press: Press, time: Floats, name: str) -> Floats:
             f"press {press.path}: {int(np.sum(~np.isfinite(signal)))} samples of its {name} are"
             " not finite numbers; check the recording, and press again"
         )
-    quantity = {channel.name: channel.quantity for channel in press.rig.daq.channels}
-    good = np.ones(len(time), bool)
-    for flag in press.quality_flags:
-        if quantity.get(flag.channel) == name:
-            first, last = np.searchsorted(time, (flag.start, flag.stop))
-            good[max(0, first - SPREAD) : last + SPREAD] = False
+    good = ~flagged(press, name)
     return np.interp(time, time[good], signal[good]) if good.any() else signal
 
 
