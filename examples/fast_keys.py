@@ -37,11 +37,12 @@ def plot(path: str | Path, studied: dict[float, float]) -> None:
     figure = Figure(figsize=(8, 4.2), layout="constrained")
     axes = figure.subplots()
     axes.axhline(0, color=OTHER, lw=0.8)
-    axes.axvspan(0.02, 0.1, color=GRID)
+    axes.axvspan(0.02, 0.1, color=GRID, label="error below 0.3 %")
     axes.semilogx(list(studied), 100 * np.array(list(studied.values())), "o-", color=MEASURED)
     axes.set_xticks([0.02, 0.05, 0.1, 0.2, 0.5, 1.0], ["0.02", "0.05", "0.1", "0.2", "0.5", "1"])
     axes.minorticks_off()
     axes.set_xlabel("jack speed (m/s)")
+    axes.legend(loc="lower left")
     axes.set_ylabel("error of the pluck duration,\n(spring - modes) / modes (%)")
     figure.savefig(path, dpi=110)
 

@@ -54,8 +54,8 @@ def plot(path: str | Path, studied: Learning) -> None:
     law = press_law(studied.first.rig.press)
     start, end = law.cruise_start - 0.01, law.cruise_end + 0.01
     for press, label, colour, dashes in (
-        (studied.first, f"first press: {studied.errors[0]:.2%} RMS", SERIES[1], DASHES[1]),
-        (studied.best, f"best press: {min(studied.errors):.2%} RMS", SERIES[0], DASHES[0]),
+        (studied.first, f"first press: {100 * studied.errors[0]:.2g} % RMS", SERIES[1], DASHES[1]),
+        (studied.best, f"best press: {100 * min(studied.errors):.2g} % RMS", SERIES[0], DASHES[0]),
     ):
         speed = press.data["jack_speed"].loc[start:end].rolling(51, center=True).mean()
         axes.plot(speed.index * 1e3, speed * 1e3, color=colour, ls=dashes, label=label, lw=1.2)

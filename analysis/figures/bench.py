@@ -81,7 +81,7 @@ def _draw_labels(axes, rig: Rig) -> None:
         ("nut", (ends[0], height - 9), (0, -11), "center", "black"),
         ("bridge", (ends[1], height - 9), (0, -11), "center", "black"),
         ("string", ((foot[0] + ends[1]) / 2, height), (0, -13), "center", "black"),
-        ("rail", (foot[0] - 6, -UNDER * 1e3 - 4), (0, -11), "center", FELT),
+        ("rail", (foot[0] - 6, -UNDER * 1e3 - 4), (0, -11), "right", FELT),
         ("felt", (-key.press_arm * 1e3 - 12, felt), (-4, -4), "right", FELT),
         ("balance pin", (0, -UNDER * 1e3 - 8), (0, -11), "center", "black"),
     )

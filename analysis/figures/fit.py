@@ -5,7 +5,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from sautereau.analysis.figures.made import how_made, stamp
-from sautereau.analysis.figures.palette import BEFORE, DASHES, MEASURED, PREDICTED, SERIES
+from sautereau.analysis.figures.palette import BEFORE, DASHES, MEASURED, OTHER, PREDICTED, SERIES
+from sautereau.analysis.identify.combinations import IDENTIFIABLE
 from sautereau.analysis.identify.fit import Fit
 from sautereau.analysis.identify.identified import Estimate, Identified
 from sautereau.analysis.summary.text import counted
@@ -44,7 +45,7 @@ def _forces(top, below, fitted: Fit) -> None:
     time = press.time * 1e3
     force = np.full(len(time), np.nan)
     force[press.used] = press.force()[press.used]
-    top.plot(time, force, color=MEASURED, lw=2.2, alpha=0.6, label="measured")
+    top.plot(time, force, color=MEASURED, lw=2.2, alpha=0.6, label="recorded")
     for residual, colour, name, dashes in (
         (before[0], BEFORE, "model before", ":"),
         (after[0], PREDICTED, "model fitted", "--"),
@@ -83,12 +84,15 @@ def _combinations(axes, found: Identified) -> None:
     known = [(str(c), c.std, c.identifiable) for c in found.combinations if c.std is not None]
     for place, (_, std, identifiable) in enumerate(known):
         marker, colour = ("o", MEASURED) if identifiable else ("x", PREDICTED)
-        axes.plot(std, -place, marker, color=colour)
+        axes.plot(100 * std, -place, marker, color=colour)
+    axes.axvline(100 * IDENTIFIABLE, color=OTHER, ls=":", label="identifiable below")
+    axes.legend(fontsize=8)
     axes.set_yticks([-place for place in range(len(known))], [name for name, *_ in known])
     axes.tick_params(axis="y", labelsize=7)
     axes.set_xscale("log")
+    axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("standard uncertainty over the scale")
+    axes.set_xlabel("standard uncertainty (% of the scale)")
     unseen = [str(c) for c in found.combinations if c.std is None]
     if unseen:
         axes.set_title("undetermined: " + "; ".join(unseen), fontsize=8)

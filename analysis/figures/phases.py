@@ -78,9 +78,10 @@ def _complete(axes: Axes, press: Press, found: Phases) -> None:
     for name, instant in others.items():
         if instant is not None and time[inside][0] <= instant * 1e3 <= time[inside][-1]:
             axes.axvline(instant * 1e3, color=OTHER, lw=0.8, ls=":", label=QUANTITIES[name].label)
-    speed.legend(*axes.get_legend_handles_labels(), loc="upper right", fontsize=8, framealpha=0.95)
-    word = " simulated" if press.simulated else ""
-    axes.set_title(f"{press.path.name}{word}", loc="left", fontsize=9)
+    above = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": 3, "frameon": False}
+    title = f"{press.path.name}{', simulated' * press.simulated}"
+    handles = axes.get_legend_handles_labels()
+    speed.legend(*handles, fontsize=8, title=title, alignment="left", **above)
 
 
 def _close(axes: Axes, press: Press, found: Phases) -> None:

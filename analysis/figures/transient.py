@@ -56,7 +56,7 @@ def _over_time(axes: Axes, press: Examined, phase: str, channel: int) -> None:
     degree = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(stretch.time)), 4)
     both = np.stack([stretch.signals[channel], stretch.modes.fit[channel]], axis=1)
     both = both - degree @ np.linalg.lstsq(degree, both[:, 1], rcond=None)[0][:, None]
-    axes.plot(stretch.time * 1e3, both[:, 0] * scale, color=SIGNAL, lw=0.8, label="measured")
+    axes.plot(stretch.time * 1e3, both[:, 0] * scale, color=SIGNAL, lw=0.8, label="recorded")
     axes.plot(stretch.time * 1e3, both[:, 1] * scale, color=FITTED, lw=0.7, label="fitted modes")
     axes.set_ylabel(label)
     if channel == 0:

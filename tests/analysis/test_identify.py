@@ -124,7 +124,7 @@ def test_a_picture_shows_every_part(made, found):
     figure = fit_figure(made, found, simulated=True)
     assert "SIMULATED" in figure.get_suptitle()
     labels = {label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]}
-    assert {"measured", "model before", "model fitted"} <= labels
+    assert {"recorded", "model before", "model fitted"} <= labels
 
 
 @pytest.mark.slow
