@@ -131,7 +131,7 @@ def read_prior(text: str) -> tuple[str, Prior]:
         raise AnalysisError(
             f"prior {text!r}: expected a key with a range or a standard uncertainty, such as"
             f" 'plectrum.overlap=0.1 mm to 0.5 mm' or 'key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2'"
-            f"{_near(name, NAMES)}"
+            f"{'' if name in NAMES else _near(name, NAMES)}"
         )
     unit = unit_of_parameter(name)
     try:

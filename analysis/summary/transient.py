@@ -109,4 +109,4 @@ def _cells(each: Attributed) -> tuple[str, ...]:
 def _with_std(value: float, std: float) -> str:
     """Return a value and its uncertainty with as many decimals as that has."""
     decimals = 2 if std < 0.1 else 1 if std < 10 else 0
-    return f"{value:.{decimals}f} ± {std:.{decimals}f}"
+    return f"{value:.{decimals}f} +- {std:.{decimals}f}"

@@ -176,23 +176,26 @@ def make_folders(*paths: Path | None) -> None:
         try:
             make_folder(folder)
         except OSError as error:
-            faults.append(f"folder {folder}: it cannot be made: {why_unreadable(error)}")
+            why = f"it cannot be made: {why_unreadable(error)}"
         else:
-            if not os.access(folder, os.W_OK):
-                faults.append(f"folder {folder}: no permission to write into it")
+            why = "" if os.access(folder, os.W_OK) else "no permission to write into it"
+        if why:
+            faults.append(f"folder {folder}: {why}; give another folder")
     if faults:
-        raise SautereauError("\n".join([*faults, "give another folder"]))
+        raise SautereauError("\n".join(faults))
 
 
 def _write(text: str) -> None:
-    """Write to standard output at once.
+    """Write to standard output at once, with escapes for what its encoding cannot express.
 
     Raises:
         BrokenPipeError: Its reader has ended.
         SautereauError: It cannot be written.
     """
+    encoding = sys.stdout.encoding or "utf-8"
+    text = printable(text).encode(encoding, "backslashreplace").decode(encoding)
     try:
-        sys.stdout.write(printable(text) + "\n")
+        sys.stdout.write(text + "\n")
         sys.stdout.flush()
     except BrokenPipeError:
         raise

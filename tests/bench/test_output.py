@@ -6,6 +6,7 @@ import re
 import sys
 from datetime import datetime
 from inspect import signature
+from io import BytesIO, TextIOWrapper
 
 import pytest
 
@@ -134,3 +135,9 @@ def test_all_missing_recordings_are_reported(sautereau):
     assert done.returncode == 1
     assert "a.mcap: there is no such file" in done.stderr
     assert "b.mcap: there is no such file" in done.stderr
+
+
+def test_characters_that_the_output_lacks_are_escaped(monkeypatch):
+    monkeypatch.setattr("sys.stdout", TextIOWrapper(BytesIO(), "ascii"))
+    Output().answer({}, ["rig file: ü.toml"])
+    assert sys.stdout.buffer.getvalue() == b"rig file: \\xfc.toml\n"
