@@ -227,9 +227,9 @@ def _selective(presses: "pd.DataFrame", omitted: dict[str, int]) -> str:
     if most <= MOST_OMITTED:
         return ""
     return (
-        f"{most:.0%} of the presses of a plectrum have no positive value; the others are the larger"
-        f" ones, and exponents from them would be too large, so there are none above"
-        f" {MOST_OMITTED:.0%}: reduce the noise of the force"
+        f"{100 * most:.0f} % of the presses of a plectrum have no positive value; the others are"
+        f" the larger ones, and exponents from them would be too large, so there are none above"
+        f" {100 * MOST_OMITTED:.0f} %: reduce the noise of the force"
     )
 
 

@@ -92,7 +92,7 @@ def find_start(
     if not unexplained <= MOST_UNEXPLAINED:
         raise AnalysisError(
             "alignment: encoders and vibrometer do not show the same motion (residual"
-            f" {unexplained:.0%} of it)"
+            f" {100 * unexplained:.0f} % of it)"
         )
     blocks = np.array_split(np.arange(len(times)), BLOCKS)
     without = [

@@ -295,8 +295,8 @@ def _coarse(rig: Rig) -> list[str]:
     if part <= COARSE:
         return []
     return [
-        f"arm: its encoders resolve {resolution * 1e3:.2g} mm at the fingertip, {part:.1%} of the"
-        " press: its path and speed are no finer than that"
+        f"arm: its encoders resolve {resolution * 1e3:.2g} mm at the fingertip, {100 * part:.1f} %"
+        " of the press: its path and speed are no finer than that"
     ]
 
 

@@ -80,7 +80,7 @@ def start_and_rate(
     if not given and error.max() > EXACT and rounded / span > RATE_ERROR:
         warnings.append(
             f"the times are rounded to {rounded:.3g} s, so the rate of {rate:.9g} Hz is uncertain"
-            f" by {rounded / span:.1%}; give the exact --rate"
+            f" by {100 * rounded / span:.1f} %; give the exact --rate"
         )
     if not PLAUSIBLE[0] <= rate <= PLAUSIBLE[1]:
         warnings.append(

@@ -158,7 +158,8 @@ class SoundCard:
                 raise DaqError(
                     f"sound card {self._daq.device}: no edge on {self._daq.trigger_source} within"
                     f" {self._daq.trigger_timeout:g} s; check that the controller's output is wired"
-                    f" to it and exceeds {EDGE:.0%} of its full scale, and that the press started"
+                    f" to it and exceeds {100 * EDGE:.0f} % of its full scale, and that the press"
+                    " started"
                 )
             held = held[:, -before - 1 :]
 

@@ -230,7 +230,7 @@ def _infeasible_message(
     text = (
         f"mount: no base in arm.mount_x ({x[0]:.4g} to {x[1]:.4g} mm) and arm.mount_z"
         f" ({z[0]:.4g} to {z[1]:.4g} mm) is feasible; {names[most]} excludes"
-        f" most, {excluded[most]:.0%} of the bases: {LIMITS[names[most]]}"
+        f" most, {100 * excluded[most]:.0f} % of the bases: {LIMITS[names[most]]}"
     )
     if last != most:
         text += (

@@ -89,7 +89,7 @@ def _table_of(plectrum: Plectrum) -> DisplacementSeries:
     if nearest is None:
         raise ModelError(
             f"plectrum.overlap: {plectrum.overlap * 1e3:.4g} mm is more than"
-            f" {REACHES[-1][0]:.0%} of the plectrum's {plectrum.length * 1e3:.4g} mm, and"
+            f" {100 * REACHES[-1][0]:.0f} % of the plectrum's {plectrum.length * 1e3:.4g} mm, and"
             " what remains is no beam; lower overlap"
         )
     ratios = np.array([plectrum.poisson_ratio, plectrum.friction, nearest])

@@ -53,9 +53,9 @@ def verify(rig: Rig, ask: Ask) -> Found:
         ask_first(
             ask,
             "verify",
-            f"Part B. Give the amplifiers power. The motors are switched on with {fraction:.0%} of"
-            " the torque, and the arm moves slowly. Is its way free, and the emergency stop in"
-            " your hand?",
+            f"Part B. Give the amplifiers power. The motors are switched on with"
+            f" {100 * fraction:.0f} % of the torque, and the arm moves slowly. Is its way"
+            " free, and the emergency stop in your hand?",
         )
         for step in WITH_POWER:
             step(bench)
