@@ -60,26 +60,18 @@ def session_figure(
         AnalysisError: There is no such condition, or nothing to draw.
     """
     count = len(found.conditions)
-    if number is not None and not 1 <= number <= count:
+    chosen = [(n, c) for n, c in enumerate(found.conditions, 1) if number in (None, n)]
+    if not chosen:
         raise AnalysisError(f"condition {number}: the session has 1 to {count}")
-    chosen = range(1, count + 1) if number is None else [number]
-    others = {id(pair.first): pair.second for pair in pairs}
-    rows, faults = [], []
-    for n in chosen:
-        condition = found.conditions[n - 1]
-        if condition.prediction is None or not condition.counted:
-            why = "; ".join(condition.warnings) or "only warm-up presses"
-            faults.append(f"condition {n}: nothing to draw: {why}")
-        else:
-            rows.append((n, condition))
+    rows = [(n, c, c.prediction) for n, c in chosen if c.prediction and c.counted][:ROWS]
     if not rows:
-        raise AnalysisError("\n".join(faults))
-    rows = rows[:ROWS]
+        why = dict.fromkeys(w for _, c in chosen for w in c.warnings or ["only warm-up presses"])
+        raise AnalysisError(f"nothing to draw: {'; '.join(why)}")
     figure = Figure(figsize=(SIZE[0], len(rows) * SIZE[1]), layout="constrained")
     parts = figure.subfigures(len(rows), squeeze=False)[:, 0]
-    for part, (n, condition) in zip(parts, rows, strict=True):
-        sets = [condition, *filter(None, [others.get(id(condition))])]
-        _draw(part, [_first_presses(each) for each in sets], condition.prediction)
+    for part, (n, condition, prediction) in zip(parts, rows, strict=True):
+        sets = [condition, *(pair.second for pair in pairs if pair.first is condition)]
+        _draw(part, [_first_presses(each) for each in sets], prediction)
         if count > 1:
             title = f"condition {n} of {count}, {found.label(condition)}"
             part.suptitle(f"{part.get_suptitle()}\n{title}")
