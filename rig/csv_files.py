@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from sautereau.rig.disk import read_text, why_unreadable
-from sautereau.rig.errors import RigError
+from sautereau.rig.errors import RigError, SautereauError
 from sautereau.rig.schema import Arm
 from sautereau.rig.units import parse_quantity
 
@@ -75,21 +75,39 @@ def read_touched_points(path: Path, arm: Arm) -> TouchedPoints:
     return TouchedPoints(tuple(cells["point"]), tuple(joints))
 
 
-def read_rows(path: Path) -> tuple[list[list[str]], str]:
+def read_rows(
+    path: Path,
+    origin: str,
+    error_type: type[SautereauError],
+    most: int = MOST_ROWS,
+    shorten: str = "give fewer rows",
+) -> tuple[list[list[str]], str]:
     """Return the rows of a CSV file, and the sign in place of a decimal point.
 
     Where the first row has semicolons or tabs, they separate the columns, and numbers may have
     decimal commas.
 
+    Args:
+        origin: The file, as messages name it.
+        error_type: Class of the errors.
+        most: Limit of the rows.
+        shorten: What to do with a longer file.
+
     Raises:
-        OSError: As of `read_limited`.
-        ValueError: It is not UTF-8.
-        csv.Error: Its quotes are wrong.
+        SautereauError: It cannot be read, or has too many rows.
     """
-    lines = read_text(path).splitlines()
-    delimiter = next((sign for sign in ";\t" if lines and sign in lines[0]), ",")
-    reader = csv.reader(lines, delimiter=delimiter, strict=True, skipinitialspace=True)
-    return list(reader), "." if delimiter == "," else ","
+    try:
+        lines = read_text(path).splitlines()
+        delimiter = next((sign for sign in ";\t" if lines and sign in lines[0]), ",")
+        rows = list(csv.reader(lines, delimiter=delimiter, strict=True, skipinitialspace=True))
+    except (OSError, ValueError, csv.Error) as error:
+        raise error_type(
+            f"{origin}: cannot be read: {why_unreadable(error)}; give the path of a CSV file in"
+            " UTF-8"
+        ) from error
+    if len(rows) > most:
+        raise error_type(f"{origin}: {len(rows)} rows, more than the limit {most}; {shorten}")
+    return rows, "." if delimiter == "," else ","
 
 
 def read_columns(
@@ -112,18 +130,7 @@ def read_columns(
         RigError: The file cannot be read, a column is missing or named twice, or cells are
             refused; lists the first of them with their lines.
     """
-    try:
-        rows, decimal = read_rows(path)
-    except (OSError, ValueError, csv.Error) as error:
-        raise RigError(
-            f"{what} {path}: cannot be read: {why_unreadable(error)}; give the path of a UTF-8"
-            " text file"
-        ) from error
-    if len(rows) > MOST_ROWS:
-        raise RigError(
-            f"{what} {path}: {len(rows)} rows, more than the limit MOST_ROWS = {MOST_ROWS}; thin it"
-            " out"
-        )
+    rows, decimal = read_rows(path, f"{what} {path}", RigError)
     columns, faults = _columns(rows[0] if rows else [], units)
     if faults:
         raise RigError(f'{what} {path}: {"; ".join(faults)}; start the file with "{example}"')

@@ -1,6 +1,5 @@
 """Judgements of touch: read from a CSV file, and counted."""
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from sautereau.analysis.campaign.labels import LEVELS, TOUCH
-from sautereau.analysis.campaign.table import Campaign
+from sautereau.analysis.campaign.table import MOST_ROWS, Campaign
 from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.csv_files import read_rows
 from sautereau.rig.faults import fault_list
@@ -56,10 +55,8 @@ def with_labels(campaign: Campaign, path: Path) -> Campaign:
         AnalysisError: It cannot be read; lists every row with an unknown judgement or key.
     """
     origin = f"judgements {path}"
-    try:
-        (head, *lines), _ = read_rows(path)
-    except (OSError, ValueError, csv.Error) as error:
-        raise AnalysisError(f"{origin}: {error}; give a CSV file") from error
+    rows, _ = read_rows(path, origin, AnalysisError, MOST_ROWS)
+    head, *lines = rows or [[]]
     keys = [key for key in KEYS if key in head and key in campaign.table.column_names]
     if len(keys) != 1 or TOUCH not in head:
         raise AnalysisError(

@@ -1,13 +1,11 @@
 """A session's plan as a table: each row is a press with some values of the rig changed."""
 
-import csv
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from sautereau.rig.csv_files import read_rows
-from sautereau.rig.disk import why_unreadable
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss, unit_of
 from sautereau.rig.load import with_values
@@ -66,18 +64,8 @@ def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tupl
         RobotError: Lists every fault of the table, with its line.
     """
     origin = f"plan table {path}"
-    try:
-        lines, decimal = read_rows(path)
-    except (OSError, ValueError, csv.Error) as error:
-        raise RobotError(
-            f"{origin}: cannot be read: {why_unreadable(error)}; give the path of a CSV file"
-            " in UTF-8"
-        ) from error
-    if len(lines) > MOST_ROWS:
-        raise RobotError(
-            f"{origin}: {len(lines)} lines, more than the limit MOST_ROWS = {MOST_ROWS}; divide it"
-            " into sessions, or give equal presses as repeats of one row"
-        )
+    shorten = "divide it into sessions, or give equal presses as repeats of one row"
+    lines, decimal = read_rows(path, origin, RobotError, MOST_ROWS, shorten)
     columns = [current_key(cell.strip()) for cell in lines[0]] if lines else []
     table = _Table(rig, columns, decimal, repeats, notes, list(_column_faults(columns)))
     read = (
