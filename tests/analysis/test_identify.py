@@ -280,9 +280,8 @@ def test_a_little_friction_is_found_unasked_where_the_string_lies_on_the_surface
     rig = with_values(load_rig(), {"plectrum.contact": "surface"})
     truth = TRUTH | {"plectrum.contact": "surface", "plectrum.friction": 0.035}
     scene = load_scene("paper").model_copy(update={"truth": truth, "step": 50e-6})
-    seen = observe(rig, scene)
-    pressed = [sensed(rig, scene, seen, seed)[0] for seed in range(2)]
-    made = identify(pressed, [find_phases(press) for press in pressed], FREE, starts=1)
+    press, _ = sensed(rig, scene, observe(rig, scene), 0)
+    made = identify([press], [find_phases(press)], FREE, starts=1)
     assert made.quality.fits
     assert [e.name for e in made.estimates] == [*FREE, "plectrum.friction"]
     for name in (*FREE[:3], "plectrum.friction"):
@@ -340,9 +339,8 @@ def test_gains_and_lags_within_their_uncertainties_keep_the_results(two, true):
 def test_a_string_on_the_surface_of_a_rig_with_the_mid_line_is_suggested(rig):
     truth = TRUTH | {"plectrum.contact": "surface"}
     scene = load_scene("paper").model_copy(update={"truth": truth})
-    seen = observe(rig, scene)
-    pressed = [sensed(rig, scene, seen, seed)[0] for seed in range(3)]
-    wrong = identify(pressed, [find_phases(press) for press in pressed], FREE, starts=1)
+    press, _ = sensed(rig, scene, observe(rig, scene), 0)
+    wrong = identify([press], [find_phases(press)], FREE, starts=1)
     assert not wrong.quality.fits
     assert wrong.suggested[0].name == "plectrum.contact"
     assert 'suggested: set plectrum.contact = "surface"' in "\n".join(fit_lines(wrong))

@@ -18,7 +18,7 @@ from sautereau.robot.experiment.session_folder import SessionFolder
 from tests.budget import slow
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
-PRESSES = 6
+PRESSES = 4
 OVERLAPS = """() => {
   const leaves = [...document.querySelectorAll("body *")].filter((e) =>
     !e.closest("title, desc, script, style, option")
