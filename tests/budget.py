@@ -1,5 +1,6 @@
-"""How many examples hypothesis tries: few, always the same ones, in `make test`, else many."""
+"""What `make test` leaves to `make test-all`: most examples of hypothesis, and slow parameters."""
 
+import pytest
 from hypothesis import settings
 
 FEW = settings(max_examples=20, deadline=None, derandomize=True)
@@ -10,3 +11,8 @@ settings.register_profile("many", max_examples=200, deadline=None)
 def examples(few: int, many: int) -> settings:
     """Return the settings of a test that tries other numbers of examples than the others."""
     return settings(max_examples=few if settings().derandomize else many)
+
+
+def slow(*values: object):
+    """Return values of parameters with which a test is slow."""
+    return pytest.param(*values, marks=pytest.mark.slow)

@@ -1,5 +1,6 @@
 """Shared by all tests: a server of commands, and sessions made of one press of the stand-in."""
 
+import gc
 import importlib
 import os
 import sys
@@ -76,6 +77,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     compiled = ("sim_backend", "analysis", "test_independent.py")
     root = Path(__file__).parent
     items.sort(key=lambda item: item.path.relative_to(root).parts[0] in compiled)
+
+
+def pytest_collection_finish() -> None:
+    """Exclude what all modules hold from every later search for garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 SERVER = pytest.StashKey[CommandServer]()

@@ -112,6 +112,7 @@ def project_modules() -> list[str]:
 
 def serve(path: str) -> None:
     """Fork for every client until SIGTERM."""
+    import gc
     import importlib
 
     import sautereau.commands.app  # noqa: F401 (limits the threads of BLAS before it is loaded)
@@ -122,6 +123,7 @@ def serve(path: str) -> None:
 
     load_rig()
     _draw()
+    gc.freeze()
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(path)
     listener.listen()

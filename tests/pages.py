@@ -3,6 +3,7 @@
 import re
 import textwrap
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -44,6 +45,7 @@ class Page:
         return [block.body for block in self.blocks if block.language == language]
 
 
+@cache
 def read_page(path: Path | str) -> Page:
     """Return a page; a name without its folder is one of docs/."""
     path = ROOT / "docs" / path

@@ -78,7 +78,7 @@ def test_a_session_is_resumed(run, session):
 def test_learned_corrections(run, tmp_path):
     out = tmp_path / "out"
     learned = OLD / "learned" / "learned.json"
-    words = ("press", OLD / "rig.toml", "--sim", "--seed", 1, "--learned", learned, "--out", out)
+    words = ("press", OLD / "rig.toml", "--scene", "ideal", "--learned", learned, "--out", out)
     (press,) = run(*words)["recordings"]
     corrected, uncorrected = read_recording(Path(press)).plan, read_recording(PRESSES[0]).plan
     assert 1e-6 < np.abs(corrected.jack_rise - uncorrected.jack_rise).max() < 1e-3

@@ -31,6 +31,7 @@ def body_of(c: Conditions, key: KeyModel) -> Body:
         np.array(gains),
         np.array([transducer, lossy, c.tip_mass]),
         np.array([pad, c.pad_exponent, loss, c.finger_friction, c.surface_height]),
+        np.ascontiguousarray(key.mass),
         np.linalg.inv(key.mass),
         np.ascontiguousarray(key.stiffness),
         np.ascontiguousarray(key.damping),

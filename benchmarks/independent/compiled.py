@@ -9,6 +9,16 @@ except ImportError:  # the extra `fast` is not installed
         return lambda function: function
 
 
-compiled = njit(cache=True, error_model="numpy")
+entry = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
+"""For what Python calls."""
+compiled = njit(
+    cache=True,
+    error_model="numpy",
+    forceinline=False,  # if not given, what is compiled for an inlined function inherits it
+    no_cpython_wrapper=True,  # which takes as long to compile as a small function
+    no_cfunc_wrapper=True,
+    _nrt=False,
+)
+"""For what only compiled functions call; without reference counts, so it can make no arrays."""
 inlined = njit(inline="always", error_model="numpy")
-"""For what a compiled function calls in every step: a call costs a count for each of its arrays."""
+"""For what a compiled function calls in every step."""

@@ -18,7 +18,7 @@ from numpy.polynomial import chebyshev
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from .compiled import compiled
+from .compiled import entry
 from .conditions import Choir
 
 W_MAX = 2.5
@@ -60,7 +60,7 @@ def shape(friction: float) -> np.ndarray:
     return np.array(rows)
 
 
-@compiled
+@entry
 def _value_and_slope(row, w):
     u = w / W_MAX
     value = 0.0
@@ -71,7 +71,7 @@ def _value_and_slope(row, w):
     return value, slope / W_MAX
 
 
-@compiled
+@entry
 def solve_contact(shapes, x, z, offset, w):
     """Solve for the load of a wire's centre at (x, z) in the clamp's frame.
 

@@ -7,7 +7,7 @@ depend on velocities take them as extrapolated from the previous step's accelera
 
 import numpy as np
 
-from .compiled import compiled, inlined
+from .compiled import entry, inlined
 from .forces import key_forces, one_sided, smooth_sign
 from .strings import drift_strings, kick_strings, pluck
 
@@ -16,10 +16,11 @@ REGISTER_SPEED = 1e-4
 """m/s, within which the register's friction is smooth."""
 
 
-@compiled
+@entry
 def run(
-    dt, steps, settle, body, choirs, s, plan, plan_speed, plan_acceleration, start, out, events
-):
+    dt, steps, settle, body, choirs, s, plan, plan_speed, plan_acceleration, start, key, jacks, out,
+    events,
+):  # fmt: skip
     """Step the bench; fill ``out`` and ``events``; leave the strings' state in ``s``.
 
     Args:
@@ -29,6 +30,7 @@ def run(
         body, choirs, s: Parameters, and the strings at rest.
         plan, plan_speed, plan_acceleration: Downward motion of the arm; shape (steps,).
         start: Preload (N; negative for a gap of as many mm), 1 if the arm follows its plan exactly.
+        key, jacks: Zeros, for what is computed in a step; shapes (5, coordinates) and (4, choirs).
         out: Laser velocity (m/s, downwards), transducer force (N), stored energy without the
             strings' (J), work of the arm (J), energy lost (J), then rise (m), speed (m/s) and
             plectrum load (N) of each jack; shape (5 + 3 choirs, steps).
@@ -37,18 +39,17 @@ def run(
     Returns:
         Number of events.
     """
-    n = body.inverse_mass.shape[0]
     count = choirs.jack.shape[0]
-    mass = np.linalg.inv(body.inverse_mass)
-    p, v, acc, fast, force = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    y, vy, ay, vy_fast = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    p, v, acc, fast, force = key[0], key[1], key[2], key[3], key[4]
+    y, vy, ay, vy_fast = jacks[0], jacks[1], jacks[2], jacks[3]
     k_t, c_t, m_t = body.transducer
     kp, ki, kd, grain, period, lag = body.servo_gains
     preload, gap = max(start[0], 0.0), max(-start[0], 0.0) * 1e-3
     prescribed = start[1] == 1.0
     xa, va, aa, xt, vt, at = -gap, 0.0, 0.0, -gap, 0.0, 0.0
     servo, torque, summed, error_before, bias, shift = preload, preload, 0.0, 0.0, 0.0, 0.0
-    found, work, lost, power_before, loss_before = 0, 0.0, 0.0, 0.0, 0.0
+    found = np.int64(0)  # a literal 0 would compile `pluck` once more
+    work, lost, power_before, loss_before = 0.0, 0.0, 0.0, 0.0
     ease, follow = np.exp(-400.0 * dt), 1 - np.exp(-dt / lag)
     for i in range(-settle, steps):
         # Half a kick and the drift; `fast` and its like are the velocities expected at the end.
@@ -108,8 +109,8 @@ def run(
         if i < 0:
             calm = ease if i < -1 else 0.0
             va, vt = va * calm, vt * calm
-            v *= calm
-            vy *= calm
+            _calm(v, calm)
+            _calm(vy, calm)
             if i == -1:
                 servo = torque = bias = inner
                 aa, shift = 0.0, xa - plan[0]
@@ -119,7 +120,7 @@ def run(
         lost += dt / 2 * (loss + loss_before)
         power_before, loss_before = power, loss
         energy += 0.5 * m_t * vt**2 + (0.0 if prescribed else 0.5 * body.arm_mass * va**2)
-        energy += _kinetic_energy(v, vy, mass, choirs.jack)
+        energy += _kinetic_energy(v, vy, body.mass, choirs.jack)
         out[0, i] = -_dot(body.at_laser, v)
         out[1, i], out[2, i], out[3, i], out[4, i] = inner, energy, work, lost
         _note_jacks(out[5:, i], y, vy, s.push)
@@ -133,6 +134,12 @@ def _drift(dt, p, v, acc, fast):
         half = v[j] + dt / 2 * acc[j]
         p[j] += dt * half
         v[j], fast[j] = half, half + dt / 2 * acc[j]
+
+
+@inlined
+def _calm(v, fraction):
+    for j in range(len(v)):
+        v[j] *= fraction
 
 
 @inlined

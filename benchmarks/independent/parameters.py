@@ -19,6 +19,7 @@ class Body(NamedTuple):
     pad: np.ndarray
     """Stiffness N/m^n, exponent n, damping N s/m from 0.5 N on and in proportion to the
     force below, friction, height above pin m."""
+    mass: np.ndarray
     inverse_mass: np.ndarray
     stiffness: np.ndarray
     damping: np.ndarray

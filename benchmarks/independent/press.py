@@ -140,6 +140,8 @@ def simulate(c: Conditions, settle: float = SETTLE) -> tuple[Motion, float, floa
                 float(not np.isfinite(c.servo_stiffness)),
             ]
         ),
+        np.zeros((5, len(key.mass))),
+        np.zeros((4, len(c.choirs))),
         out,
         events,
     )

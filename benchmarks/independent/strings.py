@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .compiled import compiled
+from .compiled import compiled, inlined
 from .elastica import solve_contact
 
 BELOW, HELD, ABOVE, PASSING = 0, 1, 2, 3
@@ -41,7 +41,7 @@ def kick_strings(dt, choirs, s):
                     s.velocity[c, d, k] += kick
 
 
-@compiled
+@inlined
 def _note(events, found, c, kind, time, load):
     if found < events.shape[0]:
         events[found, 0], events[found, 1] = c, kind
@@ -78,6 +78,24 @@ def _string_place(c, height, choirs, s):
 
 
 @compiled
+def _between(x, places, values):
+    """Return what `numpy.interp` does, which takes a second longer to compile."""
+    low, high = 0, len(places) - 1
+    if x <= places[low]:
+        return values[low]
+    if x >= places[high]:
+        return values[high]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if places[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    slope = (values[high] - values[low]) / (places[high] - places[low])
+    return slope * (x - places[low]) + values[low]
+
+
+@compiled
 def pluck(i, dt, c, height, choirs, s, events, found):
     """Update contact and loads of string ``c`` for a jack at ``height`` above contact.
 
@@ -110,7 +128,7 @@ def pluck(i, dt, c, height, choirs, s, events, found):
     if static:
         top = choirs.static_height[c, -1]
         beyond, before = height - top, -old_gap - top
-        s.push[c] = np.interp(height, choirs.static_height[c], choirs.static_load[c])
+        s.push[c] = _between(height, choirs.static_height[c], choirs.static_load[c])
     else:
         s.bend[c], place, theta = solve_contact(choirs.shapes[c], x, z, offset, s.bend[c])
         normal = stiff * s.bend[c] / place**2

@@ -7,6 +7,7 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.batch import DERIVED, VARIABLES, Status, predict_many
 from sautereau.analysis.model.predict import predict
 from sautereau.rig.instrument import Choir
+from tests.budget import slow
 
 SCALARS = (
     "pluck_duration",
@@ -45,7 +46,7 @@ def one_by_one(rig, values, index):
     return (Status.RELEASED_AT_FOLD if found.choirs[0].released_at_fold else Status.RELEASED), found
 
 
-@pytest.mark.parametrize("friction", [0.0, pytest.param(0.1, marks=pytest.mark.slow), 0.5])
+@pytest.mark.parametrize("friction", [0.0, slow(0.1), 0.5])
 def test_each_case_is_the_single_prediction(paper, friction):
     """Of every value that can be varied, about the paper's."""
     random, n = np.random.default_rng(1), 60
@@ -65,9 +66,7 @@ def test_each_case_is_the_single_prediction(paper, friction):
             assert getattr(found, name)[i] == pytest.approx(getattr(expected, name), rel=rel)
 
 
-@pytest.mark.parametrize(
-    "friction", [*(pytest.param(mu, marks=pytest.mark.slow) for mu in (0.0, 0.5)), 0.05]
-)
+@pytest.mark.parametrize("friction", [*(slow(mu) for mu in (0.0, 0.5)), 0.05])
 def test_extremes_end_as_the_single_prediction_does(paper, friction):
     random, n = np.random.default_rng(2), 80
     values = {

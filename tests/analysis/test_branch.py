@@ -11,6 +11,7 @@ from sautereau.analysis.model.pluck.equilibria import Equilibria
 from sautereau.analysis.model.pluck.loaded import OnePlectrum
 from sautereau.analysis.model.pluck.pluck import solve_pluck
 from sautereau.rig.load import load_rig
+from tests.budget import slow
 
 RIG = load_rig("paper")
 PLECTRUM, STIFFNESS = RIG.plectrum, RIG.string.static_stiffness
@@ -71,9 +72,7 @@ def brute_release(elastica, stiffness, rest, start, force):
     return np.array(heights), np.array(places), np.array(forces)
 
 
-@pytest.mark.parametrize(
-    "friction", [*(pytest.param(mu, marks=pytest.mark.slow) for mu in (0.0, 0.1)), 0.4]
-)
+@pytest.mark.parametrize("friction", [*(slow(mu) for mu in (0.0, 0.1)), 0.4])
 def test_no_wrong_branch_is_taken(friction):
     """Random cases, folds among them, against a dense continuation that knows no load s^2 F."""
     random = np.random.default_rng(3)

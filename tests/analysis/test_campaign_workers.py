@@ -21,6 +21,7 @@ from sautereau.rig.load import load_rig
 from sautereau.rig.progress import progress_to
 from sautereau.sim_backend.physics.presses.sweep import sweep
 from sautereau.sim_backend.scene import load_scene
+from tests.budget import slow
 
 OVERLAPS = np.array([0.2e-3, 0.32e-3])
 NOWHERE = "tcp://127.0.0.1:1"
@@ -32,7 +33,7 @@ def address():
         yield address
 
 
-@pytest.mark.parametrize("where", [2, pytest.param("the cluster", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("where", [2, slow("the cluster")])
 def test_sweeps_of_model_and_stand_in_are_the_same_everywhere(request, where):
     rig, scene = load_rig(), load_scene("ideal")
     fields = {partial(predict_many, rig): "pluck_duration", partial(sweep, rig, scene): "release"}

@@ -21,6 +21,7 @@ from sautereau.analysis.session.compare import (
 from sautereau.analysis.session.pooled import pooled_features
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.scene import load_scene
+from tests.budget import slow
 
 
 def test_a_jack_that_slows_down_has_the_times_of_its_speed(paper):
@@ -113,7 +114,7 @@ def test_without_a_pluck_there_is_nothing_to_compare(prediction, phases):
     [
         (2, "student", 2000, 0.015),
         (20, "bootstrap", 400, 0.045),
-        pytest.param(5, "student", 2000, 0.015, marks=pytest.mark.slow),
+        slow(5, "student", 2000, 0.015),
     ],
 )
 def test_the_interval_covers_the_mean_in_95_of_100(n, kind, repeats, within):

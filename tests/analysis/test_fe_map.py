@@ -54,12 +54,12 @@ def uniform(folder):
     return FE(PLECTRUM)
 
 
-def check_against_the_elements(plectrum):
+def check_against_the_elements(plectrum, places):
     """Compare the map with solutions at places and loads that it was not fitted to."""
     found, solver = FE(plectrum), Solver(profile_of(plectrum), 0.35, plectrum.friction)
     random = np.random.default_rng(3)
     unit = plectrum.length
-    for s in (unit - plectrum.overlap, *(unit * random.uniform(0.86, 1, 6)), unit):
+    for s in (unit - plectrum.overlap, *(unit * random.uniform(0.86, 1, places)), unit):
         loads = np.sort(random.uniform(0.1, 2, 3))
         exact = solver.contact(s / unit, loads) * [[unit], [unit], [1]]
         force = loads * found._load
@@ -69,13 +69,13 @@ def check_against_the_elements(plectrum):
 
 
 def test_the_map_is_the_elements(uniform):
-    check_against_the_elements(PLECTRUM)
+    check_against_the_elements(PLECTRUM, 2)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("plectrum", [TAPERED, SCRAPED], ids=["tapered", "scraped"])
 def test_the_map_of_a_carved_plectrum_is_the_elements(plectrum):
-    check_against_the_elements(plectrum)
+    check_against_the_elements(plectrum, 6)
 
 
 def test_derivatives_are_those_of_the_map(uniform):

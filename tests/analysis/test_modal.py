@@ -13,6 +13,7 @@ from sautereau.analysis.model.plectrum.levels import plectrum_map
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import load_rig
+from tests.budget import slow
 
 RIG = load_rig()
 
@@ -183,7 +184,7 @@ def by_waves(rig, steps):
     raise AssertionError("no release")
 
 
-@pytest.mark.parametrize("speed", [pytest.param(0.3, marks=pytest.mark.slow), 1.0])
+@pytest.mark.parametrize("speed", [slow(0.3), 1.0])
 def test_travelling_waves_agree(speed):
     release, force = by_waves(rig_at(speed), 300)
     modal = pluck(speed)

@@ -7,6 +7,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.phases import phases_figure
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.summary.press import press_summary
+from tests.budget import slow
 from tests.plots import texts
 from tests.presses import with_data
 
@@ -117,10 +118,7 @@ def test_speeds(make_press, speed, contact, release, slope):
     "change",
     [
         {"slope": 30, "curvature": -400},
-        *(
-            pytest.param(change, marks=pytest.mark.slow)
-            for change in ({}, {"slope": 10}, {"rate": 10e3}, {"rate": 100e3})
-        ),
+        *(slow(change) for change in ({}, {"slope": 10}, {"rate": 10e3}, {"rate": 100e3})),
     ],
 )
 def test_the_uncertainty_agrees_with_repeated_presses(make_press, change):

@@ -12,6 +12,7 @@ from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.response import pole
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.phases.slow import Slow
+from tests.budget import slow
 
 pytest.importorskip("numba")  # without it the independent simulator takes half a minute a press
 
@@ -57,7 +58,7 @@ def test_an_event_is_found_with_its_modes(other):
         ("sampled at 5 kHz", 1.0, 0.2),
         ("speckle 1 %", 1.0, 0.1),
         *(
-            pytest.param(*case, marks=pytest.mark.slow)
+            slow(*case)
             for case in (
                 ("key bends at 1200 Hz", 0.3, 0.2),
                 ("key bends at 220 Hz", 0.5, 0.1),

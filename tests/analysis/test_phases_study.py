@@ -9,6 +9,7 @@ from sautereau.analysis.phases import find_phases
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
+from tests.budget import slow
 
 
 def simulated(scene, speed=0.072, *, mute=False, seed=0, rate=51.2):
@@ -40,7 +41,7 @@ SCENES = ["ideal", "paper", "return", "two-choirs"]
     [
         *zip(SCENES, (0.02, 0.15, 0.15, 0.15), strict=True),
         *(
-            pytest.param(scene, speed, marks=pytest.mark.slow)
+            slow(scene, speed)
             for scene, speed in zip(SCENES, (0.15, 0.02, 0.02, 0.02), strict=True)
         ),
     ],

@@ -21,6 +21,7 @@ from sautereau.analysis.report.facts import cleaned
 from sautereau.analysis.report.fits import Fit, read_fit
 from sautereau.analysis.summary.text import percent
 from sautereau.rig.load import parse_rig, with_values
+from tests.budget import slow
 
 ABOUT = About("a session", "0.1.0", commands=("sautereau report x",))
 LARGEST = 6_000_000
@@ -305,7 +306,7 @@ def page_with(write_session, folder, monkeypatch, simulated, texts, long):
     return build_report(gather(paths, "elastica"), about), quoted
 
 
-@pytest.mark.parametrize("simulated", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("simulated", [True, slow(False)])
 def test_malformed_metadata_is_text(simulated, write_session, tmp_path, monkeypatch):
     """200 malformed texts, some of a megabyte: the page's tags are those with plain texts."""
     places = (write_session, tmp_path / "odd", monkeypatch, simulated)

@@ -16,6 +16,7 @@ from sautereau.analysis.report.contents import gather
 from sautereau.analysis.report.slow_motion import FRAMES, LEAST_BESIDE, about, readings, slow_motion
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
+from tests.budget import slow
 from tests.presses import with_data
 
 MOST_DATA = 150_000
@@ -140,7 +141,7 @@ def test_where_the_model_has_no_pluck_there_is_a_sentence(write_session, tmp_pat
     )
 
 
-@pytest.mark.parametrize("more", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("more", [1, slow(3)])
 def test_every_choir_is_shown(more, write_session, tmp_path):
     rig = load_scene("two-choirs").true_rig(write_session.one.rig)
     rig = rig.model_copy(update={"more_choirs": rig.more_choirs * more})

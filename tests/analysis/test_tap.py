@@ -6,9 +6,10 @@ import pytest
 from benchmarks.independent import ONE_FACTOR
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.transient.tap import tap_response
+from tests.budget import slow
 from tests.taps import RATE, TAPS, tapped
 
-SLOW = pytest.param("key heaves at 120 Hz", marks=pytest.mark.slow)
+SLOW = slow("key heaves at 120 Hz")
 
 
 @pytest.mark.parametrize("name", ["key bends at 350 Hz", SLOW])

@@ -172,7 +172,8 @@ def test_notes_name_what_is_not_identifiable(rows, note):
         assert (felt.session is None) == note.startswith("no plectrum")
         assert not felt.exponents or note.startswith("no plectrum")
     assert touch_lines(found)
-    assert touch_figure(found)
+    if "vary" not in note:
+        assert touch_figure(found)
 
 
 def test_jack_speed_is_a_regressor():

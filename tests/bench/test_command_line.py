@@ -19,6 +19,7 @@ from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import joints_holding_point
 from sautereau.trajectory.motion import Motion
+from tests.budget import slow
 from tests.pages import read_page
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
@@ -49,7 +50,7 @@ def test_help_imports_nothing_heavy(tmp_path):
 
 
 def test_plan_answers_the_keys_of_the_contract(sautereau, tmp_path):
-    done = sautereau("plan", "--json", "--out", "plan.json", "--plot", "plan.png")
+    done = sautereau("plan", "--json", "--out", "plan.json")
     assert done.returncode == 0
     result = json.loads(done.stdout)
     assert {
@@ -58,7 +59,6 @@ def test_plan_answers_the_keys_of_the_contract(sautereau, tmp_path):
     } <= set(result)  # fmt: skip
     assert result["cruise_speed"] == pytest.approx(0.072, rel=1e-3)
     assert result["feasible"] is True
-    assert (tmp_path / "plan.png").read_bytes().startswith(b"\x89PNG")
     plan = json.loads((tmp_path / "plan.json").read_text())
     assert len(plan["steps"]) == result["segments"]
 
@@ -72,12 +72,11 @@ def test_an_infeasible_plan_is_reported_and_plotted_but_not_written(sautereau, r
     assert not (tmp_path / "plan.json").exists()
 
 
-def test_mount_answers_the_keys_of_the_contract(sautereau, tmp_path):
-    done = sautereau("mount", "--json", "--plot", "mount.png")
+def test_mount_answers_the_keys_of_the_contract(sautereau):
+    done = sautereau("mount", "--json")
     found = json.loads(done.stdout)
     assert {"base_x", "base_z", "elbow", "tilt_max", "slide_max", "tilt_per_metre"} <= set(found)
     assert found["tilt_max"] < math.radians(0.1)
-    assert (tmp_path / "mount.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_mount_locates_the_base_from_touches(sautereau, tmp_path):
@@ -279,9 +278,7 @@ def test_a_full_disk(command_server, tmp_path, bare, rig_file):
     refused(done, "press-0001.mcap.part", "cannot be written")
 
 
-@pytest.mark.parametrize(
-    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGHUP]
-)
+@pytest.mark.parametrize("number", [signal.SIGINT, slow(signal.SIGTERM), signal.SIGHUP])
 def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
     command_server, rig_file, tmp_path, stand_in, number
 ):
@@ -424,7 +421,7 @@ def test_learn_answers_the_keys_of_the_contract_and_its_correction_is_used(
     assert continued["rms_speed_error"][2] < 0.01
 
     command = ("press", rig, "--sim", "--learned", "out/learned.json", "--out", "again", "--json")
-    done = sautereau(*command)
+    done = sautereau(*command, "--seed", 9)
     assert done.returncode == 0, done.stderr
     speeds = json.loads(done.stdout)["presses"][0]["speeds"]
     assert speeds["held"] == pytest.approx(0.072, rel=0.02)  # 0.065 without

@@ -13,6 +13,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
+from tests.budget import slow
 from tests.presses import press_on
 
 
@@ -76,7 +77,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(bench, paper, t
         assert len({volts[name].tobytes() for volts in (first, second, other)}) == 3
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, slow(20)])
 def test_paper_phases_are_found_on_every_seed(paper, seeds):
     for path, truth in map(paper, range(seeds)):
         phases = find_phases(load_press(path))

@@ -22,6 +22,7 @@ from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
+from tests.budget import slow
 
 
 def names(out: Path) -> list[str]:
@@ -71,8 +72,8 @@ def every_press_once(out, presses):
 @pytest.mark.parametrize(
     ("presses", "kills"),
     [
-        (6, 2),
-        pytest.param(12, 3, marks=pytest.mark.slow),
+        (4, 2),
+        slow(12, 3),
         pytest.param(1000, 10, marks=[pytest.mark.slow, pytest.mark.timeout(7200)]),
     ],
 )

@@ -1,7 +1,5 @@
 """The pages of the documentation: their commands, snippets and prose."""
 
-from pathlib import Path
-
 import pytest
 
 from tests.pages import ROOT, read_page
@@ -10,17 +8,15 @@ LONG = ("campaigns", "ci", "first-press", "pictures", "transient")
 """Pages whose commands take many seconds, and are tested as commands elsewhere."""
 
 
-def _paths() -> list[Path]:
-    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [read_page(ROOT / "README.md"), *map(read_page, sorted((ROOT / "docs").rglob("*.md")))]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Parametrize tests by page: all pages, or those with commands that are run."""
-    pages = [read_page(path) for path in _paths()]
     if "page" in metafunc.fixturenames:
-        metafunc.parametrize("page", pages, ids=[p.path.stem for p in pages])
+        metafunc.parametrize("page", PAGES, ids=[p.path.stem for p in PAGES])
     if "run_page" in metafunc.fixturenames:
-        run = [p for p in pages if any(b.language == "console" for b in p.blocks)]
+        run = [p for p in PAGES if any(b.language == "console" for b in p.blocks)]
         marked = [
             pytest.param(p, marks=pytest.mark.slow) if p.path.stem in LONG else p for p in run
         ]

@@ -10,6 +10,7 @@ from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_parts, read_window
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
+from tests.budget import slow
 from tests.fuzz import mcap
 from tests.fuzz.recordings import small
 
@@ -140,7 +141,7 @@ def of_previews(intact):
     ("make", "words"),
     [
         (of_heads, "MOST_UNPACKED"),
-        pytest.param(of_previews, "SMALLEST_RECORD", marks=pytest.mark.slow),
+        slow(of_previews, "SMALLEST_RECORD"),
     ],
 )
 def test_small_files_that_would_take_long(tmp_path, intact, make, words):

@@ -10,6 +10,7 @@ from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.errors import RobotError
 from sautereau.sim_backend.devices.galil.commands.table import HANDLERS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
+from tests.budget import slow
 from tests.emulated import Encoders, ScriptedPort
 
 MEGABYTE = 1 << 20
@@ -65,7 +66,7 @@ def test_noise_at_the_other_end_never_gets_the_motors_on(rig, kind):
         assert not {b"SH AB", b"BG AB", b"XQ #PRESS,1"} & set(bytes(port.sent).split(b"\r"))
 
 
-@pytest.mark.parametrize("size", [MEGABYTE // 16, pytest.param(MEGABYTE, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("size", [MEGABYTE // 16, slow(MEGABYTE)])
 @pytest.mark.parametrize("kind", ["bytes", "text", "answers", "words"])
 def test_noise_into_the_controller(kind, size):
     """Without SH nothing may move, nor without RS: by factory settings the motors start on."""

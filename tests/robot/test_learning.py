@@ -49,34 +49,10 @@ def learn_on(scene, out, presses, seed=0, measured=None, **changes):
     return learning, paths
 
 
-@pytest.fixture(scope="module")
-def learned(tmp_path_factory):
-    """Three presses on the paper's bench, each corrected by those before it."""
-    return learn_on("paper", tmp_path_factory.mktemp("learned"), 3)
-
-
-def test_the_jack_speed_is_learned_in_a_few_presses(learned, tmp_path):
-    learning, paths = learned
-    assert len(paths) == len(learning.errors) == 3
-    assert learning.errors[0] > 0.05
-    assert learning.errors[-1] < 0.01
-    assert learning.best is not None
-    with StandIn(RIG, load_scene("paper"), 9) as stand_in:
-        plan = plan_press(stand_in.rig, None, learning.best)
-        again = IterativeLearning(RIG, None, 1)
-        make_presses(
-            GalilController(stand_in.rig),
-            tmp_path,
-            [Item(stand_in.rig, plan)],
-            on_press=again.update,
-        )
-    assert again.errors[0] < 0.01
-
-
 @pytest.mark.slow
-def test_feed_forward_leaves_little_to_learn(learned, tmp_path):
-    alone, (path, *_) = learned
-    pushed, paths = learn_on("paper", tmp_path, 2, seed=1, measured=force_of(path))
+def test_feed_forward_leaves_little_to_learn(tmp_path):
+    alone, (path,) = learn_on("paper", tmp_path / "alone", 1)
+    pushed, paths = learn_on("paper", tmp_path / "pushed", 2, seed=1, measured=force_of(path))
     assert pushed.errors[0] < 0.5 * alone.errors[0]
     assert pushed.errors[-1] < 0.01
     (event,) = (e for e in read_recording(paths[0]).events if e.kind == "feed-forward")
@@ -183,9 +159,9 @@ def test_a_file_that_holds_no_correction_is_refused(tmp_path, text):
         read_learned(tmp_path / "none.json", RIG)
 
 
-def test_a_start_that_is_not_known_well_enough_is_not_learned_from(learned, monkeypatch):
-    _, paths = learned
-    press = load_press(paths[0])
+def test_a_start_that_is_not_known_well_enough_is_not_learned_from(tmp_path, monkeypatch):
+    _, (path,) = learn_on("ideal", tmp_path, 1, step=1e-3)
+    press = load_press(path)
     assert press.motion.std == RIG.controller.trigger_delay_std
     vague = replace(press, motion=replace(press.motion, std=1e-3))
     for found, said in (
@@ -195,7 +171,7 @@ def test_a_start_that_is_not_known_well_enough_is_not_learned_from(learned, monk
         monkeypatch.setattr("sautereau.robot.experiment.learning.load_press", lambda _, p=found: p)
         learning = IterativeLearning(RIG, None, 1)
         with pytest.raises(RobotError, match=said):
-            learning.update(Item(RIG, plan_press(RIG)), paths[0])
+            learning.update(Item(RIG, plan_press(RIG)), path)
 
 
 def test_the_last_correction_stays_where_a_larger_one_cannot_be_pressed():

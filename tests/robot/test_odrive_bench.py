@@ -17,6 +17,7 @@ from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
+from tests.budget import slow
 from tests.presses import QUICK, mute_scene, press_on
 
 KIND = {"controller.kind": "odrive", "controller.baud_rate": 921600}
@@ -76,7 +77,7 @@ def test_the_command_line_presses_with_the_same_bytes_for_the_same_seed(
         assert one.volts[name].tobytes() == other.volts[name].tobytes()
 
 
-@pytest.mark.parametrize("port_closes", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("port_closes", [False, slow(True)])
 def test_a_cable_pulled_in_mid_motion(rig, tmp_path, port_closes):
     cable_out = {"press": 1, "at": "20 ms", "port_closes": port_closes}
     fast = with_values(rig, {"controller.timeout": "1 s", "daq.trigger_timeout": "0.5 s"})

@@ -9,6 +9,7 @@ from sautereau.robot.errors import (
     RobotError,
     SilentController,
 )
+from tests.budget import slow
 from tests.emulated import ScriptedPort
 
 
@@ -41,7 +42,7 @@ def test_invalid_answers(answer, error):
         OdriveLine(Fed(answer), "port", 0.1).read("axis0.error")
 
 
-@pytest.mark.parametrize("size", [1 << 17, pytest.param(1 << 20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("size", [1 << 17, slow(1 << 20)])
 def test_noise_ends_in_errors_and_never_in_a_number(size):
     noise = np.random.default_rng(4).integers(0, 256, size, dtype=np.uint8).tobytes()
     port = Fed(noise)

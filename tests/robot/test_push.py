@@ -16,6 +16,7 @@ from sautereau.robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
 from sautereau.sim_backend.bench import StandIn
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
+from tests.budget import slow
 from tests.presses import QUICK, mute_scene
 
 PUSHED = 0.4  # N m
@@ -181,7 +182,7 @@ def test_a_torque_that_the_controller_reads_back_differently(bench):
 
 @pytest.mark.parametrize(
     ("joint", "counts"),
-    [(1, 300), *(pytest.param(2, n, marks=pytest.mark.slow) for n in (-300, 3000))],
+    [(1, 300), *(slow(2, n) for n in (-300, 3000))],
 )
 def test_an_encoder_that_has_slipped_is_found_at_the_home_switch(bench, joint, counts):
     stand_in, controller = bench(slip={"press": 1, "joint": joint, "counts": counts})

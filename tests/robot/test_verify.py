@@ -15,6 +15,7 @@ from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.segments import motion_at, segment_cubics
+from tests.budget import slow
 from tests.presses import mute_scene
 
 
@@ -86,8 +87,8 @@ def run(unit=None, faults=None, finger="ideal", values=None, step=1e-3, paced=Fa
     "unit",
     [
         {},
-        pytest.param({"interface": "ethernet", "control_z": "attached"}, marks=pytest.mark.slow),
-        pytest.param({"interface": "usb", "odd_pvt": "refuse"}, marks=pytest.mark.slow),
+        slow({"interface": "ethernet", "control_z": "attached"}),
+        slow({"interface": "usb", "odd_pvt": "refuse"}),
     ],
 )
 def test_a_controller_that_is_as_assumed_is_verified(unit):
@@ -240,9 +241,7 @@ QUICK = (
 )
 
 
-@pytest.mark.parametrize(
-    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in WRONG]
-)
+@pytest.mark.parametrize("name", [n if n in QUICK else slow(n) for n in WRONG])
 def test_a_wrong_assumption_is_found_with_the_arm_safe(name):
     said, given = WRONG[name]
     with pytest.raises(RobotError, match=f"setup verify, step {said}"):

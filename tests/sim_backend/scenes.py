@@ -3,7 +3,6 @@
 from functools import cache
 
 import numpy as np
-import pytest
 
 from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig
@@ -17,11 +16,6 @@ MUTE = {"plectrum": "none", "string": "none"}
 BARE = {**MUTE, "friction": False, "felt": False}
 RETURNING = {"tongue": True, "damper": True}
 """Parts that act while the jack falls."""
-
-
-def slow(value):
-    """Return a parameter whose test is slow."""
-    return pytest.param(value, marks=pytest.mark.slow)
 
 
 def push_of(force, duration, rest=0.0):

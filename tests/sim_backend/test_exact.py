@@ -27,6 +27,7 @@ from sautereau.trajectory.key import (
 )
 from sautereau.trajectory.press import plan_press
 from tests import key_oracle
+from tests.budget import slow
 from tests.sim_backend.scenes import (
     MUTE,
     RETURNING,
@@ -36,7 +37,6 @@ from tests.sim_backend.scenes import (
     pushed,
     run,
     scene_of,
-    slow,
 )
 
 KEY_OF_RIG, JACK_OF_RIG = RIG.key, RIG.jack

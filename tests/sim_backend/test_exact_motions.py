@@ -11,6 +11,7 @@ from sautereau.rig.section import GRAVITY
 from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import errors, reference
 from tests import key_oracle
+from tests.budget import slow
 from tests.sim_backend.scenes import (
     BARE,
     RETURNING,
@@ -20,7 +21,6 @@ from tests.sim_backend.scenes import (
     pushed,
     run,
     scene_of,
-    slow,
 )
 
 LIGHT = with_values(RIG, {"key.inertia": "1e-4 kg m^2"})

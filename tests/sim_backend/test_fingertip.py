@@ -14,7 +14,8 @@ from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import joints_holding_point
 from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Motion
-from tests.sim_backend.scenes import BARE, RIG, at_rest, press_solved, scene_of, slow
+from tests.budget import slow
+from tests.sim_backend.scenes import BARE, RIG, at_rest, press_solved, scene_of
 
 ENGINES = ("exact", "rigid")
 KEY, JACK = RIG.key, RIG.jack

@@ -14,6 +14,7 @@ from sautereau.trajectory.arm import fingertip_motion, joints_holding_point
 from sautereau.trajectory.key import key_under_fingertip, rise_of_angle
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
+from tests.budget import slow
 from tests.key_oracle import static_moment
 from tests.sim_backend.scenes import MUTE, RIG, at_rest, scene_of
 
@@ -71,7 +72,7 @@ def test_the_key_follows_the_fingertip(seen):
     )
 
 
-@pytest.mark.parametrize("step", [pytest.param(20e-6, marks=pytest.mark.slow), 1e-4, 1e-3])
+@pytest.mark.parametrize("step", [slow(20e-6), 1e-4, 1e-3])
 def test_contact_and_release_are_the_models(step):
     events = observe(RIG, ideal(step=step), DRIVE).events
     clearance, height = JACK.string_clearance, rig_pluck(RIG).release_height

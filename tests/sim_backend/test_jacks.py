@@ -10,8 +10,9 @@ from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.physics.rigid.assembly import RESOLVED
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import packaged_scenes
+from tests.budget import slow
 from tests.key_oracle import rise, static_moment
-from tests.sim_backend.scenes import RIG, push_of, scene_of, slow
+from tests.sim_backend.scenes import RIG, push_of, scene_of
 
 KEY, JACK = RIG.key, RIG.jack
 

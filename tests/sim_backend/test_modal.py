@@ -15,7 +15,8 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents
 from sautereau.sim_backend.physics.rigid.modal import ModalPlucking
 from sautereau.sim_backend.scene import Scene
-from tests.sim_backend.scenes import RIG, slow
+from tests.budget import slow
+from tests.sim_backend.scenes import RIG
 
 CLEARANCE = RIG.jack.string_clearance * 1e3
 FREQUENCY = RIG.string.frequency

@@ -6,8 +6,9 @@ import pytest
 from sautereau.analysis.model.choirs import choir_pluck
 from sautereau.rig.instrument import Choir
 from sautereau.sim_backend.physics.observation import observe
+from tests.budget import slow
 from tests.sim_backend import oracle
-from tests.sim_backend.scenes import RIG, push_of, pushed, slow
+from tests.sim_backend.scenes import RIG, push_of, pushed
 
 QUICK = (23, 41, 43, 59, 71, 93)
 """Seeds in which much happens: landings that accumulate, returns, a second contact, the felt."""

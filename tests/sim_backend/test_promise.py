@@ -13,6 +13,7 @@ from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.select import select_solver
+from tests.budget import slow
 
 DRAWN = ("key.", "jack.", "plectrum.")
 """Tables of the rig from whose assumed ranges values are drawn."""
@@ -98,7 +99,7 @@ def broken_promises(n, seed, solve):
     return broken, refused
 
 
-@pytest.mark.parametrize("seed", [2, pytest.param(6, marks=pytest.mark.slow), 9])
+@pytest.mark.parametrize("seed", [2, slow(6), 9])
 def test_a_requested_accuracy_is_reached(seed):
     broken, refused = broken_promises(1, seed, reference)
     assert not broken

@@ -9,6 +9,7 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import packaged_scenes
+from tests.budget import slow
 from tests.sim_backend.scenes import MUTE, RIG, at_rest, push_of, scene_of
 
 
@@ -55,7 +56,7 @@ def digest(name):
     return hashlib.sha256(data + repr(seen.events).encode()).hexdigest()
 
 
-@pytest.mark.parametrize("name", ["pluck", pytest.param("paper", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["pluck", slow("paper")])
 def test_another_process_gives_the_same_bits(name, command_server, tmp_path):
     code = f"from tests.sim_backend.test_world import digest; print(digest({name!r}))"
     done = command_server.run("-c", code, folder=tmp_path)

@@ -10,13 +10,10 @@ from sautereau.trajectory.arm import joints_holding_point
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.mount.locate import UNKNOWNS, locate_base
+from tests.budget import slow
 
 PAPER = load_rig()
 POINTS = np.linspace(-0.183, -0.130, 6)
-
-
-def slow(value):
-    return pytest.param(value, marks=pytest.mark.slow)
 
 
 def touching(points, offsets=(0.0, 0.0), noise=None, rig=PAPER):

@@ -14,13 +14,9 @@ from sautereau.trajectory.mount.bases import ELBOWS, LIMITS, assess_bases, key_a
 from sautereau.trajectory.mount.find import assess_mount, find_mount, mount_map
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
-from tests.budget import examples
+from tests.budget import examples, slow
 
 PAPER = load_rig()
-
-
-def slow(*values):
-    return pytest.param(*values, marks=pytest.mark.slow)
 
 
 def with_arm(rig, **values):
