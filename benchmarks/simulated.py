@@ -96,7 +96,7 @@ def as_recorded(
         volts=volts,
         path=Path(name),
         rig=rig,
-        session=SessionInfo(1, DAY, True, "none", "none", seed=seed),
+        session=SessionInfo(1, DAY, True, "simulated arm", "simulated card", seed=seed),
         plan=None,
         joints=None,
         events=(),

@@ -237,11 +237,12 @@ class Rig(Section):
                 f"string.plucking_point: {self.string.plucking_point * 1e3:.6g} mm is not on the"
                 f" string of {self.string.length * 1e3:.6g} mm; lower plucking_point"
             )
-        back = jack.mass * GRAVITY * key.jack_arm
+        further = sum(choir.jack.mass * choir.jack_arm for choir in self.more_choirs or ())
+        back = GRAVITY * (jack.mass * key.jack_arm + further)
         if key.gravity_moment >= back:
             faults.append(
                 f"key.gravity_moment: {key.gravity_moment * 1e3:.6g} mN m is not less than the"
-                f" jack's {back * 1e3:.6g} mN m, so the key would not rest on its back rail;"
+                f" jacks' {back * 1e3:.6g} mN m, so the key would not rest on its back rail;"
                 " lower gravity_moment or raise jack.mass"
             )
         if faults:

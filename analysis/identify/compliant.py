@@ -157,7 +157,7 @@ def _before_release(presses: Sequence[Observed]) -> list[Observed]:
         int(np.searchsorted(p.time, p.releases[0])) if len(p.releases) else len(p.time)
         for p in presses
     ]
-    # All presses keep the same length.
+    # Presses of one length keep the same length.
     cut = [p.until(max(ends), end) for p, end in zip(presses, ends, strict=True)]
     return [press for press in cut if press.used.sum() >= MIN_INSTANTS]
 

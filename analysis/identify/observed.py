@@ -95,7 +95,8 @@ class Observed:
         return np.interp(self.substep_time + lag, self.net_time, self.net_force)
 
     def until(self, count: int, end: int) -> "Observed":
-        """Return the first `count` instants; those from number `end` on are not fitted."""
+        """Return at most the first `count` instants; those from number `end` on are not fitted."""
+        count = min(count, len(self.time))
         parts = len(self.substep_time) - SUBSTEPS * (len(self.time) - count)
         return replace(
             self,

@@ -136,21 +136,36 @@ def _condition(
 ) -> Condition[PressT]:
     own = presses[0].press.rig
     counted = [press for press in presses if not press.session.warm_up]
-    rows = [press.features for press in counted]
+    # A held string of which the jack's speed is unknown cannot be predicted.
+    known = [press for press in counted if press.speed or not press.phases.plucks]
+    rows = [press.features for press in known]
     prediction = comparison = spread = None
     predicted: dict[str, float] = {}
     warnings = []
+    if len(known) < len(counted):
+        names = ", ".join(press.press.path.name for press in counted if press not in known)
+        warnings.append(
+            f"not compared: {names}: the jack stops or turns back while its string is held, or is"
+            " recorded in too few samples; press without a stop"
+        )
+    poor = sum(bool(p.phases.fit and p.phases.fit.verdict == "poor") for p in known)
+    if poor:
+        warnings.append(
+            f"contact and release are doubtful in {poor} of {len(known)} presses: see `sautereau"
+            " phases`"
+        )
     sessions = len({press.session.session for press in presses})
     if sessions > 1:
         warnings.append(f"presses of {sessions} sessions of one day are pooled")
     try:
         prediction = predict(rig or own, level)
-        each = [predict(rig or own, level, speed=press.speed) for press in counted]
-        comparison = compare([press.phases for press in counted], each)
+        each = [predict(rig or own, level, speed=press.speed) for press in known]
+        comparison = compare([press.phases for press in known], each)
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:
         warnings.append(f"no comparison with the model: {error}")
-    if len(counted) >= LEAST and own.press.gesture is None:
+    planned = all(press.session.by_arm for press in counted) and own.press.gesture is None
+    if len(counted) >= LEAST and planned:
         try:
             spread = repeatability([press.press for press in counted], press_law(own.press))
         except SautereauError as error:

@@ -42,7 +42,7 @@ def column_of(
         faults.append(
             f"{name}: --column.{name} {column!r} is not a column of the file; {names_of(source)}"
         )
-        column = None
+        return None
     unit = _unit_value(source, channel, column, options, faults)
     if column is None or unit is None:
         return None

@@ -21,8 +21,8 @@ DIALECTS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (" ", 
 """Delimiters and decimal signs. If several fit equally well, the first of them is used."""
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d.*")
-IN_NAME = re.compile(r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+))\s*")
-"""A name with its unit: `force (N)`, `force [N]`, `force / N`."""
+IN_NAME = re.compile(r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+))\s*|\S+?/(\S+)")
+"""A name with its unit: `force (N)`, `force [N]`, `force / N`, `F/mN`."""
 UNIT = re.compile(r"[^\W\d_]{1,20}(\^?[23]|[²³])?(/[^\W\d_]{1,20}(\^?[23]|[²³])?)?")
 """Spelling of a unit in a file; a longer text is not a unit."""
 MEASURED_IN = ("V", "s", "m/s", "N", "m", "Hz")
@@ -184,15 +184,15 @@ def _described(
         names, values = above[-2][:width], dict(zip(lower, above[-1], strict=False))
         interval, first = _number(values["increment"]), _number(values.get("start", ""))
         units = dict(zip(names[1:], above[-1][1:], strict=False))
-    elif names and len(heads) > 1 and heads[0] and all(is_unit(_inner(c)) for c in names if c):
+    elif names and len(heads) > 1 and heads[0] and _are_units(names):
         names, units = heads[0], dict(zip(heads[0], map(_inner, names), strict=True))
     preamble = _preamble(table)
     columns = _distinct([*(names or []), *[""] * width][:width])
     units = {columns[(names or []).index(n)]: u for n, u in units.items() if n in columns}
     for name in columns:
         match = IN_NAME.fullmatch(name)
-        if match and name not in units:
-            units[name] = _inner(match[1] or match[2])
+        if match and name not in units and not is_unit(name):
+            units[name] = _inner(match[1] or match[2] or match[3])
     vertical = preamble.get("vertical units", [])
     units = dict(zip(columns[1:], vertical, strict=False)) | units
     units = dict(zip(columns[:1], preamble.get("horizontal units", []), strict=False)) | units
@@ -212,6 +212,12 @@ def _described(
         start=first,
         rows=next((round(count) for count in counts if count), None),
     )
+
+
+def _are_units(cells: Cells) -> bool:
+    """Return whether most cells are recognised as units; `degC` is not."""
+    known = [is_unit(_inner(cell)) for cell in cells if cell]
+    return not known or 2 * sum(known) > len(known)
 
 
 def _names_in(cells: Cells, width: int) -> Cells | None:

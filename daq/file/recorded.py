@@ -50,6 +50,11 @@ class SessionInfo:
     warm_up: bool = False
     """Whether it is a warm-up press, which is excluded from all results."""
 
+    @property
+    def by_arm(self) -> bool:
+        """Whether the arm of the rig made the press: an import names its file as both devices."""
+        return self.controller not in ("", self.daq)
+
     def to_metadata(self) -> dict[str, str]:
         """Return the fields as text, for a Metadata record."""
         flags = {False: "false", True: "true", None: ""}

@@ -136,6 +136,14 @@ def test_a_press_until_an_instant_has_the_same_residuals_up_to_it(press):
     np.testing.assert_allclose(until.residuals(point)[0][0], forces[:count], rtol=0, atol=1e-12)
 
 
+def test_a_press_shorter_than_the_others_keeps_its_length(taken):
+    n = len(taken.time)
+    until = taken.until(n + 100, n + 50)
+    assert (len(until.time), len(until.used), len(until.phase)) == (n, n, n)
+    np.testing.assert_array_equal(until.substep_angle, taken.substep_angle)
+    np.testing.assert_array_equal(until.used, taken.used)
+
+
 def test_a_thrown_jack_lands_after_its_ballistic_flight():
     """A key that stops at a speed v of its jack gets it back after 2 v / g."""
     key, speed, stop = load_rig().key, 0.15, 0.02

@@ -55,6 +55,29 @@ def test_report_comparison_and_table_have_the_same_digits(four, tmp_path):
     assert found["repeatability"]["presses"] == 4
 
 
+def test_what_the_model_cannot_predict_is_not_compared(four):
+    """A jack that stops while its string is held has no speed as a function of its rise."""
+    presses = list(four[1])
+    fit = replace(presses[1].phases.fit, model="rigid", noise=1e3)
+    presses[1] = replace(presses[1], phases=replace(presses[1].phases, fit=fit))
+    path = presses[2].press.path.with_name("stopped.mcap")
+    presses[2] = replace(presses[2], speed=None, press=replace(presses[2].press, path=path))
+    (condition,) = analyse(presses).conditions
+    assert condition.comparison.presses == 3
+    without = analyse([*presses[:2], presses[3]]).conditions[0]
+    assert condition.features == without.features
+    text = "\n".join(condition.warnings)
+    assert "not compared: stopped.mcap: the jack stops or turns back" in text
+    assert "contact and release are doubtful in 1 of 3 presses" in text
+
+
+def test_presses_without_an_arm_have_no_plan_to_repeat(four):
+    imported = varied(four[1], controller="imported from a.csv", daq="imported from a.csv")
+    (condition,) = analyse(imported).conditions
+    assert condition.repeatability is None
+    assert condition.comparison.presses == 4
+
+
 def test_only_presses_of_one_rig_one_scene_and_one_day_are_pooled(four):
     _, presses = four
     rig = presses[0].press.rig

@@ -6,7 +6,9 @@ from importlib import resources
 import pytest
 
 from sautereau.rig.errors import RigError
+from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig, parse_rig
+from sautereau.rig.schema import Rig
 
 PAPER = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
 
@@ -121,6 +123,23 @@ def test_only_a_quantity_has_an_assumed_range(changed, old, new, key):
         changed((old, new))
 
 
+def test_all_jacks_hold_the_key_on_its_back_rail():
+    """The moments of the two jacks are 12.65 and 6.33 mN m."""
+    paper = load_rig("paper")
+    jack = paper.jack.model_copy(update={"mass": paper.jack.mass / 2})
+    choir = {"jack_arm": "215 mm", "jack": jack} | {
+        name: getattr(paper, name) for name in ("plectrum", "string")
+    }
+    for moment, heavy in ((18.9e-3, False), (19.1e-3, True)):
+        key = paper.key.model_copy(update={"gravity_moment": moment})
+        values = dict(paper) | {"key": key, "more_choirs": (Choir(**choir),)}
+        if heavy:
+            with pytest.raises(ValueError, match=r"not less than the jacks' 18\.97"):
+                Rig(**values)
+        else:
+            assert Rig(**values).key.gravity_moment == moment
+
+
 @pytest.mark.parametrize(
     ("replacements", "messages"),
     [
@@ -130,7 +149,7 @@ def test_only_a_quantity_has_an_assumed_range(changed, old, new, key):
         ([('"108 mm"', '"460 mm"')], ["string.plucking_point: 460 mm is not on the string"]),
         (
             [('"4 mN m", assumed', '"13 mN m", assumed'), ('"12 mN m"', '"14 mN m"')],
-            ["key.gravity_moment: 13 mN m is not less than the jack's 12.65", "raise jack.mass"],
+            ["key.gravity_moment: 13 mN m is not less than the jacks' 12.65", "raise jack.mass"],
         ),
         ([('["-80 deg"', '["80 deg"')], ["arm: lower_limits", "joint 1", "lower the first"]),
         ([('name = "force"', 'name = "velocity"')], ["daq: channels: name velocity is used twice"]),
