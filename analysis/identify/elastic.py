@@ -222,7 +222,7 @@ class Bending:
         for mode, stiffness, finger in zip(
             self.modes, self._stiffnesses, self._by_finger, strict=True
         ):
-            own = finger - mode.jack_by_finger * _moved(
+            own = finger - mode.jack_by_finger * oscillation(
                 strings, mode.frequency, mode.damping, self._step
             )
             own *= mode.weight / stiffness
@@ -249,11 +249,11 @@ def _driven(press: Observed, frequency: float, damping: float, lag: float) -> Fl
     turn, time = 2 * np.pi * frequency, np.maximum(press.substep_time - press.lift_off, 0.0)
     p = turn * complex(-damping, np.sqrt(1 - damping**2))
     ringing = np.outer([1.0, p, p * p], np.exp(p * time) * (time > 0))
-    pushed = _moved(press.substep_force(lag), frequency, damping, press.step / SUBSTEPS)
+    pushed = oscillation(press.substep_force(lag), frequency, damping, press.step / SUBSTEPS)
     return np.stack([pushed, np.real(ringing), np.imag(ringing)])
 
 
-def _moved(push: Floats, frequency: float, damping: float, step: float) -> Floats:
+def oscillation(push: Floats, frequency: float, damping: float, step: float) -> Floats:
     """Return the response of an oscillator that starts at rest, with its first two derivatives.
 
     It is computed by the bilinear transform, which is exact for slow forces and at the frequency of

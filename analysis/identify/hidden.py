@@ -17,12 +17,14 @@ from sautereau.analysis.identify.parameter_names import (
     FRICTION,
     LATE_SLIDING,
     MODULUS,
+    OUTWARD,
     OVERLAP,
     RELEASE,
     SLIDING,
     STIFFNESS,
     TIME,
     VELOCITY_GAIN,
+    VIBRATION,
 )
 from sautereau.analysis.identify.parameters import Parameter
 from sautereau.rig.acquisition import Channel
@@ -36,8 +38,14 @@ SLIDING_STD = 2e-3
 """Standard uncertainty of the sliding (1/N): a force of 1 N moves the finger of a compliant arm
 along the key by about 0.3 mm."""
 RELEASE_STD = 5e-3
-"""Relative standard uncertainty of the height of release. The string moves, and the model is
-static."""
+"""Relative standard uncertainty of the height of release. It is that of a static string: also the
+vibration along the plectrum changes it."""
+VIBRATION_MEAN, VIBRATION_STD = 0.5, 1 / np.sqrt(12)
+"""Prior mean and standard uncertainty of the vibration of the held strings, those of a uniform
+distribution from 0 to 1."""
+OUTWARD_STD = 1 / np.sqrt(3)
+"""Standard uncertainty of the fraction of the friction that points to the tip against Coulomb's
+law: the rms of a uniform distribution from 0 to 1."""
 FRICTION_STD = 0.1
 """Standard uncertainty of the plectrum's friction in the rig, dimensionless. Friction is fitted
 with stiffness and overlap because its effect resembles theirs: an error of 0.03 disappears in the
@@ -71,6 +79,7 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         _hidden(SLIDING, 0.0, SLIDING_STD, "1/N"),
         _hidden(LATE_SLIDING, 0.0, SLIDING_STD, "1/N"),
         _hidden(RELEASE, 0.0, RELEASE_STD),
+        _fraction(VIBRATION, VIBRATION_MEAN, VIBRATION_STD),
     ]
     for choir in range(1, len(rig.more_choirs) + 1):
         stiffness, overlap, clearance = (name.format(choir) for name in CHOIR)
@@ -92,6 +101,7 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         value = rig.plectrum.friction
         ends = ENDS[FRICTION]
         found.append(Parameter(FRICTION, "", value, *ends, value, FRICTION_STD, hidden=True))
+        found.append(_fraction(OUTWARD, 0.0, OUTWARD_STD))
     return [parameter for parameter in found if parameter.name not in names]
 
 
@@ -111,6 +121,10 @@ def _hidden(name: str, value: float, std: float, unit: str = "") -> Parameter:
     """Return a hidden parameter with its value as the mean of its prior."""
     low = value - min(BOUND_STDS * std, 0.9 * value) if value else -BOUND_STDS * std
     return Parameter(name, unit, value, low, value + BOUND_STDS * std, value, std, hidden=True)
+
+
+def _fraction(name: str, mean: float, std: float) -> Parameter:
+    return Parameter(name, "", mean, *ENDS[name], mean, std, hidden=True)
 
 
 def _channel(rig: Rig, quantity: str) -> Channel:

@@ -30,6 +30,11 @@ MODE = "offset.mode"
 """Start of the names of the elastic modes' parameters; hidden."""
 RELEASE = "offset.release"
 """Relative error of the height at which the static string is released; hidden."""
+VIBRATION = "offset.vibration"
+"""Vibration of the held strings divided by that of undamped strings; hidden."""
+OUTWARD = "offset.outward"
+"""Where Coulomb's law holds the string or lets it slide to the clamp: fraction of the friction that
+points to the tip nevertheless; hidden."""
 DAMPER = "offset.damper"
 """True stiffness of the dampers divided by the rig's; hidden."""
 DAMPER_LIFT = "offset.damper_lift"
@@ -43,6 +48,8 @@ ENDS = {
     FRICTION: (0.0, 0.5),
     FINGERTIP: (-0.6, 0.6),
     TIME: (-TIME_RANGE, TIME_RANGE),
+    VIBRATION: (0.0, 1.5),
+    OUTWARD: (0.0, 1.0),
 }
 """Bounds of the parameters that have a natural range, SI."""
 NAMES = (

@@ -7,7 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from sautereau.analysis.identify.elastic import Bending, modes_of, noise_gain, shortest_record
-from sautereau.analysis.identify.observed import Observed
+from sautereau.analysis.identify.held import HeldString, held_string
+from sautereau.analysis.identify.observed import SUBSTEPS, Observed
 from sautereau.analysis.identify.parameter_names import (
     CHOIR,
     CLOTH,
@@ -24,7 +25,6 @@ from sautereau.analysis.identify.parameter_names import (
 from sautereau.analysis.identify.parameters import Parameter, with_parameters
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
 from sautereau.analysis.model.key import finger_force
-from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.rig.instrument import Choir, Key
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle
@@ -42,6 +42,8 @@ NOT_OF_STRINGS = {
 NOT_OF_RIGID_KEY = {FORCE_GAIN, "key.inertia", "jack.mass"}
 """Further parameters of this kind if the key is rigid."""
 CACHED_POINTS = 3
+ITERATIONS = 2
+"""Iterations of the strings' forces, which hardly depend on bending and vibration."""
 """Number of points whose string forces are cached. Most derivatives do not change the forces."""
 
 
@@ -164,7 +166,7 @@ class _String:
     choir: Choir
     key: Key
     """Key with the lever arm of the choir's jack."""
-    pluck: Pluck
+    held: HeldString
     release: float
     """rad, key angle at release."""
 
@@ -198,7 +200,8 @@ def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float)
         key, pluck = key_of(rig, choir), choir_pluck(choir, level)
         late = 1 + values.get(RELEASE, 0.0)
         height = choir.jack.string_clearance + late * pluck.release_height
-        found.append(_String(number, choir, key, pluck, float(angle_of_rise(key, height))))
+        held = held_string(choir, pluck, level, values)
+        found.append(_String(number, choir, key, held, float(angle_of_rise(key, height))))
     return sorted(found, key=lambda string: string.release)
 
 
@@ -234,49 +237,43 @@ def _press_state(
     angle = values.get(VELOCITY_GAIN, 1.0) * press.substep_angle
     releases, key, damped = press.releases - lag, rig.key, values.get(DAMPER, 0.0)
     higher = values[DAMPER_LIFT] - rig.jack.damper.lift if rig.jack.damper and damped else 0.0
+    lasts = np.searchsorted(press.substep_time, releases).tolist()
 
-    def forces(rigid: Floats, rise: Floats | float, pushed: Floats) -> Floats:
-        """Return the forces [N] of strings and dampers on the jacks; shape (choirs, n).
+    def forces(rigid: Floats, rise: Floats | float, before: Floats) -> Floats:
+        """Return the forces [N] of strings and dampers on the jacks, and how far the strings are
+        behind [m]; shape (2, choirs, n).
 
-        A string that is still held after its modelled release keeps the force of that instant.
-        The residual is then a smooth function of the parameters; the release is compared by its
-        rise.
+        `before` is the result of the previous iteration. A string that is still held after its
+        modelled release keeps the force of that instant. The residual is then a smooth function of
+        the parameters; the release is compared by its rise.
         """
-        found = np.zeros_like(pushed)
+        found = np.zeros_like(before)
         for at, string in enumerate(strings):
-            choir, own = string.choir, found[string.number]
+            choir, (own, behind) = string.choir, found[:, string.number]
             height = rise_of_angle(string.key, rigid) + choir.jack_arm * rise
-            height = height - cloth * pushed[string.number]
-            if at < len(releases):
-                last = int(np.searchsorted(press.substep_time, releases[at]))
-                bent = height[:last] - choir.jack.string_clearance
-                bent = np.minimum(bent, string.pluck.release_height)
-                own[:last] = string.pluck.force_on_jack(bent)
+            height = height - cloth * before[0, string.number]
+            if at < len(lasts):
+                last = lasts[at]
+                known, bent = before[1, string.number, :last], height - choir.jack.string_clearance
+                own[:last] = string.held.force(bent[:last], known)
+                behind[:last] = string.held.behind(own[:last], known, press.step / SUBSTEPS)
             if damped and (damper := choir.jack.damper) is not None:
                 lift = damper.lift + higher
                 own -= damped * damper.stiffness * np.maximum(lift - height, 0.0)
         return found
 
-    pushing = forces(angle, 0.0, np.zeros((len(strings), len(angle))))
-    if not modes:
-        smooth = np.stack([press.smoothed(force) for force in pushing])
-        still = np.zeros((3, len(press.time))), np.zeros(len(releases))
-        return _PressState(press.force(lag), smooth, *still)
-    every = choirs(rig)
-    arms = np.array([choir.jack_arm for choir in every])
-    inertia = _inertia_over_arm(rig) * key.press_arm
-    gain = values.get(FORCE_GAIN, 1.0)
+    pushing = forces(angle, 0.0, np.zeros((2, len(strings), len(angle))))
+    arms = np.array([choir.jack_arm for choir in choirs(rig)])
+    inertia, gain = _inertia_over_arm(rig) * key.press_arm, values.get(FORCE_GAIN, 1.0)
     bending = Bending(modes, press, lag, gain, key.press_arm, inertia)
-    # Two iterations suffice, because the strings' forces hardly depend on the bending.
-    bent, rise = bending.by(arms @ (pushing - pushing[:, :1]))
-    before = forces(angle - bent[0], rise, pushing)
-    bent, rise = bending.by(arms @ (before - before[:, :1]))
-    pushing = forces(angle - bent[0], rise, before)
+    bent, rise, before = np.zeros((3, len(angle))), np.zeros(len(angle)), pushing
+    for _ in range(ITERATIONS):
+        bent, rise = bending.by(arms @ (pushing[0] - pushing[0, :, :1]))
+        before, pushing = pushing, forces(angle - bent[0], rise, pushing)
+    extra = key.jack_arm * (rise - bent[0]) - cloth * before[0, 0]
     return _PressState(
         press.force(lag),
-        np.stack([press.smoothed(force) for force in pushing]),
+        np.stack([press.smoothed(force) for force in pushing[0]]),
         np.stack([press.smoothed(row) for row in bent]),
-        np.interp(
-            releases, press.substep_time, key.jack_arm * (rise - bent[0]) - cloth * before[0]
-        ),
+        np.interp(releases, press.substep_time, extra),
     )

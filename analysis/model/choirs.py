@@ -86,20 +86,22 @@ def key_of(rig: Rig, choir: Choir) -> Key:
     return rig.key.model_copy(update={"jack_arm": choir.jack_arm})
 
 
-def choir_pluck(choir: Choir, level: str = "elastica") -> Pluck:
+def choir_pluck(choir: Choir, level: str = "elastica", sticks: bool = True) -> Pluck:
     """Return the pluck of a choir's plectrum and spring string; see `pluck_of`."""
-    return pluck_of(choir.plectrum, choir.string, level)  # pyright: ignore[reportArgumentType]
+    return pluck_of(choir.plectrum, choir.string, level, sticks)  # pyright: ignore[reportArgumentType]
 
 
 @lru_cache(maxsize=128)
-def pluck_of(plectrum: Plectrum, string: String, level: str) -> Pluck:
+def pluck_of(plectrum: Plectrum, string: String, level: str, sticks: bool = True) -> Pluck:
     """Return the pluck of a plectrum and a spring string; the last 128 are kept.
+
+    `sticks` is that of `solve_pluck`.
 
     Raises:
         ModelError: The level has no solution for them.
     """
     mapped = string_map(plectrum, string, level)
-    return solve_pluck(mapped, string.static_stiffness, plectrum.overlap)
+    return solve_pluck(mapped, string.static_stiffness, plectrum.overlap, sticks)
 
 
 def hold(rig: Rig, level: str) -> list[PlacedPluck]:

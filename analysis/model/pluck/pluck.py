@@ -90,12 +90,15 @@ class Pluck(Curve):
         return [spline(self.height[part], force[part]) for part in parts]
 
 
-def solve_pluck(plectrum: PlectrumMap, stiffness: float, overlap: float) -> Pluck:
+def solve_pluck(
+    plectrum: PlectrumMap, stiffness: float, overlap: float, sticks: bool = True
+) -> Pluck:
     """Follow the string along the plectrum from first contact to its release.
 
     Args:
         stiffness: N/m, of the string at the plucking point, K of the paper's equation 2.
         overlap: m, from the string at rest to the tip, along the undeformed mid-line.
+        sticks: As for `solve_paths`.
 
     Raises:
         ModelError: The overlap or the string's stiffness is out of range, or the string is
@@ -103,7 +106,7 @@ def solve_pluck(plectrum: PlectrumMap, stiffness: float, overlap: float) -> Pluc
     """
     _check(plectrum, stiffness, overlap)
     equilibria = Equilibria(plectra_of(plectrum), np.array([stiffness]), np.array([overlap]))
-    paths = solve_paths(equilibria, POINTS)
+    paths = solve_paths(equilibria, POINTS, sticks)
     status = Status(paths.status[0])
     curves = [
         Curve(*(values[0] for values in vars(curve).values()))

@@ -1,0 +1,63 @@
+"""The held string of the identification: its vibration, and friction that points to the tip."""
+
+import numpy as np
+import pytest
+
+from benchmarks.independent import Choir as IndependentChoir
+from benchmarks.independent.elastica import static_pluck
+from sautereau.analysis.identify.held import held_string
+from sautereau.analysis.identify.parameter_names import OUTWARD, VIBRATION
+from sautereau.analysis.identify.residuals import ITERATIONS
+from sautereau.analysis.model.choirs import choir_pluck, choirs
+from sautereau.analysis.model.modal_pluck import modal_pluck
+from sautereau.rig.load import load_rig, with_values
+
+RIG = with_values(load_rig(), {"plectrum.contact": "surface"})
+
+
+def _force(rig, height, step, values):
+    """Return the force of the string at heights of the jack at steps of time."""
+    choir = choirs(rig)[0]
+    held = held_string(choir, choir_pluck(choir), "elastica", values)
+    behind = np.zeros_like(height)
+    for _ in range(1 + ITERATIONS):
+        force = held.force(height, behind)
+        behind = held.behind(force, behind, step)
+    return force
+
+
+@pytest.mark.parametrize("speed", ["0.1 m/s", "0.2 m/s"])
+def test_a_held_string_vibrates_as_a_string_that_is_integrated_in_time(speed):
+    """The reference integrates 30 modes in two directions at the contact of the plectrum."""
+    rig = with_values(RIG, {"press.jack_speed": speed})
+    exact, step = modal_pluck(rig), 0.125e-3
+    pull = exact.force * np.cos(exact.angle)
+    time = np.arange(0, exact.release, step)
+    force = _force(rig, rig.press.jack_speed * time, step, {VIBRATION: 1.0})
+    static = _force(rig, rig.press.jack_speed * time, step, {VIBRATION: 0.0})
+    true = np.interp(time, exact.time, pull)
+    error, missing = (np.sqrt(np.mean((f - true) ** 2)) for f in (force, static))
+    assert error < 0.4 * missing
+
+
+def test_friction_that_points_to_the_tip_is_that_of_an_independent_solver():
+    true = IndependentChoir(friction=0.2)
+    values = {
+        "plectrum.youngs_modulus": f"{true.modulus} Pa",
+        "plectrum.overlap": f"{true.overlap} m",
+        "plectrum.friction": true.friction,
+        **{f"plectrum.{n}": f"{getattr(true, n)} m" for n in ("length", "width", "thickness")},
+        "string.tension": f"{true.tension} N",
+        "string.length": f"{true.string_length} m",
+        "string.plucking_point": f"{true.plucking_point} m",
+        "string.diameter": f"{true.diameter} m",
+    }
+    rig, expected = with_values(RIG, values), static_pluck(true)
+    height = np.linspace(0.02, 0.99, 50) * expected.release_height
+    load = np.interp(height, expected.height, expected.load)
+    found = _force(rig, height, 1e-3, {OUTWARD: 1.0})
+    np.testing.assert_allclose(found, load, rtol=1e-4)
+    coulomb = _force(rig, height, 1e-3, {OUTWARD: 0.0})
+    half = _force(rig, height, 1e-3, {OUTWARD: 0.5})
+    np.testing.assert_allclose(half, (coulomb + found) / 2)
+    assert np.all(coulomb < found * (1 + 1e-4))
