@@ -42,9 +42,9 @@ NOT_OF_STRINGS = {
 NOT_OF_RIGID_KEY = {FORCE_GAIN, "key.inertia", "jack.mass"}
 """Further parameters of this kind if the key is rigid."""
 CACHED_POINTS = 3
+"""Number of points whose string forces are cached. Most derivatives do not change the forces."""
 ITERATIONS = 2
 """Iterations of the strings' forces, which hardly depend on bending and vibration."""
-"""Number of points whose string forces are cached. Most derivatives do not change the forces."""
 
 
 class InverseDynamics:
