@@ -52,11 +52,9 @@ MOST_RELEASE_STD = 10e-3
 SEVERAL_RELEASES = 1.5
 """Factor of the uncertainties where a press has several releases: the ringing after one release
 disturbs the fit of the next."""
-REWEIGHTED = 2
-"""Number of fits with weights by the residuals of the fit before."""
-UNEXPLAINED = 5.0
+UNEXPLAINED = 12.0
 """Error of a row over the local rms of the residuals of the fit before."""
-AROUND = 65
+AROUND = 25
 """Number of rows over which this rms is taken."""
 LEAST_HELD = 2.5
 """Least distance of a contact from its release where a fit starts, in widths of the smoothing."""
@@ -149,10 +147,9 @@ def _with_releases(
     """Return the growths with contacts that are fitted for the given releases.
 
     An error of a release in the smoothed load causes an error of its contact. The load is not
-    explained equally well everywhere, so it is fitted several times: each fit after the first one
-    weights the rows by the local rms of the residuals of the fit before. Strings that are held at
-    once are fitted once, since rows that show a wrong contact of one of them would lose their
-    weight.
+    explained equally well everywhere, so it is fitted twice: the second fit weights the rows by the
+    local rms of the residuals of the first. Strings that are held at once are fitted once, since
+    rows that show a wrong contact of one of them would lose their weight.
     """
     growths = searched.growths
     short = any(r.time - g.contact < SHORTEST for g, r in zip(growths, releases, strict=True))
@@ -163,8 +160,7 @@ def _with_releases(
     fit = SawTeeth(slow, searched.compliance, noise, strings, known)
     start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
     plucks, solved = _with_better_contacts(fit, *fit.refined(start)[:2])
-    together = (plucks[1:, 0] < plucks[:-1, 1]).any()
-    for _ in range(0 if together else REWEIGHTED):
+    if not (plucks[1:, 0] < plucks[:-1, 1]).any():
         square = uniform_filter1d((solved.row_residuals / fit.weight) ** 2, AROUND, mode="nearest")
         error = UNEXPLAINED * np.sqrt(np.maximum(square, 0.0))
         fit = SawTeeth(slow, searched.compliance, noise, strings, known, error)

@@ -15,6 +15,11 @@ BEFORE = 4e-3
 """s, of signal before a release that is part of its fit."""
 AFTER = 2.5e-3
 """s, of signal after a release that is part of its fit."""
+LANDED = 1e-3
+"""s, the same where modes do not explain this, as the release throws the jack off its cloth."""
+THROWN = 2.0
+"""Variance of the residuals over the noise above which `LANDED` is tried, and least factor by which
+it must reduce this variance."""
 ROW = 40e-6
 """s, shortest block of this fit."""
 MOST_MODES = 3
@@ -34,11 +39,9 @@ TRIED = 20
 """Number of instants that are tried."""
 STARTS = 4
 """Parts of the range of instants; a search starts from the best instant of each part."""
-SMOOTH: Orders = (2,)
-"""Force and velocity begin with t^2, as on any key that bends."""
-SUDDEN: Orders = (2, 1)
-"""The force begins with t^2 and the velocity with t, as on a key that hardly bends and whose jack
-stands on a hard cloth."""
+BEGINS: tuple[Orders, ...] = ((2,), (2, 1))
+"""Powers of time with which force and velocity may begin: t^2, or the velocity with t, as on a key
+whose jack stands on a hard cloth."""
 SAME = 2e-6
 """s, difference up to which two instants count as equal."""
 UNLIKELY = 25.0
@@ -53,7 +56,7 @@ def refine_event(
     after: float,
     until: float,
     others: Sequence[float] = (),
-    begins: Sequence[Orders] = (SMOOTH,),
+    length: float = AFTER,
 ) -> Release:
     """Return the instant of a release, fitted to the samples around it.
 
@@ -70,19 +73,19 @@ def refine_event(
         after: s after the trigger, before which nothing is used.
         until: s after the trigger, after which nothing is used.
         others: s after the trigger, approximate instants of other releases.
-        begins: Powers of time with which the signals may begin.
+        length: s, of signal after the release.
     """
     samples = max(1, round(ROW * signals.rate))
-    begin, end = max(after, near - BEFORE), min(until, near + AFTER)
+    begin, end = max(after, near - BEFORE), min(until, near + length)
     stretch = max(0, signals.sample(begin)), min(len(signals.time), signals.sample(end))
     if (stretch[1] - stretch[0]) // samples < LEAST_ROWS:
-        return Release(near, std, force, FALL_STD * force, 0.0, 0.0, 1.0)
+        return Release(near, std, force, FALL_STD * force, 0.0, 0.0, math.inf)
     events = np.array([near, *(t for t in others if begin < t < end)])
     fit = EventFit(signals, stretch, samples, events, np.full(len(events), std))
     tried = np.tile(events - near, (TRIED, 1))
     tried[:, 0] = np.linspace(-REACH, REACH, TRIED) * std
     chains: list[Fitted] = []
-    for orders in begins:
+    for orders in BEGINS:
         chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
         best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(TRIED), STARTS)]
         chains += _distinct([fit.refine(tried[i], poles[i : i + 1], orders) for i in best])
@@ -113,7 +116,7 @@ def refine_event(
     mean = float(times @ chance)
     spread = np.minimum([f.variance for f in fits], LARGEST_VARIANCE)
     variance = float(chance @ ((times - mean) ** 2 + spread))
-    return Release(
+    found = Release(
         time=near + mean,
         std=math.hypot(LARGER * math.sqrt(variance), signals.instant_std),
         fall=force,
@@ -122,6 +125,10 @@ def refine_event(
         gain=0.0,
         noise=fit.noise,
     )
+    if length == LANDED or found.noise < THROWN:
+        return found
+    shorter = refine_event(signals, near, std, force, after, until, others, LANDED)
+    return shorter if THROWN * shorter.noise < found.noise else found
 
 
 def resolved(signals: Signals, near: float) -> bool:

@@ -13,9 +13,9 @@ from sautereau.analysis.phases.compliant import (
     compliant_plucks,
 )
 from sautereau.analysis.phases.contact import Contact, find_contact
-from sautereau.analysis.phases.event import SMOOTH, SUDDEN, refine_event, resolved
+from sautereau.analysis.phases.event import refine_event, resolved
 from sautereau.analysis.phases.expected import Expected, expected
-from sautereau.analysis.phases.found import GOOD, Fit
+from sautereau.analysis.phases.found import GOOD, RIGID, Fit
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
 from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Rows, Signals, rows_of
@@ -46,8 +46,6 @@ BEFORE = 6
 """Samples before a release over which the correction of the delay spreads most of it."""
 SETTLED = 3
 """Rows from a release to the earliest contact with the next string."""
-RIGID_NOISE = 10.0
-"""Variance of the residuals over the noise below which a rigid key explains the load."""
 RINGING = 8.0
 """Variance of the residuals over the noise at a release above which modes are fitted."""
 STEP = 1.8
@@ -102,13 +100,13 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     found = _rigid_plucks(strings, signals, rows, rest, begin, before)
     rigid = _explained(found, signals, strings, begin, end)
     clear = rigid is not None and all(
-        contact.noise < RIGID_NOISE or contact.std < LEAST_STD for contact, _ in rigid.plucks
+        contact.noise < GOOD or contact.std < LEAST_STD for contact, _ in rigid.plucks
     )
     if rigid is not None and clear and len(found) >= len(strings.contacts):
         return rigid
     left, rms, missed = unexplained(strings, rest, rows, before)
     reached = strings.contacts + REACHED * strings.climbs < signals.rise[end]
-    if not found and left < (GOOD if reached.all() else RIGID_NOISE):
+    if not found and left < (GOOD if reached.all() else RIGID):
         return Found([], Fit("rigid", left))
     doubtful: tuple[Growth, ...] = ()
     if rigid is not None or reached.any():
@@ -166,7 +164,7 @@ def _explained(
     """Return the plucks of a rigid key if it explains the load, else None."""
     rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
     far = np.abs(rises[:, None] - strings.contacts).min(initial=np.inf) > DISPLACED
-    most = CERTAIN if far else RIGID_NOISE
+    most = CERTAIN if far else GOOD
     # A string held together with the next one spoils the fit of its contact on any key; but where
     # a release rings, what exceeds the number of strings may be ringing.
     surplus = len(found) > len(strings.contacts) and max(r.noise for _, r in found) > GOOD
@@ -193,7 +191,7 @@ def _with_modes(
     least = min(RINGING, max(STEP, noise)) if resolved(signals, release.time) else RINGING
     if release.noise < least:
         return release
-    found = refine_event(signals, release.time, NEAR, release.fall, *ends, begins=(SMOOTH, SUDDEN))
+    found = refine_event(signals, release.time, NEAR, release.fall, *ends)
     # The residuals of both signals, unlike those of the load, contain the inertia of a rigid key.
     return replace(found, noise=min(found.noise, release.noise))
 

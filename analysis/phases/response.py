@@ -4,8 +4,8 @@ A key bends and heaves, its jack stands on cloth, and the transducer resonates. 
 laser and the transducer show the step of the string's force, convolved with the response of all
 these. The response is a sum of exponentials exp(p t) with poles p, which are found together with
 the instant of the event. Since all these parts have inertia, neither the signals nor their slopes
-jump at the event: the signals begin with t^2. Only the velocity of a key that hardly bends, with a
-jack on a hard cloth, begins with t.
+jump at the event: the signals begin with t^2. Only the velocity of a key with a jack on a hard
+cloth begins with t.
 """
 
 import math

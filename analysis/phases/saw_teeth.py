@@ -30,15 +30,16 @@ FULL_RISE = 10e-3
 """m, rise over which the load changes by `DRIFT_STD`."""
 F2 = list(TERMS).index("F2")
 """Place of the term of F'' among the columns of a key."""
-COLUMNS = 4
-"""Columns of a string: its force, the second derivative of its force, two deviations of its shape.
-The second derivative represents what lies between the laser and the jack."""
-SHARP = 1
-"""Place of the second derivative among these columns."""
+COLUMNS = 5
+"""Columns of a string: its force, the first and second derivatives of its force, two deviations of
+its shape. The derivatives represent what lies between the laser and the jack."""
 FORCE_STD = 3.0
 """N, prior standard deviation of the force of a string."""
+LOSS_STD = 2.5e-4
+"""N s, prior standard deviation of the first derivative, if the releases are known: it shifts
+contact and release together."""
 SHARP_STD = 9e-7
-"""N s^2, prior standard deviation of its second derivative."""
+"""N s^2, prior standard deviation of the second derivative."""
 CONTACT_STD = 0.5e-3
 """m, standard deviation of a contact from that of the rig."""
 CLIMB_STD = 0.4
@@ -122,11 +123,12 @@ class SawTeeth:
         self._left = np.concatenate([self.load, np.zeros(known)])
         self._left -= self.base @ (self.base.T @ self._left)
         self._climbing = np.gradient(self.rise, slow.hop)
+        self._derivatives = 0.0 if releases is None else LOSS_STD, SHARP_STD
         self._bends = np.array([1.0, *strings.bends])
         self._mixed = np.zeros((3, COLUMNS))
         """Of u, u(u - 1) and u(u - 1)(u - 1/2) in each column of a string, see `Expected.bends`."""
         self._mixed[:, 0] = FORCE_STD * self._bends
-        self._mixed[1:, SHARP + 1 :] = strings.shapes.T
+        self._mixed[1:, 3:] = strings.shapes.T
         self.row_rise = rise
         """m, rise of the jack at the rows."""
 
@@ -167,7 +169,7 @@ class SawTeeth:
             plucks: s, contacts and releases, shape (n, 2).
 
         Returns:
-            Their force, its second derivative, deviations of its shape; shape (rows, n, COLUMNS).
+            As `COLUMNS`, shape (rows, n, COLUMNS).
         """
         whole, part, _ = self._relative_rise(plucks)
         u = whole * part
@@ -175,7 +177,8 @@ class SawTeeth:
         terms = np.stack([u, bend, bend * (u - 0.5)], -1)
         smooth = self.slow.smooth(terms.reshape(len(u), -1))
         columns = smooth.reshape(len(self.load), -1, 3) @ self._mixed
-        columns[..., SHARP] = SHARP_STD * self.slow.smooth(terms @ self._bends, 2)
+        for order, std in enumerate(self._derivatives, 1):
+            columns[..., order] = std * self.slow.smooth(terms @ self._bends, order)
         return self.weight[:, None, None] * columns
 
     def solved(self, plucks: Floats) -> Solved:
@@ -239,13 +242,15 @@ class SawTeeth:
         u, by_ends = self._relative_rise_slopes(plucks)
         steep = np.stack([np.ones_like(u), 2 * u - 1, 3 * u * (u - 1) + 0.5], -1)
         of_force = (steep * (solved.factors @ self._mixed.T)).sum(-1)
-        of_sharp = SHARP_STD * solved.factors[:, SHARP] * (steep @ self._bends)
-        slow, fast = (
-            (each[..., None] * by_ends).reshape(len(u), -1) for each in (of_force, of_sharp)
+        of_derivatives = (
+            (steep @ self._bends)[..., None] * self._derivatives * solved.factors[:, 1:3]
         )
         rows, known = len(self.load), len(self._left)
         change = np.zeros((len(solved.residuals), plucks.size))
-        change[:rows] = self.slow.smooth(slow) + self.slow.smooth(fast, 2)
+        for order, part in enumerate((of_force, *np.moveaxis(of_derivatives, -1, 0))):
+            change[:rows] += self.slow.smooth(
+                (part[..., None] * by_ends).reshape(len(u), -1), order
+            )
         change[:rows] *= self.weight[:, None]
         change[:known] -= self.base @ (self.base.T @ change[:known])
         off = SMALL * np.eye(plucks.size).reshape(-1, *plucks.shape)
