@@ -147,16 +147,11 @@ def _returned(signals: Signals, end: int) -> float | None:
 
 def _at_full_speed(time: Floats, speed: Floats, start: float, end: float) -> NDArray[np.intp]:
     """Return the samples at full speed in the second half between two instants [s]."""
-    inside = _between(time, (start + end) / 2, end)
-    if len(inside) < 8:
-        inside = _between(time, start, end)
-    full = inside[speed[inside] >= FULL_SPEED * np.median(speed[inside])]
-    return full if len(full) >= 8 else inside
-
-
-def _between(time: Floats, start: float, end: float) -> NDArray[np.intp]:
-    """Return the samples from one instant to before another [s]."""
-    return np.arange(*np.searchsorted(time, (start, end)))
+    first, middle, last = np.searchsorted(time, (start, (start + end) / 2, end)).tolist()
+    first = middle if last - middle >= 8 else first
+    inside = speed[first:last]
+    full = first + np.flatnonzero(inside >= FULL_SPEED * np.median(inside))
+    return full if len(full) >= 8 else np.arange(first, last)
 
 
 def _mean(signal: Floats, time: Floats, start: float, end: float) -> float | None:

@@ -104,20 +104,20 @@ class KeyAndString:
         # At release the force of the string ends, and the error of the inertia adds its part.
         self._fall_std = math.hypot(release.fall_std, FALL_STD * release.fall)
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
-        self._bend_std = np.array(BEND_STD) * max(1e-3, float(np.ptp(held.load)))
+        bend_std = np.array(BEND_STD) * max(1e-3, float(np.ptp(held.load)))
+        self._string_prior = np.diag([1 / self._fall_std**2, *(1 / bend_std**2)])
+        self._keys: dict[tuple[float, float | None, bool], tuple[Floats, Floats, float]] = {}
 
     def free(self, noise: float) -> float:
         """Return chi2 of a key without a string; the noise as in `at`."""
-        gram, right, square = self._known(noise, None, False)
-        bound = _beyond(np.linalg.solve(gram, right)[INERTIA])
-        if bound is not None:
-            gram, right, square = self._known(noise, bound, False)
-        return square - float(right @ np.linalg.solve(gram, right))
+        inverse, along, left = self._key_alone(noise, None, False)
+        bound = _beyond(float(inverse[INERTIA] @ along))
+        return left if bound is None else self._key_alone(noise, bound, False)[2]
 
     def without_string(self) -> tuple[float, Floats]:
         """Return a free key's variance of residuals over the noise, and the residuals [N]."""
-        gram, right, _ = self._known(1.0, None, False)
-        factors = np.linalg.solve(gram, right)
+        inverse, along, _ = self._key_alone(1.0, None, False)
+        factors = inverse @ along
         left = self._load - self._key @ factors
         return float(left @ left) / len(left), self._held.load - self._bare_key @ factors
 
@@ -136,16 +136,22 @@ class KeyAndString:
         bound = _beyond(inertia)
         return found if bound is None else self._fits(bare, string, noise, bound)[0]
 
-    def _known(
+    def _key_alone(
         self, noise: float, inertia: float | None, falls: bool
     ) -> tuple[Floats, Floats, float]:
-        """Return the normal equations of the key: matrix, right side and square of the load.
+        """Return the fit of a key without a string.
 
         Args:
             noise: As in `at`.
             inertia: Known relative error of the rig's inertia; None for `INERTIA_STD`.
-            falls: Whether they contain the fall at release.
+            falls: Whether it contains the fall at release.
+
+        Returns:
+            What the key's columns must be multiplied by in order to be orthonormal, the products
+            of the load with these, and the sum of squared residuals.
         """
+        if found := self._keys.get((noise, inertia, falls)):
+            return found
         mean, std = (0.0, INERTIA_STD) if inertia is None else (inertia, CERTAIN)
         # The prior is weighted in units of the noise.
         weights = noise / self._prior**2
@@ -157,7 +163,10 @@ class KeyAndString:
             gram[INERTIA, INERTIA] += noise * self._slowed**2
             right[INERTIA] += noise * self._slowed * self._fall
             square += noise * self._fall**2
-        return gram, right, float(square)
+        inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(gram)).T, dtype=float)
+        along = right @ inverse
+        found = self._keys[noise, inertia, falls] = inverse, along, float(square - along @ along)
+        return found
 
     def _bare(self, times: Floats, first: int) -> Floats:
         """Return the string's columns from a row on, shape (instants, BENDS, rows)."""
@@ -169,12 +178,12 @@ class KeyAndString:
         # The mean of a row over the bend is larger than the bend; it affects the two adjacent rows.
         speed = np.interp(times, held.time, held.speed)
         above = speed * held.step / 6
-        place = (times - held.time[0]) / held.step
-        row = np.clip(np.floor(place).astype(int), 0, len(held.time) - 2)
-        for beside in (row, row + 1):
-            line[np.arange(n), beside - first] += (
-                above * np.maximum(1 - np.abs(place - beside), 0.0) ** 3
-            )
+        place = ((times - held.time[0]) / held.step)[:, None]
+        row = np.minimum(np.maximum(place.astype(int), 0), len(held.time) - 2)
+        beside = np.concatenate([row, row + 1], 1)
+        line[np.arange(n)[:, None], beside - first] += (
+            above[:, None] * np.maximum(1 - np.abs(place - beside), 0.0) ** 3
+        )
         line /= np.maximum(held.rise[-1] - at, np.maximum(speed * held.step, LEAST_RISE))[:, None]
         np.multiply(line, line - 1, out=square)
         np.multiply(square, line - 0.5, out=cube)
@@ -191,28 +200,25 @@ class KeyAndString:
             bare: The string's columns in the last rows, shape (instants, BENDS, last rows).
             string: The same in units of the noise.
             noise: As in `at`.
-            inertia: As in `_known`.
+            inertia: As in `_key_alone`.
         """
-        gram, right, square = self._known(noise, inertia, True)
+        inverse, along, square = self._key_alone(noise, inertia, True)
         last = slice(-bare.shape[-1], None)
         flat = string.reshape(-1, bare.shape[-1])
         mixed = (flat @ self._key[last]).reshape(*bare.shape[:2], -1)
         load = (flat @ self._load[last]).reshape(bare.shape[:2])
-        own = string @ string.transpose(0, 2, 1)
-        own += np.diag([RIDGE, *(noise / self._bend_std**2)])
         # The row of the fall at release: the complete force of the string, and the inertia's part.
-        own[:, 0, 0] += noise / self._fall_std**2
         mixed[:, 0, INERTIA] += noise * self._slowed / self._fall_std
         load[:, 0] += noise * self._fall / self._fall_std
-        of_all = np.concatenate([right[None], mixed.reshape(-1, len(gram))])
-        by_key = np.linalg.solve(gram, of_all.T).T
-        alone, mixed_by_key = by_key[0], by_key[1:].reshape(mixed.shape)
-        own = own - mixed_by_key @ mixed.transpose(0, 2, 1)
-        load = load - mixed @ alone
+        by_key = mixed @ inverse
+        own = string @ string.transpose(0, 2, 1) - by_key @ by_key.transpose(0, 2, 1)
+        own += noise * self._string_prior
+        own[:, 0, 0] += RIDGE
+        load -= by_key @ along
         factors = np.linalg.solve(own, load[..., None])[..., 0]
-        chi2 = square - float(right @ alone) - (factors * load).sum(1)
+        chi2 = square - (factors * load).sum(1)
         best = int(np.argmin(chi2))
-        of_key = alone - factors[best] @ mixed_by_key[best]
+        of_key = inverse @ (along - factors[best] @ by_key[best])
         left = self._load - self._key @ of_key
         left[last] -= factors[best] @ string[best]
         inflation = _inflation(left, len(self._prior) + BENDS)

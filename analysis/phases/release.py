@@ -14,6 +14,9 @@ WINDOW = 20
 """Rows of the lines fitted on either side of a fall."""
 GAP = 2
 """Rows on either side of a fall over which it is spread."""
+NEAREST = 8
+"""Rows on either side beyond this gap whose mean must fall as well: as many as those of the
+shortest pluck."""
 SIGNIFICANCE = 8.0
 """Least fall in standard deviations."""
 LEAST_FALL = 4e-3
@@ -96,7 +99,10 @@ def find_falls(rows: Rows) -> list[int]:
     found = []
     left = fall.copy()
     while len(left) and (best := int(np.argmax(left))) >= 0 and left[best] > least:
-        found.append(first + best)
+        row = first + best
+        sides = rows.load[row - GAP - NEAREST : row - GAP], rows.load[row + GAP :][:NEAREST]
+        if sides[0].mean() > sides[1].mean():  # it does not at a contact, where the load bends
+            found.append(row)
         left[max(0, best - m) : best + m] = -np.inf
     return sorted(found)
 
@@ -185,17 +191,19 @@ class _Fall:
 
     def at(self, instants: Floats) -> _Steps:
         """Return the fits with a step at each instant [samples]."""
-        from_step = self._tau - instants[:, None]
+        # Steps are 0 in the rows before the first instant.
+        first = max(0, int(instants.min() - self._tau[0]))
+        from_step = self._tau[first:] - instants[:, None]
         # A row is the mean load over a sample; in the sample of the fall, the step counts in part.
         part = np.minimum(np.maximum(from_step + 0.5, 0.0), 1.0)
-        columns = np.concatenate([part, part * from_step / self.span])
-        columns = self._white(columns.T).T
-        columns = columns - (columns @ self._base) @ self._base.T
-        step, bend = columns.reshape(2, len(instants), -1)
-        of_step, of_bend = (columns @ self._target).reshape(2, -1)
-        # Solution of the normal equations of a step and a bend.
-        both = (step * bend).sum(1)
-        square_step, square_bend = (step * step).sum(1) + RIDGE, (bend * bend).sum(1) + RIDGE
+        columns = np.stack([part, part * from_step / self.span], 1)
+        flat = self._white(columns.reshape(-1, columns.shape[-1]).T, first)
+        white = flat.T.reshape(columns.shape)
+        by_base = white @ self._base[first:]
+        of_step, of_bend = (white @ self._target[first:]).T
+        # Solution of the normal equations of a step and a bend, without the parabola's part.
+        own = white @ white.transpose(0, 2, 1) - by_base @ by_base.transpose(0, 2, 1)
+        both, square_step, square_bend = own[:, 0, 1], own[:, 0, 0] + RIDGE, own[:, 1, 1] + RIDGE
         determinant = square_step * square_bend - both**2
         fall = (square_bend * of_step - both * of_bend) / determinant
         slope = (square_step * of_bend - both * of_step) / determinant

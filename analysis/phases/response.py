@@ -47,6 +47,11 @@ class Response:
         """s, of the blocks, shape (n + 1,)."""
         return np.append(self.time - self.step / 2, self.time[-1] + self.step / 2)
 
+    @cached_property
+    def _parabola(self) -> Floats:
+        """Columns of a parabola, shape (n, 3)."""
+        return (self.time[:, None] / SCALE) ** np.arange(3)
+
     def _since(self, instants: Floats) -> Floats:
         """Return the times of the blocks' ends after each instant [s], shape (..., n + 1)."""
         return np.maximum(self._ends - instants[..., None], 0.0)
@@ -62,9 +67,8 @@ class Response:
 
     def before(self, poles: Poles) -> Floats:
         """Return a parabola, and ringing from before; shape (n, 3 + 2 modes)."""
-        u = self.time[:, None] / SCALE
         waves = np.exp((self.time - self.time[0])[:, None] * poles)
-        return np.concatenate([u**0, u, u**2, _pairs(waves)], 1)
+        return np.concatenate([self._parabola, waves.real, waves.imag], 1)
 
     def event(self, instants: Floats, poles: Poles, orders: Orders) -> Floats:
         """Return the curves and the modes from each instant on, which grow as a power of time.

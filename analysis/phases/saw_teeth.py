@@ -68,6 +68,8 @@ class Solved:
     """Of the columns of strings, shape (strings, COLUMNS)."""
     base: Floats
     """Orthonormal base of these columns, orthogonal to those of a key without a string."""
+    risen: tuple[Floats, Floats, Floats]
+    """As `SawTeeth._relative_rise` returns it."""
 
     @property
     def forces(self) -> Floats:
@@ -129,6 +131,8 @@ class SawTeeth:
         """Of u, u(u - 1) and u(u - 1)(u - 1/2) in each column of a string, see `Expected.bends`."""
         self._mixed[:, 0] = FORCE_STD * self._bends
         self._mixed[1:, 3:] = strings.shapes.T
+        self._refined: dict[tuple[bytes, float | None], tuple[Floats, Solved, float]] = {}
+        """What `refined` has returned: a search starts at the same instants several times."""
         self.row_rise = rise
         """m, rise of the jack at the rows."""
 
@@ -149,30 +153,30 @@ class SawTeeth:
         height = np.maximum(top - at, 1e-6)
         return np.maximum(self.rise[:, None] - at, 0.0) / height, part, height
 
-    def _relative_rise_slopes(self, plucks: Floats) -> tuple[Floats, Floats]:
+    def _relative_rise_slopes(
+        self, plucks: Floats, risen: tuple[Floats, Floats, Floats]
+    ) -> tuple[Floats, Floats]:
         """Return the relative rise while strings are held, and its derivatives by their instants.
 
         Returns:
             Shape (blocks, n), and (blocks, n, 2).
         """
-        whole, part, height = self._relative_rise(plucks)
+        whole, part, height = risen
         at_speed, top_speed = np.interp(plucks.T, self.slow.hops, self._climbing) / height
         ends = (part > 0) & (part < 1)
         by_contact = (whole - 1) * (part * at_speed)
         by_release = whole * (ends / self.slow.hop - part * top_speed)
         return whole * part, np.stack([by_contact, by_release], -1)
 
-    def _strings_at(self, plucks: Floats) -> Floats:
-        """Return the columns of strings held from a contact to a release.
+    def _strings_at(self, u: Floats) -> Floats:
+        """Return the columns of strings.
 
         Args:
-            plucks: s, contacts and releases, shape (n, 2).
+            u: Their relative rise while they are held, shape (blocks, n).
 
         Returns:
             As `COLUMNS`, shape (rows, n, COLUMNS).
         """
-        whole, part, _ = self._relative_rise(plucks)
-        u = whole * part
         bend = u * (u - 1)
         terms = np.stack([u, bend, bend * (u - 0.5)], -1)
         smooth = self.slow.smooth(terms.reshape(len(u), -1))
@@ -183,7 +187,8 @@ class SawTeeth:
 
     def solved(self, plucks: Floats) -> Solved:
         """Return the fit with these plucks, shape (plucks, 2)."""
-        columns = self._strings_at(plucks).reshape(len(self.load), -1)
+        risen = self._relative_rise(plucks)
+        columns = self._strings_at(risen[0] * risen[1]).reshape(len(self.load), -1)
         known, k = len(self._left), columns.shape[1]
         matrix, target = np.zeros((known + k, k)), np.zeros(known + k)
         matrix[: len(columns)] = columns
@@ -194,7 +199,7 @@ class SawTeeth:
         of = base.T @ target
         factors = (inverse @ of).reshape(-1, COLUMNS)
         left = target - base @ of
-        return Solved(left[: len(columns)], left, factors, base)
+        return Solved(left[: len(columns)], left, factors, base, risen)
 
     def better_compliance(self, solved: Solved) -> float:
         """Return the compliance [s^2] with which a fit needs no term of F''."""
@@ -239,7 +244,7 @@ class SawTeeth:
 
     def _slopes(self, plucks: Floats, solved: Solved) -> tuple[Floats, Floats]:
         """Return the derivatives of residuals, and of `_deviations`, by contacts and releases."""
-        u, by_ends = self._relative_rise_slopes(plucks)
+        u, by_ends = self._relative_rise_slopes(plucks, solved.risen)
         steep = np.stack([np.ones_like(u), 2 * u - 1, 3 * u * (u - 1) + 0.5], -1)
         of_force = (steep * (solved.factors @ self._mixed.T)).sum(-1)
         of_derivatives = (
@@ -283,6 +288,9 @@ class SawTeeth:
             variance: N^2, in units of which the squared deviations from the rig count; that of the
                 residuals around the last pluck if it is not given.
         """
+        key = plucks.tobytes(), variance
+        if key in self._refined:
+            return self._refined[key]
         solved = self.solved(plucks)
         if not len(plucks):
             return plucks, solved, solved.chi2
@@ -307,7 +315,8 @@ class SawTeeth:
             return np.clip(state, self.slow.hops[0], self.slow.hops[-1])
 
         found = minimise(start, evaluate, slopes, permitted, bounded, LONGEST, CONVERGED)
-        return found.state.reshape(-1, 2), found.found, found.chi2
+        self._refined[key] = found.state.reshape(-1, 2), found.found, found.chi2
+        return self._refined[key]
 
     def in_order(self, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
         """Return the plucks with contacts in the order of releases, if that fits about as well.

@@ -119,8 +119,8 @@ def signals_of(press: Press) -> Signals:
     else:
         force, velocity, deflection, rise, speed = _assumed(press)
     for name, signal in (("force", force), ("velocity", velocity)):
-        bad = len(signal) - int(np.count_nonzero(np.abs(signal) <= LARGEST[name]))
-        if bad:
+        if not max(signal.max(initial=0.0), -signal.min(initial=0.0)) <= LARGEST[name]:
+            bad = int(np.count_nonzero(~(np.abs(signal) <= LARGEST[name])))
             raise AnalysisError(
                 f"press {press.path}: {bad} samples of its {name} are not finite numbers up to"
                 f" {LARGEST[name]:g} {UNITS[name]}; check the recording and the"

@@ -155,4 +155,4 @@ def features(press: Press, phases: Phases) -> Row:
         "press_work": work(-np.inf, phases.bottom),
         "warnings": len(press.warnings) + len(phases.warnings),
     }
-    return {n: None if split_column(n)[0] in unknown else value for n, value in row.items()}
+    return row | {name: None for name in row if unknown and split_column(name)[0] in unknown}

@@ -8,7 +8,6 @@ from contextlib import suppress
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
-from mcap.records import Metadata
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import MOST_UNPACKED, unpacked
@@ -80,7 +79,6 @@ class Contents:
         self._counted: set[int] = set()
         self._definitions = 0
         self._layouts: dict[str, SampleLayout] = {}
-        self._seen: dict[bytes, Metadata] = {}
         self._unpacked = 0
         self._most = max(LARGEST_CHUNK, size * MOST_UNPACKED)
         self._records = LEAST_RECORDS + size // SMALLEST_RECORD
@@ -213,12 +211,10 @@ class Contents:
             _, at = text_within(body, at)  # encoding of its messages
             self._define(CHANNEL.unpack_from(body)[0], topic, texts_within(body, at))
             return
-        record = self._seen.get(body)
-        if record is not None and self.metadata[record.name] is record.metadata:
+        record = read_metadata(body)
+        if self.metadata.get(record.name) == record.metadata:
             return  # it is written at the start and at the end
-        record = record or read_metadata(body)
-        self._seen[body] = record
-        self.metadata[record.name] = record.metadata
+        self.metadata[record.name] = dict(record.metadata)
         if record.name == "channels":
             for topic, text in record.metadata.items():
                 self._define(*channel_from_json(topic, text))

@@ -1,6 +1,7 @@
 """Verification of a recording's checksums before anything of it is used."""
 
 import os
+import stat
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -59,11 +60,12 @@ def opened(path: Path, *, damaged: bool = False) -> Iterator[BufferedReader]:
         RecordingError: The file does not exist, cannot be read, or is not from sautereau.
     """
     try:
-        if path.is_dir():
-            raise RecordingError("it is a folder; give one of the .mcap files in it")
-        if path.exists() and not path.is_file():
-            raise RecordingError("it is not a regular file; give an .mcap file")
         try:
+            mode = path.stat().st_mode
+            if stat.S_ISDIR(mode):
+                raise RecordingError("it is a folder; give one of the .mcap files in it")
+            if not stat.S_ISREG(mode):
+                raise RecordingError("it is not a regular file; give an .mcap file")
             with path.open("rb") as file:
                 if not damaged:
                     check_header(file)

@@ -196,6 +196,8 @@ def _drop_outs(
 
 def _runs(which: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the uninterrupted stretches of True: first index and index after the last."""
+    if not which.any():
+        return []
     edges = (1 + np.flatnonzero(which[1:] != which[:-1])).tolist()
     if len(which) and which[0]:
         edges.insert(0, 0)

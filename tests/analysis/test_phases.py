@@ -6,6 +6,8 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.phases import phases_figure
 from sautereau.analysis.phases import find_phases
+from sautereau.analysis.phases.release import find_falls
+from sautereau.analysis.phases.signals import Rows
 from sautereau.analysis.summary.press import press_summary
 from tests.budget import slow
 from tests.plots import texts
@@ -314,3 +316,13 @@ def test_forces_from_5_mn_to_5_n(make_press, force):
     assert held.contact == pytest.approx(CONTACT, abs=0.3e-3)
     assert held.release == pytest.approx(RELEASE, abs=0.05e-3)
     assert held.force_drop == pytest.approx(force, rel=0.03)
+
+
+@pytest.mark.parametrize(("contact", "release"), [(150, 250), (100, 108), (100, 300)])
+def test_a_load_falls_at_a_release_and_not_at_a_contact(contact, release):
+    row, zero = np.arange(400.0), np.zeros(400)
+    held = (row >= contact) & (row < release)
+    load = np.where(held, (row - contact) / (release - contact), 0.0)
+    load += np.random.default_rng(0).normal(0, 1e-3, 400)
+    found = find_falls(Rows(row * 1e-4, 1e-4, load, zero, zero, zero, zero, zero[1:]))
+    assert np.abs(np.array(found) - release).tolist() == pytest.approx([0], abs=2)

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Container, Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -128,8 +129,11 @@ def with_checksum(name: str, data: dict[str, str]) -> dict[str, str]:
     return data | {_CRC: f"{_checksum(name, data):08x}"}
 
 
+@lru_cache(maxsize=32)
 def read_metadata(body: bytes, *, require_checksum: bool = False) -> Metadata:
     """Return a Metadata record without its checksum, after that has been verified.
+
+    The last records are kept: a file repeats them, and most are the same in all files of a session.
 
     Args:
         body: Body of the record.
