@@ -9,6 +9,7 @@ from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
+from sautereau.analysis.phases.expected import expected
 from sautereau.analysis.phases.found import (
     Fit,
     HeldString,
@@ -18,6 +19,7 @@ from sautereau.analysis.phases.found import (
     line_through,
     measured,
     pluck_warnings,
+    unlike_the_rig,
 )
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.signals import LEFT, Signals, rows_of, signals_of, way_down
@@ -96,6 +98,8 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     else:
         found = Found(plucks_by_hand(signals, by_hand), Fit("by hand", 1.0))
     plucks = [measured(signals, contact, release) for contact, release in found.plucks]
+    # Of one signal alone, the force or the place of a pluck is assumed.
+    known = by_hand is not None or signals.missing
     contact = plucks[0].contact if plucks else float(time[end])
     contact = max(contact, float(time[begin + LEAST_SAMPLES // 2]))
     settled = _at_full_speed(time, speed, time[begin], contact)
@@ -117,6 +121,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
             *ending(signals, begin),
             *pluck_warnings(signals, press.quality_flags, plucks, steady),
             *fit_warnings(found.fit, found.further, plucks, len(choirs(press.rig))),
+            *([] if known else unlike_the_rig(signals, plucks, expected(press.rig))),
         ),
         bottomed=_bottomed(signals, begin, plucks),
         returned=_returned(signals, end),

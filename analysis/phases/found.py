@@ -8,8 +8,10 @@ from typing import Literal
 import numpy as np
 
 from sautereau.analysis.phases.contact import Contact
+from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.search import Growth
+from sautereau.analysis.phases.saw_teeth import CLIMB_STD, CONTACT_STD
+from sautereau.analysis.phases.search import FORCE_STD, TINY, Growth
 from sautereau.analysis.phases.signals import Signals
 from sautereau.daq.signals.quality_flags import QualityFlag
 from sautereau.trajectory.motion import Floats
@@ -28,6 +30,9 @@ RIGID = 10.0
 """Variance of the residuals over the noise below which the fit of a rigid key is fair."""
 FAIR = 15e-3
 """N, rms of the residuals below which the fit of a compliant key is fair."""
+FAR = 3.0
+"""Distance of a pluck from every string that the rig expects, in standard deviations, above which
+it gives a warning."""
 DEVIATIONS = 3.0
 """Number of standard uncertainties by which the true contact may be earlier."""
 
@@ -194,6 +199,39 @@ def fit_warnings(
             " release may be wrong by more than their uncertainties; press more slowly, or check"
             " them in a plot"
         )
+    return found
+
+
+def unlike_the_rig(signals: Signals, plucks: Sequence[HeldString], strings: Expected) -> list[str]:
+    """Return warnings about plucks whose place and force are far from every string of the rig.
+
+    Args:
+        signals: Of the press.
+        plucks: In order of time.
+        strings: Of the rig.
+    """
+    found = []
+    for number, held in enumerate(plucks, 1):
+        instants = [held.contact, held.release]
+        contact, release = np.interp(instants, signals.time, signals.rise).tolist()
+        climb, force = max(release - contact, TINY), max(held.force_drop, TINY)
+        off = np.hypot(
+            np.hypot(
+                (contact - strings.contacts) / CONTACT_STD,
+                np.log(climb / strings.climbs) / CLIMB_STD,
+            ),
+            np.log(force / strings.forces) / FORCE_STD,
+        )
+        nearest = int(np.argmin(off))
+        if off[nearest] > FAR:
+            who = f"pluck {number}: " if len(plucks) > 1 else ""
+            found.append(
+                f"{who}its {force:.2g} N from {contact * 1e3:.2f} to {release * 1e3:.2f} mm of rise"
+                f" are not like the rig's string, {strings.forces[nearest]:.2g} N from"
+                f" {strings.contacts[nearest] * 1e3:.2f} to"
+                f" {(strings.contacts + strings.climbs)[nearest] * 1e3:.2f} mm, so it may be no"
+                " pluck; plot the phases, and check the clearance and the plectrum in the rig"
+            )
     return found
 
 

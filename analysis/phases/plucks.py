@@ -106,7 +106,9 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
         return rigid
     left, rms, missed = unexplained(strings, rest, rows, before)
     reached = strings.contacts + REACHED * strings.climbs < signals.rise[end]
-    if not found and left < (GOOD if reached.all() else RIGID):
+    # Noise may explain the load because it hides the strings.
+    hidden = reached.any() and math.sqrt(float(rows.variance.mean())) > strings.forces.min()
+    if not found and not hidden and left < (GOOD if reached.all() else RIGID):
         return Found([], Fit("rigid", left))
     doubtful: tuple[Growth, ...] = ()
     if rigid is not None or reached.any():

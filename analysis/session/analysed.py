@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from sautereau.analysis.loading.press import Press, partial_press_of, press_of
+from sautereau.analysis.loading.press import Press, first_press, partial_press_of, press_of
 from sautereau.analysis.model.speed import JackSpeed
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.phases.one_signal import find_partial_phases
@@ -66,7 +66,7 @@ def analyse_recording(recorded: Recorded) -> AnalysedPress:
         MissingSignalError: It has no velocity or no force channel.
         AnalysisError: It is too short.
     """
-    press = press_of(recorded)
+    press = first_press(press_of(recorded))
     return _analysed(press, find_phases(press), recorded.session)
 
 
@@ -97,7 +97,7 @@ def analyse_partial(path: Path) -> AnalysedPress:
         AnalysisError: It has both signals or neither, or is too short.
     """
     recorded = read_recording(path)
-    press = partial_press_of(recorded)
+    press = first_press(partial_press_of(recorded))
     return _analysed(press, find_partial_phases(press), recorded.session)
 
 

@@ -38,6 +38,9 @@ DROP_OUT_FRACTION = 0.5
 FASTEST = 8.0
 """Acceleration at the laser, m/s^2, that a key can have at a release: that of 0.3 N at the jack.
 Slower changes are not drop-outs."""
+FASTEST_IMPACT = 100.0
+"""The same of a key that meets its felts, m/s^2. It is used if a sample is longer than
+`DROP_OUT_JUMP`: an impact may then begin and end within one sample, as a drop-out does."""
 BESIDE = 0.4
 """Dimensionless, largest deviation beside a drop-out as a fraction of its depth. A vibrating key
 deviates beside it as well."""
@@ -159,7 +162,8 @@ def _drop_outs(
         return []
     step = max(1, round(DROP_OUT_JUMP * rate))
     unit = max(noise, LEAST_DROP_OUT * channel.range / DROP_OUT_SEED)
-    fastest = FASTEST * step / rate / channel.scale
+    fastest = FASTEST if DROP_OUT_JUMP * rate >= 1 else FASTEST_IMPACT
+    fastest *= step / rate / channel.scale
     jumps = volts[step:] - volts[:-step]
     highest = max(jumps.max(), -jumps.min())
     # Before computing the noise of blocks and the median, which are most of the work.

@@ -140,5 +140,5 @@ def test_an_outline_of_another_length_is_refused():
 
 
 def test_an_overlap_down_to_the_root_is_refused():
-    with pytest.raises(ModelError, match=r"4 mm is more than 70% of the plectrum's 4.5 mm"):
+    with pytest.raises(ModelError, match=r"4 mm is more than 70 % of the plectrum's 4.5 mm"):
         FE(PLECTRUM.model_copy(update={"overlap": 4e-3}))

@@ -5,6 +5,7 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.phases import phases_figure
+from sautereau.analysis.loading.press import first_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.release import find_falls
 from sautereau.analysis.phases.signals import Rows
@@ -326,3 +327,37 @@ def test_a_load_falls_at_a_release_and_not_at_a_contact(contact, release):
     load += np.random.default_rng(0).normal(0, 1e-3, 400)
     found = find_falls(Rows(row * 1e-4, 1e-4, load, zero, zero, zero, zero, zero[1:]))
     assert np.abs(np.array(found) - release).tolist() == pytest.approx([0], abs=2)
+
+
+def test_a_pluck_unlike_the_rigs_string_gives_a_warning(make_press):
+    """The rig's string is at 1.9 mm of rise, not at 5.2 mm."""
+    unlike = find_phases(make_press(contact=0.1, release=0.115, **NOISY))
+    assert len(unlike.plucks) == 1
+    assert any("not like the rig's string" in warning for warning in unlike.warnings)
+    alike = find_phases(make_press(**NOISY))
+    assert not any("not like the rig's string" in warning for warning in alike.warnings)
+
+
+def test_the_noise_of_a_differentiated_displacement_hides_no_pluck(make_press):
+    """Its density grows with the frequency, so that rows of 80 us have a noise of several N."""
+    clean = make_press(rate=25_600.0, force_noise=3e-3)
+    noise = 0.5e-6 * np.random.default_rng(0).standard_normal(len(clean.time) + 1)
+    velocity = clean.samples["velocity"] + np.diff(noise) * clean.rate
+    phases = find_phases(make_press.build(velocity, clean.samples["force"], clean.rate))
+    (held,) = phases.plucks
+    assert held.contact == pytest.approx(CONTACT, abs=3 * held.contact_std)
+    assert held.release == pytest.approx(RELEASE, abs=3 * held.release_std)
+
+
+def test_a_second_press_is_cut_off_with_a_warning(make_press):
+    once = make_press(until=0.2)
+    down = once.samples["velocity"]
+    twice = [np.concatenate(parts) for parts in ((down, -down, down), [once.samples["force"]] * 3)]
+    press = make_press.build(*twice, once.rate)
+    assert first_press(once) is once
+    cut = first_press(press)
+    assert cut.time[-1] == pytest.approx(0.4, abs=0.04)
+    assert len(cut.samples["force"]) == len(cut.time)
+    assert any("goes down again after" in warning for warning in cut.warnings)
+    (held,) = find_phases(cut).plucks
+    assert held.release == pytest.approx(RELEASE, abs=1e-4)

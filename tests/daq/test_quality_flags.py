@@ -113,6 +113,25 @@ def test_a_release_is_no_drop_out_at_any_rate(velocity, rate):
     assert find_quality_flags((speed + noise) / velocity.scale, velocity, rate) == []
 
 
+@pytest.mark.parametrize("rate", [2e3, 5e3, 10e3])
+def test_an_impact_is_no_drop_out_in_few_samples(velocity, rate):
+    """A key of 0.08 m/s meets its front felt, and comes to rest with 150 Hz: 75 m/s^2."""
+    for start in np.linspace(0.05, 0.05 + 1 / rate, 5):
+        time = np.arange(round(0.2 * rate)) / rate
+        since = np.maximum(time - start, 0)
+        speed = 0.08 * np.exp(-300 * since) * np.cos(2 * np.pi * 150 * since)
+        noise = 5e-5 * np.random.default_rng(0).standard_normal(len(time))
+        assert find_quality_flags((speed + noise) / velocity.scale, velocity, rate) == []
+
+
+def test_a_drop_out_in_few_samples(velocity):
+    speed = np.full(500, 0.06) + 5e-5 * np.random.default_rng(0).standard_normal(500)
+    speed[200:204] = 0.0
+    (flag,) = find_quality_flags(speed / velocity.scale, velocity, 5e3)
+    assert flag.kind == "drop-out"
+    assert (flag.start + velocity.lag, flag.stop + velocity.lag) == pytest.approx((0.04, 0.0408))
+
+
 def test_a_bouncing_key_has_no_drop_outs(velocity):
     """It falls on its rail again and again: each impact reverses it at once, the fall does not."""
     time = np.arange(0, 0.1, 1 / RATE)
