@@ -18,7 +18,7 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.errors import RigError
 
-RANDOM, EACH = 200, 1
+RANDOM, EACH = 200, 6
 """Random presses, and presses of each condition of `ONE_FACTOR`."""
 FAR = 5e-3
 """s, error from which on a press without a warning counts as silent."""
