@@ -116,7 +116,7 @@ def _with_mode(fitted: Fit) -> InverseDynamics | None:
     presses = _before_release(dynamics.presses)
     if not presses:
         return None
-    dynamics = InverseDynamics(dynamics.rig, free, presses, dynamics.level)
+    dynamics = InverseDynamics(dynamics.rig, free, presses, dynamics.level, dynamics.unusable)
     found = _strongest(dynamics, number, fitted.free_offset)
     if found is None:
         return None

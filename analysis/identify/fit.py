@@ -62,15 +62,26 @@ def inverse_dynamics(
     priors: Mapping[str, Prior] | None = None,
     level: str = "elastica",
 ) -> InverseDynamics:
-    """Return the inverse dynamics of presses with all parameters; arguments as for `identify`."""
+    """Return the inverse dynamics of presses with all parameters; arguments as for `identify`.
+
+    Raises:
+        AnalysisError: No press is usable, or the presses have different rigs.
+    """
     if not presses:
         raise AnalysisError("there is no press to fit; give at least one recording")
     rig = check_alike({str(press.path): press.rig for press in presses})
     free = parameters(rig, names, priors)
     free += tuple(hidden_parameters(rig, names))
     shift = TIME_RANGE if TIME in names else min(TIME_RANGE, BOUND_STDS * delay_std(rig))
-    taken = [observed(p, f, shift) for p, f in zip(presses, phases, strict=True)]
-    return InverseDynamics(rig, free, taken, level)
+    taken, unusable = [], []
+    for press, found in zip(presses, phases, strict=True):
+        try:
+            taken.append(observed(press, found, shift))
+        except AnalysisError as error:
+            unusable.append(str(error))
+    if not taken:
+        raise AnalysisError("\n".join(unusable))
+    return InverseDynamics(rig, free, taken, level, unusable)
 
 
 def fit(

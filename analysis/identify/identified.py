@@ -131,7 +131,7 @@ def identify(
     """Fit parameters of a rig to the forces and motions of recorded presses of it.
 
     Args:
-        presses: Recordings of one instrument.
+        presses: Recordings of one instrument. A warning names those that are not usable.
         phases: Phases of these presses, in the same order.
         names: Free parameters, from `parameter_names.NAMES`.
         priors: Prior knowledge of parameters, by name.
@@ -140,7 +140,7 @@ def identify(
         robust: Weight large residuals linearly instead of quadratically.
 
     Raises:
-        AnalysisError: There is no press or no parameter, or the presses have different rigs.
+        AnalysisError: There is no usable press, no parameter, or the presses have different rigs.
         ModelError: The model has no solution for the rig's values.
     """
     return evaluate(fit_presses(presses, phases, names, priors, level, starts, robust))
@@ -282,7 +282,7 @@ def _estimate(
 
 
 def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple[str, ...]:
-    found: list[str] = []
+    found = [f"not fitted: {reason}" for reason in dynamics.unusable]
     by_name = {p.name: p for p in dynamics.free}
     for estimate in estimates:
         if estimate.at_bound:

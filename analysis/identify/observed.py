@@ -135,7 +135,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     velocity, force, angle = (press.samples[name] for name in ("velocity", "force", "angle"))
     if not np.isfinite([velocity, force, angle]).all():
         raise AnalysisError(
-            f"press {press.path}: some samples are not finite numbers; exclude this recording"
+            f"press {press.path}: some samples are not finite numbers; check the recording"
         )
     half = max(1, round(WINDOW / 2 * press.rate))
     time = press.time[half:-half]
@@ -171,8 +171,8 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     if used.sum() < MIN_INSTANTS:
         raise AnalysisError(
             f"press {press.path}: the key moves freely in only {int(used.sum())} steps of"
-            f" {STEP * 1e3:.3g} ms, and {MIN_INSTANTS} are needed; exclude this recording, or check"
-            " whether the key was pressed"
+            f" {STEP * 1e3:.3g} ms, and {MIN_INSTANTS} are needed; check whether the key was"
+            " pressed"
         )
     return Observed(
         name=press.path.name,

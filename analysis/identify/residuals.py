@@ -58,18 +58,25 @@ class InverseDynamics:
         free: Fitted parameters.
         presses: Recordings.
         level: Plectrum model.
+        unusable: Why other presses are not among them, a text each.
     """
 
     def __init__(
-        self, rig: Rig, free: Sequence[Parameter], presses: Sequence[Observed], level: str
+        self,
+        rig: Rig,
+        free: Sequence[Parameter],
+        presses: Sequence[Observed],
+        level: str,
+        unusable: Sequence[str] = (),
     ):
         self.rig, self.free, self.presses, self.level = rig, tuple(free), tuple(presses), level
+        self.unusable = tuple(unusable)
         self._states: dict[tuple[float, ...], list[_PressState]] = {}
         self._nominal, self._record = _inertia_over_arm(rig), shortest_record(presses)
 
     def with_free(self, free: Sequence[Parameter]) -> "InverseDynamics":
         """Return the same dynamics with other fitted parameters."""
-        return InverseDynamics(self.rig, free, self.presses, self.level)
+        return InverseDynamics(self.rig, free, self.presses, self.level, self.unusable)
 
     @cached_property
     def floor(self) -> float:

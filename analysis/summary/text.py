@@ -9,12 +9,33 @@ SOME_SIMULATED = "SIMULATED: at least one of these presses was made on the stand
 """First line of the text on presses of which any was made on a stand-in."""
 WIDTH = 80
 """Columns of the narrowest usual terminal, to which texts are wrapped."""
+NAMED = 3
+"""Largest number of names that are listed before a text that applies to all of them."""
 _PLURALS = {"press": "presses", "plectrum": "plectra"}
 
 
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun in the singular or the plural: `1 press`, `2 plectra`."""
     return f"{count} {noun if count == 1 else _PLURALS.get(noun, f'{noun}s')}"
+
+
+def grouped(said: Iterable[tuple[object, str]], noun: str) -> list[str]:
+    """Return texts about named things, equal texts first and once: `4 files (a, b, ...): TEXT`.
+
+    Args:
+        said: Names with their texts.
+        noun: What the names are of, in the singular.
+    """
+    names: dict[str, list[str]] = {}
+    for name, text in said:
+        names.setdefault(text, []).append(str(name))
+    lines = []
+    for text, own in sorted(names.items(), key=lambda item: len(item[1]) == 1):
+        listed = ", ".join([*own[:NAMED], *["..."] * (len(own) > NAMED)])
+        lines.append(
+            f"{counted(len(own), noun)} ({listed}): {text}" if own[1:] else f"{listed}: {text}"
+        )
+    return lines
 
 
 def table(

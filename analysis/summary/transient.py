@@ -4,10 +4,12 @@ import cmath
 from collections.abc import Sequence
 from typing import Any
 
-from sautereau.analysis.summary.text import SOME_SIMULATED, counted, part_of, table
-from sautereau.analysis.transient import Attributed, Examined, ObservedMode
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted, grouped, part_of, table
+from sautereau.analysis.transient import Attributed, Examined, ObservedMode, Oscillation
 
 _MODE = ("frequency", "frequency_std", "damping", "damping_std")
+INTERVAL = 1.96
+"""Half width of a 95 % interval, in standard uncertainties."""
 UNDECIDED = "source undecided by these recordings"
 
 
@@ -76,12 +78,15 @@ def transient_lines(examined: Sequence[Examined], found: Sequence[Attributed]) -
         lines.append(f"{o.frequency:.4g} Hz: seen in {_phases(phases)}")
         if each.deciding:
             lines.append(f"{o.frequency:.4g} Hz: {UNDECIDED}; to decide it: {each.deciding}")
+        if o.damping < 0:
+            lines.append(f"{o.frequency:.4g} Hz: {_without_damping(o)}")
         if not o.consistent:
             lines.append(
                 f"{o.frequency:.4g} Hz: the frequencies of its phases and presses differ by more"
                 " than their uncertainties"
             )
-    return [*lines, *(f"{press.path}: {note}" for press in examined for note in press.notes)]
+    notes = [(press.path, note) for press in examined for note in press.notes]
+    return [*lines, *grouped(notes, "press")]
 
 
 def _phases(names: Sequence[str]) -> str:
@@ -99,11 +104,27 @@ def _cells(each: Attributed) -> tuple[str, ...]:
     verdict = f"{likely} ({chance})" if each.source else f"undecided, {likely} {chance}"
     return (
         _with_std(o.frequency, o.frequency_std),
-        _with_std(100 * o.damping, 100 * o.damping_std),
+        _damping(o),
         f"{force:.3g}",
         f"{velocity:.3g}",
         verdict,
     )
+
+
+def _damping(o: Oscillation) -> str:
+    """Return the damping in per cent; a negative estimate as its upper limit or as growth."""
+    limit = INTERVAL * o.damping_std
+    if o.damping >= 0:
+        return _with_std(100 * o.damping, 100 * o.damping_std)
+    return f"< {100 * limit:.1f}" if o.damping + limit >= 0 else "grows"
+
+
+def _without_damping(o: Oscillation) -> str:
+    """Return what a negative estimate of the damping means."""
+    found = f"{_with_std(100 * o.damping, 100 * o.damping_std)} %"
+    if o.damping + INTERVAL * o.damping_std >= 0:
+        return f"not damped measurably (estimate {found})"
+    return f"it grows (damping {found}): it is driven, or a beat of two oscillations"
 
 
 def _with_std(value: float, std: float) -> str:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.text import SOME_SIMULATED
+from sautereau.analysis.summary.text import SOME_SIMULATED, grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, make_folders
 
@@ -40,8 +40,8 @@ def phases(
             )
         write_by_hand(files[0], [] if at == ["none"] else at)
     session = common.opened(files, output)
-    warnings = [f"{p.path}: {warning}" for p in session for warning in p.partial.warnings]
-    lines = [HEADER, *(p.line for p in session), *warnings]
+    warnings = [(p.path, warning) for p in session for warning in p.partial.warnings]
+    lines = [HEADER, *(p.line for p in session), *grouped(warnings, "press")]
     if plot:
         session.plot().savefig(plot, dpi=120)
     return output.answer({"files": [p.document for p in session]}, lines, plot)

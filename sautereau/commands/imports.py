@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from sautereau.analysis.summary.text import grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput
 from sautereau.daq.convert.options import ImportOptions
@@ -65,7 +66,7 @@ def import_(
         options, rig = saved.under(options), rig or saved.rig
     bench = None if rig is None else common.load_rig(rig)
     done: list[Imported] = []
-    faults: list[str] = []
+    faults: list[tuple[Path, str]] = []
     pairs = targets(files, "mcap", out)
     made = (target for _, target in pairs)
     with output.creating(*made), output.progress("importing"):
@@ -75,13 +76,16 @@ def import_(
             except RecordingError as error:
                 if len(files) == 1:
                     raise
-                faults.append(str(error))
+                faults.append((file, str(error)))
     if save_profile is not None and not faults:
         write_profile(save_profile, options, rig)
     lines = [line for imported in done for line in _lines(imported)]
-    lines += [f"not imported: {fault}" for fault in faults]
+    warnings = [(imported.path, text) for imported in done for text in imported.warnings]
+    lines += [f"warning: {line}" for line in grouped(warnings, "recording")]
+    reasons = [(file, fault.removeprefix(f"import of {file}: ")) for file, fault in faults]
+    lines += [f"not imported: {line}" for line in grouped(reasons, "file")]
     found = [asdict(imported) for imported in done]
-    several = {"imports": found, "faults": faults}
+    several = {"imports": found, "faults": [fault for _, fault in faults]}
     output.answer(found[0] if len(files) == 1 else several, lines)
     return 1 if faults else 0
 
@@ -91,5 +95,4 @@ def _lines(done: "Imported") -> list[str]:
         f"{'SIMULATED' if done.simulated else 'measured'}: {done.path}",
         f"{done.n_samples} samples at {done.rate:.9g} Hz, the first is sample {done.first_sample}",
         f"trigger: {done.trigger_shift * 1e6:.3g} us after sample 0",
-        *(f"warning: {warning}" for warning in done.warnings),
     ]

@@ -7,6 +7,7 @@ from typing import Any
 
 from sautereau.analysis.figures.comparison import PICTURED
 from sautereau.analysis.summary.press import HEADER, press_line
+from sautereau.analysis.summary.text import grouped
 from sautereau.commands.live.watching import watching
 from sautereau.commands.output import Output
 from sautereau.entrance.comparison import Comparison
@@ -104,7 +105,8 @@ class SessionReport(Observer):
             "question": run.unanswered,
             "warnings": self._warnings,
         }
-        lines = [warning for press in session for warning in press.phases.warnings]
+        warnings = [(p.path.name, warning) for p in session for warning in p.phases.warnings]
+        lines = grouped(warnings, "press")
         if len(session):
             compared = session.compare()
             drawn = _pictures(compared, folder.path)

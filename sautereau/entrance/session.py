@@ -144,7 +144,8 @@ class Session(Shown, Sequence[PressFile]):
             robust: Weight large residuals linearly instead of quadratically.
 
         Raises:
-            AnalysisError: There is no press, no parameter, or the presses are of different rigs.
+            AnalysisError: There is no usable press, no parameter, or the presses are of different
+                rigs.
             ModelError: The model has no solution for the rig's values.
         """
         own = [p for p in self if p.press and not p.info.warm_up]

@@ -226,6 +226,19 @@ def test_samples_that_are_not_numbers_and_no_press_are_refused(two):
         identify([], [], ["key.inertia"])
 
 
+def test_a_press_that_cannot_be_fitted_is_omitted_with_a_warning(two):
+    """The result is that of the other press alone."""
+    (press, other), phases = two
+    still = dict.fromkeys(press.samples, np.zeros(len(press.time)))
+    still = replace(press, samples=still)
+    found = identify([still, other], phases, ["key.inertia"], starts=1)
+    alone = identify([other], phases[1:], ["key.inertia"], starts=1)
+    (warning,) = set(found.warnings) - set(alone.warnings)
+    assert warning.startswith(f"not fitted: press {still.path}: the key moves freely in only 0")
+    assert found.presses == alone.presses
+    assert found.estimates == alone.estimates
+
+
 def test_presses_of_different_instruments_are_refused(two):
     pressed, phases = two
     other = with_parameters(pressed[0].rig, {"plectrum.overlap": 0.3e-3})

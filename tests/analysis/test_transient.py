@@ -13,6 +13,7 @@ from benchmarks.simulated import simulated_press
 from benchmarks.transient import true_phases, truth_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.summary.transient import transient_lines, transient_summary
 from sautereau.analysis.transient import Source, attribute, combine, examine
 from sautereau.analysis.transient.held_string import free_frequencies, held_frequencies
 from sautereau.commands.output import FileOutput
@@ -130,6 +131,22 @@ def test_known_modes_are_checked_together():
     text = str(raised.value)
     assert all(name in text for name in ("key=3 m", "string=300 Hz", "finger=-2 Hz"))
     assert "key=350" not in text
+
+
+def test_a_negative_damping_is_explained(pressed, examined):
+    """Noise makes the estimate of a weak damping negative; the JSON keeps the estimate."""
+    loaded, _, _ = pressed["all stiff"]
+    one = examined("all stiff")
+    found = attribute(combine([one]), loaded.rig)[0]
+    for damping, cell in {-0.004: "< 0.6", -0.02: "grows", 0.004: "0.4 +- 0.3"}.items():
+        wave = replace(found.oscillation, damping=damping, damping_std=0.003)
+        shown = replace(found, oscillation=wave)
+        text = "\n".join(transient_lines([one], [shown]))
+        assert f"  {cell}  " in text
+        assert ("not damped measurably (estimate -0.4 +- 0.3 %)" in text) == (damping == -0.004)
+        assert ("it grows (damping -2.0 +- 0.3 %)" in text) == (damping == -0.02)
+        (answer,) = transient_summary([one], [shown])["oscillations"]
+        assert answer["damping"] == damping
 
 
 def test_a_recording_is_examined(write_session, tmp_path, capsys):
