@@ -9,7 +9,6 @@ from sautereau.analysis.phases.event_fit import EventFit, Fitted
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.response import Orders
 from sautereau.analysis.phases.signals import FORCE_FLOOR, VELOCITY_FLOOR, Signals
-from sautereau.trajectory.motion import Floats
 
 BEFORE = 4e-3
 """s, of signal before a release that is part of its fit."""
@@ -38,7 +37,8 @@ REACH = 3.0
 TRIED = 20
 """Number of instants that are tried."""
 STARTS = 4
-"""Parts of the range of instants; a search starts from the best instant of each part."""
+"""Parts of the range of instants; a search starts from the best instant of each part. Also the
+largest number of fits, of both beginnings together, to which a further mode is added."""
 BEGINS: tuple[Orders, ...] = ((2,), (2, 1))
 """Powers of time with which force and velocity may begin: t^2, or the velocity with t, as on a key
 whose jack stands on a hard cloth."""
@@ -62,8 +62,8 @@ def refine_event(
 
     Chi2 has several minima, so searches start from several instants. Each search adds one mode
     after the other: it selects the mode of a table that reduces the residuals most, and then
-    refines all modes. The instants of all fits are averaged with the weights of the Bayesian
-    information criterion.
+    refines all modes. Those that the mode makes best are continued. The instants of all fits are
+    averaged with the weights of the Bayesian information criterion.
 
     Args:
         signals: Of the press.
@@ -84,6 +84,10 @@ def refine_event(
     fit = EventFit(signals, stretch, samples, events, np.full(len(events), std))
     tried = np.tile(events - near, (TRIED, 1))
     tried[:, 0] = np.linspace(-REACH, REACH, TRIED) * std
+
+    def score(fitted: Fitted) -> float:
+        return fit.chi2(fitted) + fitted.parameters * math.log(fit.load.size)
+
     chains: list[Fitted] = []
     for orders in BEGINS:
         chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
@@ -92,25 +96,25 @@ def refine_event(
     fits = [*chains]
     for _ in range(MOST_MODES - 1):
         fit.weigh(min(chains, key=fit.chi2))
-        further = [fit.scan(f.instants[None], f.poles, f.orders)[1] for f in chains]
-        pairs = zip(chains, further, strict=True)
+        further = [(f, *fit.scan(f.instants[None], f.poles, f.orders)) for f in chains]
+        further.sort(key=lambda each: each[1][0] + each[0].parameters * math.log(fit.load.size))
         chains = _distinct(
-            [fit.refine(f.instants, np.append(f.poles, p), f.orders) for f, p in pairs]
+            [
+                fit.refine(f.instants, np.append(f.poles, pole), f.orders)
+                for f, _, pole in further[:STARTS]
+            ]
         )
         fits += chains
     fit.weigh(min(chains, key=fit.chi2))
 
-    def scores() -> Floats:
-        return np.array([fit.chi2(f) + f.parameters * math.log(fit.load.size) for f in fits])
-
-    score = scores()
+    least = min(map(score, fits)) + UNLIKELY
     fits = [
-        fit.refine(fits[i].instants, fits[i].poles, fits[i].orders)
-        for i in np.argsort(score)
-        if score[i] < score.min() + UNLIKELY
+        fit.refine(f.instants, f.poles, f.orders)
+        for f in sorted(fits, key=score)
+        if score(f) < least
     ]
-    score = scores()
-    chance = np.exp((score.min() - score) / 2)
+    scores = np.array([score(f) for f in fits])
+    chance = np.exp((scores.min() - scores) / 2)
     chance /= chance.sum()
     times = np.array([f.instants[0] for f in fits])
     mean = float(times @ chance)
