@@ -57,9 +57,6 @@ FORCE_DRIFT = 2e-3
 """Dimensionless, fraction of the largest force up to which a doubtful offset gives no warning."""
 FORCE_MEAN = 1e-3
 """s, of a mean whose noise hides such an error as well."""
-HIGH, LOW = 0.6, 0.35
-"""Dimensionless, fractions of the largest deflection: a key that was above the first, below the
-second and again above the first was pressed more than once."""
 
 
 @dataclass(frozen=True)
@@ -236,30 +233,6 @@ def partial_press_of(recorded: "Recorded") -> Press:
         recorded.motion and replace(recorded.motion, time=recorded.motion.time - recorded.origin),
         tuple(warnings),
         missing,
-    )
-
-
-def first_press(press: Press) -> Press:
-    """Return a press, up to the lowest place of its key before it is pressed again."""
-    if "deflection" not in press.samples:
-        return press
-    path = press.samples["deflection"]
-    high = HIGH * float(path.max(initial=0.0))
-    first = int(np.argmax(path > high))
-    back = first + int(np.argmax(path[first:] < LOW / HIGH * high))
-    again = back + int(np.argmax(path[back:] > high))
-    if not first < back < again:
-        return press
-    end = back + int(np.argmin(path[back:again])) + 1
-    warning = (
-        f"the key goes down again after {press.time[end - 1] * 1e3:.5g} ms: only the first press is"
-        " analysed; save each press as a recording of its own"
-    )
-    return replace(
-        press,
-        time=press.time[:end],
-        samples={name: column[:end] for name, column in press.samples.items()},
-        warnings=(*press.warnings, warning),
     )
 
 

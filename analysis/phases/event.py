@@ -85,8 +85,11 @@ def refine_event(
     tried = np.tile(events - near, (TRIED, 1))
     tried[:, 0] = np.linspace(-REACH, REACH, TRIED) * std
 
+    def penalty(fitted: Fitted) -> float:
+        return fitted.parameters * math.log(fit.load.size)
+
     def score(fitted: Fitted) -> float:
-        return fit.chi2(fitted) + fitted.parameters * math.log(fit.load.size)
+        return fit.chi2(fitted) + penalty(fitted)
 
     chains: list[Fitted] = []
     for orders in BEGINS:
@@ -97,7 +100,7 @@ def refine_event(
     for _ in range(MOST_MODES - 1):
         fit.weigh(min(chains, key=fit.chi2))
         further = [(f, *fit.scan(f.instants[None], f.poles, f.orders)) for f in chains]
-        further.sort(key=lambda each: each[1][0] + each[0].parameters * math.log(fit.load.size))
+        further.sort(key=lambda each: each[1][0] + penalty(each[0]))
         chains = _distinct(
             [
                 fit.refine(f.instants, np.append(f.poles, pole), f.orders)

@@ -23,6 +23,14 @@ OVERLAP = 1.25
 """True overlap over that of the rig, for this variation."""
 LEAST_SHAPE = 0.02
 """Least standard deviation of quadratic and cubic term."""
+CONTACT_STD = 0.5e-3
+"""m, standard deviation of a contact from that of the rig."""
+CLIMB_STD = 0.4
+"""Standard deviation of the logarithm of the rise from contact to release from that of the rig."""
+FORCE_STD = 0.5
+"""Standard deviation of the logarithm of a force from that of the rig."""
+LEAST_CLIMB, LEAST_FORCE = 1e-5, 1e-9
+"""m and N, smallest rise and force of which the logarithm is taken."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +53,24 @@ class Expected:
     damper: tuple[float, float]
     """m, rise of the jack at which the damper leaves the string, and N at the finger, by which it
     carries the jack at rest; both 0 without a damper."""
+
+    def place_deviations(self, contacts: Floats, climbs: Floats) -> Floats:
+        """Return how far plucks are from each string, in standard deviations.
+
+        Args:
+            contacts: m, rise of the first jack at contact, shape (...).
+            climbs: m, its rise from contact to release, shape (...).
+
+        Returns:
+            Deviations of contact and climb, shape (..., strings, 2).
+        """
+        of_contact = (contacts[..., None] - self.contacts) / CONTACT_STD
+        climbed = np.maximum(climbs, LEAST_CLIMB)[..., None]
+        return np.stack([of_contact, np.log(climbed / self.climbs) / CLIMB_STD], -1)
+
+    def force_deviations(self, force: float) -> Floats:
+        """Return how far a force [N] is from that of each string, in standard deviations."""
+        return np.log(max(force, LEAST_FORCE) / self.forces) / FORCE_STD
 
 
 def expected(rig: Rig) -> Expected:

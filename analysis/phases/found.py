@@ -10,8 +10,7 @@ import numpy as np
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.saw_teeth import CLIMB_STD, CONTACT_STD
-from sautereau.analysis.phases.search import FORCE_STD, TINY, Growth
+from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Signals
 from sautereau.daq.signals.quality_flags import QualityFlag
 from sautereau.trajectory.motion import Floats
@@ -214,14 +213,9 @@ def unlike_the_rig(signals: Signals, plucks: Sequence[HeldString], strings: Expe
     for number, held in enumerate(plucks, 1):
         instants = [held.contact, held.release]
         contact, release = np.interp(instants, signals.time, signals.rise).tolist()
-        climb, force = max(release - contact, TINY), max(held.force_drop, TINY)
-        off = np.hypot(
-            np.hypot(
-                (contact - strings.contacts) / CONTACT_STD,
-                np.log(climb / strings.climbs) / CLIMB_STD,
-            ),
-            np.log(force / strings.forces) / FORCE_STD,
-        )
+        force = held.force_drop
+        place = strings.place_deviations(np.array(contact), np.array(release - contact))
+        off = np.hypot(np.hypot(*place.T), strings.force_deviations(force))
         nearest = int(np.argmin(off))
         if off[nearest] > FAR:
             who = f"pluck {number}: " if len(plucks) > 1 else ""

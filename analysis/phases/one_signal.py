@@ -13,12 +13,11 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact
-from sautereau.analysis.phases.expected import expected
+from sautereau.analysis.phases.expected import CLIMB_STD, CONTACT_STD, expected
 from sautereau.analysis.phases.find import phases_in
 from sautereau.analysis.phases.found import Fit, Phases
 from sautereau.analysis.phases.plucks import LEAST_FALL_GAIN, Found, find_plucks
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
-from sautereau.analysis.phases.saw_teeth import CLIMB_STD, CONTACT_STD
 from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Signals, rows_of, signals_of
 from sautereau.rig.schema import Rig

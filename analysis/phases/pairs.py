@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.phases.expected import Expected
-from sautereau.analysis.phases.saw_teeth import CLIMB_STD, CONTACT_STD, SawTeeth, Solved
+from sautereau.analysis.phases.expected import CLIMB_STD, CONTACT_STD, LEAST_CLIMB, Expected
+from sautereau.analysis.phases.saw_teeth import SawTeeth, Solved
 from sautereau.trajectory.motion import Floats
 
 LEAST_RISE = 0.25e-3
@@ -107,7 +107,7 @@ def _likely(strings: Expected, rise: Floats, climbed: Floats) -> Floats:
     likely = np.zeros_like(climbed)
     for contact, climb in zip(strings.contacts, strings.climbs, strict=True):
         far = ((rise - contact)[:, None] / CONTACT_STD) ** 2
-        far = far + (np.log(np.maximum(climbed, 1e-5) / climb) / CLIMB_STD) ** 2
+        far = far + (np.log(np.maximum(climbed, LEAST_CLIMB) / climb) / CLIMB_STD) ** 2
         likely = np.maximum(likely, np.exp(-far / 2))
     return likely
 

@@ -40,10 +40,6 @@ LOSS_STD = 2.5e-4
 contact and release together."""
 SHARP_STD = 9e-7
 """N s^2, prior standard deviation of the second derivative."""
-CONTACT_STD = 0.5e-3
-"""m, standard deviation of a contact from that of the rig."""
-CLIMB_STD = 0.4
-"""Standard deviation of the logarithm of the rise from contact to release, from that of the rig."""
 MOST_DEVIATION = 4.0
 """Bound of these deviations in standard deviations, as a rig may be of another instrument."""
 LONGEST = 4e-3
@@ -224,9 +220,7 @@ class SawTeeth:
         rise = np.interp(each_set, self.slow.hops, self.rise)
         number = np.arange(len(rise))
         rise = rise[number[:, None], np.argsort(rise[..., 0], axis=1)]
-        of_contact = (rise[..., :1] - strings.contacts) / CONTACT_STD
-        climbed = np.maximum(rise[..., 1:] - rise[..., :1], 1e-5)
-        far = np.stack([of_contact, np.log(climbed / strings.climbs) / CLIMB_STD], -1)
+        far = strings.place_deviations(rise[..., 0], rise[..., 1] - rise[..., 0])
         far /= np.sqrt(1 + far**2 / MOST_DEVIATION**2)
         each, string = _assignments(count, len(strings.contacts))
         chosen = np.full((len(number), len(each), count, 2), MOST_DEVIATION)

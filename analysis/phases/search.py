@@ -24,10 +24,6 @@ CORRELATED = 2.0
 """This error in later rounds over the rms of the residuals, as adjacent rows are correlated."""
 SIGNIFICANCE = 6.0
 """Least `Growth.significance` of a pluck."""
-FORCE_STD = 0.5
-"""Standard deviation of the logarithm of a force from that of the rig."""
-TINY = 1e-9
-"""N, smallest force of which the logarithm is taken."""
 SLOWEST = 0.1
 """Least speed of the jack at a release, over its largest speed."""
 LEAST_FORCE = 3e-3
@@ -217,7 +213,7 @@ class _Search:
         deviations = float(
             np.sum(fit.rig_deviations(plucks) ** 2) - np.sum(fit.rig_deviations(others) ** 2)
         )
-        off = np.abs(np.log(max(float(forces[i]), TINY) / fit.strings.forces)).min() / FORCE_STD
+        off = np.abs(fit.strings.force_deviations(float(forces[i]))).min()
         deviations = max(0.0, deviations) + off**2 / (1 + off**2 / MOST_DEVIATION**2)
         gain = (without.chi2 - solved.chi2) / noise / (1 + deviations)
         climbed = np.diff(np.interp(pluck, slow.hops, fit.rise))[0]

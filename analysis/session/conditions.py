@@ -137,13 +137,14 @@ def _condition(
     own = presses[0].press.rig
     counted = [press for press in presses if not press.session.warm_up]
     # A held string of which the jack's speed is unknown cannot be predicted.
+    stopped = [press for press in counted if press.phases.plucks and not press.speed]
     known = [press for press in counted if press.speed or not press.phases.plucks]
     rows = [press.features for press in known]
     prediction = comparison = spread = None
     predicted: dict[str, float] = {}
     warnings = []
-    if len(known) < len(counted):
-        names = ", ".join(press.press.path.name for press in counted if press not in known)
+    if stopped:
+        names = ", ".join(press.press.path.name for press in stopped)
         warnings.append(
             f"not compared: {names}: the jack stops or turns back while its string is held, or is"
             " recorded in too few samples; press without a stop"

@@ -5,7 +5,7 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.phases import phases_figure
-from sautereau.analysis.loading.press import first_press
+from sautereau.analysis.loading.first_press import first_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.release import find_falls
 from sautereau.analysis.phases.signals import Rows
