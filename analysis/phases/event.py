@@ -14,11 +14,12 @@ BEFORE = 4e-3
 """s, of signal before a release that is part of its fit."""
 AFTER = 2.5e-3
 """s, of signal after a release that is part of its fit."""
-LANDED = 1e-3
+SHORT = 1e-3
 """s, the same where modes do not explain this, as the release throws the jack off its cloth."""
-THROWN = 2.0
-"""Variance of the residuals over the noise above which `LANDED` is tried, and least factor by which
-it must reduce this variance."""
+EXCESS = 100.0
+"""`EventFit.excess` above which `SHORT` is tried."""
+EXCESS_FACTOR = 3.0
+"""Least factor by which it must reduce the excess."""
 ROW = 40e-6
 """s, shortest block of this fit."""
 MOST_MODES = 3
@@ -56,14 +57,11 @@ def refine_event(
     after: float,
     until: float,
     others: Sequence[float] = (),
-    length: float = AFTER,
 ) -> Release:
     """Return the instant of a release, fitted to the samples around it.
 
-    Chi2 has several minima, so searches start from several instants. Each search adds one mode
-    after the other: it selects the mode of a table that reduces the residuals most, and then
-    refines all modes. Those that the mode makes best are continued. The instants of all fits are
-    averaged with the weights of the Bayesian information criterion.
+    Where modes do not explain them, and no other string rings, fewer samples after the release are
+    fitted if they are explained much better.
 
     Args:
         signals: Of the press.
@@ -73,13 +71,35 @@ def refine_event(
         after: s after the trigger, before which nothing is used.
         until: s after the trigger, after which nothing is used.
         others: s after the trigger, approximate instants of other releases.
-        length: s, of signal after the release.
+    """
+    begin, ends = max(after, near - BEFORE), [min(until, near + side) for side in (AFTER, SHORT)]
+    found, excess = _fitted(signals, near, std, force, (begin, ends[0]), others)
+    if excess < EXCESS or others:
+        return found
+    short, short_excess = _fitted(signals, near, std, force, (begin, ends[1]), ())
+    return short if EXCESS_FACTOR * short_excess < excess else found
+
+
+def _fitted(
+    signals: Signals,
+    near: float,
+    std: float,
+    force: float,
+    window: tuple[float, float],
+    others: Sequence[float],
+) -> tuple[Release, float]:
+    """Return the release fitted to a window [s], and the `excess`.
+
+    Chi2 has several minima, so searches start from several instants. Each search adds one mode
+    after the other: it selects the mode of a table that reduces the residuals most, and then
+    refines all modes. Those that the mode makes best are continued. The instants of all fits are
+    averaged with the weights of the Bayesian information criterion.
     """
     samples = max(1, round(ROW * signals.rate))
-    begin, end = max(after, near - BEFORE), min(until, near + length)
+    begin, end = window
     stretch = max(0, signals.sample(begin)), min(len(signals.time), signals.sample(end))
     if (stretch[1] - stretch[0]) // samples < LEAST_ROWS:
-        return Release(near, std, force, FALL_STD * force, 0.0, 0.0, math.inf)
+        return Release(near, std, force, FALL_STD * force, 0.0, 0.0, math.inf), math.inf
     events = np.array([near, *(t for t in others if begin < t < end)])
     fit = EventFit(signals, stretch, samples, events, np.full(len(events), std))
     tried = np.tile(events - near, (TRIED, 1))
@@ -132,10 +152,7 @@ def refine_event(
         gain=0.0,
         noise=fit.noise,
     )
-    if length == LANDED or found.noise < THROWN:
-        return found
-    shorter = refine_event(signals, near, std, force, after, until, others, LANDED)
-    return shorter if THROWN * shorter.noise < found.noise else found
+    return found, fit.excess
 
 
 def resolved(signals: Signals, near: float) -> bool:

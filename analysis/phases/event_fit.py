@@ -8,6 +8,7 @@ all other parameters; these are eliminated, and instants and poles are refined (
 import math
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -49,7 +50,11 @@ TINY = 1e-9
 UNMODELLED = 0.03
 """Noise over the range of a signal, before there are residuals."""
 BLOCK = 8
-"""Rows over which residuals are summed in order to detect correlated ones."""
+"""Rows over which residuals are summed in order to detect correlated ones. Also the fewest rows
+whose noise is estimated by itself."""
+LATE = 1e-3, 1.75e-3
+"""s after the event, from which on rows have a noise of their own: there the jack may have left its
+cloth, and the modes differ."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +110,13 @@ class EventFit:
             return signal[first : first + n * samples].reshape(n, samples) @ weights
 
         self._expected, self._stds = near - near[0], stds
-        self._response = Response(means(signals.time) - near[0], samples / signals.rate)
+        at = means(signals.time) - near[0]
+        self._response = Response(at, samples / signals.rate)
+        starts = [0]
+        for start in np.searchsorted(at, LATE):
+            if start - starts[-1] >= BLOCK and n - start >= BLOCK:
+                starts.append(int(start))
+        self._parts = [slice(*ends) for ends in pairwise([*starts, n])]
         load = np.stack([means(signals.force), means(signals.velocity)])
         flags = np.stack([means(f.astype(float)) for f in (signals.no_force, signals.no_velocity)])
         scale = np.maximum(np.ptp(load, axis=1, keepdims=True), TINY)
@@ -124,9 +135,9 @@ class EventFit:
         self._set_noise(np.maximum(self._white, UNMODELLED))
 
     def _set_noise(self, noise: Floats) -> None:
-        """Set the noise of each signal over its range, shape (2, 1)."""
-        self._noise = noise
-        self._weight = self._good / noise
+        """Set the noise of each signal over its range, shape (2, 1) or (2, n)."""
+        self._noise = np.broadcast_to(noise, self._load.shape)
+        self._weight = self._good / self._noise
         self.load = self._load * self._weight
         """In units of the noise, shape (2, n)."""
 
@@ -136,17 +147,34 @@ class EventFit:
 
     def weigh(self, fitted: Fitted) -> None:
         """Set the noise to the residuals of a fit, and their sums if those are larger."""
-        left = fitted.residuals * self._good
-        n = left.shape[1] // BLOCK * BLOCK
-        sums = left[:, :n].reshape(2, -1, BLOCK).sum(2)
-        square = np.maximum((left**2).sum(1), (sums**2).sum(1) / BLOCK)
-        square = square / np.maximum(self._good.sum(1), 1)
-        self._set_noise(np.maximum(self._white, np.sqrt(square)[:, None]))
+        noise = np.empty_like(self._load)
+        for part in self._parts:
+            good = self._good[:, part]
+            left = fitted.residuals[:, part] * good
+            n = left.shape[1] // BLOCK * BLOCK
+            sums = left[:, :n].reshape(2, -1, BLOCK).sum(2)
+            square = np.maximum((left**2).sum(1), (sums**2).sum(1) / BLOCK)
+            square = square / np.maximum(good.sum(1), 1)
+            noise[:, part] = np.sqrt(square)[:, None]
+        self._set_noise(np.maximum(self._white, noise))
 
     @property
     def noise(self) -> float:
-        """Dimensionless, largest variance of the residuals over that of the white noise."""
-        return float(((self._noise / self._white) ** 2).max())
+        """Dimensionless, largest variance of the residuals over that of the white noise.
+
+        Rows from `LATE` on do not count.
+        """
+        return float(self._variances.max())
+
+    @property
+    def excess(self) -> float:
+        """Twice the logarithm of the likelihood that is lost to residuals above the white noise."""
+        return float(self._good[:, self._parts[0]].sum(1) @ np.log(self._variances))
+
+    @property
+    def _variances(self) -> Floats:
+        """Variances of the residuals before `LATE` over those of the white noise, shape (2,)."""
+        return (self._noise[:, 0] / self._white[:, 0]) ** 2
 
     def scan(self, instants: Floats, poles: Poles, orders: Orders) -> tuple[Floats, Poles]:
         """Return chi2 and the best further pole of the table [1/s].
