@@ -118,12 +118,13 @@ def main() -> None:
     except KeyboardInterrupt as error:
         status = _interrupted(error, as_json)
     except Exception as error:
-        from sautereau.rig.errors import SautereauError
+        from sautereau.rig.errors import SautereauError, UsageError
 
         if isinstance(error, ImportError) and isinstance(error.__context__, KeyboardInterrupt):
             status = _interrupted(error.__context__, as_json)  # while a compiled module was loaded
         elif isinstance(error, SautereauError | OSError):
-            status = fail(as_json, _with_notes(_text(error), error))
+            status = 2 if isinstance(error, UsageError) else 1
+            status = fail(as_json, _with_notes(_text(error), error), status)
         elif as_json:
             status = fail(True, f"bug: {error!r}", traceback=traceback.format_exc())
         else:
@@ -216,6 +217,8 @@ def _value_name(argument: Argument) -> str:
     """Return the name of an option's value: choices, the name in its annotation, FILE or VALUE."""
     if get_origin(argument.hint) is Literal:
         return "|".join(map(str, get_args(argument.hint)))
-    metadata = getattr(argument.field_info.annotation, "__metadata__", ())
+    annotation = argument.field_info.annotation
+    kinds = (annotation, *get_args(annotation))
+    metadata = [text for kind in kinds for text in getattr(kind, "__metadata__", ())]
     default = "FILE" if Path in (argument.hint, *get_args(argument.hint)) else "VALUE"
     return next((text for text in metadata if isinstance(text, str)), default)
