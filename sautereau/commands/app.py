@@ -4,6 +4,7 @@ Packages are imported inside the commands that need them, so that `sautereau --h
 quickly.
 """
 
+import errno
 import os
 import signal
 import sys
@@ -120,8 +121,8 @@ def main() -> None:
     except Exception as error:
         from sautereau.rig.errors import SautereauError, UsageError
 
-        if isinstance(error, ImportError) and isinstance(error.__context__, KeyboardInterrupt):
-            status = _interrupted(error.__context__, as_json)  # while a compiled module was loaded
+        if isinstance(error.__context__, KeyboardInterrupt) and _follows(error):
+            status = _interrupted(error.__context__, as_json)
         elif isinstance(error, SautereauError | OSError):
             status = 2 if isinstance(error, UsageError) else 1
             status = fail(as_json, _with_notes(_text(error), error), status)
@@ -130,6 +131,14 @@ def main() -> None:
         else:
             raise
     sys.exit(status)
+
+
+def _follows(error: Exception) -> bool:
+    """Return whether an interrupt causes this error.
+
+    It does while a compiled module is loaded, and if the terminal of a progress bar is closed.
+    """
+    return isinstance(error, ImportError) or getattr(error, "errno", None) == errno.EIO
 
 
 def _open_closed_streams() -> None:
@@ -144,7 +153,9 @@ def _interrupted(error: KeyboardInterrupt, as_json: bool) -> int:
     ignore_signals()
     given = str(error)
     number = signal.Signals[given] if given in signal.Signals.__members__ else signal.SIGINT
-    return fail(as_json, _with_notes("interrupted", *_interrupts(error)), 128 + number)
+    with suppress(OSError):  # of a terminal that is closed
+        fail(as_json, _with_notes("interrupted", *_interrupts(error)), 128 + number)
+    return 128 + number
 
 
 def _unread(error: BaseException, as_json: bool) -> int:

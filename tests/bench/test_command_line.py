@@ -1,5 +1,6 @@
 """The command line as scripts use it: JSON keys, exit statuses, one message per fault."""
 
+import errno
 import json
 import math
 import os
@@ -229,10 +230,8 @@ def test_errors_of_every_command_are_json_under_json(sautereau):
         assert "none" in error["message"]
 
 
-def _import_error() -> ImportError:
-    """Return what a compiled module raises if Ctrl-C comes while it is loaded."""
-    error = ImportError("initialization failed")
-    error.__context__ = KeyboardInterrupt()
+def _following(error: Exception, interrupt: KeyboardInterrupt) -> Exception:
+    error.__context__ = interrupt
     return error
 
 
@@ -242,7 +241,10 @@ def _import_error() -> ImportError:
         (KeyboardInterrupt(), "interrupted\nthe arm is off", 130),
         (KeyboardInterrupt("SIGTERM"), "interrupted\nthe arm is off", 143),
         (RuntimeError("oh"), "bug: RuntimeErr", 1),
-        (_import_error(), "interrupted", 130),
+        # A compiled module while it is loaded, and a progress bar whose terminal is closed:
+        (_following(ImportError("failed"), KeyboardInterrupt()), "interrupted", 130),
+        (_following(OSError(errno.EIO, "I/O"), KeyboardInterrupt("SIGHUP")), "interrupted", 129),
+        (_following(OSError(errno.ENOSPC, "full"), KeyboardInterrupt()), "[Errno 28] full", 1),
     ],
 )
 def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, message, status):
