@@ -62,8 +62,8 @@ def animate(
         f"{'SIMULATED' if press.simulated else 'measured'}: {out}",
         f"{start * 1e3:.4g} to {stop * 1e3:.4g} ms after the trigger, {len(scene.time)} frames,"
         f" {slow:g} times slower",
-        f"{plucked} of {len(scene.choirs)} strings were plucked; plectra and strings are computed"
-        " by the model from the measured contact and release",
+        f"strings plucked: {plucked} of {len(scene.choirs)}; plectra and strings are computed by"
+        " the model from the measured contact and release",
         *result["warnings"],
     ]
     return output.answer(result, lines)
