@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
-# File of exact versions for the environment: `make CONSTRAINTS=constraints.txt test`.
+# File of exact versions for the environment: `make CONSTRAINTS=tests/constraints.txt test`.
 CONSTRAINTS ?= /dev/null
 # Links to the folders under their import names, for tools that read source text.
 LINKS := build/checked
@@ -63,8 +63,8 @@ docs: $(VENV)/installed links  ## the site, into site/
 gallery: $(VENV)/installed  ## redraw the README's picture; the site draws the others itself
 	$(BIN)/python -m examples.gallery docs/gallery session.png
 
-lock: $(VENV)/installed  ## the versions of this environment, into constraints.txt
-	$(BIN)/python -m pip freeze --all --exclude-editable > constraints.txt
+lock: $(VENV)/installed  ## the versions of this environment, into tests/constraints.txt
+	$(BIN)/python -m pip freeze --all --exclude-editable > tests/constraints.txt
 
 $(VENV)/audit: $(VENV)/installed
 	$(PYTHON) -m venv $(VENV)/tools
@@ -74,7 +74,7 @@ $(VENV)/audit: $(VENV)/installed
 
 audit: $(VENV)/audit  ## consistency, without a network; then known vulnerabilities, with one
 	$(BIN)/python -m pip check
-	$(VENV)/tools/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt || { echo "audit:\
+	$(VENV)/tools/bin/pip-audit --strict --no-deps --disable-pip -r tests/constraints.txt || { echo "audit:\
 	 where no vulnerability is listed, it was NOT checked: that needs pypi.org" >&2; exit 1; }
 
 sbom: $(VENV)/audit  ## what is installed, as CycloneDX, into build/sbom.json

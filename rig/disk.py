@@ -45,8 +45,10 @@ def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
                 _give_name(beside, path, new)
         if os.name != "posix":
             _give_name(beside, path, new)
-    except BaseException:
+    except BaseException as error:
         beside.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            error.filename = str(path)  # and not the random name
         raise
     _remove_left(path)
     sync_folder(path.parent)

@@ -31,7 +31,8 @@ def validation_faults(error: ValidationError, model: type[BaseModel], text: str)
         if item["type"] == "value_error":
             for fault in str(item.get("ctx", {})["error"]).split("\n"):
                 named = ".".join(filter(None, (key, fault.partition(":")[0])))
-                faults.append((line_of(text, named), f"{key}: {fault}" if key else fault))
+                between = "." if _bare(named) in model_keys(model) else ": "
+                faults.append((line_of(text, named), f"{key}{between * bool(key)}{fault}"))
         else:
             message = _message(item, model, location)
             faults.append((line_of(text, key), f"{key}: {message}" if key else message))
@@ -65,9 +66,14 @@ def at_line(line: int | None, fault: str) -> str:
     return f"line {line}: {fault}" if line else fault
 
 
+def _bare(key: str) -> str:
+    """Return a dotted key without the indices of lists."""
+    return re.sub(r"\.\d+(?=\.|$)", "", key)
+
+
 def near_miss(key: str, known: list[str]) -> str:
     """Return the end of a message that suggests the known key most similar to a wrong one."""
-    bare = re.sub(r"\.\d+(?=\.|$)", "", key)
+    bare = _bare(key)
     section, _, last = bare.rpartition(".")
     same_table = [k.rpartition(".")[2] for k in known if k.rpartition(".")[0] == section]
     if close := difflib.get_close_matches(last, same_table, n=1):

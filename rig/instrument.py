@@ -58,6 +58,18 @@ class Key(Section):
     """Elastic modes of the resting key. `identify` starts its search for the modes of the pressed
     key from them."""
 
+    @model_validator(mode="after")
+    def _arms_on_the_key(self):
+        faults = [
+            f"{name}: {arm * 1e3:.6g} mm is beyond the key's front edge at"
+            f" {self.front_arm * 1e3:.6g} mm; lower {name} or raise front_arm"
+            for name, arm in (("press_arm", self.press_arm), ("laser_arm", self.laser_arm))
+            if arm > self.front_arm
+        ]
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self
+
 
 class Tongue(Section):
     """The part of the jack that swings back, so that a falling plectrum passes the string.
@@ -165,6 +177,15 @@ class Plectrum(Section):
     """Carved outline, for the level `fe`; default: a uniform section. In a file also
     ``outline = { file = "contour.csv" }``."""
 
+    @model_validator(mode="after")
+    def _overlap_on_the_plectrum(self):
+        if self.overlap >= self.length:
+            raise ValueError(
+                f"overlap: {self.overlap * 1e3:.6g} mm is not less than the plectrum's length of"
+                f" {self.length * 1e3:.6g} mm; lower overlap"
+            )
+        return self
+
     @property
     def bending_stiffness(self) -> float:
         """N m^2, EI = E W h^3 / 12."""
@@ -184,6 +205,15 @@ class String(Section):
     """Hz, fundamental frequency."""
     diameter: Length = Field(default=0.31e-3, gt=0)
     """m, diameter of the wire."""
+
+    @model_validator(mode="after")
+    def _plucked_between_its_ends(self):
+        if self.plucking_point >= self.length:
+            raise ValueError(
+                f"plucking_point: {self.plucking_point * 1e3:.6g} mm is not on the string of"
+                f" {self.length * 1e3:.6g} mm; lower plucking_point"
+            )
+        return self
 
     @property
     def static_stiffness(self) -> float:

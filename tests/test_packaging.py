@@ -108,7 +108,7 @@ def test_the_wheel_is_the_same_to_the_byte(tmp_path, monkeypatch):
 
 
 def test_the_locked_versions_are_allowed():
-    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").split()
+    lines = (ROOT / "tests" / "constraints.txt").read_text(encoding="utf-8").split()
     locked = {canonicalize_name(n): v for n, v in (line.split("==") for line in lines)}
     everything = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     extras = [text for extra in EXTRAS.keys() - {"notebook"} for text in EXTRAS[extra]]

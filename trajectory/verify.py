@@ -66,7 +66,7 @@ def _held(rig: Rig, parts: tuple[Segments, ...]) -> list[Check]:
     if limit is None:
         return []
     fix = "shorten the press: raise press.jack_speed or press.return_speed"
-    return [at_most("segments", max(map(len, parts)) + 1, limit, "1", fix)]
+    return [at_most("segments, with the end", max(map(len, parts)) + 1, limit, "1", fix)]
 
 
 def _geometry(rig: Rig, reached: Extremes) -> list[Check]:

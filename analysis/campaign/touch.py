@@ -157,7 +157,7 @@ def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
     warm_up = data["warm_up"].to_numpy(bool)
     plucked = data["plucks"].to_numpy() > 0
     notes = [
-        f"excluded: {int(which.sum())} {what}"
+        f"excluded {what}: {int(which.sum())}"
         for which, what in (
             (warm_up, "warm-up presses"),
             (~warm_up & ~plucked, "presses without a pluck"),

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.figure import Figure, FigureBase
 
 from sautereau.analysis.errors import AnalysisError
@@ -16,7 +17,7 @@ from sautereau.analysis.session.difference import Pair
 from sautereau.analysis.summary.text import counted
 
 BESIDE = 5e-3
-"""s, before contact and after release, that force on deflection is drawn of."""
+"""s, before contact and after release, that force on deflection and the model are drawn of."""
 PICTURED = 8
 """Number of presses of a condition that its plot shows, the first ones."""
 ROWS = 8
@@ -104,13 +105,15 @@ def _over_time(top, below, sets: Sequence[_Set], prediction: Prediction) -> None
         top.plot(press.time * 1e3, press.samples["deflection"] * 1e3, color=colour, label=label)
         below.plot(press.time * 1e3, press.samples["force"], color=colour, lw=0.8)
     press, phases = sets[0][0][0], sets[0][1][0]
-    model = (prediction.time + phases.start) * 1e3
-    if phases.plucks:
-        model = (prediction.time - prediction.contact + phases.plucks[0].contact) * 1e3
-    top.plot(model, prediction.deflection * 1e3, color=PREDICTED, ls="--", label="predicted")
+    start, drawn = phases.start, np.ones(len(prediction.time), bool)
+    if phases.plucks:  # a prediction for a measured speed holds while the string is held
+        start = phases.plucks[0].contact - prediction.contact
+        drawn = prediction.near_pluck(BESIDE)
+    model, deflection = (prediction.time[drawn] + start) * 1e3, prediction.deflection[drawn] * 1e3
+    top.plot(model, deflection, color=PREDICTED, ls="--", label="predicted")
     top.set_ylabel("deflection at the laser (mm)")
     top.legend(loc="lower right")
-    below.plot(model, prediction.finger_force, color=PREDICTED, ls="--")
+    below.plot(model, prediction.finger_force[drawn], color=PREDICTED, ls="--")
     below.set(ylabel="finger force (N)", xlabel="time after the trigger (ms)")
     end = phases.bottom * 1e3
     below.set_xlim(0, end)

@@ -108,6 +108,6 @@ def _close(axes: Axes, press: Press, found: Phases) -> None:
 
 def _boundary(axes: Axes, instant: float, std: float, colour: str, dashes: str, name: str) -> None:
     half = COVERAGE * std
-    label = f"{name}: {instant * 1e3:.3f} ± {std * 1e3:.2g} ms"
+    label = f"{name}: {instant * 1e3:.3f} ± {std * 1e3:#.2g} ms"
     axes.axvspan((instant - half) * 1e3, (instant + half) * 1e3, color=colour, alpha=0.25, lw=0)
     axes.axvline(instant * 1e3, color=colour, ls=dashes, lw=1.2, label=label)

@@ -70,7 +70,8 @@ def _sources(axes: Axes, found: Touch) -> None:
         bars = _bars([spread for _, spread in rows], 100.0)
         style = {"label": QUANTITIES[name].label, **STYLES[name]}
         axes.errorbar(deviations, places, xerr=bars, **style)
-    axes.set_yticks(range(len(SOURCES)), [QUANTITIES[f"felt.{s}"].label for s in SOURCES])
+    labels = [QUANTITIES[f"felt.{s}"].label.replace(", ", ",\n") for s in SOURCES]
+    axes.set_yticks(range(len(SOURCES)), labels)
     axes.set_ylim(len(SOURCES) - 0.5, -0.5)
     axes.set_xscale("symlog", linthresh=0.1)
     axes.set_xlim(left=0)

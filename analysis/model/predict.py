@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.choirs import (
@@ -59,13 +60,17 @@ class Prediction(ChoirPluck):
         """Finger force just before the first choir's string is released [N]."""
         return float(self.finger_force[np.flatnonzero(self.string_force > 0)[-1]])
 
+    def near_pluck(self, beside: float) -> NDArray[np.bool_]:
+        """Return which instants are at most a time [s] before contact or after release."""
+        return (self.time > self.contact - beside) & (self.time < self.release + beside)
+
     def from_contact(self, beside: float) -> tuple[Floats, Floats]:
         """Return the key deflection since contact [m] and the finger force [N], shape (steps,).
 
         Args:
             beside: s, before contact and after release, that is returned as well.
         """
-        near = (self.time > self.contact - beside) & (self.time < self.release + beside)
+        near = self.near_pluck(beside)
         at_contact = np.interp(self.contact, self.time, self.deflection)
         return self.deflection[near] - at_contact, self.finger_force[near]
 

@@ -81,8 +81,8 @@ def _cell(features: Row, name: str) -> str:
     feature, pluck = split_column(name)
     std = features.get(column(f"{feature}_std", pluck))
     scale, _ = QUANTITIES[feature].displayed
-    uncertainty = f" ± {std * scale:.2g}" if isinstance(std, int | float) else ""
-    return f"{value:.{DIGITS[feature]}f}{uncertainty}"
+    text = f"{value:.{DIGITS[feature]}f}"
+    return f"{text} ± {std * scale:#.2g}".rstrip(".") if isinstance(std, int | float) else text
 
 
 def _statistics(one: PooledFeature | None) -> tuple[str, str]:

@@ -36,7 +36,8 @@ class Condition(Generic[PressT]):
     presses: tuple[PressT, ...]
     """In the order in which they were made, with the warm-up presses."""
     prediction: Prediction | None
-    """The press of the predicted rig at its planned speed; None if the model has none."""
+    """Of the first press for the speed of its jack, at the planned speed if no press has a pluck;
+    None if the model has none."""
     comparison: Comparison | None
     features: tuple[PooledFeature, ...]
     """Without warm-up presses, as all that follows."""
@@ -161,6 +162,8 @@ def _condition(
     try:
         prediction = predict(rig or own, level)
         each = [predict(rig or own, level, speed=press.speed) for press in known]
+        plucked = (p for press, p in zip(known, each, strict=True) if press.speed)
+        prediction = next(plucked, prediction)
         comparison = compare([press.phases for press in known], each)
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:

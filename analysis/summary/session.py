@@ -54,7 +54,7 @@ def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str, bool]]
         "velocity_fluctuation": (f"{100 * found.velocity_fluctuation:.3f} %", "", True),
         "rise_drift": (
             f"{rise.value * 1e6:+.3g} um per press",
-            f"{rise.low * 1e6:+.3g} to {rise.high * 1e6:+.3g}",
+            f"{rise.low * 1e6:+.3g} um to {rise.high * 1e6:+.3g} um",
             rise.significant,
         ),
         "speed_drift": (

@@ -174,11 +174,18 @@ def _partials(
 
 
 def _damping(source: Source, found: Oscillation) -> float:
-    """Return the density of the fraction of critical damping."""
-    std = MODELS[source].damping_std
-    if std is None:
+    """Return the density of the estimated damping ratio, a true one above 0 with normal noise.
+
+    Only what is no oscillation of the bench can grow, and has every damping.
+    """
+    if source is Source.OTHER:
         return 1 / MOST_DAMPING
-    return 2 * float(norm.pdf(found.damping, scale=np.hypot(std, found.damping_std)))
+    std, noise = MODELS[source].damping_std, found.damping_std
+    if std is None:
+        return float(norm.cdf(found.damping / noise)) / MOST_DAMPING
+    both = float(np.hypot(std, noise))
+    above_0 = norm.cdf(found.damping * std / (noise * both))
+    return 2 * float(norm.pdf(found.damping, scale=both) * above_0)
 
 
 def _phases(source: Source, found: Oscillation, several: bool) -> float:

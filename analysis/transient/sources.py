@@ -34,7 +34,7 @@ class SourceModel:
     band: tuple[float, float] | None = None
     """Range of the frequency (Hz), uniform in its logarithm; None if partials are known instead."""
     damping_std: float | None = None
-    """Standard deviation of the damping ratio, normal about 0; None for a uniform distribution."""
+    """Scale of the damping ratio, half-normal; None for a uniform distribution."""
     in_phase: float = 0.0
     """Probability that the force is in phase with the key's inertia; for the key also in opposite
     phase. Otherwise every phase is equally probable."""

@@ -124,7 +124,8 @@ def _faults_watched(watch: Watch) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        message = f"{type(error).__name__}: {error}".removesuffix(": ")
+        interrupted = isinstance(error, KeyboardInterrupt)
+        message = "interrupted" if interrupted else f"{type(error).__name__}: {error}"
         watch(Fault("\n".join([message, *getattr(error, "__notes__", [])])))
         raise
 

@@ -4,7 +4,7 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput
@@ -18,7 +18,7 @@ def acquire(
     rig: common.RigName = "paper",
     *,
     out: common.OutFile | None = None,
-    duration: common.Duration | None = None,
+    duration: Annotated[common.Time, common.ABOVE_0] | None = None,
     triggered: bool = False,
     dry_run: bool = False,
     notes: str = "",

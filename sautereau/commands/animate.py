@@ -1,6 +1,7 @@
 """A press as a film in slow motion, and as a sound."""
 
 from pathlib import Path
+from typing import Annotated
 
 from sautereau.analysis.summary.text import part_of
 from sautereau.commands import common
@@ -11,8 +12,8 @@ def animate(
     recording: Path,
     /,
     *,
-    out: common.OutFile,
-    slow: float = 20.0,
+    out: Annotated[common.OutFile, common.written_as(".gif", ".mp4")],
+    slow: Annotated[float, common.ABOVE_0] = 20.0,
     since: common.Time | None = None,
     until: common.Time | None = None,
     output: FileOutput = FileOutput(),
@@ -61,8 +62,8 @@ def animate(
         f"{'SIMULATED' if press.simulated else 'measured'}: {out}",
         f"{start * 1e3:.4g} to {stop * 1e3:.4g} ms after the trigger, {len(scene.time)} frames,"
         f" {slow:g} times slower",
-        f"{plucked} of {len(scene.choirs)} strings were plucked; plectra and strings are computed"
-        " by the model from the measured contact and release",
+        f"strings plucked: {plucked} of {len(scene.choirs)}; plectra and strings are computed by"
+        " the model from the measured contact and release",
         *result["warnings"],
     ]
     return output.answer(result, lines)
@@ -71,11 +72,11 @@ def animate(
 def listen(
     rig: common.RigName = "paper",
     *,
-    out: common.OutFile,
+    out: Annotated[common.OutFile, common.written_as(".wav")],
     level: common.Level = "elastica",
-    duration: common.Duration = common.Quantity(4),
+    duration: Annotated[common.Time, common.ABOVE_0] = common.Quantity(4),
     held: common.Duration | None = None,
-    quality: float = 1500.0,
+    quality: Annotated[float, common.ABOVE_0] = 1500.0,
     output: FileOutput = FileOutput(),
 ) -> int:
     """Compute the string's force on the bridge in a press, and write it as a WAV file.

@@ -4,6 +4,7 @@ Packages are imported inside the commands that need them, so that `sautereau --h
 quickly.
 """
 
+import errno
 import os
 import signal
 import sys
@@ -118,17 +119,26 @@ def main() -> None:
     except KeyboardInterrupt as error:
         status = _interrupted(error, as_json)
     except Exception as error:
-        from sautereau.rig.errors import SautereauError
+        from sautereau.rig.errors import SautereauError, UsageError
 
-        if isinstance(error, ImportError) and isinstance(error.__context__, KeyboardInterrupt):
-            status = _interrupted(error.__context__, as_json)  # while a compiled module was loaded
+        if isinstance(error.__context__, KeyboardInterrupt) and _follows(error):
+            status = _interrupted(error.__context__, as_json)
         elif isinstance(error, SautereauError | OSError):
-            status = fail(as_json, _with_notes(_text(error), error))
+            status = 2 if isinstance(error, UsageError) else 1
+            status = fail(as_json, _with_notes(_text(error), error), status)
         elif as_json:
             status = fail(True, f"bug: {error!r}", traceback=traceback.format_exc())
         else:
             raise
     sys.exit(status)
+
+
+def _follows(error: Exception) -> bool:
+    """Return whether an interrupt causes this error.
+
+    It does while a compiled module is loaded, and if the terminal of a progress bar is closed.
+    """
+    return isinstance(error, ImportError) or getattr(error, "errno", None) == errno.EIO
 
 
 def _open_closed_streams() -> None:
@@ -143,7 +153,9 @@ def _interrupted(error: KeyboardInterrupt, as_json: bool) -> int:
     ignore_signals()
     given = str(error)
     number = signal.Signals[given] if given in signal.Signals.__members__ else signal.SIGINT
-    return fail(as_json, _with_notes("interrupted", *_interrupts(error)), 128 + number)
+    with suppress(OSError):  # of a terminal that is closed
+        fail(as_json, _with_notes("interrupted", *_interrupts(error)), 128 + number)
+    return 128 + number
 
 
 def _unread(error: BaseException, as_json: bool) -> int:
@@ -216,6 +228,8 @@ def _value_name(argument: Argument) -> str:
     """Return the name of an option's value: choices, the name in its annotation, FILE or VALUE."""
     if get_origin(argument.hint) is Literal:
         return "|".join(map(str, get_args(argument.hint)))
-    metadata = getattr(argument.field_info.annotation, "__metadata__", ())
+    annotation = argument.field_info.annotation
+    kinds = (annotation, *get_args(annotation))
+    metadata = [text for kind in kinds for text in getattr(kind, "__metadata__", ())]
     default = "FILE" if Path in (argument.hint, *get_args(argument.hint)) else "VALUE"
     return next((text for text in metadata if isinstance(text, str)), default)

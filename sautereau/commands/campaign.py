@@ -17,9 +17,9 @@ def campaign(
     folder: Path,
     /,
     *,
-    out: Annotated[Path, "FILE"],
+    out: Annotated[Path, "FILE", common.written_as(".parquet")],
     processes: Annotated[
-        common.Integer | None,
+        common.Count | None,
         Parameter(help="Number of processes. Default: one per core, fewer for few recordings."),
     ] = None,
     cluster: Annotated[str | None, Parameter(help="Address of a Dask scheduler.")] = None,

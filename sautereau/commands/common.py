@@ -1,13 +1,15 @@
 """Shared by the commands: their parameters, and the bench and recordings that they name."""
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from cyclopts import Parameter, Token
+from cyclopts.validators import Number as Range
 
 from sautereau.analysis.model.plectrum.levels import LEVELS, levels_help
 from sautereau.commands.log import logged
@@ -19,8 +21,6 @@ if TYPE_CHECKING:
     from sautereau.entrance.session import Session
     from sautereau.rig.schema import Rig
 
-OutFile = Annotated[Path, "FILE"]
-"""A file that a command writes: `run` refuses an existing one."""
 OutFolder = Annotated[Path, "FOLDER"]
 """The texts name the value in the message for a missing option."""
 Files = Annotated[list[Path], Parameter(help="Recordings, folders of sessions, or patterns.")]
@@ -34,13 +34,15 @@ PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp", ".eps")
 """File extensions of the plots that can be written."""
 
 
-def _check_plot_path(_: object, path: Path | None) -> None:
-    """Refuse a path to which no plot can be written, before the computation."""
-    if path is None:
-        return
-    if path.suffix.lower() not in PICTURES:
-        ending = f"the file extension {path.suffix}" if path.suffix else "no file extension"
-        raise ValueError(f"Plot {path}: it has {ending}; use one of {', '.join(PICTURES)}.")
+def written_as(*extensions: str) -> Parameter:
+    """Return the parameter of a file that is written with one of these file extensions."""
+
+    def check(_: object, path: Path | None) -> None:
+        if path is not None and path.suffix.lower() not in extensions:
+            ending = f"the file extension {path.suffix}" if path.suffix else "no file extension"
+            raise ValueError(f"It has {ending}; use {', '.join(extensions)}.")
+
+    return Parameter(validator=check)
 
 
 class Quantity(float):
@@ -73,33 +75,21 @@ def _check_level(_: object, level: str) -> None:
         raise ValueError(f"Plectrum level {fault}.")
 
 
-def _check_duration(_: object, value: float | None) -> None:
-    if value is not None and not value >= 0:
-        raise ValueError("A duration is 0 s or longer.")
-
-
-def _check_seed(_: object, value: int | None) -> None:
-    if value is not None and not 0 <= value < 2**63:
-        raise ValueError("A seed is an integer from 0 to 2**63 - 1.")
-
-
-Picture = Annotated[
-    Path | None,
-    Parameter(help="Save the plot here (.png, .svg, .pdf).", validator=_check_plot_path),
-]
+OutFile = Annotated[Path, "FILE"]
+"""A file that a command writes: `run` refuses an existing one."""
+_Plot = Annotated[OutFile | None, written_as(*PICTURES)]
+Picture = Annotated[_Plot, Parameter(help="Save the plot here (.png, .svg, .pdf).")]
 Drawing = Annotated[
-    Path | None,
-    Parameter(
-        help="Save a drawing of the bench to scale here (.png, .svg, .pdf).",
-        validator=_check_plot_path,
-    ),
+    _Plot, Parameter(help="Save a drawing of the bench to scale here (.png, .svg, .pdf).")
 ]
 Level = Annotated[str, Parameter(help=levels_help(), validator=_check_level)]
 Time = Annotated[Quantity, "QUANTITY", Parameter(converter=_seconds)]
-Duration = Annotated[Time, Parameter(validator=_check_duration)]
-Integer = Annotated[int, Parameter(converter=_integer)]
-Number = Annotated[Integer, Parameter(name=["-n", "--number"])]
-Seed = Annotated[Integer | None, Parameter(validator=_check_seed)]
+Duration = Annotated[Time, Parameter(validator=Range(gte=0))]
+ABOVE_0 = Parameter(validator=Range(gt=0))
+Integer = Annotated[int, Parameter(converter=_integer, validator=Range(gte=0))]
+Count = Annotated[Integer, ABOVE_0]
+Number = Annotated[Count, Parameter(name=["-n", "--number"])]
+Seed = Annotated[Integer | None, Parameter(validator=Range(gte=0, lt=2**63))]
 
 
 @Parameter(name="*")
@@ -132,6 +122,21 @@ class Simulation:
     def requested(self) -> bool:
         """Whether to run on the stand-in."""
         return self.sim or self.scene is not None
+
+
+@contextmanager
+def options() -> Iterator[None]:
+    """Report errors of the values of options as wrong usage.
+
+    Raises:
+        UsageError: Instead of another error of the project.
+    """
+    from sautereau.rig.errors import SautereauError, UsageError
+
+    try:
+        yield
+    except SautereauError as error:
+        raise UsageError(str(error)) from error
 
 
 def load_rig(name: str) -> "Rig":
@@ -176,7 +181,7 @@ def opened(what: list[Path], output: Output, *, samples: bool = False) -> "Sessi
 def run(command: Callable[..., int]) -> Callable[..., int]:
     """Return a command that signals stop, that logs, and that refuses existing files.
 
-    The files are its arguments of the types `OutFile`, `Picture` and `Drawing`.
+    The files are its arguments of the type `OutFile` and of those derived from it.
     """
     signature = inspect.signature(command)
     files = [name for name, one in signature.parameters.items() if _is_new_file(one.annotation)]
@@ -196,4 +201,6 @@ def run(command: Callable[..., int]) -> Callable[..., int]:
 
 
 def _is_new_file(annotation: Any) -> bool:
-    return annotation in (OutFile, Picture, Drawing) or OutFile in get_args(annotation)
+    """Return whether a type is `OutFile` with further metadata, or may be."""
+    parts = get_args(annotation)
+    return "FILE" in parts or any(map(_is_new_file, parts))

@@ -38,7 +38,8 @@ def phases(
                 f"--at sets the phases of one recording, but {' '.join(map(str, files))} is not one"
                 " file; give one recording"
             )
-        write_by_hand(files[0], [] if at == ["none"] else at)
+        with common.options():
+            write_by_hand(files[0], [] if at == ["none"] else at)
     session = common.opened(files, output)
     warnings = [(p.path, warning) for p in session for warning in p.partial.warnings]
     lines = [HEADER, *(p.line for p in session), *grouped(warnings, "press")]
@@ -94,7 +95,7 @@ def identify(
     free: Annotated[str, "NAMES"],
     prior: list[str] | None = None,
     level: common.Level = "elastica",
-    starts: common.Integer = 3,
+    starts: common.Count = 3,
     robust: bool = False,
     profile: bool = False,
     out: Path | None = None,
@@ -124,9 +125,16 @@ def identify(
         Write the identifiable values to this rig file if the model fits. A new file gets all other
         values from the recordings; with --force an existing file keeps its other values.
     """
+    from sautereau.analysis.identify.parameters import NAMES, read_prior
     from sautereau.rig.progress import tracked
 
+    with common.options():
+        for text in prior or ():
+            read_prior(text)
     names = [name.strip() for name in free.split(",") if name.strip()]
+    if unknown := [name for name in names if name not in NAMES]:
+        known = ", ".join(NAMES)
+        return output.fail(f"--free {', '.join(unknown)}: unknown; there are {known}", 2)
     output.refuse(out)
     make_folders(out)
     session = common.opened(files, output, samples=True)

@@ -46,8 +46,8 @@ def transient(
 
 def _known(texts: list[str]) -> "dict[Source, list[float]]":
     """Return measured modes by their source; all faults are reported together."""
-    from sautereau.analysis.errors import AnalysisError
     from sautereau.analysis.transient import Source
+    from sautereau.rig.errors import UsageError
     from sautereau.rig.units import parse_quantity
 
     found: dict[Source, list[float]] = {}
@@ -69,5 +69,5 @@ def _known(texts: list[str]) -> "dict[Source, list[float]]":
         else:
             found.setdefault(sources[name.strip()], []).append(frequency)
     if faults:
-        raise AnalysisError("\n".join(faults))
+        raise UsageError("\n".join(faults))
     return found

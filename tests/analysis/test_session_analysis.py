@@ -55,6 +55,15 @@ def test_report_comparison_and_table_have_the_same_digits(four, tmp_path):
     assert found["repeatability"]["presses"] == 4
 
 
+def test_the_plots_show_a_prediction_for_the_measured_speed(four):
+    presses = four[1]
+    (condition,) = analyse(presses).conditions
+    (first,) = analyse(presses[:1]).conditions
+    found, pluck = condition.prediction, presses[0].phases.plucks[0]
+    error = found.pluck_duration / pluck.pluck_duration - 1
+    assert first.comparison.duration_error.value == pytest.approx(error)
+
+
 def test_what_the_model_cannot_predict_is_not_compared(four):
     """A jack that stops while its string is held has no speed as a function of its rise."""
     presses = list(four[1])

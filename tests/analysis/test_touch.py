@@ -124,7 +124,7 @@ def test_excluded_presses_are_counted():
     }  # fmt: skip
     notes = "\n".join(found.notes)
     for text in (
-        "1 warm-up presses", "1 presses without a pluck",
+        "excluded warm-up presses: 1", "excluded presses without a pluck: 1",
         "force_slope: omitted from this quantity alone: 2 presses",
     ):  # fmt: skip
         assert text in notes
@@ -196,7 +196,7 @@ def test_too_few_presses_are_refused():
     with pytest.raises(AnalysisError, match="no press with a pluck"):
         find_touch(campaign_of([]))
     mute = [row | dict.fromkeys(FELT) | {"plucks": 0} for row in rows]
-    with pytest.raises(AnalysisError, match="3 presses without a pluck"):
+    with pytest.raises(AnalysisError, match="presses without a pluck: 3"):
         find_touch(campaign_of(mute))
 
 

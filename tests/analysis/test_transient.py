@@ -6,6 +6,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
 
 from benchmarks.independent import ONE_FACTOR, press
 from benchmarks.judged import judged_press
@@ -16,8 +18,10 @@ from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.summary.transient import transient_lines, transient_summary
 from sautereau.analysis.transient import Source, attribute, combine, examine
 from sautereau.analysis.transient.held_string import free_frequencies, held_frequencies
+from sautereau.analysis.transient.sources import MODELS
 from sautereau.commands.output import FileOutput
 from sautereau.commands.transient import transient
+from sautereau.rig.errors import UsageError
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
 
@@ -126,7 +130,7 @@ def test_the_stand_ins_string_is_found():
 
 
 def test_known_modes_are_checked_together():
-    with pytest.raises(AnalysisError) as raised:
+    with pytest.raises(UsageError) as raised:
         transient([], known=["key=3 m", "string=300 Hz", "finger=-2 Hz", "key=350 Hz"])
     text = str(raised.value)
     assert all(name in text for name in ("key=3 m", "string=300 Hz", "finger=-2 Hz"))
@@ -147,6 +151,29 @@ def test_a_negative_damping_is_explained(pressed, examined):
         assert ("it grows (damping -2.0 +- 0.3 %)" in text) == (damping == -0.02)
         (answer,) = transient_summary([one], [shown])["oscillations"]
         assert answer["damping"] == damping
+
+
+def test_passive_parts_do_not_grow(pressed, examined):
+    """The probabilities follow the damping as the integral over all true dampings above 0."""
+    rig, (wave, *_) = pressed["all stiff"][0].rig, combine([examined("all stiff")])
+    string, noise = norm(scale=MODELS[Source.STRING].damping_std), 0.003
+
+    def expected(damping, prior):
+        return quad(lambda true: prior(true) * norm.pdf(damping, true, noise), 0, 0.1)[0]
+
+    odds = {}
+    for damping in (-0.004, 0.004, 0.02):
+        (each,) = attribute([replace(wave, damping=damping, damping_std=noise)], rig)
+        p = each.probability
+        odds[damping] = [p[source] / p[Source.OTHER] for source in (Source.STRING, Source.KEY)]
+    for damping in (-0.004, 0.004):
+        for n, prior in enumerate((string.pdf, lambda _: 1.0)):
+            assert odds[damping][n] / odds[0.02][n] == pytest.approx(
+                expected(damping, prior) / expected(0.02, prior), rel=1e-6
+            )
+    (grows,) = attribute([replace(wave, damping=-0.02, damping_std=noise)], rig)
+    assert grows.source is None
+    assert grows.probability[Source.OTHER] > 0.99
 
 
 def test_a_recording_is_examined(write_session, tmp_path, capsys):

@@ -1,5 +1,6 @@
 """The command line as scripts use it: JSON keys, exit statuses, one message per fault."""
 
+import errno
 import json
 import math
 import os
@@ -162,7 +163,22 @@ def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
         ("press --sim --out out -n 2.5", "'2.5' is not an integer"),
         ("predict --level wood", "Plectrum level 'wood' is unknown"),
         ("press --sim --out out --rest 2_mm", "'2_mm'"),
-        ("press --sim --out out --seed -1", "from 0 to 2**63 - 1"),
+        ("press --sim --out out --seed -1", 'Invalid value "-1" for --seed. Must be >= 0.'),
+        ("press --sim --out out -n 0", 'Invalid value "0" for -n. Must be > 0.'),
+        ("press --sim --out out --warm-up -1", "Must be >= 0."),
+        ("watch . -n -1", "Must be > 0."),
+        ("acquire --sim --out a.mcap --duration 0s", "for --duration. Must be > 0."),
+        ("acquire --sim --out a.mcap --duration", "of option: --duration QUANTITY"),
+        ("identify a.mcap --free key.inertia,overlap", "--free overlap: unknown; there are"),
+        ("identify a.mcap --free plectrum.overlap --starts 0", "Must be > 0."),
+        ("identify a.mcap --free plectrum.overlap --prior plectrum.overlap", "expected a key"),
+        ("transient a.mcap --known key", 'write it like "key=350 Hz"'),
+        ("animate a.mcap --out a.gif --slow nan", "Must be > 0."),
+        ("animate a.mcap --out a.txt", "extension .txt; use .gif, .mp4."),
+        ("listen --out a.mp3", "extension .mp3; use .wav."),
+        ("listen --out a.wav --quality 0", "Must be > 0."),
+        ("campaign . --out a.csv", "extension .csv; use .parquet."),
+        ("campaign . --out a.parquet --processes 0", "Must be > 0."),
         ("learn --sim", "Missing option: --out FOLDER"),
         ("listen", "Missing option: --out FILE"),
         ("phases", "Missing argument: FILES"),
@@ -214,10 +230,8 @@ def test_errors_of_every_command_are_json_under_json(sautereau):
         assert "none" in error["message"]
 
 
-def _import_error() -> ImportError:
-    """Return what a compiled module raises if Ctrl-C comes while it is loaded."""
-    error = ImportError("initialization failed")
-    error.__context__ = KeyboardInterrupt()
+def _following(error: Exception, interrupt: KeyboardInterrupt) -> Exception:
+    error.__context__ = interrupt
     return error
 
 
@@ -227,7 +241,10 @@ def _import_error() -> ImportError:
         (KeyboardInterrupt(), "interrupted\nthe arm is off", 130),
         (KeyboardInterrupt("SIGTERM"), "interrupted\nthe arm is off", 143),
         (RuntimeError("oh"), "bug: RuntimeErr", 1),
-        (_import_error(), "interrupted", 130),
+        # A compiled module while it is loaded, and a progress bar whose terminal is closed:
+        (_following(ImportError("failed"), KeyboardInterrupt()), "interrupted", 130),
+        (_following(OSError(errno.EIO, "I/O"), KeyboardInterrupt("SIGHUP")), "interrupted", 129),
+        (_following(OSError(errno.ENOSPC, "full"), KeyboardInterrupt()), "[Errno 28] full", 1),
     ],
 )
 def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, message, status):

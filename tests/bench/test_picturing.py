@@ -34,7 +34,7 @@ def test_the_lines_say_simulated(ideal, tmp_path, capsys):
     assert call("animate", ideal[0][0], "--out", path, "--slow", "4", *STRETCH) == 0
     printed = capsys.readouterr().out
     assert printed.startswith(f"SIMULATED: {path}\n60 to 80 ms")
-    assert "1 of 1 strings were plucked" in printed
+    assert "strings plucked: 1 of 1" in printed
 
 
 @pytest.mark.parametrize(("since", "said"), [("60", "has no unit"), ("3 kg", "--since")])

@@ -13,8 +13,9 @@ from sautereau.rig.units import parse_quantity
 def test_a_new_file_and_its_replacement(tmp_path):
     path = tmp_path / "file.txt"
     write_durably(path, "a\r\n", new=True)
-    with pytest.raises(FileExistsError):
+    with pytest.raises(FileExistsError) as raised:
         write_durably(path, "b", new=True)
+    assert raised.value.filename == str(path)
     path.chmod(0o640)
     write_durably(path, b"c")
     assert (path.read_bytes(), path.stat().st_mode & 0o777) == (b"c", 0o640)

@@ -152,11 +152,11 @@ def test_all_jacks_hold_the_key_on_its_back_rail():
             ["key.gravity_moment: 13 mN m is not less than the jacks' 12.65", "raise jack.mass"],
         ),
         ([('["-80 deg"', '["80 deg"')], ["arm: lower_limits", "joint 1", "lower the first"]),
-        ([('name = "force"', 'name = "velocity"')], ["daq: channels: name velocity is used twice"]),
-        ([('"ai1"', '"ai0"')], ["daq: channels: terminal ai0 is used twice", "give each"]),
+        ([('name = "force"', 'name = "velocity"')], ["daq.channels: name velocity is used twice"]),
+        ([('"ai1"', '"ai0"')], ["daq.channels: terminal ai0 is used twice", "give each"]),
         (
             [('high_pass = "0.1 Hz"', 'high_pass = "22 kHz"')],
-            ["daq.channels.1: high_pass: 22000 Hz is not below low_pass", "raise low_pass"],
+            ["daq.channels.1.high_pass: 22000 Hz is not below low_pass", "raise low_pass"],
         ),
     ],
 )  # fmt: skip
@@ -166,6 +166,19 @@ def test_each_rule_between_fields(changed, replacements, messages):
     assert re.match(r"bench.toml: line \d+: ", str(raised.value))
     for message in messages:
         assert message in str(raised.value)
+
+
+def test_contradictions_come_with_the_faults_of_other_tables(changed):
+    with pytest.raises(RigError) as raised:
+        changed(
+            ('"171 mm"', '"190 mm"'), ('"4.5 mm"', '"0.2 mm"'), ('"460 mm"', '"100 mm"'),
+            ("register_friction =", "register_frction ="), ('name = "force"', 'name = "velocity"'),
+        )  # fmt: skip
+    named = re.findall(r"line \d+: ([\w.]+): ", str(raised.value))
+    assert named == [
+        "key.press_arm", "jack.register_friction", "jack.register_frction", "plectrum.overlap",
+        "string.plucking_point", "daq.channels",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -163,5 +163,5 @@ def test_an_interrupted_session_reports_the_motors(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         press(tmp_path, interrupt, 1)
     first, *notes = seen[-1].text.splitlines()
-    assert first == "KeyboardInterrupt"
+    assert first == "interrupted"
     assert "The arm was stopped and its motors are off: the controller confirms it." in notes

@@ -178,7 +178,7 @@ def _brute(rig, plan, expected=None):
         "depth of the key after a stop": _depth(rig, stop_x, stop_z),
         "joints after a stop": spare,
         "cruise speed error": _cruise_error(rig, plan),
-        "segments": 1 + max(map(len, (plan.approach, plan.segments, plan.retreat))),
+        "segments, with the end": 1 + max(map(len, (plan.approach, plan.segments, plan.retreat))),
     }
     for n in (0, 1):
         found[f"joint {n + 1} lower limit"] = q[:, n].min()

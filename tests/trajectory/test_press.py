@@ -49,7 +49,7 @@ BREAKS = [
         {"arm.counts_per_revolution": 1024},
         "raise arm.counts_per_revolution or press.speed_tolerance",
     ),
-    ("segments", {"controller.segment_limit": 8}, "raise press.jack_speed"),
+    ("segments, with the end", {"controller.segment_limit": 8}, "raise press.jack_speed"),
     ("joint 1 lower limit", {"arm.lower_limits": ["-34 deg", "-150 deg"]}, "move arm.base_x"),
     ("joint 2 lower limit", {"arm.lower_limits": ["-80 deg", "-59 deg"]}, "move arm.base_x"),
     ("joint 1 upper limit", {"arm.upper_limits": ["-32 deg", "-10 deg"]}, "move arm.base_x"),
