@@ -112,13 +112,13 @@ class Observed:
             phase=self.phase[:count],
         )
 
-    def smoothed(self, values: Floats) -> Floats:
-        """Return values given at `substep_time`, smoothed, at the instants."""
-        reach = (len(values) - 1 - SUBSTEPS * (len(self.time) - 1)) // 2
+    def smoothed(self, rows: Floats) -> Floats:
+        """Return rows of values given at `substep_time`, smoothed, at the instants."""
+        reach = (rows.shape[1] - 1 - SUBSTEPS * (len(self.time) - 1)) // 2
         weights = 1 - (np.arange(-reach, reach + 1) * self.step / SUBSTEPS / (WINDOW / 2)) ** 2
         weights = np.maximum(weights, 0.0)
-        smoothed = np.convolve(values, weights / weights.sum(), "valid")[::SUBSTEPS]
-        return np.asarray(smoothed, float)
+        smoothed = [np.convolve(row, weights / weights.sum(), "valid")[::SUBSTEPS] for row in rows]
+        return np.stack(smoothed)
 
 
 def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
