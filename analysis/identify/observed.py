@@ -168,12 +168,8 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     landed = landing(press.rig.key, time[at], motion, contact)
     if landed is not None:
         used &= time[at] > landed + WINDOW / 2 + shift
-    if used.sum() < MIN_INSTANTS:
-        raise AnalysisError(
-            f"press {press.path}: the key moves freely in only {int(used.sum())} steps of"
-            f" {STEP * 1e3:.3g} ms, and {MIN_INSTANTS} are needed; check whether the key was"
-            " pressed"
-        )
+    if fault := too_short(str(press.path), used):
+        raise AnalysisError(f"{fault}; check whether the key was pressed")
     return Observed(
         name=press.path.name,
         step=step,
@@ -197,6 +193,17 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         noise=noise_at_rest(
             press.rate, time, pushed, every, clear_of_flags(press, time, WINDOW / 2)
         ),
+    )
+
+
+def too_short(name: str, used: NDArray[np.bool_], when: str = "") -> str:
+    """Return why a press with these fitted instants is not usable; empty if it is."""
+    count = int(used.sum())
+    if count >= MIN_INSTANTS:
+        return ""
+    return (
+        f"press {name}: the key moves freely in only {count} steps of {STEP * 1e3:.3g} ms{when},"
+        f" and {MIN_INSTANTS} are needed"
     )
 
 
