@@ -26,7 +26,7 @@ from sautereau.analysis.identify.fit import (
     spread,
 )
 from sautereau.analysis.identify.fixed import ScoreTest
-from sautereau.analysis.identify.observed import MIN_INSTANTS, Observed
+from sautereau.analysis.identify.observed import Observed, too_short
 from sautereau.analysis.identify.parameter_names import ENDS, FINGERTIP, FORCE, INERTIA
 from sautereau.analysis.identify.parameters import Parameter, Prior
 from sautereau.analysis.identify.quality import quality
@@ -113,10 +113,11 @@ def _with_mode(fitted: Fit) -> InverseDynamics | None:
         Parameter(FINGERTIP, "", tip, *ends, tip, FINGERTIP_STD, hidden=True),
     ]
     free += [new for new in unknown if all(p.name != new.name for p in free)]
-    presses = _before_release(dynamics.presses)
+    presses, short = before_release(dynamics.presses)
     if not presses:
         return None
-    dynamics = InverseDynamics(dynamics.rig, free, presses, dynamics.level, dynamics.unusable)
+    unusable = (*dynamics.unusable, *short)
+    dynamics = InverseDynamics(dynamics.rig, free, presses, dynamics.level, unusable)
     found = _strongest(dynamics, number, fitted.free_offset)
     if found is None:
         return None
@@ -147,8 +148,8 @@ def _known(rig: Rig, number: int) -> tuple[float, float] | None:
     )
 
 
-def _before_release(presses: Sequence[Observed]) -> list[Observed]:
-    """Return each press up to its first release.
+def before_release(presses: Sequence[Observed]) -> tuple[list[Observed], list[str]]:
+    """Return each press up to its first release, and why others are not usable.
 
     After the release the key springs up and loses the jack. The jack falls back onto it, and the
     impact excites the modes.
@@ -159,7 +160,9 @@ def _before_release(presses: Sequence[Observed]) -> list[Observed]:
     ]
     # Presses of one length keep the same length.
     cut = [p.until(max(ends), end) for p, end in zip(presses, ends, strict=True)]
-    return [press for press in cut if press.used.sum() >= MIN_INSTANTS]
+    faults = [too_short(p.name, p.used, " before its first release") for p in cut]
+    usable = [press for press, fault in zip(cut, faults, strict=True) if not fault]
+    return usable, [f"{fault}; on a compliant key, press more slowly" for fault in faults if fault]
 
 
 def _strongest(dynamics: InverseDynamics, number: int, free_offset: bool) -> Mode | None:

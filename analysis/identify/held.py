@@ -8,20 +8,22 @@ modes n at the plucking point have the shapes s_n and the masses m, and obey
     m (q_n'' + w_n^2 q_n) = s_n N,    d = sum of s_n (s_n N / (m w_n^2) - q_n).
 
 N depends on d itself. The mean slope of N over h is part of the modes that are computed, those of
-the string on the plectrum; the remainder is found by iteration.
+the string on the plectrum; the remainder is found by iteration. Their response to a force is its
+convolution with a response that all presses of a string have in common.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from sautereau.analysis.identify.elastic import oscillation
+from sautereau.analysis.identify.elastic import LARGEST_STEP
 from sautereau.analysis.identify.parameter_names import OUTWARD, VIBRATION
 from sautereau.analysis.model.choirs import choir_pluck
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.string.string import ModalString
-from sautereau.rig.instrument import Choir
+from sautereau.rig.instrument import Choir, String
 from sautereau.trajectory.motion import Floats
 
 HIGHEST = 1500.0
@@ -32,6 +34,7 @@ HIGHEST = 1500.0
 class HeldString:
     """The force of a string on its jack."""
 
+    string: String
     pluck: Pluck
     """The quasi-static pluck."""
     outward: Pluck | None
@@ -41,11 +44,7 @@ class HeldString:
     vibration: float
     """Vibration of the string divided by that of an undamped string."""
     slope: float
-    """N/m, mean slope of the force on the height, times `vibration`."""
-    flexibility: float
-    """m/N, static flexibility of the modes."""
-    modes: tuple[tuple[float, float], ...]
-    """Frequency [Hz] and flexibility [m/N] of the modes of the string on the plectrum."""
+    """N/m, mean slope of the force on the height."""
 
     def force(self, height: Floats, behind: Floats) -> Floats:
         """Return the downward force [N] on a jack.
@@ -68,13 +67,18 @@ class HeldString:
             before: m, the result for the force of the previous iteration, shape (n,).
             step: s, time between values.
         """
-        if not self.vibration:
-            return np.zeros_like(force)
-        free = 1 - self.slope * self.flexibility
-        push = (force - self.slope * before / self.vibration) / free
-        found = self.flexibility * push
-        for frequency, flexibility in self.modes:
-            found -= flexibility / free * oscillation(push, frequency, 0.0, step)[0]
+        found, push = np.zeros_like(force), force - self.slope * before
+        if self.vibration and push.any():
+            first = int(np.argmax(push != 0))
+            count = len(push) - first
+            size = 1 << count.bit_length()
+            own = _response(
+                self.string,  # pyright: ignore[reportArgumentType]
+                self.vibration * self.slope,
+                step,
+                size,
+            )
+            found[first:] = np.convolve(push[first:], own[:count])[:count]
         return self.vibration * found
 
 
@@ -89,21 +93,36 @@ def held_string(choir: Choir, pluck: Pluck, level: str, values: Mapping[str, flo
     """
     share, vibration = values.get(OUTWARD, 0.0), values.get(VIBRATION, 0.0)
     rubs = share > 0 and choir.plectrum.friction > 0
-    string = ModalString(choir.string, max(1, round(HIGHEST / choir.string.frequency)))
-    flexibility = float(np.sum(string.shape**2 / (string.mass * string.omega**2)))
-    slope = vibration * float(pluck.vertical_force[-1]) / pluck.release_height
-    joined = slope / (1 - slope * flexibility) / string.mass
-    squares, shapes = np.linalg.eigh(
-        np.diag(string.omega**2) + joined * np.outer(string.shape, string.shape)
-    )
-    frequencies = np.sqrt(squares) / (2 * np.pi)
-    own = (string.shape @ shapes) ** 2 / (string.mass * squares)
-    return HeldString(
-        pluck,
-        choir_pluck(choir, level, sticks=False) if rubs else None,
-        share,
-        vibration,
-        slope,
-        flexibility,
-        tuple(zip(frequencies.tolist(), own.tolist(), strict=True)),
-    )
+    outward = choir_pluck(choir, level, sticks=False) if rubs else None
+    slope = float(pluck.vertical_force[-1]) / pluck.release_height
+    return HeldString(choir.string, pluck, outward, share, vibration, slope)
+
+
+@lru_cache(maxsize=32)
+def _response(string: String, slope: float, step: float, count: int) -> Floats:
+    """Return how far a string on a spring is behind after a force of 1 N during one step.
+
+    A mode responds as by the bilinear transform, which is exact for slow forces and at the
+    frequency of the mode.
+
+    Args:
+        string: The string.
+        slope: N/m, of the spring.
+        step: s.
+        count: Number of steps.
+
+    Returns:
+        m, shape (count,).
+    """
+    modal = ModalString(string, max(1, round(HIGHEST / string.frequency)))
+    flexibility = float(np.sum(modal.shape**2 / (modal.mass * modal.omega**2)))
+    free = 1 - slope * flexibility
+    joined = slope / free / modal.mass * np.outer(modal.shape, modal.shape)
+    squares, shapes = np.linalg.eigh(np.diag(modal.omega**2) + joined)
+    own = (modal.shape @ shapes) ** 2 / (modal.mass * squares)
+    turn = np.minimum(np.sqrt(squares) * step, 2 * LARGEST_STEP)
+    modes = np.sin(turn)[:, None] * np.sin(np.outer(turn, np.arange(count)))
+    modes[:, 0] = (1 - np.cos(turn)) / 2
+    found = -(own / free) @ modes
+    found[0] += flexibility
+    return found / free

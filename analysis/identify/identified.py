@@ -162,7 +162,7 @@ def evaluate(fitted: Fit) -> Identified:
     good = replace(good, reasons=(*good.reasons, *_doubts(fitted, suggested)))
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
     names, hidden_prior = [p.name for p in found.free], prior[found.nuisances]
-    known = Information(names, rows, hidden_prior, np.abs(moved))
+    known = Information(names, rows, prior, np.abs(moved))
     estimates = [
         _estimate(found, k, float(values[k]), float(stds[k]), known, fits=good.fits) for k in shown
     ]
@@ -258,7 +258,7 @@ def _estimate(
         number: Number of the parameter.
         value: SI, fitted value.
         relative_std: Standard uncertainty from data and priors, divided by the scale.
-        known: What the data say without the priors of the results.
+        known: What the data and the priors say.
         fits: Whether the model fits.
     """
     parameter, scale = found.free[number], float(found.scales[number])

@@ -53,14 +53,15 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Information:
-    """What recordings say about the parameters of a fit, without priors on the results."""
+    """What recordings and priors say about the parameters of a fit."""
 
     names: Sequence[str]
     """Names of all parameters."""
     data: Floats
     """Derivatives of independent residuals by the scaled parameters, shape (n, parameters)."""
     prior: Floats
-    """Derivatives of the hidden parameters' priors, shape (priors, parameters)."""
+    """Derivatives of the priors, shape (priors, parameters). That of a parameter does not count for
+    its own uncertainty."""
     lacking: Floats
     """Uncertainty of the scaled parameters that no residual shows, shape (parameters,)."""
 
@@ -73,7 +74,8 @@ class Information:
             presses: Ratio of the number of presses to that of the recorded ones.
         """
         kept = [k for k in range(len(self.names)) if k not in known]
-        rows = np.vstack([np.sqrt(presses) * self.data, self.prior])
+        prior = self.prior[self.prior[:, number] == 0]
+        rows = np.vstack([np.sqrt(presses) * self.data, prior])
         covariance, determined = covariance_of(rows[:, kept])
         at = kept.index(number)
         if not determined[at]:

@@ -112,13 +112,13 @@ class Observed:
             phase=self.phase[:count],
         )
 
-    def smoothed(self, values: Floats) -> Floats:
-        """Return values given at `substep_time`, smoothed, at the instants."""
-        reach = (len(values) - 1 - SUBSTEPS * (len(self.time) - 1)) // 2
+    def smoothed(self, rows: Floats) -> Floats:
+        """Return rows of values given at `substep_time`, smoothed, at the instants."""
+        reach = (rows.shape[1] - 1 - SUBSTEPS * (len(self.time) - 1)) // 2
         weights = 1 - (np.arange(-reach, reach + 1) * self.step / SUBSTEPS / (WINDOW / 2)) ** 2
         weights = np.maximum(weights, 0.0)
-        smoothed = np.convolve(values, weights / weights.sum(), "valid")[::SUBSTEPS]
-        return np.asarray(smoothed, float)
+        smoothed = [np.convolve(row, weights / weights.sum(), "valid")[::SUBSTEPS] for row in rows]
+        return np.stack(smoothed)
 
 
 def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
@@ -168,12 +168,8 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     landed = landing(press.rig.key, time[at], motion, contact)
     if landed is not None:
         used &= time[at] > landed + WINDOW / 2 + shift
-    if used.sum() < MIN_INSTANTS:
-        raise AnalysisError(
-            f"press {press.path}: the key moves freely in only {int(used.sum())} steps of"
-            f" {STEP * 1e3:.3g} ms, and {MIN_INSTANTS} are needed; check whether the key was"
-            " pressed"
-        )
+    if fault := too_short(str(press.path), used):
+        raise AnalysisError(f"{fault}; check whether the key was pressed")
     return Observed(
         name=press.path.name,
         step=step,
@@ -197,6 +193,17 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         noise=noise_at_rest(
             press.rate, time, pushed, every, clear_of_flags(press, time, WINDOW / 2)
         ),
+    )
+
+
+def too_short(name: str, used: NDArray[np.bool_], when: str = "") -> str:
+    """Return why a press with these fitted instants is not usable; empty if it is."""
+    count = int(used.sum())
+    if count >= MIN_INSTANTS:
+        return ""
+    return (
+        f"press {name}: the key moves freely in only {count} steps of {STEP * 1e3:.3g} ms{when},"
+        f" and {MIN_INSTANTS} are needed"
     )
 
 

@@ -71,8 +71,18 @@ class InverseDynamics:
     ):
         self.rig, self.free, self.presses, self.level = rig, tuple(free), tuple(presses), level
         self.unusable = tuple(unusable)
-        self._states: dict[tuple[float, ...], list[_PressState]] = {}
+        self._states: dict[tuple[float, ...], _State] = {}
         self._nominal, self._record = _inertia_over_arm(rig), shortest_record(presses)
+        rows = [np.stack([*p.motion, p.lagged_force])[:, p.used] for p in self.presses]
+        *motion, self._lagged = np.concatenate(rows, axis=1)
+        self._motion, count = Motion(*motion), len(choirs(rig))
+        released = [
+            np.stack([p.release_angles, p.release_speeds, p.release_stds])[:, :count]
+            for p in self.presses
+        ]
+        self._angles, self._speeds, self.rise_stds = np.concatenate(released, axis=1)
+        """`rise_stds`: m, standard uncertainty of the rise at each modelled release."""
+        self._orders = np.concatenate([np.arange(part.shape[1]) for part in released])
 
     def with_free(self, free: Sequence[Parameter]) -> "InverseDynamics":
         """Return the same dynamics with other fitted parameters."""
@@ -88,12 +98,6 @@ class InverseDynamics:
         """N, RMS residual caused by noise at rest, for the rig's inertia; None without a rest."""
         noises = [p.noise.of_load(self._nominal) for p in self.presses if p.noise is not None]
         return float(np.sqrt(np.mean(np.square(noises)))) if noises else None
-
-    @property
-    def rise_stds(self) -> Floats:
-        """m, standard uncertainty of the rise at each modelled release; shape (releases,)."""
-        count = len(choirs(self.rig))
-        return np.concatenate([press.release_stds[:count] for press in self.presses])
 
     def residuals(self, point: Floats) -> tuple[list[Floats], Floats]:
         """Return measured minus modelled values.
@@ -118,40 +122,35 @@ class InverseDynamics:
         )
         modes = modes_of(values)
         inertia, amplified = _inertia_over_arm(rig), noise_gain(modes, self._record)
+        state = self._state(rig, strings, values)
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
-        forces, rises = [], []
-        for press, state in zip(
-            self.presses, self._press_states(rig, strings, values), strict=True
-        ):
-            count = min(len(strings), len(press.release_angles))
-            measured = rise_of_angle(rig.key, gain * press.release_angles[:count])
-            measured = measured - press.release_speeds[:count] * lag + state.extra_rise[:count]
-            motion = Motion(
-                *(gain * m - bent for m, bent in zip(press.motion, state.bending, strict=True))
-            )
-            # Compare in units of the measured force: its noise does not depend on the gain.
-            force, required = state.measured, finger_force(rig, motion, state.strings)
-            slid = force * (sliding[0] * force + sliding[1] * press.lagged_force)
-            residual = (force + slid - required / force_gain)[press.used]
+        measured = rise_of_angle(rig.key, gain * self._angles) - self._speeds * lag
+        rises = (measured + state.extra_rise - modelled[self._orders]) / self.rise_stds
+        motion = Motion(
+            *(gain * m - bent for m, bent in zip(self._motion, state.bending, strict=True))
+        )
+        # Compare in units of the measured force: its noise does not depend on the gain.
+        force, required = state.measured, finger_force(rig, motion, state.strings)
+        slid = force * (sliding[0] * force + sliding[1] * self._lagged)
+        residual = force + slid - required / force_gain
+        forces = np.split(residual, np.cumsum([p.used.sum() for p in self.presses])[:-1])
+        for press, own in zip(self.presses, forces, strict=True):
             if modes and press.noise is not None:
                 # Otherwise a small inertia would fit best because it hides the noise.
                 noises = press.noise.of_load(self._nominal), press.noise.of_load(inertia, amplified)
-                stated, own = np.hypot(noises, self.floor)
-                residual *= stated / own
-            forces.append(residual)
-            rises.append((measured - modelled[:count]) / press.release_stds[:count])
-        return forces, np.concatenate(rises)
+                stated, changed = np.hypot(noises, self.floor)
+                own *= stated / changed
+        return forces, rises
 
-    def _press_states(
+    def _state(
         self, rig: Rig, strings: "Sequence[_String]", values: Mapping[str, float]
-    ) -> "list[_PressState]":
+    ) -> "_State":
         """Return the state of all presses; points with equal string forces share it."""
-        modes = modes_of(values)
-        beside = NOT_OF_STRINGS if modes else NOT_OF_STRINGS | NOT_OF_RIGID_KEY
+        beside = NOT_OF_STRINGS if modes_of(values) else NOT_OF_STRINGS | NOT_OF_RIGID_KEY
         own = tuple(value for name, value in values.items() if name not in beside)
         found = self._states.pop(own, None)
         if found is None:
-            found = [_press_state(rig, strings, press, values) for press in self.presses]
+            found = _joined([_state(rig, strings, press, values) for press in self.presses])
         self._states[own] = found
         if len(self._states) > CACHED_POINTS:
             self._states.pop(next(iter(self._states)))
@@ -179,8 +178,8 @@ class _String:
 
 
 @dataclass(frozen=True)
-class _PressState:
-    """Effects of strings and modes in one press, smoothed, at its n instants."""
+class _State:
+    """Effects of strings and modes in presses, smoothed, at their n fitted instants."""
 
     measured: Floats
     """N, measured force; shape (n,)."""
@@ -189,7 +188,13 @@ class _PressState:
     bending: Floats
     """rad, contribution of the modes to the key angle, with its derivatives; shape (3, n)."""
     extra_rise: Floats
-    """m, contribution of modes and cloth to the first jack's rise at each release."""
+    """m, contribution of modes and cloth to the first jack's rise at each modelled release."""
+
+
+def _joined(states: "Sequence[_State]") -> _State:
+    """Return the state of presses from those of each."""
+    parts = zip(*(vars(state).values() for state in states), strict=True)
+    return _State(*(np.concatenate(part, axis=-1) for part in parts))
 
 
 def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float) -> list[_String]:
@@ -236,51 +241,58 @@ def _further(choir: Choir, number: int, values: Mapping[str, float], friction: f
     )
 
 
-def _press_state(
+def _state(
     rig: Rig, strings: Sequence[_String], press: Observed, values: Mapping[str, float]
-) -> _PressState:
-    """Return the state of one press; a string is held until its measured release."""
+) -> _State:
+    """Return the state of one press; a string is held until its measured release.
+
+    A string that is still held after its modelled release keeps the force of that instant. The
+    residual is then a smooth function of the parameters; the release is compared by its rise.
+    """
     lag, cloth, modes = values.get(TIME, 0.0), values.get(CLOTH, 0.0), modes_of(values)
-    angle = values.get(VELOCITY_GAIN, 1.0) * press.substep_angle
+    angle, step = values.get(VELOCITY_GAIN, 1.0) * press.substep_angle, press.step / SUBSTEPS
+    risen = [rise_of_angle(string.key, angle) for string in strings]
     releases, key, damped = press.releases - lag, rig.key, values.get(DAMPER, 0.0)
     higher = values[DAMPER_LIFT] - rig.jack.damper.lift if rig.jack.damper and damped else 0.0
-    lasts = np.searchsorted(press.substep_time, releases).tolist()
-
-    def forces(rigid: Floats, rise: Floats | float, before: Floats) -> Floats:
-        """Return the forces [N] of strings and dampers on the jacks, and how far the strings are
-        behind [m]; shape (2, choirs, n).
-
-        `before` is the result of the previous iteration. A string that is still held after its
-        modelled release keeps the force of that instant. The residual is then a smooth function of
-        the parameters; the release is compared by its rise.
-        """
-        found = np.zeros_like(before)
-        for at, string in enumerate(strings):
-            choir, (own, behind) = string.choir, found[:, string.number]
-            height = rise_of_angle(string.key, rigid) + choir.jack_arm * rise
-            height = height - cloth * before[0, string.number]
-            if at < len(lasts):
-                last = lasts[at]
-                known, bent = before[1, string.number, :last], height - choir.jack.string_clearance
-                own[:last] = string.held.force(bent[:last], known)
-                behind[:last] = string.held.behind(own[:last], known, press.step / SUBSTEPS)
-            if damped and (damper := choir.jack.damper) is not None:
-                lift = damper.lift + higher
-                own -= damped * damper.stiffness * np.maximum(lift - height, 0.0)
-        return found
-
-    pushing = forces(angle, 0.0, np.zeros((2, len(strings), len(angle))))
+    lasts = np.searchsorted(press.substep_time, releases)[: len(strings)].tolist()
+    lasts += [0] * (len(strings) - len(lasts))
     arms = np.array([choir.jack_arm for choir in choirs(rig)])
     inertia, gain = _inertia_over_arm(rig) * key.press_arm, values.get(FORCE_GAIN, 1.0)
     bending = Bending(modes, press, lag, gain, key.press_arm, inertia)
-    bent, rise, before = np.zeros((3, len(angle))), np.zeros(len(angle)), pushing
-    for _ in range(ITERATIONS):
-        bent, rise = bending.by(arms @ (pushing[0] - pushing[0, :, :1]))
-        before, pushing = pushing, forces(angle - bent[0], rise, pushing)
-    extra = key.jack_arm * (rise - bent[0]) - cloth * before[0, 0]
-    return _PressState(
-        press.force(lag),
-        np.stack([press.smoothed(force) for force in pushing[0]]),
-        np.stack([press.smoothed(row) for row in bent]),
-        np.interp(releases, press.substep_time, extra),
+    bent, rise = np.zeros((3, len(angle))), np.zeros(len(angle))
+    before = pushing = np.zeros((len(strings), len(angle)))
+    held = behind = [np.zeros(last) for last in lasts]
+    for iteration in range(1 + ITERATIONS):
+        if iteration:
+            behind = [
+                string.held.behind(own, known, step)
+                for string, own, known in zip(strings, held, behind, strict=True)
+            ]
+            if modes:
+                bent, rise = bending.by(arms @ (pushing - pushing[:, :1]))
+                risen = [
+                    rise_of_angle(string.key, angle - bent[0]) + string.choir.jack_arm * rise
+                    for string in strings
+                ]
+        heights = [
+            height - cloth * pushing[string.number]
+            for string, height in zip(strings, risen, strict=True)
+        ]
+        held = [
+            string.held.force(height[: len(known)] - string.choir.jack.string_clearance, known)
+            for string, height, known in zip(strings, heights, behind, strict=True)
+        ]
+        before, pushing = pushing, np.zeros_like(pushing)
+        for string, height, own in zip(strings, heights, held, strict=True):
+            pushing[string.number, : len(own)] = own
+            if damped and (damper := string.choir.jack.damper) is not None:
+                lowered = np.maximum(damper.lift + higher - height, 0.0)
+                pushing[string.number] -= damped * damper.stiffness * lowered
+    extra = key.jack_arm * (rise - bent[0]) - cloth * before[0]
+    count = min(len(strings), len(press.release_angles))
+    return _State(
+        press.force(lag)[press.used],
+        press.smoothed(pushing)[:, press.used],
+        press.smoothed(bent)[:, press.used] if modes else np.zeros((3, int(press.used.sum()))),
+        np.interp(releases[:count], press.substep_time, extra),
     )

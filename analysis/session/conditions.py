@@ -144,12 +144,19 @@ def _condition(
     prediction = comparison = spread = None
     predicted: dict[str, float] = {}
     warnings = []
-    if stopped:
-        names = ", ".join(press.press.path.name for press in stopped)
-        warnings.append(
-            f"not compared: {names}: the jack stops or turns back while its string is held, or is"
-            " recorded in too few samples; press without a stop"
-        )
+    silent = [press for press in known if not press.phases.plucks]
+    for omitted, reason in (
+        (
+            stopped,
+            "the jack stops or turns back while its string is held, or is recorded in too few"
+            " samples; press without a stop",
+        ),
+        # Without any pluck the comparison itself gives the reason.
+        (silent if len(silent) < len(known) else [], "no pluck was found; see `sautereau phases`"),
+    ):
+        if omitted:
+            names = ", ".join(press.press.path.name for press in omitted)
+            warnings.append(f"not compared: {names}: {reason}")
     poor = sum(bool(p.phases.fit and p.phases.fit.verdict == "poor") for p in known)
     if poor:
         warnings.append(

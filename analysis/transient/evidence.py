@@ -176,7 +176,7 @@ def _bounds(
                 f" the released phase is examined from {touching[0] * 1e3:.5g} ms"
             )
         found.append(("released", touching[0], min(touching[1], touching[0] + LONGEST)))
-    return [(phase, start, stop) for phase, start, stop in found if stop > start]
+    return [(phase, start, max(start, stop)) for phase, start, stop in found]
 
 
 def _touching(time: Floats, touching: np.ndarray, start: float, stop: float) -> tuple[float, float]:

@@ -59,7 +59,7 @@ class Fit(Shown):
 
     @property
     def identifiable(self) -> dict[str, bool]:
-        """Whether the recordings alone determine each parameter."""
+        """Whether the recordings determine each parameter without its own prior."""
         return {e.name: e.identifiable for e in self.found.estimates}
 
     @property

@@ -9,8 +9,10 @@ from benchmarks.identify import FREE, outcomes, simulated_cases
 from benchmarks.simulated import sensed
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.fit import fit_figure
+from sautereau.analysis.identify.compliant import before_release
 from sautereau.analysis.identify.fit import fit, inverse_dynamics, refined
 from sautereau.analysis.identify.identified import evaluate, identify
+from sautereau.analysis.identify.observed import observed
 from sautereau.analysis.identify.parameters import Prior, rig_values, value_of, with_parameters
 from sautereau.analysis.identify.profile import profile
 from sautereau.analysis.model.predict import predict
@@ -237,6 +239,19 @@ def test_a_press_that_cannot_be_fitted_is_omitted_with_a_warning(two):
     assert warning.startswith(f"not fitted: press {still.path}: the key moves freely in only 0")
     assert found.presses == alone.presses
     assert found.estimates == alone.estimates
+
+
+def test_a_press_that_is_too_short_before_its_release_is_named(two):
+    """A compliant key is fitted before its release only."""
+    long, short = (observed(press, found) for press, found in zip(*two, strict=True))
+    late = short.used & (short.time > short.releases[0])
+    usable, faults = before_release([long, replace(short, used=late)])
+    assert [press.name for press in usable] == [long.name]
+    assert faults == [
+        f"press {short.name}: the key moves freely in only 0 steps of 0.5 ms before its first"
+        " release, and 20 are needed; on a compliant key, press more slowly"
+    ]
+    assert before_release([long])[1] == []
 
 
 def test_presses_of_different_instruments_are_refused(two):

@@ -30,6 +30,15 @@ def test_the_measurement_that_helps_is_listed_with_its_result():
     assert information(lacking=1.0).measurements(0, scale=1.0) == ()
 
 
+def test_the_measurement_that_is_asked_for_helps_once_it_is_given():
+    """The prior of another parameter counts, and that of the parameter itself does not."""
+    data, prior = np.array([[100.0, 100.0, 0.0]]), np.diag([1e4, 500.0, 50.0])
+    known = Information(NAMES, data, prior, np.zeros(3))
+    assert known.std(0) == pytest.approx(np.hypot(0.01, 1 / 500))
+    assert known.std(1) == pytest.approx(np.hypot(0.01, 1e-4))
+    assert known.measurements(0, scale=1.0)[0].what.startswith("record")
+
+
 def test_a_number_that_acts_alike_without_a_prior_leaves_a_result_undetermined():
     data, prior = np.diag([100.0, 0.0, 0.0]), np.diag([0.0, 0.0, 50.0])
     data[0, 1] = 100.0

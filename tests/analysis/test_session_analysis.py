@@ -80,6 +80,17 @@ def test_what_the_model_cannot_predict_is_not_compared(four):
     assert "contact and release are doubtful in 1 of 3 presses" in text
 
 
+def test_a_press_without_a_pluck_is_named_where_others_have_one(four):
+    presses = list(four[1])
+    silent = replace(presses[1].phases, plucks=())
+    path = presses[1].press.path.with_name("silent.mcap")
+    press = replace(presses[1].press, path=path)
+    presses[1] = replace(presses[1], speed=None, press=press, phases=silent)
+    (condition,) = analyse(presses).conditions
+    assert condition.comparison.presses == 3
+    assert "not compared: silent.mcap: no pluck was found" in "\n".join(condition.warnings)
+
+
 def test_presses_without_an_arm_have_no_plan_to_repeat(four):
     imported = varied(four[1], controller="imported from a.csv", daq="imported from a.csv")
     (condition,) = analyse(imported).conditions

@@ -54,7 +54,7 @@ class Pluck(Curve):
     @cached_property
     def work(self) -> float:
         """J, of the jack against string and plectrum, from contact to release."""
-        return sum(float(spline.integrate(*spline.x[[0, -1]])) for spline in self._splines)
+        return float(self._spline.integrate(*self._spline.x[[0, -1]]))
 
     @property
     def release_slopes(self) -> tuple[float, float]:
@@ -73,21 +73,21 @@ class Pluck(Curve):
         """Return the string's downward force [N] at heights [m]; zero off the string."""
         height = np.asarray(height, float)
         found = np.zeros_like(height)
-        for spline in self._splines:
-            within = (height >= spline.x[0]) & (height <= spline.x[-1])
-            found[within] = spline(height[within])
+        within = (height >= 0) & (height <= self.release_height)
+        found[within] = self._spline(height[within])
         return found
 
     @cached_property
-    def _splines(self):
-        from scipy.interpolate import CubicSpline, PchipInterpolator
+    def _spline(self):
+        from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
         ends = [*(start + 1 for start in self.stretches[1:]), len(self.height)]
         parts = [slice(a, b) for a, b in zip(self.stretches, ends, strict=True)]
         force = self.vertical_force
         # At a fold the slope of the force is infinite, where a smooth spline would oscillate.
         spline = PchipInterpolator if self.released_at_fold else CubicSpline
-        return [spline(self.height[part], force[part]) for part in parts]
+        splines = [spline(self.height[part], force[part]) for part in parts]
+        return PPoly(np.concatenate([s.c for s in splines], axis=1), self.height)
 
 
 def solve_pluck(
