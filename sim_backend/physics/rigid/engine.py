@@ -28,8 +28,6 @@ from sautereau.sim_backend.scene import Scene
 
 MOST_EVENTS = 1000
 """Events in one controller sample above which the simulation counts as diverged."""
-ROUNDING = 1e-17
-"""rad, rad/ms and rad/ms^2, change in a sample below which a key is at rest."""
 
 Row = tuple[float, float, float, float, float, float]
 """Quantities of `Motions`, with the time in ms into the controller sample."""
@@ -59,7 +57,7 @@ class RigidWorld(World):
         self._period = rig.controller.sample_period * MM
         self._step = self._ahead = self._engine_step = self._division.step()
         self._fresh = False
-        self._state = self._key.state()
+        self._state: tuple[float, ...] = ()
         self._still = False
         self._elapsed = 0.0
         self._rows: list[Row] = []
@@ -312,8 +310,7 @@ class RigidWorld(World):
         before, self._state = self._state, key.state()
         unloaded = (jack.standing and jack.unloaded for jack in self._jacks)
         # A key at rest that a sample has not changed is not changed by the next one either.
-        changes = (abs(now - then) for now, then in zip(self._state, before, strict=True))
-        self._still = max(changes) < ROUNDING and all(unloaded)
+        self._still = self._state == before and all(unloaded)
 
     def _diverged(self) -> SceneError:
         return SceneError(
