@@ -280,7 +280,7 @@ class Terminal:
     def close(self):
         if self.slave is not None:
             os.write(self.slave, b"END\r")
-        self.thread.join(timeout=5)
+        self.thread.join(timeout=60)
         if self.slave is not None:
             os.close(self.slave)
             os.close(self.master)
