@@ -6,6 +6,7 @@ Fixtures import what they need, since the process that starts the workers of xdi
 import gc
 import importlib
 import os
+import signal
 import sys
 import tempfile
 import tomllib
@@ -27,6 +28,8 @@ from tests.pages import Page, read_page
 def pytest_configure(config: pytest.Config) -> None:
     """Let hypothesis try many examples where slow tests are selected; collect garbage rarely."""
     gc.set_threshold(50_000)  # imports and tests make many objects that stay
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell starts what runs behind it
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     settings.load_profile("few" if config.option.markexpr == "not slow" else "many")
 
 

@@ -15,7 +15,6 @@ QUICK = {
     "controller.timeout": "20 s",
     "arm.approach_speed": "5 rad/s",
     "press.approach_speed": "0.3 m/s",
-    "press.return_acceleration": "1.4 m/s^2",
 }
 """Values of a rig: a timeout for a busy machine, and a short way to the key."""
 QUICK_TEXT = edited_text(
