@@ -101,7 +101,7 @@ with OdriveController(rig) as controller, controller.powered():
 """
 
 
-def until(reached, limit=20.0):
+def until(reached, limit=60.0):
     """Wait until a condition is reached."""
     end = time.monotonic() + limit
     while not reached():
