@@ -33,7 +33,7 @@ class PrescribedFinger(SteppedFinger):
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         """Adopt the reference of a controller sample and of the next; see `SteppedFinger`."""
-        # As `joint_cubics`, in plain floats: numpy takes three times as long for two samples.
+        # As `joint_cubics`, in plain floats: numpy takes twice as long for two samples.
         places, speeds = ((table * self._radians).tolist() for table in reference(_ENDS))
         self._cubics = []
         for i in (0, 1):
