@@ -41,6 +41,7 @@ def _unit(text: str):
     return unit
 
 
+@lru_cache(maxsize=4096)
 def parse_quantity(text: str, unit: str) -> float:
     """Read a quantity such as ``"14 mm"`` and return its value in ``unit``.
 

@@ -1,12 +1,15 @@
-"""Shared by all tests: a server of commands, and sessions made of one press of the stand-in."""
+"""Shared by all tests: a server of commands, and sessions made of one press of the stand-in.
+
+Fixtures import what they need, since the process that starts the workers of xdist needs none of it.
+"""
 
 import gc
 import importlib
 import os
+import signal
 import sys
 import tempfile
 import tomllib
-from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -14,61 +17,19 @@ from typing import Any
 # As the commands do: other threads of BLAS wait in busy loops, which slows the other workers.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import numpy as np
 import pytest
 from hypothesis import settings
 
-from benchmarks.simulated import acquired
-from sautereau.daq.file.recorded import Block, Recorded
-from sautereau.daq.file.recording import Recording
-from sautereau.rig.load import load_rig
-from sautereau.rig.schema import Rig
-from sautereau.sim_backend.physics.observation import observe
-from sautereau.sim_backend.scene import load_scene
 from tests import budget  # noqa: F401 (it registers the profiles)
 from tests.forked import CommandServer
 from tests.pages import Page, read_page
 
 
-@dataclass(frozen=True)
-class SessionWriter:
-    """Writes recordings that differ in their noise and in their metadata."""
-
-    one: Recorded
-
-    def __call__(
-        self,
-        folder: Path,
-        n: int,
-        *,
-        first: int = 1,
-        rig: Rig | None = None,
-        events: tuple[tuple[str, str], ...] = (),
-        noise: float = 1e-3,
-        scale: float = 1.0,
-        **metadata: object,
-    ) -> list[Path]:
-        """Write n presses into a folder; `noise` is in V, `scale` multiplies all volts."""
-        folder.mkdir(parents=True, exist_ok=True)
-        paths = []
-        rig = rig or self.one.rig
-        volts = np.stack([self.one.volts[channel.name] for channel in self.one.rig.daq.channels])
-        for number in range(first, first + n):
-            random = np.random.default_rng(number)
-            session = replace(self.one.session, press=number, item=number, **metadata)
-            path = folder / f"press-{number:04d}.mcap"
-            with Recording(path, rig, session=session, rate=self.one.rate) as recording:
-                noisy = scale * volts + noise * random.standard_normal(volts.shape)
-                recording.write_block(Block(self.one.first_sample, noisy))
-                recording.event("trigger", "edge on PFI0", 0.0)
-                for kind, text in events:
-                    recording.event(kind, text, 0.0)
-            paths.append(path)
-        return paths
-
-
 def pytest_configure(config: pytest.Config) -> None:
-    """Let hypothesis try many examples where slow tests are selected."""
+    """Let hypothesis try many examples where slow tests are selected; collect garbage rarely."""
+    gc.set_threshold(50_000)  # imports and tests make many objects that stay
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell starts what runs behind it
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     settings.load_profile("few" if config.option.markexpr == "not slow" else "many")
 
 
@@ -115,6 +76,8 @@ def command_server(request):
 @pytest.fixture(scope="session")
 def paper():
     """The packaged rig."""
+    from sautereau.rig.load import load_rig
+
     return load_rig("paper")
 
 
@@ -167,7 +130,8 @@ def follow(tmp_path, monkeypatch, install):
 
 
 @pytest.fixture(scope="session")
-def write_session() -> SessionWriter:
+def write_session():
     """Write sessions from one press of the scene `ideal`, simulated without the devices."""
-    rig, scene = load_rig(), load_scene("ideal")
-    return SessionWriter(acquired(rig, scene, observe(rig, scene))[0])
+    from tests.sessions import session_writer
+
+    return session_writer()

@@ -1,15 +1,27 @@
 """Presses on the stand-in, over the real pyserial and nidaqmx, and what makes them quick."""
 
 from dataclasses import replace
+from importlib import resources
+from pathlib import Path
 
+from sautereau.rig.edit import edited_text
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 
-QUICK = {"controller.timeout": "20 s", "arm.approach_speed": "5 rad/s"}
+QUICK = {
+    "controller.timeout": "20 s",
+    "arm.approach_speed": "5 rad/s",
+    "press.approach_speed": "0.3 m/s",
+}
 """Values of a rig: a timeout for a busy machine, and a short way to the key."""
+QUICK_TEXT = edited_text(
+    resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8"),
+    *("paper", Path(), QUICK),
+)
+"""The packaged rig's file with these values."""
 MUTE_TEXT = """
 finger = "ideal"
 plectrum = "none"

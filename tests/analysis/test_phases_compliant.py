@@ -52,17 +52,17 @@ def test_an_event_is_found_with_its_modes(other):
     ("name", "contact", "release"),
     [
         ("all stiff", 0.2, 0.05),
-        ("key bends at 350 Hz", 1.0, 0.1),
         ("key heaves at 120 Hz", 0.5, 0.1),
         ("jack on cloth of 15 kN/m", 0.5, 0.5),
         ("sampled at 5 kHz", 1.0, 0.2),
-        ("speckle 1 %", 1.0, 0.1),
         *(
             slow(*case)
             for case in (
                 ("key bends at 1200 Hz", 0.3, 0.2),
+                ("key bends at 350 Hz", 1.0, 0.1),
                 ("key bends at 220 Hz", 0.5, 0.1),
                 ("jack on cloth of 60 kN/m", 1.0, 0.3),
+                ("speckle 1 %", 1.0, 0.1),
             )
         ),
     ],

@@ -3,7 +3,6 @@
 import json
 import re
 import subprocess
-from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
-from tests.presses import MUTE_TEXT, QUICK, press_on
+from tests.presses import MUTE_TEXT, QUICK, QUICK_TEXT, press_on
 
 
 @pytest.fixture
@@ -52,9 +51,8 @@ def rig_file(tmp_path):
     """Write the rig with the values `QUICK` and lines replaced: rig_file(port='"..."')."""
 
     def write(**changes: str) -> Path:
-        text = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
-        text = text.replace('approach_speed = "0.5 rad/s"', 'approach_speed = "5 rad/s"')
-        for key, value in ({"timeout": '"20 s"'} | changes).items():
+        text = QUICK_TEXT
+        for key, value in changes.items():
             text, n = re.subn(
                 rf"(?m)^{key} = .*$", lambda _, k=key, v=value: f"{k} = {v}", text, count=1
             )

@@ -307,7 +307,7 @@ def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
             if "press-0002" in line:
                 break
         process.send_signal(number)
-        _, message = process.communicate(timeout=30)
+        _, message = process.communicate(timeout=100)
     assert process.returncode == 128 + number
     assert "interrupted" in message
     assert "Traceback" not in message
@@ -410,7 +410,7 @@ def test_plain_clients_press_against_a_served_stand_in(command_server, tmp_path,
             assert force == pytest.approx(0.728, rel=0.01)
         finally:
             server.send_signal(signal.SIGTERM)
-            assert server.wait(timeout=10) == 0
+            assert server.wait(timeout=60) == 0
 
 
 def test_learn_answers_the_keys_of_the_contract_and_its_correction_is_used(

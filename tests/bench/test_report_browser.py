@@ -165,11 +165,11 @@ def test_the_plot_zooms_by_buttons_and_by_mouse(page):
 
 def until(page, condition):
     """Wait for a condition; the page's security policy forbids Playwright's own function."""
-    for _ in range(400):
+    for _ in range(2400):
         if condition():
             return
         page.wait_for_timeout(25)
-    raise AssertionError("the condition was not fulfilled within 10 s")
+    raise AssertionError("the condition was not fulfilled within 60 s")
 
 
 DRAWN = """() => [...document.querySelectorAll('.plot')].every(plot =>

@@ -96,15 +96,12 @@ CODES = "MG _SCA,_SCB,_XQ0,wleft,wfault"
 AT_REST = ("MG _BGA,_BGB", " 0.0000 0.0000\r\n:")
 EDGES = (CODES, " 9.0000 9.0000 1.0000 9.0000 0.0000\r\n:")
 BOTH_EDGES = [("FE AB", ":"), ("BG AB", ":"), AT_REST, EDGES]
-SLOWLY = [
-    ("SP 3182,3182;AC 31744,31744;DC 31744,31744", ":::"),
-    ("DC 63661056,63661056", ":"),
-]
+SLOWLY = ("SP 3182,3182;AC 31744,31744;DC 63661056,63661056", ":::")
 APPROACH = [
-    *SLOWLY,
+    SLOWLY,
     *BOTH_EDGES,
     ("MG _HMA,_HMB", " 1.0000 0.0000\r\n:"),  # joint 2 came from above
-    *SLOWLY,
+    SLOWLY,
     ("FE B", ":"),
     ("BG B", ":"),
     AT_REST,
@@ -116,7 +113,7 @@ HOME = [
     *torque("4.9990", "2.9994"),
     ("FL 1018599,1018601;BL -1018585,-1018583", "::"),
     ("MG _FLA,_FLB,_BLA,_BLB", " 1018599.0000 1018601.0000 -1018585.0000 -1018583.0000\r\n:"),
-    ("SP 63660,63660;AC 635904,635904;DC 635904,635904", ":::"),
+    ("SP 63660,63660;AC 635904,635904;DC 63661056,63661056", ":::"),
     ("FE AB", ":"),
     ("BG AB", ":"),
     ("MG _BGA,_BGB", " 1.0000 1.0000\r\n:"),
@@ -283,7 +280,7 @@ class Terminal:
     def close(self):
         if self.slave is not None:
             os.write(self.slave, b"END\r")
-        self.thread.join(timeout=5)
+        self.thread.join(timeout=60)
         if self.slave is not None:
             os.close(self.slave)
             os.close(self.master)

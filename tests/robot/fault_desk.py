@@ -157,7 +157,7 @@ class Desk:
 
     def await_off(self) -> None:
         """Wait until the controller alone has switched the motors off."""
-        end = time.monotonic() + 20
+        end = time.monotonic() + 60
         while self.on and time.monotonic() < end:
             time.sleep(0.01)
 

@@ -18,12 +18,12 @@ def stop_after(controller, setpoints):
         calls.append(seconds)
         if len(calls) == setpoints:
             gate.set()
-            controller.driver.stream.cancelled.wait(5)
+            controller.driver.stream.cancelled.wait(60)
         wait(seconds)
 
     polling.sleep = sleep
     controller.start()
-    assert gate.wait(5)
+    assert gate.wait(60)
     return controller.stop()
 
 

@@ -44,7 +44,7 @@ def handle():
 
     yield make
     for thread in threads:
-        thread.join(timeout=5)
+        thread.join(timeout=60)
         assert not thread.is_alive()
     assert not wrong
 

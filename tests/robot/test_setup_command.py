@@ -2,7 +2,6 @@
 
 import io
 import json
-from importlib import resources
 
 import numpy as np
 import pytest
@@ -18,11 +17,10 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.step import Declined
 from tests.presses import MUTE_TEXT
+from tests.presses import QUICK_TEXT as TEXT
 from tests.taps import RATE, tapped
 
 SESSION = SessionInfo(1, "2026-01-01T00:00:00Z", simulated=True, controller="", daq="")
-TEXT = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
-TEXT = TEXT.replace('approach_speed = "0.5 rad/s"', 'approach_speed = "5 rad/s"')
 BARE = f'{MUTE_TEXT}truth = {{ "arm.base_z" = "173.12 mm" }}\n'
 """The base is 1 mm lower than in the rig."""
 

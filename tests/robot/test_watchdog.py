@@ -18,7 +18,7 @@ def test_signs_of_life_come_until_the_block_is_left():
     given = threading.Semaphore(0)
     before = threading.active_count()
     with KeepAlive(lambda keep_waiting: given.release(), 0.02):
-        assert all(given.acquire(timeout=10) for _ in range(5))
+        assert all(given.acquire(timeout=60) for _ in range(5))
     assert threading.active_count() == before
 
 
@@ -30,7 +30,7 @@ def test_a_lost_sign_of_life_does_not_end_them():
         raise LineLost("gone")
 
     with KeepAlive(fail, 0.004):
-        assert all(given.acquire(timeout=10) for _ in range(5))
+        assert all(given.acquire(timeout=60) for _ in range(5))
 
 
 def test_a_wait_for_an_answer_ends_when_the_block_is_left():
@@ -43,7 +43,7 @@ def test_a_wait_for_an_answer_ends_when_the_block_is_left():
             threading.Event().wait(0.001)
 
     with KeepAlive(wait, 0.004):
-        assert waiting.wait(timeout=10)
+        assert waiting.wait(timeout=60)
 
 
 def test_a_dead_thread_gives_none():
@@ -53,12 +53,12 @@ def test_a_dead_thread_gives_none():
 
     def own():
         KeepAlive(lambda keep_waiting: given.release(), 0.02).__enter__()
-        given.acquire(timeout=10)
+        given.acquire(timeout=60)
 
     owner = threading.Thread(target=own)
     owner.start()
-    owner.join(timeout=10)
-    end = time.monotonic() + 10
+    owner.join(timeout=60)
+    end = time.monotonic() + 60
     while threading.active_count() > before and time.monotonic() < end:
         time.sleep(0.001)
     assert threading.active_count() == before

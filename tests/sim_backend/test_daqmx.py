@@ -50,9 +50,9 @@ def test_a_finite_triggered_acquisition_is_bit_exact(card, task):
     found = np.empty((2, 25_600))
     for first in range(0, 25_600, 1024):
         block = np.empty((2, 1024))
-        assert reader.read_many_sample(block, 1024, timeout=5) == 1024
+        assert reader.read_many_sample(block, 1024, timeout=60) == 1024
         found[:, first : first + 1024] = block
-    task.wait_until_done(timeout=5)
+    task.wait_until_done(timeout=60)
     assert task.is_task_done()
     task.stop()
     assert np.array_equal(found.view(np.uint64), volts(0, 25_600, 2).view(np.uint64))

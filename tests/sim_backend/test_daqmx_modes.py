@@ -102,7 +102,7 @@ def test_a_reference_trigger_keeps_what_was_before(task_on):
     assert task.in_stream.total_samp_per_chan_acquired == 35
     assert code_of(task.wait_until_done, timeout=0.01) == -200560
     card.ready = 100
-    task.wait_until_done(timeout=1)
+    task.wait_until_done(timeout=60)
     assert task.read(60) == list(volts(0, 60)[0])
     assert task.read(40) == list(volts(60, 40)[0])
 

@@ -27,7 +27,7 @@ def quiet(unit=None):
 
 def connected(stand_in):
     host, port = stand_in.serial_port.removeprefix("tcp://").split(":")
-    return socket.create_connection((host, int(port)), timeout=10)
+    return socket.create_connection((host, int(port)), timeout=60)
 
 
 def ask(line, text, end=b":"):
@@ -190,7 +190,7 @@ def test_real_time_pacing_carries_characters_at_the_line_s_rate():
     unit = ControllerUnit(baud_rate=9600)
     with (
         StandIn(load_rig(), quiet(unit), paced=True) as stand_in,
-        serial.serial_for_url(stand_in.serial_port, timeout=10) as line,
+        serial.serial_for_url(stand_in.serial_port, timeout=60) as line,
     ):
         line.write(b"EO 0\r")
         assert line.read_until(b":") == b"EO 0\r:"

@@ -34,10 +34,10 @@ def test_no_byte_is_lost_under_large_writes_either_way(port_class):
 
 def test_a_host_that_goes_away_in_mid_answer_harms_nobody(port_class):
     with port_class(lambda chunk: b"x" * 200_000) as port:
-        with serial.serial_for_url(port.url, timeout=10) as line:
+        with serial.serial_for_url(port.url, timeout=60) as line:
             line.write(b"?")
             assert line.read(10) == b"x" * 10
-        with serial.serial_for_url(port.url, timeout=10) as line:
+        with serial.serial_for_url(port.url, timeout=60) as line:
             line.write(b"?")
             assert line.read(10) == b"x" * 10
 
@@ -50,9 +50,9 @@ def test_a_failing_handler_is_reported_at_the_end(port_class):
         raise ValueError("the handler broke")
 
     def use():
-        with port_class(fail) as port, serial.serial_for_url(port.url, timeout=10) as line:
+        with port_class(fail) as port, serial.serial_for_url(port.url, timeout=60) as line:
             line.write(b"x")
-            assert called.wait(10)
+            assert called.wait(60)
 
     with pytest.raises(ValueError, match="the handler broke"):
         use()

@@ -67,9 +67,8 @@ def approach(axes: Axes) -> Counts:
 
 
 def _find_edges(axes: Axes, which: str, speed: float) -> None:
-    axes.line.ask(*profile(axes.limits, axes.limits.in_counts(speed)))
-    if speed == SLOW:  # so that the edge is crossed by a few counts only
-        axes.line.ask(halting(axes.limits)[0])
+    cruise, start, _ = profile(axes.limits, axes.limits.in_counts(speed))
+    axes.line.ask(cruise, start, halting(axes.limits)[0])  # stops close behind the edge
     _search(axes, "FE", which, speed, EDGE_FOUND)
 
 
