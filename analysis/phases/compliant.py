@@ -55,9 +55,9 @@ LEAST_RELEASE_STD = 0.1e-3
 """s, standard uncertainty that is added to that of a release."""
 RELEASE_PART = 0.6
 """The same as `CONTACT_PART` for a release."""
-MOST_RELEASE_STD = 0.5
-"""Standard uncertainty of a release over the pluck's duration, above which a growth of the load is
-no pluck."""
+MOST_RELEASE_STD = 10e-3, 0.1
+"""Standard uncertainty of a release, in s and over the pluck's duration, above both of which a
+growth of the load is no pluck."""
 SEVERAL_RELEASES = 1.5
 """Factor of the uncertainties where a press has several releases: the ringing after one release
 disturbs the fit of the next."""
@@ -112,7 +112,8 @@ def compliant_plucks(
         contact = Contact(growth.contact, std, growth.significance, growth.force, growth.noise)
         std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)
         std *= SEVERAL_RELEASES if len(growths) > 1 else 1.0
-        if std < MOST_RELEASE_STD * (release.time - growth.contact):
+        limit, part = MOST_RELEASE_STD
+        if std < max(limit, part * (release.time - growth.contact)):
             found.append((contact, replace(release, std=std)))
     return found, searched
 
@@ -140,7 +141,7 @@ def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tupl
         if last < end or finer.width < slow.width:
             again = search(finer, strings)
             number = _number(again, CLEARLY_SIGNIFICANT, finer, float(signals.time[last]))
-            better = number == found and again.residual < BETTER * searched.residual
+            better = number == found > 0 and again.residual < BETTER * searched.residual
             if number > found or better:
                 slow, searched, found = finer, again, number
     return slow, searched
