@@ -10,6 +10,7 @@ from scipy.ndimage import uniform_filter1d
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.expected import Expected
+from sautereau.analysis.phases.found import FAIR
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.saw_teeth import EXCHANGE_TOLERANCE, SawTeeth, Solved
 from sautereau.analysis.phases.search import Growth, Searched, row_noise, search
@@ -17,16 +18,23 @@ from sautereau.analysis.phases.signals import BRIDGED, Signals
 from sautereau.analysis.phases.slow import Slow
 from sautereau.trajectory.motion import Floats
 
-HIGH = 0.7
-"""Fraction of the full rise of the jack above which the key may reach its front felt."""
+HIGH = 0.9
+"""Fraction of the full rise of the jack above which the key may reach its front felt: a felt is
+compressed by less than a tenth of the dip. A key whose string was released may swing back below."""
 BEYOND = 3e-3
-"""m, distance above the last release that the rig expects, at which the shorter way ends."""
+"""m, distance above the last release that the rig expects, at which the shorter way ends at the
+latest."""
+FINER = 220
+"""Largest number of widths in repetitions of the search."""
+BETTER = 0.5
+"""Largest ratio of the unexplained loads of a repetition and the search before it, at which it is
+used if it finds as many plucks."""
 EDGE = 3.0
-"""Least distance of a release from that end, in widths of the smoothing."""
+"""Least distance of a release from the end of the way, in widths of the smoothing."""
 SIGNIFICANT = 12.0
 """Least significance of a pluck."""
 CLEARLY_SIGNIFICANT = 30.0
-"""Least significance of a pluck that is found only without the last part of the way down."""
+"""Least significance of a pluck that only a repetition of the search finds."""
 SHORTEST = 0.5e-3
 """s, shortest pluck."""
 NEAR = 2.0
@@ -47,8 +55,9 @@ LEAST_RELEASE_STD = 0.1e-3
 """s, standard uncertainty that is added to that of a release."""
 RELEASE_PART = 0.6
 """The same as `CONTACT_PART` for a release."""
-MOST_RELEASE_STD = 10e-3
-"""s, standard uncertainty of a release above which a growth of the load is no pluck."""
+MOST_RELEASE_STD = 10e-3, 0.1
+"""Standard uncertainty of a release, in s and over the pluck's duration, above both of which a
+growth of the load is no pluck."""
 SEVERAL_RELEASES = 1.5
 """Factor of the uncertainties where a press has several releases: the ringing after one release
 disturbs the fit of the next."""
@@ -103,7 +112,8 @@ def compliant_plucks(
         contact = Contact(growth.contact, std, growth.significance, growth.force, growth.noise)
         std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)
         std *= SEVERAL_RELEASES if len(growths) > 1 else 1.0
-        if std < MOST_RELEASE_STD:
+        limit, part = MOST_RELEASE_STD
+        if std < max(limit, part * (release.time - growth.contact)):
             found.append((contact, replace(release, std=std)))
     return found, searched
 
@@ -111,26 +121,35 @@ def compliant_plucks(
 def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tuple[Slow, Searched]:
     """Return the smoothed way down, and what was found in it.
 
-    If fewer plucks are found than the rig has strings, the search is repeated without the last part
-    of the way down, since the impact of the key on its front felt disturbs the fit of everything
-    before it. This part is not always omitted: where the key moves freely, it improves the fit.
+    If fewer plucks are found than the rig has strings, or the load is not explained, the search is
+    repeated without the last part of the way down, since the impact of the key on its front felt
+    disturbs the fit of everything before it. This part is not always omitted: where the key moves
+    freely, it improves the fit. Repetitions are smoothed less: where the finger pauses, a pluck is
+    a short part of the way down.
     """
-    slow = Slow(signals, *way)
-    searched = search(slow, strings)
+    begin, end = way
+    slow = Slow(signals, begin, end)
+    searched, wanted = search(slow, strings), len(strings.contacts)
     highest = float((strings.contacts + strings.climbs).max()) + BEYOND
-    end = way[0] + int(np.argmax(signals.rise[slice(*way)] > highest))
-    last = float(signals.time[end]) - EDGE * slow.width
-    found = _number_before(last, searched, SIGNIFICANT)
-    if end == way[0] or found >= len(strings.contacts):
-        return slow, searched
-    shorter = Slow(signals, way[0], end)
-    again = search(shorter, strings)
-    more = _number_before(last, again, CLEARLY_SIGNIFICANT) > found
-    return (shorter, again) if more else (slow, searched)
+    above = signals.rise[begin:end] > min(highest, HIGH * float(signals.rise[end]))
+    shorter = begin + int(np.argmax(above)) if above.any() else end
+    found = _number(searched, SIGNIFICANT, slow, float(signals.time[shorter]))
+    for last in (shorter, end):
+        if found >= wanted and searched.residual < FAIR:
+            break
+        finer = Slow(signals, begin, last, FINER)
+        if last < end or finer.width < slow.width:
+            again = search(finer, strings)
+            number = _number(again, CLEARLY_SIGNIFICANT, finer, float(signals.time[last]))
+            better = number == found > 0 and again.residual < BETTER * searched.residual
+            if number > found or better:
+                slow, searched, found = finer, again, number
+    return slow, searched
 
 
-def _number_before(last: float, searched: Searched, least: float) -> int:
-    """Return how many growths above a significance end before an instant [s]."""
+def _number(searched: Searched, least: float, slow: Slow, end: float) -> int:
+    """Return how many growths above a significance end clearly before an instant [s]."""
+    last = end - EDGE * slow.width
     return sum(growth.release < last for growth in searched.significant(least))
 
 

@@ -220,7 +220,9 @@ class _Search:
         near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
         moving = np.interp(pluck[1], slow.time, slow.speed()) > self._moving
         enough = climbed > LEAST_RISE and gain > SIGNIFICANCE and forces[i] > LEAST_FORCE and moving
-        return float(gain) if enough and near > APART * slow.width else 0.0
+        # Of a string that is held until the last row no collapse was seen.
+        collapses = pluck[1] < slow.time[-1] - slow.width
+        return float(gain) if enough and collapses and near > APART * slow.width else 0.0
 
     def _starts(self, found: Floats, solved: Solved) -> list[Floats]:
         """Return plucks found with a further one; shape (plucks, 2) each.
@@ -246,7 +248,7 @@ class _Search:
             np.vstack([found, [time[first], (time[last - 1] + time[last]) / 2]])
             for first, last in dict.fromkeys(pairs)
         ]
-        if 0 < len(found) < len(strings.contacts):
+        if starts and 0 < len(found) < len(strings.contacts):
             placed = starts[0].copy()
             where = np.interp(strings.contacts, fit.rise, slow.hops)
             placed[np.argsort(placed[:, 1]), 0] = where[: len(placed)]

@@ -25,7 +25,7 @@ from sautereau.trajectory.motion import Floats
 WIDTH = 0.9e-3
 """s, least width of the boxcars of the spline."""
 WIDTHS = 110
-"""Largest number of widths in a way down."""
+"""Usual largest number of widths in a way down."""
 HOPS = 6
 """Blocks of samples in a width."""
 ORDER = 8
@@ -63,10 +63,11 @@ class Slow:
         signals: Of the press.
         begin: First sample.
         end: Last sample.
+        widths: Largest number of widths.
     """
 
-    def __init__(self, signals: Signals, begin: int, end: int):
-        width = max(WIDTH, (end - begin) / signals.rate / WIDTHS)
+    def __init__(self, signals: Signals, begin: int, end: int, widths: int = WIDTHS):
+        width = max(WIDTH, (end - begin) / signals.rate / widths)
         n = max(1, round(width / HOPS * signals.rate))
         self.hop = n / signals.rate
         self.width = HOPS * self.hop

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.independent import ONE_FACTOR
+from benchmarks.independent import ONE_FACTOR, press
 from benchmarks.independent.conditions import Choir
 from benchmarks.independent_phases import judge, random_presses
+from benchmarks.judged import judged_press
+from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.response import pole
 from sautereau.analysis.phases.signals import Signals
@@ -84,6 +86,69 @@ def test_two_strings_that_hide_each_other():
     found = judge(replace(heaving, choirs=both, speed=0.086), 0)
     assert found.right
     assert np.abs(found.errors[:, :2]).max() < 0.5e-3
+
+
+def two_strings(first, second):
+    """Return strings at two clearances in m."""
+    front = replace(Choir(), clearance=first)
+    return front, replace(front, arm=0.199, clearance=second)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"choirs": two_strings(2e-3, 3.4e-3), "speed": 0.08, "rise": 7.4e-3, "dip": 5.37e-3},
+        {
+            "choirs": two_strings(3.2e-3, 4.4e-3),
+            "speed": 0.02,
+            "servo_stiffness": 900.0,
+            "rise": 8.5e-3,
+            "dip": 6.3e-3,
+        },
+    ],
+    ids=["felt close behind the strings", "key swings back between two releases"],
+)
+def test_what_follows_a_release_disturbs_no_pluck(changes):
+    found = judge(replace(ONE_FACTOR["key heaves at 120 Hz"], **changes), 0)
+    assert found.right
+    assert found.phases.fit is not None
+    assert found.phases.fit.verdict == "fair"
+    assert np.abs(found.errors[:, 0]).max() < 0.6e-3
+    assert np.abs(found.errors[:, 1]).max() < 0.1e-3
+
+
+def test_a_string_that_is_held_to_the_end_of_the_recording_has_no_pluck():
+    pressed = press(ONE_FACTOR["key bends at 350 Hz"], 0)
+    (pluck,), whole = pressed.truth.plucks, judged_press(pressed)
+    until = pluck.contact + 0.7 * (pluck.release - pluck.contact)
+    rows = slice(0, int(np.searchsorted(whole.time, until)))
+    samples = {name: column[rows] for name, column in whole.samples.items()}
+    phases = find_phases(replace(whole, time=whole.time[rows], samples=samples))
+    assert not phases.plucks
+    assert any("the recording ends while" in warning for warning in phases.warnings)
+
+
+def test_a_pause_before_the_pluck_hides_no_release(make_press):
+    """A jack that waits below its string makes the way down four times as long."""
+    from sautereau.analysis.phases.compliant import compliant_plucks
+    from sautereau.analysis.phases.expected import expected
+    from sautereau.analysis.phases.signals import signals_of, way_down
+
+    rate, moved = 10e3, 0.4e-3
+    once = make_press(rate=rate, force_noise=2e-3)
+    time = np.arange(round(0.1 * rate)) / rate
+    creep = moved * np.pi / 0.2 * np.sin(np.pi * time / 0.1)
+    still = round(0.4 * rate)
+    velocity = np.concatenate([creep, np.zeros(still), once.samples["velocity"]])
+    before = np.full(len(time) + still, once.samples["force"][:200].mean())
+    force = np.concatenate([before, once.samples["force"]])
+    signals = signals_of(make_press.build(velocity, force, rate))
+    way = way_down(signals)
+    assert way is not None
+    ((contact, release),), _ = compliant_plucks(expected(once.rig), signals, way)
+    shift = (len(time) + still) / rate
+    assert contact.time - shift == pytest.approx(0.052, abs=2 * contact.std)
+    assert release.time - shift == pytest.approx(0.072, abs=0.2e-3)
 
 
 @pytest.mark.slow
