@@ -3,7 +3,7 @@
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.physics.finger import Reference, joint_cubics
 from sautereau.sim_backend.physics.rigid.bodies import MM
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.pad import fingertip_state
@@ -33,14 +33,7 @@ class PrescribedFinger(SteppedFinger):
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         """Adopt the reference of a controller sample and of the next; see `SteppedFinger`."""
-        # As `joint_cubics`, in plain floats: numpy takes twice as long for two samples.
-        places, speeds = ((table * self._radians).tolist() for table in reference(_ENDS))
-        self._cubics = []
-        for i in (0, 1):
-            ends = zip(self._start, *places[i : i + 2], *speeds[i : i + 2], strict=True)
-            self._cubics.append(
-                [[a + p, u, 3 * (q - p) - 2 * u - v, u + v - 2 * (q - p)] for a, p, q, u, v in ends]
-            )
+        self._cubics = joint_cubics(self._start, *reference(_ENDS), self._radians).tolist()
         first, second = map(sum, self._cubics[0])
         self._joints = first, second
         return False
