@@ -55,7 +55,7 @@ LEAST_RELEASE_STD = 0.1e-3
 """s, standard uncertainty that is added to that of a release."""
 RELEASE_PART = 0.6
 """The same as `CONTACT_PART` for a release."""
-MOST_RELEASE_STD = 10e-3, 0.1
+MOST_RELEASE_STD = 10e-3, 0.05
 """Standard uncertainty of a release, in s and over the pluck's duration, above both of which a
 growth of the load is no pluck."""
 SEVERAL_RELEASES = 1.5
