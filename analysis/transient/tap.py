@@ -76,6 +76,8 @@ class TapResponse:
 
     taps: int
     """Number of taps."""
+    cut: int
+    """Number of taps that the start or the end of a recording cuts off; they are not used."""
     highest: float
     """Highest frequency at which modes were searched (Hz)."""
     modes: tuple[TapMode, ...]
@@ -96,10 +98,13 @@ def tap_response(recordings: Sequence[tuple[Floats, Floats]], rate: float) -> Ta
     from scipy.signal import coherence, csd, welch
 
     count = round(LENGTH * rate)
-    records = [record for force, velocity in recordings for record in _taps(force, velocity, rate)]
+    found = [tap for force, velocity in recordings for tap in _taps(force, velocity, rate)]
+    records = [tap for tap in found if len(tap[0]) == count]
+    cut = len(found) - len(records)
     if len(records) < LEAST_TAPS:
+        more = f" and {cut} cut off by the ends of a recording" if cut else ""
         raise AnalysisError(
-            f"setup tap: {len(records)} taps found, and {LEAST_TAPS} are needed: tap the key"
+            f"setup tap: {len(records)} taps found{more}, and {LEAST_TAPS} are needed: tap the key"
             f" {APART:g} s apart, with more than {LEAST_PEAK:g} N at the force transducer"
         )
     force, velocity = (np.concatenate(part) for part in zip(*records, strict=True))
@@ -111,11 +116,14 @@ def tap_response(recordings: Sequence[tuple[Floats, Floats]], rate: float) -> Ta
     part = (frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.4 * rate))
     frequency, mobility, coherent = frequency[part], mobility[part], np.asarray(coherent)[part]
     modes = _modes(frequency, mobility, coherent, len(records))
-    return TapResponse(len(records), float(frequency[-1]), modes)
+    return TapResponse(len(records), cut, float(frequency[-1]), modes)
 
 
 def _taps(force: Floats, velocity: Floats, rate: float) -> list[tuple[Floats, Floats]]:
-    """Return force and velocity of each tap; their values before the tap are subtracted."""
+    """Return force and velocity of each tap; their values before the tap are subtracted.
+
+    Those of a tap that the start or the end of the recording cuts off are shorter.
+    """
     from scipy.signal import find_peaks
 
     before, count = round(BEFORE * rate), round(LENGTH * rate)
@@ -127,10 +135,9 @@ def _taps(force: Floats, velocity: Floats, rate: float) -> list[tuple[Floats, Fl
     level = np.where(_touching(level, noise, rate), level, 0.0)
     records = []
     for start in (peaks - before).tolist():
-        if start < 0 or start + count > len(force):
-            continue
-        rest, every = slice(start, start + before // 2), slice(start, start + count)
-        records.append((level[every], velocity[every] - velocity[rest].mean()))
+        every = slice(max(0, start), start + count)
+        part = velocity[every]
+        records.append((level[every], part - part[: before // 2].mean()))
     return records
 
 

@@ -30,4 +30,19 @@ def test_modes_of_a_tapped_key_are_those_of_its_equations(name):
 def test_too_few_taps_are_refused_and_counted():
     recording, _ = tapped(ONE_FACTOR["key bends at 350 Hz"], seed=2)
     with pytest.raises(AnalysisError, match="1 taps found, and 3 are needed"):
-        tap_response([tuple(part[: round(0.35 * RATE)] for part in recording)], RATE)
+        tap_response([_until(0.35, recording)], RATE)
+    with pytest.raises(
+        AnalysisError, match="1 taps found and 1 cut off by the ends of a recording"
+    ):
+        tap_response([_until(0.55, recording)], RATE)
+
+
+def test_a_tap_that_the_end_of_a_recording_cuts_off_is_counted_and_not_used():
+    recording, _ = tapped(ONE_FACTOR["key bends at 350 Hz"], seed=2)
+    found = tap_response([_until(0.4 * TAPS - 0.25, recording)], RATE)
+    assert (found.taps, found.cut) == (TAPS - 1, 1)
+
+
+def _until(end, recording):
+    """Return force and velocity up to a time [s]."""
+    return tuple(part[: round(end * RATE)] for part in recording)

@@ -98,6 +98,8 @@ def _signals(daq: Daq, volts: Mapping[str, Floats], of: str) -> tuple[Floats, Fl
 def _found(response: TapResponse) -> Found:
     count, highest = response.taps, response.highest
     lines = [f"tap: {count} taps; {len(response.modes)} modes of the key up to {highest:.0f} Hz"]
+    if response.cut:
+        lines.append(f"not used: {response.cut} taps that the ends of a recording cut off")
     lines += [
         f"mode: {m.frequency:.1f} +- {m.frequency_std:.1f} Hz, damping {m.damping * 100:.2g} +-"
         f" {m.damping_std * 100:.1g} % of critical, coherence {m.coherence:.2f}"
@@ -117,6 +119,6 @@ def _found(response: TapResponse) -> Found:
     return Found(
         tuple(lines),
         {"key.modes": modes} if modes else {},
-        {"taps": float(count), "highest": highest, **figures},
+        {"taps": float(count), "cut": float(response.cut), "highest": highest, **figures},
         () if modes else ("no mode was excited with enough coherence: tap with a hammer",),
     )
