@@ -235,13 +235,14 @@ def figures_of(what: str, found: Outcomes) -> list[Figure]:
     fits = f"{what}: benches whose model fits, of {count}"
     figures = [Figure(fits, float(found.fits.mean()), "1", "all", 1.0)]
     for k, name in enumerate(RESULTS):
-        claimed = found.claimed[:, k]
-        right = float(found.right[claimed, k].mean()) if claimed.any() else np.nan
-        worst = float(np.abs(found.errors[claimed, k]).max(initial=0.0))
-        at = f"{what}: {name}"
-        figures += [
-            Figure(f"{at}: reported as identifiable", float(claimed.mean()), "1", "all", 1.0),
-            Figure(f"{at}: within 5 % and covered, of these", right, "1", "at least", COVERED),
-            Figure(f"{at}: largest error of these", worst, "1", "limit", LIMIT),
-        ]
+        claimed, at = found.claimed[:, k], f"{what}: {name}"
+        part = float(claimed.mean())
+        figures.append(Figure(f"{at}: reported as identifiable", part, "1", "all", 1.0))
+        if claimed.any():
+            right = float(found.right[claimed, k].mean())
+            worst = float(np.abs(found.errors[claimed, k]).max())
+            figures += [
+                Figure(f"{at}: within 5 % and covered, of these", right, "1", "at least", COVERED),
+                Figure(f"{at}: largest error of these", worst, "1", "limit", LIMIT),
+            ]
     return figures
