@@ -2,7 +2,7 @@
 
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from sautereau.analysis.errors import AnalysisError
@@ -76,6 +76,35 @@ class Parameter:
         return FRICTION_DIFFERENCE if self.name == FRICTION else DIFFERENCE
 
 
+def check_names(names: Sequence[str], priors: Collection[str] = ()) -> None:
+    """Check the names of free parameters, and of those with a prior.
+
+    Raises:
+        AnalysisError: Reports all faults of `parameters` that no rig could fix.
+    """
+    if faults := _name_faults(names, priors):
+        raise AnalysisError(fault_list("identify", faults))
+
+
+def _name_faults(names: Sequence[str], priors: Collection[str]) -> list[str]:
+    faults = [
+        f"{name}: no parameter has this name{_near(name, NAMES)}"
+        for name in dict.fromkeys(names)
+        if name not in NAMES
+    ]
+    faults += [f"{name}: given twice; name it once" for name in set(names) if names.count(name) > 1]
+    if {MODULUS, STIFFNESS} <= set(names):
+        faults.append(f"{MODULUS}, {STIFFNESS}: one determines the other; fit one of them")
+    faults += [
+        f"prior of {name}: it is not fitted{_near(name, names)}; free it or omit the prior"
+        for name in priors
+        if name not in names or name == FORCE
+    ]
+    if not faults and not set(names) - {FORCE}:
+        faults.append(f"no parameter is free; name at least one of {', '.join(NAMES[:-1])}")
+    return faults
+
+
 def parameters(
     rig: Rig, names: Sequence[str], priors: Mapping[str, Prior] | None = None
 ) -> tuple[Parameter, ...]:
@@ -94,25 +123,11 @@ def parameters(
             itself, or a prior is for a parameter that is not fitted. Reports all faults.
     """
     priors = priors or {}
-    faults = [
-        f"{name}: no parameter has this name{_near(name, NAMES)}"
-        for name in dict.fromkeys(names)
-        if name not in NAMES
-    ]
-    faults += [f"{name}: given twice; name it once" for name in set(names) if names.count(name) > 1]
-    if {MODULUS, STIFFNESS} <= set(names):
-        faults.append(f"{MODULUS}, {STIFFNESS}: one determines the other; fit one of them")
-    faults += [
-        f"prior of {name}: it is not fitted{_near(name, names)}; free it or omit the prior"
-        for name in priors
-        if name not in names or name == FORCE
-    ]
+    faults = _name_faults(names, priors)
     found = []
     for name in names:
         if name in NAMES and name != FORCE:
             found.append(_parameter(rig, name, priors.get(name, Prior()), faults))
-    if not found and not faults:
-        faults.append(f"no parameter is free; name at least one of {', '.join(NAMES[:-1])}")
     if faults:
         raise AnalysisError(fault_list("identify", faults))
     return tuple(found)

@@ -87,8 +87,8 @@ def survey(file: BufferedReader) -> Survey:
     """
     try:
         check_header(file)
-    except RecordingError as error:
-        return _survey(file, find_intact(file), str(error))
+    except RecordingError as error:  # what it advises instead is to survey the file
+        return _survey(file, find_intact(file), str(error).partition(";")[0])
     try:
         with verifying(file) as records:
             return _survey(file, records, None)

@@ -125,16 +125,12 @@ def identify(
         Write the identifiable values to this rig file if the model fits. A new file gets all other
         values from the recordings; with --force an existing file keeps its other values.
     """
-    from sautereau.analysis.identify.parameters import NAMES, read_prior
+    from sautereau.analysis.identify.parameters import check_names, read_prior
     from sautereau.rig.progress import tracked
 
-    with common.options():
-        for text in prior or ():
-            read_prior(text)
     names = [name.strip() for name in free.split(",") if name.strip()]
-    if unknown := [name for name in names if name not in NAMES]:
-        known = ", ".join(NAMES)
-        return output.fail(f"--free {', '.join(unknown)}: unknown; there are {known}", 2)
+    with common.options():
+        check_names(names, dict(map(read_prior, prior or ())))
     output.refuse(out)
     make_folders(out)
     session = common.opened(files, output, samples=True)
