@@ -119,7 +119,7 @@ def follow(tmp_path, monkeypatch, install):
             (tmp_path / title).write_text(body, encoding="utf-8")
         if installed:
             project = tomllib.loads(files["pyproject.toml"])["project"]
-            install(tmp_path, {"name": "toy", "version": "1.0"} | project, *groups)
+            install(tmp_path, project, *groups)
         monkeypatch.chdir(tmp_path)
         written.extend(Path(title).stem for title in files)
         return page
