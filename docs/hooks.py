@@ -16,6 +16,7 @@ from mkdocs.structure.pages import Page
 from sautereau.rig.describe import KeyDescription, TableDescription, describe
 from sautereau.rig.load import load_rig
 from sautereau.rig.packaged import named_text
+from sautereau.sim_backend.scene import Scene, load_scene, packaged_scenes
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("entrance", "rig", "trajectory", "daq", "analysis", "sim_backend", "robot")
@@ -43,6 +44,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     notebook = Path(config.docs_dir) / "tutorial.ipynb"
     pages = {
         "rig-file.md": rig_page(),
+        "scene-file.md": scene_page(),
         "commands.md": commands_page(),
         "tutorial.md": notebook_page(notebook),
     }
@@ -204,33 +206,65 @@ def _rig_lines() -> Iterator[str]:
     for table in describe():
         if table.name.startswith("more_choirs."):
             continue
-        yield from _table_lines(table, document, sources)
+        yield from _head_lines(table)
+        if table.name == "more_choirs":
+            yield "Each has its own tables `jack`, `plectrum` and `string`, with the keys below."
+            yield ""
+        yield "| key | unit | value | default | in `paper` | meaning |"
+        yield "|---|---|---|---|---|---|"
+        for entry in table.entries:
+            key = f"{table.name}.{entry.name}".lstrip(".")
+            yield _row(entry, _in_paper(document, key.split("."), sources.get(key, "")))
+        yield ""
 
 
-def _table_lines(table: TableDescription, document: dict, sources: dict[str, str]) -> Iterator[str]:
+def scene_page() -> str:
+    """Return the reference of the scene file."""
+    return "\n".join(_scene_lines())
+
+
+def _scene_lines() -> Iterator[str]:
+    yield from (
+        "# The scene file",
+        "",
+        "A scene defines what the [stand-in](stand-in.md) simulates. `--scene` takes the path of a",
+        "file, or the name of one of these packaged scenes:",
+        "",
+        "| scene | description |",
+        "|---|---|",
+        *(f"| `{name}` | {load_scene(name).description} |" for name in packaged_scenes()),
+        "",
+        "Quantities are written as in [the rig file](rig-file.md).",
+        "",
+    )
+    for table in describe(Scene):
+        if table.name.startswith("more_choirs."):
+            continue
+        yield from _head_lines(table)
+        if table.entries:
+            yield "| key | unit | value | default | meaning |"
+            yield "|---|---|---|---|---|"
+            yield from map(_row, table.entries)
+            yield ""
+        if table.name == "more_choirs":
+            yield "Its tables are those of the rig file."
+            yield ""
+
+
+def _head_lines(table: TableDescription) -> Iterator[str]:
     brackets = "[[{}]]" if table.repeated else "[{}]"
     yield f"## {brackets.format(table.name)}" if table.name else "## At the top"
     yield ""
     if table.name:
-        need = "" if table.needed else " Optional."
-        yield f"{table.meaning}{need}"
+        yield f"{table.meaning}{'' if table.needed else ' Optional.'}"
         yield ""
-    if table.name == "more_choirs":
-        yield "Each has its own tables `jack`, `plectrum` and `string`, with the keys below."
-        yield ""
-    yield "| key | unit | value | default | in `paper` | meaning |"
-    yield "|---|---|---|---|---|---|"
-    for entry in table.entries:
-        key = f"{table.name}.{entry.name}".lstrip(".")
-        yield _row(entry, _in_paper(document, key.split("."), sources.get(key, "")))
-    yield ""
 
 
-def _row(entry: KeyDescription, paper: str) -> str:
+def _row(entry: KeyDescription, *more: str) -> str:
     default = "needed" if entry.default is None else f"`{entry.default}`" if entry.default else ""
     kind = "" if entry.kind == "quantity" else entry.kind
     value = ", ".join(filter(None, (kind, entry.limits))).replace(" ", "&nbsp;", 1)
-    cells = (f"`{entry.name}`", entry.unit, value, default, paper, entry.meaning)
+    cells = (f"`{entry.name}`", entry.unit, value, default, *more, entry.meaning)
     return f"| {' | '.join(cell.replace('|', '&#124;') for cell in cells)} |"
 
 

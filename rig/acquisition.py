@@ -126,7 +126,7 @@ class Daq(Section):
     address: str
     """`host:port` of NI's gRPC device server. Empty for the driver of this machine."""
     tls: Tls | None = None
-    """Certificates of the connection, required for an address on another machine."""
+    """Required for an address on another machine, unless `insecure` is set."""
     insecure: bool = Field(default=False, strict=True)
     """Whether to connect to another machine without `tls`, neither encrypted nor authenticated."""
     device: str = Field(min_length=1)
@@ -148,7 +148,6 @@ class Daq(Section):
     block: int = Field(strict=True, ge=16, le=100_000)
     """Number of samples per read."""
     channels: tuple[Channel, ...] = Field(min_length=1)
-    """The analog inputs."""
 
     @model_validator(mode="after")
     def _each_channel_once(self):

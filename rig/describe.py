@@ -1,4 +1,4 @@
-"""Reference of the rig file: every key with unit, default, limits and meaning."""
+"""Reference of a TOML file: every key with unit, default, limits and meaning."""
 
 import ast
 import inspect
@@ -19,9 +19,17 @@ from pydantic.fields import FieldInfo
 from sautereau.rig.faults import submodel, unit_of
 from sautereau.rig.registry import NameIn
 from sautereau.rig.schema import Rig
+from sautereau.rig.section import Section
 from sautereau.rig.units import format_quantity
 
-_KINDS = {str: "text", int: "integer", bool: "true or false", date: "date", float: "number"}
+_KINDS = {
+    str: "text",
+    int: "integer",
+    bool: "true or false",
+    date: "date",
+    float: "number",
+    dict: "table",
+}
 _SIGNS = (("gt", "> "), ("ge", ">= "), ("lt", "< "), ("le", "<= "))
 
 
@@ -58,22 +66,29 @@ class TableDescription:
     entries: tuple[KeyDescription, ...]
 
 
-def describe() -> list[TableDescription]:
-    """Return every table that a rig file may have, in the file's order."""
-    return list(_tables(Rig, "", repeated=False, needed=True))
+def describe(model: type[BaseModel] = Rig) -> list[TableDescription]:
+    """Return every table that a file of a model may have, in the file's order."""
+    return list(_tables(model, "", "", repeated=False, needed=True))
 
 
 def _tables(
-    model: type[BaseModel], name: str, *, repeated: bool, needed: bool
+    model: type[BaseModel], name: str, text: str, *, repeated: bool, needed: bool
 ) -> Iterator[TableDescription]:
     fields = {key: field for key, field in model.model_fields.items() if not field.exclude}
     inner = {key: found for key, field in fields.items() if (found := submodel(field.annotation))}
     entries = tuple(_entry(key, model) for key in fields if key not in inner)
-    yield TableDescription(name, repeated, needed, _prose(model.__doc__ or ""), entries)
+    yield TableDescription(name, repeated, needed, _prose(f"{_class_text(model)} {text}"), entries)
     for key, found in inner.items():
         many = get_origin(_bare(fields[key].annotation)) is tuple
         dotted = f"{name}.{key}" if name else key
-        yield from _tables(found, dotted, repeated=many, needed=fields[key].is_required())
+        of_field, needed = _docstrings(model).get(key, ""), fields[key].is_required()
+        yield from _tables(found, dotted, of_field, repeated=many, needed=needed)
+
+
+def _class_text(model: type[BaseModel]) -> str:
+    """Return the docstring of a table's class; empty if several tables share the class."""
+    shared = model is Section or model.__name__.startswith("_")
+    return "" if shared else model.__doc__ or ""
 
 
 def _entry(key: str, model: type[BaseModel]) -> KeyDescription:
@@ -140,14 +155,14 @@ def _kind_of(annotation: Any, unit: str | None) -> str:
         items = get_args(bare)
         many = "list" if Ellipsis in items else f"list of {len(items)}"
         return f"{many}: {_kind_of(items[0], unit)}"
-    return "quantity" if unit else _KINDS[bare]
+    return "quantity" if unit else _KINDS[get_origin(bare) or bare]
 
 
 def _default(field: FieldInfo, unit: str | None) -> str | None:
     if field.is_required():
         return None
-    value = field.default
-    return "" if value is None or value == () else _toml(value, unit)
+    value = field.get_default(call_default_factory=True)
+    return "" if value in (None, (), {}) else _toml(value, unit)
 
 
 def _toml(value: Any, unit: str | None) -> str:

@@ -55,8 +55,7 @@ class Key(Section):
     felt_damping: Annotated[float, Unit("N*s/m", "10 N s/m")] = Field(ge=0)
     """N s/m, damping of the front felt, referred to the pressing point."""
     modes: tuple[KeyMode, ...] = ()
-    """Elastic modes of the resting key. `identify` starts its search for the modes of the pressed
-    key from them."""
+    """`identify` starts its search for the modes of the pressed key from them."""
 
     @model_validator(mode="after")
     def _arms_on_the_key(self):
@@ -108,9 +107,9 @@ class Jack(Section):
     string_clearance: Length = Field(gt=0)
     """m, rise of the jack from rest to contact of plectrum and string."""
     tongue: Tongue | None = None
-    """How the plectrum passes the string on its way down; required by scenes that model it."""
+    """Scenes with `tongue = true` require it."""
     damper: Damper | None = None
-    """The damper; required by scenes that model it."""
+    """Scenes with `damper = true` require it."""
 
 
 class Outline(Section):
@@ -174,7 +173,7 @@ class Plectrum(Section):
     tip_length: Length | None = Field(default=None, gt=0)
     """m, length of the section at the tip, for the level `two-beam`. Default: half the length."""
     outline: Outline | None = None
-    """Carved outline, for the level `fe`; default: a uniform section. In a file also
+    """For the level `fe`; without it the section is uniform. It can be read from a file:
     ``outline = { file = "contour.csv" }``."""
 
     @model_validator(mode="after")

@@ -108,8 +108,8 @@ class Press(Section):
     approach_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(ge=1e-4, le=1.0)
     """m/s, maximum speed of the fingertip between hover and key."""
     gesture: Gesture | None = None
-    """A recorded gesture to replay in place of the constant speed; in a file
-    ``gesture = { file = "gesture.csv" }``, with columns time (s) and rise (m)."""
+    """Replayed in place of the constant speed. It can be read from a file with the columns time (s)
+    and rise (m): ``gesture = { file = "gesture.csv" }``."""
     speed_tolerance: float = Field(strict=True, gt=0, le=0.1)
     """Dimensionless, maximum relative error of the jack speed in the cruise by rounding."""
     hover: Length = Field(gt=0)
@@ -205,7 +205,7 @@ class Rig(Section):
     plectrum: Plectrum
     string: String
     more_choirs: tuple[Choir, ...] = ()
-    """Choirs after the first, which `jack`, `plectrum` and `string` describe."""
+    """`jack`, `plectrum` and `string` describe the first choir."""
     press: Press
     arm: Arm
     controller: Controller

@@ -30,25 +30,29 @@ def _known_model(text: str) -> str:
 
 
 class ControllerUnit(Section):
-    """A Galil controller; what its manufacturer leaves open can be set to either answer."""
+    """The Galil controller as it was bought and configured. Behaviour that the manufacturer's
+    reference does not specify can be set either way, to test both."""
 
     model: Annotated[str, AfterValidator(_known_model)] = "DMC4020"
     """Model number, as the controller gives it in its answer to ^R^V."""
     firmware: str = Field(default="1.3a", pattern=r"^[0-9]\.[0-9][a-z][0-9]*(-[A-Z]+)?$")
-    """Revision; `-FAST` has no PVT mode."""
+    """Revision. Firmware `...-FAST` has no PVT mode; before 1.2a there are fewer lines and array
+    elements, and `AT n,1` is unknown."""
     serial_number: int = Field(default=12_345, ge=1)
     """Serial number of the processor board."""
     interface: Literal["rs232", "usb", "ethernet"] = "rs232"
-    """Port to the host; `ethernet` is TCP, and never echoes."""
+    """Port to the host; `ethernet` is a TCP port with eight handles, `tcp://127.0.0.1:port`, that
+    never echoes."""
     baud_rate: int = Field(default=0, ge=0, le=921_600)
     """Bits per second at which a serial line carries its characters, 10 bits each, in simulated
     time; 0 for a line that takes no time."""
     input_buffer: int = Field(default=512, ge=16)
-    """Characters that wait while a command is carried out; later ones are lost, with error 5."""
+    """Characters that wait while parameters are burned; later ones are lost, with error 5."""
     line_length: int = Field(default=80, ge=40, le=80)
     """Characters in a line of a program or of a command."""
     burned: tuple[str, ...] = ("MO",)
-    """Commands that were given and burned by `BN` before; without `MO` motors start powered."""
+    """Commands that were given and burned by `BN` before, such as `"BW 100"` (a brake on the
+    output) or `"CN 1"`; without `MO` motors start powered."""
     burned_program: str = ""
     """Program burned by `BP`, with its lines; `#AUTO` runs at power-up."""
     amplifier: Literal["none", "D3040", "D3240", "D3540", "D3547", "D3640"] = "none"

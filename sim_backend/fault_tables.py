@@ -23,7 +23,7 @@ class _InPress(Section):
 
 class _AtSample(_InPress):
     sample: int = Field(ge=0)
-    """Number of the first sample that is not acquired."""
+    """First sample that cannot be read, counted from 0."""
 
 
 class _AtTime(_InPress):
@@ -80,7 +80,7 @@ class LineFault(Section):
 
 
 class CableOut(Section):
-    """The controller's cable is disconnected for good."""
+    """The controller's cable is disconnected: it no longer receives or sends."""
 
     after_bytes: int | None = Field(default=None, ge=0)
     """Bytes that the controller still receives; instead of a press."""
@@ -113,7 +113,7 @@ class Speckle(Section):
 
 
 class Overload(Section):
-    """The force transducer's amplifier overloads."""
+    """The amplifier of the force transducer overloads."""
 
     force: Force = Field(gt=0)
     """N, magnitude at which the output is limited."""
@@ -125,11 +125,12 @@ class Drift(Section):
     """The force transducer drifts from the trigger on."""
 
     rate: Annotated[float, Unit("N/s", "20 mN/s")]
-    """N/s."""
+    """N/s, of the force that is added."""
 
 
 class Slip(_JointAtTime):
-    """An encoder slips on its shaft."""
+    """An encoder slips on its shaft. The loop moves the joint by the same angle in the opposite
+    direction, where the home switch is then found."""
 
     counts: int = Field(ge=-1_000_000, le=1_000_000)
     """Offset of its readings from then on."""
@@ -140,7 +141,7 @@ class _SwitchSince(_Since, _AtSwitch):
 
 
 class SwitchPolarity(Section):
-    """Switches are wired the other way: current flows where none should."""
+    """Switches of the opposite polarity: current flows where none should."""
 
     switch: Literal["limit", "home", "abort"]
     """Which ones, of both joints."""
@@ -154,46 +155,42 @@ class SwitchesSwapped(Section):
 
 
 class Faults(Section):
-    """The faults of a scene."""
+    """Faults to inject. Faults that contradict each other, or that cannot occur on the bench, are
+    refused."""
 
     line: LineFault | None = None
-    """A bad serial line."""
     cable_out: CableOut | None = None
-    """The controller's cable is disconnected."""
     trigger_missing: _InPress | None = None
     """The trigger's edge does not reach the card."""
     overrun: _AtSample | None = None
-    """Samples are overwritten before they are read: error -200279."""
+    """Samples are overwritten before they are read: a read of that sample, or of a later one, fails
+    with error -200279."""
     server_gone: _AtSample | None = None
-    """The card's gRPC server answers every later call with UNAVAILABLE."""
+    """From the read of that sample on, the gRPC server answers every call with UNAVAILABLE."""
     device_gone: _AtSample | None = None
-    """The card is disconnected: error -201003 for every call that needs it."""
+    """The card is disconnected: from the read of that sample on, every call that needs it fails
+    with error -201003."""
     speckle: Speckle | None = None
-    """The vibrometer has drop-outs."""
     overload: Overload | None = None
-    """The force transducer overloads."""
     drift: Drift | None = None
-    """The force transducer drifts."""
     stall: _JointAtTime | None = None
-    """A motor is blocked for good: its joint does not move, whatever its torque."""
+    """A joint is blocked permanently: the torque of its loop rises to its limit, and ER and OE of
+    the controller determine what follows."""
     slip: Slip | None = None
-    """An encoder slips."""
     encoder_loss: _JointSince | None = None
-    """An encoder's signals disappear: its position does not change any more."""
+    """The signals of an encoder disappear: its position does not change any more."""
     encoder_sign: _OnJoint | None = None
-    """An encoder counts backwards, so that its loop has positive feedback."""
+    """An encoder counts backwards, and its loop runs away."""
     encoders_swapped: Section | None = None
     """The encoders' cables are exchanged."""
     index_missing: _OnJoint | None = None
-    """An encoder's index is not wired."""
+    """An encoder has no index."""
     switch_closed: _SwitchSince | None = None
-    """A switch is closed for good."""
+    """A switch is closed permanently."""
     switch_polarity: SwitchPolarity | None = None
-    """Switches are inverted."""
     switch_cut: _AtSwitch | None = None
     """The wire of a switch is broken: no current flows."""
     switches_swapped: SwitchesSwapped | None = None
-    """Switches are exchanged."""
     amplifier_fault: _JointSince | None = None
     """The amplifier of a joint reports overcurrent."""
 

@@ -37,7 +37,7 @@ class Sensors(Section):
     hum: Force = Field(ge=0)
     """N, amplitude of mains hum on the force."""
     hum_frequency: Frequency = Field(gt=0)
-    """Hz."""
+    """Hz, of the hum."""
 
 
 class Transducer(Section):
@@ -53,9 +53,9 @@ class Fingertip(Section):
     """A compliant pad on the fingertip, a spring and a damper that can only push."""
 
     stiffness: Annotated[float, Unit("N/m", "30 kN/m")] = Field(gt=0, le=1e7)
-    """N/m."""
+    """N/m, of the pad."""
     damping: Annotated[float, Unit("N*s/m", "5 N s/m")] = Field(default=0.0, ge=0, le=1e4)
-    """N s/m."""
+    """N s/m, of the pad."""
 
 
 class Bending(Section):

@@ -56,9 +56,11 @@ class Scene(Section):
     """`push` is a constant force, `ideal` follows the controller's reference exactly, `servo`
     has two links with motors."""
     plectrum: Literal["none", "auto", "elastica", "rods", "beam", "two-beam", "fe"]
-    """Plectrum bending model; `none` for no plucking."""
+    """Plectrum bending model; `none` for no plucking. With an `accuracy`, `auto` lets the stand-in
+    choose, here and below."""
     string: Literal["none", "auto", "spring", "modal"]
-    """String model."""
+    """String model: a massless `spring`, or `modal`, a string in its modes that vibrates after the
+    release."""
     friction: bool
     """Whether pivot and registers have friction."""
     felt: bool
@@ -68,7 +70,8 @@ class Scene(Section):
     damper: bool = False
     """Whether the jacks carry their dampers."""
     engine: Annotated[Literal["auto", "rigid", "exact"], BeforeValidator(_engine)] = "rigid"
-    """`rigid` bodies, or the `exact` solution of the equations from event to event."""
+    """`rigid` bodies, or the `exact` solution of the equations from event to event, which has no
+    modal string, bending or play."""
     step: Time | None = Field(default=None, ge=1e-7, le=2e-3)
     """s, longest step; the step used divides the controller's sample period."""
     accuracy: Annotated[str, AfterValidator(_accuracy)] | None = None
@@ -76,33 +79,34 @@ class Scene(Section):
     iterations: int = Field(default=10, ge=1, le=1000)
     """Iterations of the rigid bodies' constraint solver, per step."""
     push: Push | None = None
-    """The force; only with `finger = "push"`, which needs it."""
+    """Only with `finger = "push"`, which needs it."""
     servo: Servo | None = None
-    """The arm's servo; only with `finger = "servo"`, which needs it."""
+    """Only with `finger = "servo"`, which needs it."""
     sensors: Sensors | None = None
-    """The sensor chain; without it all sensors are exact and without delay."""
+    """Without it all sensors are exact and without delay."""
     bending: Bending | None = None
-    """The key's first bending mode; without it the key is rigid."""
+    """Without it the key is rigid. Rigid bodies only."""
     play: Play | None = None
-    """Play at the balance pin; without it the pin is fixed."""
+    """Without it the pin is fixed. Rigid bodies only; not with `bending`, nor with an ideal finger
+    without `fingertip`."""
     gravity: Acceleration = Field(default=GRAVITY, ge=0, le=1000)
     """m/s^2, downwards; the key's static gravity moment is proportional to it."""
     fingertip: Fingertip | None = None
-    """A compliant pad between fingertip and key; without it the fingertip is rigid."""
+    """Without it the fingertip is rigid. With an ideal finger or a servo."""
     transducer: Transducer | None = None
-    """The resonance of the force transducer; without it the force is measured as it is."""
+    """Without it the force is measured as it is."""
     card: Annotated[str, AfterValidator(_device_type)] = IDEAL.product
     """Product type of the DAQ device; by default an ideal one with the rig's inputs."""
     faults: Faults | None = None
-    """Faults to inject."""
     controller: ControllerUnit | None = None
-    """The Galil controller, where it differs from a new one with `MO` burned."""
+    """Without it the controller is a new one with `MO` burned."""
     start_offset: tuple[Angle, Angle] = (0.03, -0.03)
     """rad, of the joints from their home switches at power-up."""
     more_choirs: tuple[Choir, ...] | None = None
-    """The simulated instrument's further choirs, instead of the rig's."""
+    """Instead of the rig's."""
     truth: dict[str, Any] = Field(default_factory=dict)
-    """Where the simulated instrument differs from the rig: values by dotted key."""
+    """Where the simulated instrument differs from the rig: values by dotted key, such as
+    `"jack.mass" = "7 g"`."""
     record_truth: bool = False
     """Whether a file with the true events is written beside every recording, for tests."""
 

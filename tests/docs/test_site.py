@@ -14,9 +14,11 @@ from examples.gallery import pictures
 from sautereau.commands.app import app
 from sautereau.rig.faults import model_keys
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.scene import Scene
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+GENERATED = {"rig-file.md", "scene-file.md", "commands.md", "tutorial.md"}
 _LINK = re.compile(r"\]\((?!https?:)([^)#\s]+)(?:#[^)]*)?\)")
 
 
@@ -38,7 +40,7 @@ def written(hooks):
         for name in hooks.modules(room)
     }
     drawn = {f"gallery/{name}" for name in pictures()}
-    return {"rig-file.md", "commands.md", "tutorial.md"} | rooms | modules | drawn
+    return GENERATED | rooms | modules | drawn
 
 
 def test_every_page_is_in_the_navigation(written):
@@ -51,7 +53,7 @@ def test_every_page_is_in_the_navigation(written):
 
     listed = set(leaves(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
     pages = {path.name for path in DOCS.glob("*.md")}
-    assert listed == pages | {"rig-file.md", "commands.md", "tutorial.md"}
+    assert listed == pages | GENERATED
 
 
 def test_every_relative_link_leads_to_a_page(written):
@@ -65,9 +67,21 @@ def test_the_page_of_the_rig_file_has_every_key(hooks):
     page = hooks.rig_page()
     assert "| `jack_speed` | m/s | >=&nbsp;0.005, <= 1 | needed | 0.072 m/s (paper) |" in page
     assert "12 mm (assumed 6 mm to 20 mm)" in page
-    for key in model_keys(Rig):
-        name = key.rpartition(".")[2]
-        assert f"`{name}`" in page or f".{name}]" in page or f"[{name}]" in page, key
+    assert _missing_keys(page, Rig) == []
+
+
+def test_the_page_of_the_scene_file_has_every_key(hooks):
+    page = hooks.scene_page()
+    assert "| `finger` |  | one&nbsp;of push, ideal, servo | needed | `push` is a constant" in page
+    assert "| `two-choirs` | ideal finger on a key with two choirs" in page
+    missing = _missing_keys(page, Scene)
+    assert all(key.startswith("more_choirs.") for key in missing), missing
+
+
+def _missing_keys(page, model):
+    """Return the keys of a model that are neither in a row nor in a heading of its page."""
+    names = {key: key.rpartition(".")[2] for key in model_keys(model)}
+    return [key for key, name in names.items() if not re.search(rf"`{name}`|[.[]{name}]", page)]
 
 
 def test_the_page_of_the_commands_has_every_command(hooks):

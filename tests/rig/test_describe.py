@@ -11,6 +11,7 @@ from sautereau.rig.faults import model_keys
 from sautereau.rig.load import load_rig, parse_rig
 from sautereau.rig.schema import Rig
 from sautereau.rig.text import commented_rig
+from sautereau.sim_backend.scene import Scene
 
 TABLES = {table.name: table for table in describe()}
 
@@ -25,11 +26,12 @@ def test_every_key_of_the_schema_is_described():
     assert described | set(TABLES) - {""} == set(model_keys(Rig))
 
 
-def test_every_key_says_what_it_is():
-    for table in TABLES.values():
+@pytest.mark.parametrize("model", [Rig, Scene])
+def test_every_key_says_what_it_is(model):
+    for table in describe(model):
         assert table.meaning
         for each in table.entries:
-            assert each.meaning, each
+            assert each.meaning, (table.name, each)
 
 
 @pytest.mark.parametrize(
