@@ -1,6 +1,6 @@
 """An independent solution of the stand-in's equations for a push, slow and simple, for tests.
 
-It is written from the equations of docs/stand-in.md and docs/physics.md. scipy's DOP853 solves each
+It is written from the equations of docs/stand-in.md and docs/results.md. scipy's DOP853 solves each
 mode with its inequalities as terminal events. What follows an event is found by trial: every
 combination of sliding, sticking, standing and leaving is solved, and one that violates no
 inequality is taken.
