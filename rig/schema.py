@@ -108,8 +108,8 @@ class Press(Section):
     approach_speed: Annotated[float, Unit("m/s", "0.05 m/s")] = Field(ge=1e-4, le=1.0)
     """m/s, maximum speed of the fingertip between hover and key."""
     gesture: Gesture | None = None
-    """Replayed in place of the constant speed. It can be read from a file with the columns time (s)
-    and rise (m): ``gesture = { file = "gesture.csv" }``."""
+    """Replayed in place of the constant speed. It can be read from a file with the columns
+    `time [s]` and `rise [mm]`: ``gesture = { file = "gesture.csv" }``."""
     speed_tolerance: float = Field(strict=True, gt=0, le=0.1)
     """Dimensionless, maximum relative error of the jack speed in the cruise by rounding."""
     hover: Length = Field(gt=0)
