@@ -85,9 +85,7 @@ def parameters(
     assumes, or without one a tenth and ten times the rig's value.
 
     Args:
-        rig: The nominal bench.
         names: From `NAMES`; `offset.force` is handled by the fit itself.
-        priors: Prior knowledge, by name.
 
     Raises:
         AnalysisError: A name is unknown or given twice, no name is given, a prior contradicts
@@ -107,10 +105,11 @@ def parameters(
         for name in priors
         if name not in names or name == FORCE
     ]
-    found = []
-    for name in names:
-        if name in NAMES and name != FORCE:
-            found.append(_parameter(rig, name, priors.get(name, Prior()), faults))
+    found = [
+        _parameter(rig, name, priors.get(name, Prior()), faults)
+        for name in names
+        if name in NAMES and name != FORCE
+    ]
     if not found and not faults:
         faults.append(f"no parameter is free; name at least one of {', '.join(NAMES[:-1])}")
     if faults:
@@ -164,7 +163,8 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
     found: dict[str, str | float] = {}
     for name, value in values.items():
         if name == STIFFNESS:
-            name, value = MODULUS, value * rig.plectrum.youngs_modulus / _stiffness(rig)
+            ratio = rig.plectrum.youngs_modulus / rig.plectrum.bending_stiffness
+            name, value = MODULUS, value * ratio
         if name == TIME:
             at, channel = next(
                 (i, c) for i, c in enumerate(rig.daq.channels) if c.quantity == "velocity"
@@ -214,7 +214,7 @@ def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Paramete
 
 def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
     if name == STIFFNESS and MODULUS in rig.assumed:
-        ratio = _stiffness(rig) / rig.plectrum.youngs_modulus
+        ratio = rig.plectrum.bending_stiffness / rig.plectrum.youngs_modulus
         low, high = rig.assumed[MODULUS]
         return low * ratio, high * ratio
     low, high = sorted((value / FACTOR, value * FACTOR))
@@ -223,16 +223,10 @@ def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
     return low, high
 
 
-def _stiffness(rig: Rig) -> float:
-    return rig.plectrum.bending_stiffness
-
-
 def _near(name: str, known: Sequence[str]) -> str:
     fields = {key.rpartition(".")[2]: key for key in known}
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    if close := close or [
-        fields[field]
-        for field in difflib.get_close_matches(name.rpartition(".")[2], list(fields), n=1)
-    ]:
+    alike = difflib.get_close_matches(name.rpartition(".")[2], list(fields), n=1)
+    if close := close or [fields[field] for field in alike]:
         return f"; did you mean {close[0]!r}?"
     return f"; there are {', '.join(known)}" if known else ""
