@@ -32,7 +32,6 @@ class GalilFirmware(Machine):
     It is not thread-safe: guard `receive` and `tick` by one lock.
 
     Args:
-        plant: Motors, encoders and switches.
         unit: The controller as bought and configured; by default a new one with `MO` burned.
         on_output: Called with number (from 1) and level when a digital output changes.
         host_waits: Whether the host sends only while simulated time is stopped: then a looping

@@ -34,7 +34,6 @@ class Search(Profile):
     """The execution of a search's legs; ends at rest.
 
     Args:
-        axis: That searches.
         legs: Computed one after the other, from the axis's state then.
         code: Stop code of its end.
         homes: Whether its end becomes position 0.

@@ -125,11 +125,7 @@ def brake(velocity: float, deceleration: float) -> list[tuple[float, float]]:
 
 
 def trapezoid(
-    distance: float,
-    speed: float,
-    acceleration: float,
-    deceleration: float,
-    velocity: float = 0.0,
+    distance: float, speed: float, acceleration: float, deceleration: float, velocity: float = 0.0
 ) -> list[tuple[float, float]]:
     """Return the pieces of a `Ramp` to rest over ``distance`` counts, towards which it may move.
 

@@ -41,7 +41,6 @@ class ExactWorld(World):
     """The physics of a scene with a spring string; see `physics.world.World`.
 
     Args:
-        rig: The nominal bench.
         scene: With its step.
         start: rad, joints when power comes on; None for home and the scene's offset.
         order: Of the steps, even, at most 8.
@@ -127,7 +126,6 @@ class ServoFinger(Finger):
 
     Args:
         press: Its arm is set to its start.
-        arm: Of the rig.
         gravity: m/s^2.
     """
 

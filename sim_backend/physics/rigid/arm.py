@@ -39,11 +39,7 @@ class ServoFinger(SteppedFinger):
     the relative rotation of the two links, which no rigid body can represent.
 
     Args:
-        space: The world.
-        key: The key under it.
-        rig: The bench.
         start: rad, joints when power comes on.
-        servo: Gains of the loops.
         scene: With its gravity and its fingertip.
 
     Raises:

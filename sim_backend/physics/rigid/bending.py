@@ -18,8 +18,6 @@ class BendingKey(YieldingKey):
     A rotational spring and damper join it to the part behind the pin.
 
     Args:
-        space: The world.
-        key: The key.
         scene: See `StiffKey`.
         angle: rad, at rest.
         bending: Frequency, damping and the front's part of the inertia.

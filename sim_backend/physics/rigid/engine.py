@@ -233,7 +233,6 @@ class RigidWorld(World):
         """Let the engine take the step about an event.
 
         Args:
-            kick: How the forces act.
             forces: N, on each jack, downwards; then N mm, as of `StiffKey.moments`.
         """
         *pulls, back, front = forces

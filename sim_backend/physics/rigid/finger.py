@@ -36,7 +36,6 @@ class SteppedFinger(Finger, ABC):
             elapsed: ms into the controller sample.
             angle: rad, of the key.
             omega: rad/ms, of the key.
-            kick: How they act.
         """
 
     @abstractmethod

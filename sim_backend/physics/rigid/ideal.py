@@ -49,9 +49,6 @@ class IdealFinger(PrescribedFinger):
     keeps the key from rotating more slowly.
 
     Args:
-        space: The world.
-        key: The key under it.
-        rig: The bench.
         start: rad, joints when power comes on.
     """
 

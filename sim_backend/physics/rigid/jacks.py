@@ -31,10 +31,6 @@ class CarriedJack:
     moved there at the end of each controller sample.
 
     Args:
-        space: The world.
-        key: On which it stands.
-        rig: The bench.
-        choir: Of the jack.
         scene: Which of its parts are enabled.
         string: String of its plectrum; None for a mute jack.
     """
@@ -139,7 +135,6 @@ class CarriedJack:
         """Return the events that may occur to it.
 
         Args:
-            key: On which it stands.
             ahead: ms, by half of which the last impulse advanced the speed.
         """
         speed, acceleration = self.speed - self.acceleration * ahead / 2, self.acceleration

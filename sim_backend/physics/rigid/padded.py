@@ -15,19 +15,10 @@ class PaddedIdealFinger(PrescribedFinger):
     """A fingertip of prescribed motion with a pad.
 
     Args:
-        key: The key under it.
-        rig: The bench.
-        fingertip: The pad.
         start: rad, joints when power comes on.
     """
 
-    def __init__(
-        self,
-        key: StiffKey,
-        rig: Rig,
-        fingertip: Fingertip,
-        start: tuple[float, float],
-    ):
+    def __init__(self, key: StiffKey, rig: Rig, fingertip: Fingertip, start: tuple[float, float]):
         super().__init__(rig, start)
         self._pad = self.pad = Pad(fingertip, key, self._height)
         self._elapsed = 0.0

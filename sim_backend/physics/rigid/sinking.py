@@ -26,8 +26,6 @@ class SinkingKey(YieldingKey):
     The second coordinate is the height [mm] of the pin above that at rest.
 
     Args:
-        space: The world.
-        key: The key.
         scene: See `StiffKey`.
         angle: rad, at rest.
         play: Stiffness and damping of the felt, and its travel.
