@@ -47,7 +47,6 @@ class Search(Profile):
         self._next()
 
     def step(self) -> tuple[float, float]:
-        """Advance by one sample; return position [counts] and velocity [counts per sample]."""
         axis = self._axis
         while not self.done and (self._ramp.done or (self._found is not None and self._found())):
             self._next()

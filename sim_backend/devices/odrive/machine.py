@@ -39,7 +39,6 @@ class Machine(StreamedController[OdriveAxis]):
 
     @property
     def streaming(self) -> bool:
-        """Whether the motion is the host's, position by position."""
         return any(axis.following for axis in self.axes)
 
     def trip(self, error: int) -> None:

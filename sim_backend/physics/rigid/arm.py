@@ -82,20 +82,16 @@ class ServoFinger(SteppedFinger):
         self._acceleration = (0.0, 0.0)
 
     def joints(self) -> tuple[float, float]:
-        """Return the joint angles [rad]."""
         first = self.upper.angle
         return first, self.lower.angle - first
 
     def torques(self) -> tuple[float, float]:
-        """Return the motors' torques [N m]."""
         return self._torque[0] / bodies.MM, self._torque[1] / bodies.MM
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
         self._loops.offsets, self._loops.limits = offsets, limits
 
     def block(self, joint: int) -> None:
-        """Block the motor of a joint, counted from 0, from now on."""
         self._space.add(bodies.brakes(self._space, self.upper, self.lower)[joint])
 
     @property
@@ -136,7 +132,6 @@ class ServoFinger(SteppedFinger):
         bodies.set_torque(self.upper, first - second)
 
     def contact_force(self, weight: float) -> float:
-        """Return the force [N] on the key; see `SteppedFinger`."""
         self._correction = (0.0, 0.0)
         first, second = self._omegas
         self._omegas = a, b = self.upper.angular_velocity, self.lower.angular_velocity
@@ -153,11 +148,9 @@ class ServoFinger(SteppedFinger):
         return force
 
     def reaches_key(self, angle: float, step: float) -> bool:
-        """Return whether it reaches the key within a step; see `SteppedFinger`."""
         return self.gap(angle, step, step) < 0
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
-        """Return the gap [mm] to the key at a later time; see `SteppedFinger`."""
         if not self._is_separated:
             return math.inf
         (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
@@ -171,7 +164,6 @@ class ServoFinger(SteppedFinger):
         return z * math.cos(angle) - x * math.sin(angle) - self._height
 
     def make_contact(self, time: float) -> None:
-        """Be in contact with the key from now on; see `SteppedFinger`."""
         if self.pad is not None:
             self.pad.make_contact()
             return
@@ -179,7 +171,6 @@ class ServoFinger(SteppedFinger):
         self._tip.max = bodies.FAR - bodies.REACH
 
     def correct_and_drift(self, back: float, drift: float) -> None:
-        """Undo the surplus of the last impulse and compute the state after a drift."""
         (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
         self._omegas = a, b = a - acceleration1 * back, b - acceleration2 * back
         first, second = self.upper.angle, self.lower.angle
@@ -195,14 +186,12 @@ class ServoFinger(SteppedFinger):
         ]
 
     def set_bodies(self, step: float) -> None:
-        """Set the links so that a step ends in their target state; see `SteppedFinger`."""
         for body, place, speed, angle, omega in self._targets:
             body.position = place - step * pymunk.Vec2d(*speed)
             body.velocity = speed
             body.angle, body.angular_velocity = angle - omega * step, omega
 
     def end_sample(self, angle: float) -> tuple[float, float]:
-        """End a controller sample; see `SteppedFinger`."""
         l1, l2 = self._lengths
         first, second = self.upper.angle, self.lower.angle
         up_x, up_z = l1 / 2 * math.cos(first), l1 / 2 * math.sin(first)
