@@ -14,13 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.figures import BenchmarkFault, Figure, timed
-from benchmarks.independent import (
-    ONE_FACTOR,
-    Conditions,
-    Pressed,
-    press,
-    random_conditions,
-)
+from benchmarks.independent import ONE_FACTOR, Conditions, Pressed, press, random_conditions
 from benchmarks.judged import judged_press
 from benchmarks.simulated import acquired
 from sautereau.analysis.errors import AnalysisError

@@ -6,12 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.figures import Figure
-from benchmarks.independent import (
-    ONE_FACTOR,
-    Conditions,
-    press,
-    random_conditions,
-)
+from benchmarks.independent import ONE_FACTOR, Conditions, press, random_conditions
 from benchmarks.judged import judged_press
 from benchmarks.phases import Judged, accuracy, judged
 from sautereau.analysis.loading.press import Press

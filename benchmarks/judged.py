@@ -20,7 +20,6 @@ def judged_recording(pressed: Pressed, values: Mapping[str, str | float] | None 
     """Return the recording of a press with the rig of its experimenter.
 
     Args:
-        pressed: Of the independent simulator.
         values: Of the rig by dotted key, which replace those of the experimenter.
     """
     with TemporaryDirectory() as folder:
@@ -30,9 +29,6 @@ def judged_recording(pressed: Pressed, values: Mapping[str, str | float] | None 
     if values:
         rig = with_values(rig, values)
     names = {channel.quantity: channel.name for channel in rig.daq.channels}
-    volts = {
-        names["velocity"]: pressed.velocity_volts,
-        names["force"]: pressed.force_volts,
-    }
+    volts = {names["velocity"]: pressed.velocity_volts, names["force"]: pressed.force_volts}
     first, name = -round(pressed.t0 * pressed.rate), f"independent-{pressed.seed}.mcap"
     return as_recorded(rig, volts, pressed.rate, first, name, pressed.seed)

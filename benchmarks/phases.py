@@ -79,7 +79,6 @@ def accuracy(
         name: Start of each figure's name.
         limits: ms, of the median and of the percentile, for contact and release.
         percentile: Of the errors, in per cent.
-        fractions: Limits of both fractions.
     """
     errors, figures = np.concatenate([each.errors for each in presses]), []
     for place, (what, (middle, most)) in enumerate(limits.items()):

@@ -87,7 +87,6 @@ def as_recorded(
         rate: Hz.
         first_sample: Index of the first sample, counted from the trigger.
         name: Of the file that there is not.
-        seed: Of the simulation.
     """
     return Recorded(
         t0_ns=0,

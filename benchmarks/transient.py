@@ -53,7 +53,6 @@ def true_modes(c: Conditions, force: float, choir: Choir, held: bool) -> list[tu
     """Return frequency [Hz] and source of the modes of the bench, linear about a state.
 
     Args:
-        c: The bench.
         force: N, of the finger, which the stiffness of the pad depends on.
         choir: The one choir whose jack stands on the key.
         held: Whether its string is held by the plectrum.
@@ -189,7 +188,6 @@ def study(seeds: range, soft: bool) -> Study:
     """Attribute the oscillations of random benches.
 
     Args:
-        seeds: Of the benches.
         soft: Whether each has one soft part and is pressed at two speeds; otherwise every factor is
             random, with one press.
     """

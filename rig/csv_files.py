@@ -89,7 +89,6 @@ def read_rows(
 
     Args:
         origin: The file, as messages name it.
-        error_type: Class of the errors.
         most: Limit of the rows.
         shorten: What to do with a longer file.
 
@@ -111,11 +110,7 @@ def read_rows(
 
 
 def read_columns(
-    path: Path,
-    what: str,
-    units: Mapping[str, str],
-    example: str,
-    read: Callable[[str, str], Cell],
+    path: Path, what: str, units: Mapping[str, str], example: str, read: Callable[[str, str], Cell]
 ) -> dict[str, list[Cell]]:
     """Read columns of a CSV file; other columns are ignored.
 

@@ -79,18 +79,12 @@ def edit_rig(path: str | Path, values: Mapping[str, TomlValue], source: str = ""
 
 
 def edited_text(
-    text: str,
-    origin: str,
-    folder: Path,
-    values: Mapping[str, TomlValue],
-    source: str = "",
+    text: str, origin: str, folder: Path, values: Mapping[str, TomlValue], source: str = ""
 ) -> str:
     """Return the text of a rig file with new values; see `edit_rig`.
 
     Args:
         folder: Folder of the files that it names.
-        values: TOML values by dotted key.
-        source: Origin of the values.
 
     Raises:
         RigError: A key does not exist, or the new rig is not valid.

@@ -37,7 +37,6 @@ def named_values(values: Mapping[str, Any] | None, named: Mapping[str, Any]) -> 
 
     Args:
         values: By dotted key or by short name.
-        named: Further ones, by short name.
 
     Raises:
         RigError: Lists every name that is unknown or ambiguous.

@@ -43,7 +43,6 @@ def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, list[str]]
 
     Args:
         table: ``file``, and for a photograph ``scale`` and ``clamp``.
-        folder: Folder of the file.
 
     Raises:
         RigError: The file cannot be read, or its contour is not that of a plectrum.

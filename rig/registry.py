@@ -33,7 +33,6 @@ class Registry:
         what: Kind of implementation, for messages: `controller`.
         built_in: `module:attribute` of each implementation of sautereau, by name, in the order
             in which they are listed.
-        error: Class of the errors.
     """
 
     def __init__(

@@ -139,7 +139,6 @@ class MotionController(Player, Protocol):
         """Load a motion; return what was really sent.
 
         Args:
-            segments: The motion.
             torque: Joint torques over time that the controller adds to those of its position
                 loops, from the start of motion on; None for none.
 

@@ -156,9 +156,8 @@ def disk_room(folder: Path) -> Finding:
     free = shutil.disk_usage(folder).free
     enough = free >= LEAST_SPACE
     detail = f"{free / 1e9:.1f} GB free in {folder.resolve()}"
-    return Finding(
-        "disk", enough, detail, "" if enough else "delete files, or record to another disk"
-    )
+    fix = "" if enough else "delete files, or record to another disk"
+    return Finding("disk", enough, detail, fix)
 
 
 def disk_speed(folder: Path, daq: Daq) -> Finding:

@@ -220,7 +220,6 @@ class StandIn:
     """The simulated bench as the host sees it: a serial port and a gRPC address.
 
     Args:
-        rig: The nominal bench.
         scene: What is simulated.
         seed: Of all noise.
         paced: Whether simulated time follows real time.

@@ -25,7 +25,6 @@ class BenchCard:
     """A DAQmx device whose analog inputs are wired to the sensors of the bench.
 
     Args:
-        wiring: The sensors of the bench.
         injection: Of the scene's faults.
         now: Returns the simulated time [s].
     """

@@ -100,7 +100,6 @@ class DeviceType:
         Args:
             rate: Hz.
             position: Of the input in the task, from 0.
-            n_inputs: Of the task.
         """
         samples, seconds = self.filter_delay
         delay = samples / rate + seconds

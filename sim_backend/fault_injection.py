@@ -38,7 +38,6 @@ class FaultInjection:
 
     Args:
         faults: Of the scene, if any.
-        arm: The arm.
         now: Returns the simulated time [s].
     """
 

@@ -222,7 +222,6 @@ class Faults(Section):
         """Return the faults that cannot occur on a bench, each with how to fix it.
 
         Args:
-            finger: Of the scene.
             quantities: Measured by the rig's channels.
         """
         faults = []

@@ -37,7 +37,6 @@ def truths(events: PluckEvents, edges: list[float]) -> list[Truth]:
     """Return the events from each trigger edge to the next.
 
     Args:
-        events: Of the world so far.
         edges: s, simulated, in order.
     """
     kinds = events.contacts, events.releases, events.returns

@@ -66,11 +66,7 @@ def jack_motion(key: Key, angle: Motion) -> Motion:
     """Return the jack's rise [m] and its derivatives from the key's angle [rad]."""
     rise, slope = jack_law(key, angle.position)
     bend = rise_curvature(key, angle.position) * angle.velocity**2
-    return Motion(
-        rise,
-        slope * angle.velocity,
-        slope * angle.acceleration + bend,
-    )
+    return Motion(rise, slope * angle.velocity, slope * angle.acceleration + bend)
 
 
 def surface_axes(angle: ArrayLike) -> tuple[Floats, Floats]:

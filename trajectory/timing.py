@@ -123,11 +123,7 @@ def length(phases: list[Phase]) -> float:
 def _advance(state, jerk, t):
     """Return rise, speed and acceleration after a time t [s] at constant jerk."""
     x, v, a = state
-    return (
-        x + v * t + a * t**2 / 2 + jerk * t**3 / 6,
-        v + a * t + jerk * t**2 / 2,
-        a + jerk * t,
-    )
+    return (x + v * t + a * t**2 / 2 + jerk * t**3 / 6, v + a * t + jerk * t**2 / 2, a + jerk * t)
 
 
 @dataclass(frozen=True)

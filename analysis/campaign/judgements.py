@@ -57,14 +57,15 @@ def with_labels(campaign: Campaign, path: Path) -> Campaign:
     origin = f"judgements {path}"
     rows, _ = read_rows(path, origin, AnalysisError, MOST_ROWS)
     head, *lines = rows or [[]]
-    keys = [key for key in KEYS if key in head and key in campaign.table.column_names]
+    table = campaign.table
+    keys = [key for key in KEYS if key in head and key in table.column_names]
     if len(keys) != 1 or TOUCH not in head:
         raise AnalysisError(
             f"{origin}: it has the columns {', '.join(head)}; give {TOUCH} and one of"
             f" {', '.join(KEYS)}"
         )
     (key,) = keys
-    known = set(campaign.table[key].to_pylist())
+    known = set(table[key].to_pylist())
     given: dict[str, str] = {}
     faults = []
     for line, cells in enumerate(lines, 2):
@@ -83,7 +84,6 @@ def with_labels(campaign: Campaign, path: Path) -> Campaign:
             faults.append(f"row {line}: {key} {shown(name)} has two judgements; give one")
     if faults:
         raise AnalysisError(fault_list(origin, faults[:MOST_LISTED]))
-    table = campaign.table
     before = table[TOUCH].to_pylist() if TOUCH in table.column_names else [None] * len(table)
     labels = [given.get(n, b) for n, b in zip(table[key].to_pylist(), before, strict=True)]
     kept = table.select([name for name in table.column_names if name != TOUCH])

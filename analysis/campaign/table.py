@@ -145,13 +145,9 @@ def read_campaign(path: str | Path) -> Campaign:
         raise AnalysisError(f"campaign {path}: {fault}; {fix}")
     try:
         file = pq.ParquetFile(path)
-        rows, size = (
-            file.metadata.num_rows,
-            sum(
-                file.metadata.row_group(k).total_byte_size
-                for k in range(file.metadata.num_row_groups)
-            ),
-        )
+        about = file.metadata
+        groups = (about.row_group(k) for k in range(about.num_row_groups))
+        rows, size = about.num_rows, sum(group.total_byte_size for group in groups)
         if rows > MOST_ROWS or size > MOST_BYTES:
             raise AnalysisError(
                 f"campaign {path}: {rows} presses in {size} bytes, more than the limit MOST_ROWS ="

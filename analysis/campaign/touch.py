@@ -11,19 +11,13 @@ repeatability within a session, and that of sessions is the effect of a new set-
 is estimated twice: without the shape, and with it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.campaign.shape import (
-    CONDITIONS,
-    SHAPE,
-    collinear,
-    logs,
-    not_identifiable,
-)
+from sautereau.analysis.campaign.shape import CONDITIONS, SHAPE, collinear, logs, not_identifiable
 from sautereau.analysis.campaign.table import Campaign
 from sautereau.analysis.campaign.variance import Components, Nested, fit_nested
 from sautereau.analysis.errors import AnalysisError
@@ -216,7 +210,9 @@ def _fit(
     found = fit_nested(data, subgroups=by_session, groups=plectra > 1)
     names = sorted(presses["plectrum"].unique())  # in the order of the groups' numbers
     spreads = _means(values, found, groups, subgroups)
-    felt = _felt(data, found, shape, by_session, plectra, len(presses), sum(omitted.values()))
+    parts = found.residual, found.subgroup, found.group
+    unexplained = _exponents(data, shape, by_session, plectra)
+    felt = Felt(len(presses), sum(omitted.values()), *parts, *unexplained)
     return felt, dict(zip(names, spreads, strict=True)), notes
 
 
@@ -238,37 +234,23 @@ def _numbers(presses: "pd.DataFrame", columns: list[str]) -> NDArray[np.intp]:
     return presses.groupby(columns).ngroup().to_numpy(np.intp)
 
 
-def _felt(
-    data: Nested,
-    found: Components,
-    shape: dict[str, Floats],
-    by_session: bool,
-    plectra: int,
-    presses: int,
-    omitted: int,
-) -> Felt:
-    """Return one quantity's spreads and exponents."""
+def _exponents(
+    data: Nested, shape: dict[str, Floats], by_session: bool, plectra: int
+) -> tuple[Spread | None, dict[str, Exponent]]:
+    """Return the spread of plectra that their shape does not explain, and the exponents."""
     from scipy.stats import t
 
-    exponents: dict[str, Exponent] = {}
-    unexplained = None
-    if shape:
-        columns = np.column_stack([data.columns, *shape.values()])
-        shaped = fit_nested(
-            Nested(data.values, columns, data.groups, data.subgroups),
-            subgroups=by_session,
-            groups=True,
-        )
-        unexplained = shaped.group
-        reach = float(t.ppf((1 + COVERAGE) / 2, plectra - len(shape) - 1))
-        places = range(data.columns.shape[1], columns.shape[1])
-        for name, place in zip(shape, places, strict=True):
-            value = float(shaped.coefficients[place])
-            std = float(np.sqrt(shaped.covariance[place, place]))
-            exponents[name] = Exponent(value, value - reach * std, value + reach * std, std)
-    return Felt(
-        presses, omitted, found.residual, found.subgroup, found.group, unexplained, exponents
-    )
+    if not shape:
+        return None, {}
+    columns = np.column_stack([data.columns, *shape.values()])
+    shaped = fit_nested(replace(data, columns=columns), subgroups=by_session, groups=True)
+    values = shaped.coefficients[-len(shape) :].tolist()
+    stds = np.sqrt(np.diag(shaped.covariance))[-len(shape) :].tolist()
+    reach = float(t.ppf((1 + COVERAGE) / 2, plectra - len(shape) - 1))
+    return shaped.group, {
+        name: Exponent(value, value - reach * std, value + reach * std, std)
+        for name, value, std in zip(shape, values, stds, strict=True)
+    }
 
 
 def _means(

@@ -160,14 +160,8 @@ def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
     if column == "force" and 0 < most < values.max():
         axes.set_ylim(-0.1 * most, most)
         at = int(np.argmax(values))
-        axes.annotate(
-            f"peak {values[at]:.2g} N",
-            (time[at], most),
-            (5, -2),
-            textcoords="offset points",
-            va="top",
-            fontsize=8,
-        )
+        style = {"textcoords": "offset points", "va": "top", "fontsize": 8}
+        axes.annotate(f"peak {values[at]:.2g} N", (time[at], most), (5, -2), **style)
     for held in scene.phases.plucks:
         axes.axvspan(held.contact * 1e3, held.release * 1e3, color=HELD, zorder=0)
     axes.set(xlim=(scene.time[0] * 1e3, scene.time[-1] * 1e3), xlabel="time after the trigger (ms)")

@@ -74,17 +74,10 @@ def _frequencies(axes: Axes, found: Sequence[Attributed]) -> None:
     for each in found:
         colour = COLOURS[each.source] if each.source else "#000000"
         for o in each.oscillation.observed:
-            axes.errorbar(
-                o.mode.frequency,
-                abs(complex(o.mode.amplitude[0])) * 1e3,
-                o.mode.amplitude_std[0] * 1e3,
-                1.96 * o.mode.frequency_std,
-                fmt=markers[o.phase],
-                color=colour,
-                ms=5,
-                mfc="none" if each.source is None else colour,
-                elinewidth=0.8,
-            )
+            force, std = abs(o.mode.amplitude[0]) * 1e3, o.mode.amplitude_std[0] * 1e3
+            style = {"fmt": markers[o.phase], "color": colour, "ms": 5, "elinewidth": 0.8}
+            style["mfc"] = "none" if each.source is None else colour
+            axes.errorbar(o.mode.frequency, force, std, 1.96 * o.mode.frequency_std, **style)
     keys: list[Line2D | Patch] = [
         Line2D([], [], marker=marker, ls="", color="#555555", label=phase)
         for phase, marker in markers.items()

@@ -56,7 +56,6 @@ def without_hidden(data: Floats, hidden_prior: Floats, shown: Sequence[int]) -> 
     Args:
         data: Jacobian by all parameters, shape (n, parameters).
         hidden_prior: Jacobian of the priors of the hidden parameters, shape (priors, parameters).
-        shown: Numbers of the reported parameters.
     """
     hidden = [k for k in range(data.shape[1]) if k not in shown]
     if not hidden:
@@ -72,24 +71,14 @@ def combinations(jacobian: Floats, names: Sequence[str]) -> list[Combination]:
     Args:
         jacobian: Jacobian of the whitened residuals by the scaled parameters, shape
             (n, parameters).
-        names: Names of the parameters.
     """
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
     found = []
     for value, direction in zip(singular, directions, strict=True):
         largest = int(np.argmax(np.abs(direction)))
         direction = direction * np.sign(direction[largest])
-        order = np.argsort(-np.abs(direction))
+        listed = [i for i in np.argsort(-np.abs(direction)) if abs(direction[i]) >= LEAST_WEIGHT]
+        weights = {names[int(i)]: float(direction[i]) for i in listed}
         std = 1 / float(value) if value > 1e-9 * max(float(singular[0]), 1e-300) else None
-        found.append(
-            Combination(
-                {
-                    names[int(i)]: float(direction[i])
-                    for i in order
-                    if abs(direction[i]) >= LEAST_WEIGHT
-                },
-                std,
-                std is not None and std < IDENTIFIABLE,
-            )
-        )
+        found.append(Combination(weights, std, std is not None and std < IDENTIFIABLE))
     return found

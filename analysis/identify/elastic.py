@@ -111,14 +111,11 @@ def mode_parameters(
         "cosine": (-5.0, 5.0, 0.0, RINGING_STD),
         "sine": (-5.0, 5.0, 0.0, RINGING_STD),
     }
-    found = []
-    for name, (field, (low, high, mean, std)) in zip(
-        mode_names(number), bounds.items(), strict=True
-    ):
-        value = getattr(start, field)
-        unit = {"frequency": "Hz", "cosine": "N", "sine": "N"}.get(field, "")
-        found.append(Parameter(name, unit, value, low, high, mean, std, hidden=True))
-    return found
+    units = {"frequency": "Hz", "cosine": "N", "sine": "N"}
+    return [
+        Parameter(name, units.get(field, ""), getattr(start, field), *ends, hidden=True)
+        for name, (field, ends) in zip(mode_names(number), bounds.items(), strict=True)
+    ]
 
 
 def noise_gain(modes: Sequence[Mode], record: float) -> float:
@@ -180,8 +177,6 @@ class Bending:
     """The response of the modes in one press.
 
     Args:
-        modes: The modes.
-        press: The press.
         lag: s, delay of the force after the motion.
         gain: True force divided by measured force.
         arm: m, lever arm of the finger.
@@ -219,13 +214,10 @@ class Bending:
             divided by its lever arm [rad], shape (n,).
         """
         angle, rise = np.zeros((3, len(strings))), np.zeros(len(strings))
-        for mode, stiffness, finger in zip(
-            self.modes, self._stiffnesses, self._by_finger, strict=True
-        ):
-            own = finger - mode.jack_by_finger * oscillation(
-                strings, mode.frequency, mode.damping, self._step
-            )
-            own *= mode.weight / stiffness
+        every = zip(self.modes, self._stiffnesses, self._by_finger, strict=True)
+        for mode, stiffness, finger in every:
+            by_strings = oscillation(strings, mode.frequency, mode.damping, self._step)
+            own = (finger - mode.jack_by_finger * by_strings) * (mode.weight / stiffness)
             angle += own
             rise += mode.jack_by_laser * own[0]
         return angle, rise
@@ -236,9 +228,7 @@ def _driven(press: Observed, frequency: float, damping: float, lag: float) -> Fl
     """Return the response of a mode to the measured force, and its free ringing.
 
     Args:
-        press: The press.
         frequency: Hz.
-        damping: Damping ratio.
         lag: s, delay of the force after the motion.
 
     Returns:
@@ -262,7 +252,6 @@ def oscillation(push: Floats, frequency: float, damping: float, step: float) -> 
     Args:
         push: Force in any unit, shape (n,).
         frequency: Hz.
-        damping: Damping ratio.
         step: s, time between values.
 
     Returns:

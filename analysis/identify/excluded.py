@@ -32,7 +32,6 @@ def landing(key: Key, time: Floats, motion: Motion, contact: float) -> float | N
     has another inertia and other modes.
 
     Args:
-        key: The key.
         time: s, shape (n,).
         motion: Motion of the key [rad], arrays of shape (n,).
         contact: s, first contact with a string; the search ends there.

@@ -90,7 +90,6 @@ def fit(
     """Fit the parameters under the assumption that the residuals are independent.
 
     Args:
-        dynamics: Inverse dynamics of the presses.
         starts: Number of starting points.
         robust: Weight large residuals linearly instead of quadratically.
         free_offset: Fit the zero of each force even if the force is not AC-coupled.
@@ -147,7 +146,6 @@ def informative(fitted: Fit, jacobian: Floats) -> Floats:
     J'J (J'SJ)^-1 J'J, for any weights (White 1980, Newey and West 1987).
 
     Args:
-        fitted: The completed fit.
         jacobian: Derivatives of its weighted residuals, shape (n, parameters).
 
     Returns:
@@ -190,18 +188,10 @@ def _noise(
     free_offset: bool,
     least: float = FLOOR,
 ) -> tuple[Whitening, ...]:
-    """Return the whitenings of residuals.
+    """Return the whitenings of the residuals `left` [N] of each press, without trends.
 
-    Each phase of the press has its own scale. An error of the pluck's model affects one phase only,
-    and on the way back the finger may lose the key and catch it again.
-
-    Args:
-        dynamics: Inverse dynamics of the presses.
-        left: N, residuals of each press without trends.
-        floor: N, smallest scale.
-        spent: Number of fitted values.
-        free_offset: Whether the zero of each force is fitted.
-        least: Smallest value of the noise spectrum, divided by its mean.
+    Each phase of the press has its own scale, at least `floor` [N]. An error of the pluck's model
+    affects one phase only, and on the way back the finger may lose the key and catch it again.
     """
     parts = [p.phase[p.used] for p in dynamics.presses]
     scales = [np.full(len(f), max(rms(left), floor)) for f in left]

@@ -87,9 +87,8 @@ class ScoreTest:
     def __init__(self, problem: Problem, values: Floats, spread: float, free_offset: bool):
         self.problem = replace(problem, whitenings=white(problem.dynamics, spread, free_offset))
         point = values / problem.scales
-        self._data, prior = self.problem.data(point), self.problem.prior_jacobian(point)
-        rows = np.vstack([self.problem.jacobian(point, self.problem.data), prior])
-        self._basis, _ = np.linalg.qr(rows)
+        self._data, own = self.problem.data(point), self.problem.jacobian(point, self.problem.data)
+        self._basis, _ = np.linalg.qr(np.vstack([own, self.problem.prior_jacobian]))
         self._residuals = np.concatenate([self._data, self.problem.prior(point)])
 
     def column(self, dynamics: InverseDynamics, values: Floats, step: float) -> Floats:
@@ -117,13 +116,12 @@ def sensitivities(fitted: Fit, jacobian: Floats, excess: float) -> tuple[Sensiti
     """Return the effects of all fixed numbers and calibrations, the largest effect first.
 
     Args:
-        fitted: The completed fit.
         jacobian: Derivatives of its whitened residuals by the scaled parameters.
         excess: Mean square of the whitened residuals.
     """
     problem, dynamics = fitted.problem, fitted.problem.dynamics
     shown = [k for k, p in enumerate(problem.free) if not p.hidden]
-    prior = problem.prior_jacobian(fitted.values / problem.scales)
+    prior = problem.prior_jacobian
     data, nothing = jacobian / np.sqrt(excess), np.zeros(len(prior))
     rows, table = np.vstack([data, prior]), []
 

@@ -86,9 +86,6 @@ def held_string(choir: Choir, pluck: Pluck, level: str, values: Mapping[str, flo
     """Return the held string of a choir.
 
     Args:
-        choir: The choir.
-        pluck: Its pluck.
-        level: Plectrum model.
         values: Values of the parameters, by name.
     """
     share, vibration = values.get(OUTWARD, 0.0), values.get(VIBRATION, 0.0)
@@ -106,7 +103,6 @@ def _response(string: String, slope: float, step: float, count: int) -> Floats:
     frequency of the mode.
 
     Args:
-        string: The string.
         slope: N/m, of the spring.
         step: s.
         count: Number of steps.

@@ -65,7 +65,6 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
     """Return the hidden parameters of a rig.
 
     Args:
-        rig: The nominal bench.
         names: Names of the free parameters; they are omitted.
     """
     found = [
@@ -92,16 +91,13 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
     if damper is not None and damper.stiffness > 0:
         std = assumed_std(rig, "jack.damper.stiffness") / damper.stiffness or DAMPER_STD
         lift_std = assumed_std(rig, "jack.damper.lift") or DAMPER_LIFT_STD
-        found += [
-            _hidden(DAMPER, 1.0, std),
-            _hidden(DAMPER_LIFT, damper.lift, lift_std, "m"),
-        ]
+        found += [_hidden(DAMPER, 1.0, std), _hidden(DAMPER_LIFT, damper.lift, lift_std, "m")]
     plectrum_is_free = not {MODULUS, STIFFNESS, OVERLAP}.isdisjoint(names)
     if plectrum_is_free and rig.plectrum.contact == "surface":
-        value = rig.plectrum.friction
-        ends = ENDS[FRICTION]
-        found.append(Parameter(FRICTION, "", value, *ends, value, FRICTION_STD, hidden=True))
-        found.append(_fraction(OUTWARD, 0.0, OUTWARD_STD))
+        found += [
+            _fraction(FRICTION, rig.plectrum.friction, FRICTION_STD),
+            _fraction(OUTWARD, 0.0, OUTWARD_STD),
+        ]
     return [parameter for parameter in found if parameter.name not in names]
 
 

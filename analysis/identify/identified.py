@@ -135,7 +135,6 @@ def identify(
         phases: Phases of these presses, in the same order.
         names: Free parameters, from `parameter_names.NAMES`.
         priors: Prior knowledge of parameters, by name.
-        level: Plectrum model.
         starts: Number of starting points: the rig's values, and points between the bounds.
         robust: Weight large residuals linearly instead of quadratically.
 
@@ -150,7 +149,7 @@ def evaluate(fitted: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
     found, values, good = fitted.problem, fitted.values, quality(fitted)
     point = values / found.scales
-    data, prior = found.jacobian(point, found.data), found.prior_jacobian(point)
+    data, prior = found.jacobian(point, found.data), found.prior_jacobian
     rows = informative(fitted, data) / np.sqrt(good.repetition)
     moved = np.zeros(len(values)) if fitted.moved is None else fitted.moved
     covariance, determined = covariance_of(np.vstack([rows, prior]))
@@ -196,16 +195,13 @@ def evaluate(fitted: Fit) -> Identified:
 def _with_found_friction(fitted: Fit, stds: Floats) -> Fit:
     """Return the fit; the plectrum's friction is no longer hidden if it differs from the rig's."""
     dynamics = fitted.problem.dynamics
-    free = tuple(
-        replace(
-            p,
-            hidden=p.hidden and (p.name != FRICTION or abs(v - p.start) < SIGNIFICANT * std),
-        )
-        for p, v, std in zip(dynamics.free, fitted.values.tolist(), stds.tolist(), strict=True)
-    )
-    if free == dynamics.free:
-        return fitted
-    return replace(fitted, problem=replace(fitted.problem, dynamics=dynamics.with_free(free)))
+    for number, (parameter, value) in enumerate(zip(dynamics.free, fitted.values, strict=True)):
+        differs = abs(value - parameter.start) >= SIGNIFICANT * stds[number]
+        if parameter.name == FRICTION and parameter.hidden and differs:
+            free = list(dynamics.free)
+            free[number] = replace(parameter, hidden=False)
+            dynamics = dynamics.with_free(free)
+    return replace(fitted, problem=replace(fitted.problem, dynamics=dynamics))
 
 
 def _modes(found: Problem, values: Floats, stds: Floats) -> tuple[FittedMode, ...]:
@@ -251,16 +247,7 @@ def _estimate(
     *,
     fits: bool,
 ) -> Estimate:
-    """Return the result of one parameter.
-
-    Args:
-        found: The problem.
-        number: Number of the parameter.
-        value: SI, fitted value.
-        relative_std: Standard uncertainty from data and priors, divided by the scale.
-        known: What the data and the priors say.
-        fits: Whether the model fits.
-    """
+    """Return the result of one parameter; the standard uncertainty is divided by its scale."""
     parameter, scale = found.free[number], float(found.scales[number])
     room = AT_BOUND * (parameter.high - parameter.low)
     std = relative_std * scale

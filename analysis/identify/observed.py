@@ -125,8 +125,6 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     """Return the input of a fit from a press.
 
     Args:
-        press: The recording.
-        phases: Its phases.
         shift: s, largest delay between force and motion that the fit may assume.
 
     Raises:

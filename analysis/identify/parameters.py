@@ -114,9 +114,7 @@ def parameters(
     assumes, or without one a tenth and ten times the rig's value.
 
     Args:
-        rig: The nominal bench.
         names: From `NAMES`; `offset.force` is handled by the fit itself.
-        priors: Prior knowledge, by name.
 
     Raises:
         AnalysisError: A name is unknown or given twice, no name is given, a prior contradicts
@@ -124,10 +122,11 @@ def parameters(
     """
     priors = priors or {}
     faults = _name_faults(names, priors)
-    found = []
-    for name in names:
-        if name in NAMES and name != FORCE:
-            found.append(_parameter(rig, name, priors.get(name, Prior()), faults))
+    found = [
+        _parameter(rig, name, priors.get(name, Prior()), faults)
+        for name in names
+        if name in NAMES and name != FORCE
+    ]
     if faults:
         raise AnalysisError(fault_list("identify", faults))
     return tuple(found)
@@ -179,7 +178,8 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
     found: dict[str, str | float] = {}
     for name, value in values.items():
         if name == STIFFNESS:
-            name, value = MODULUS, value * rig.plectrum.youngs_modulus / _stiffness(rig)
+            ratio = rig.plectrum.youngs_modulus / rig.plectrum.bending_stiffness
+            name, value = MODULUS, value * ratio
         if name == TIME:
             at, channel = next(
                 (i, c) for i, c in enumerate(rig.daq.channels) if c.quantity == "velocity"
@@ -229,7 +229,7 @@ def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Paramete
 
 def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
     if name == STIFFNESS and MODULUS in rig.assumed:
-        ratio = _stiffness(rig) / rig.plectrum.youngs_modulus
+        ratio = rig.plectrum.bending_stiffness / rig.plectrum.youngs_modulus
         low, high = rig.assumed[MODULUS]
         return low * ratio, high * ratio
     low, high = sorted((value / FACTOR, value * FACTOR))
@@ -238,16 +238,10 @@ def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
     return low, high
 
 
-def _stiffness(rig: Rig) -> float:
-    return rig.plectrum.bending_stiffness
-
-
 def _near(name: str, known: Sequence[str]) -> str:
     fields = {key.rpartition(".")[2]: key for key in known}
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    if close := close or [
-        fields[field]
-        for field in difflib.get_close_matches(name.rpartition(".")[2], list(fields), n=1)
-    ]:
+    alike = difflib.get_close_matches(name.rpartition(".")[2], list(fields), n=1)
+    if close := close or [fields[field] for field in alike]:
         return f"; did you mean {close[0]!r}?"
     return f"; there are {', '.join(known)}" if known else ""

@@ -57,7 +57,6 @@ class Problem:
             data: Residuals before the step.
             dynamics: Inverse dynamics after the step.
             values: SI, values of its parameters.
-            step: Change of the number.
         """
         moved = replace(self, dynamics=dynamics, scales=np.ones(len(values)))
         try:
@@ -78,15 +77,12 @@ class Problem:
     def prior(self, point: Floats) -> Floats:
         """Return the residuals [1] of the priors at a scaled point."""
         means = np.array([p.mean or 0.0 for p in self.free])
-        jacobian = self.prior_jacobian(point)
-        return jacobian @ (point - means / self.scales)
+        return self.prior_jacobian @ (point - means / self.scales)
 
-    def prior_jacobian(self, point: Floats) -> Floats:
-        """Return the derivatives of `prior` by the scaled parameters."""
-        rows = np.zeros((len(self._expected), len(point)))
-        for row, k in enumerate(self._expected):
-            rows[row, k] = self.scales[k] / (self.free[k].std or 1.0)
-        return rows
+    @property
+    def prior_jacobian(self) -> Floats:
+        """Derivatives of `prior` by the scaled parameters."""
+        return np.diag(self.scales / [p.std or 1.0 for p in self.free])[self._expected]
 
     def all(self, point: Floats) -> Floats:
         """Return the residuals [1] of data and priors; `UNSOLVED` if there is no solution."""
@@ -122,10 +118,8 @@ class Problem:
         low, high = self.bounds
         steps = np.where(point + DIFFERENCE <= high, DIFFERENCE, -DIFFERENCE)
         at, columns = self.all(point), []
-        for k, end in enumerate(np.clip(point + steps, low, high).tolist()):
-            moved = point.copy()
-            moved[k] = end
-            columns.append((self.all(moved) - at) / (end - point[k]))
+        for step in np.diag(np.clip(point + steps, low, high) - point):
+            columns.append((self.all(point + step) - at) / step.sum())
         return np.stack(columns, axis=1)
 
 
@@ -139,7 +133,6 @@ def minimise(
     """Minimise the cost from a start; return the minimum and the parameters [SI] there.
 
     Args:
-        found: The problem.
         values: SI, start, shape (parameters,).
         robust: Weight large residuals linearly instead of quadratically.
         fixed: Number of a parameter that keeps its value; None: all are free.

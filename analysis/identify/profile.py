@@ -41,11 +41,6 @@ class Profile:
 def profile(fitted: Fit, found: Identified, name: str) -> Profile:
     """Return the profile of one parameter around a fit.
 
-    Args:
-        fitted: The completed fit.
-        found: Result of the fit.
-        name: Name of the parameter.
-
     Raises:
         AnalysisError: The parameter was not fitted.
     """

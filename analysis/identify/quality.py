@@ -86,16 +86,13 @@ def quality(fitted: Fit) -> Quality:
     left = [f - w.trend(f) for f, w in zip(forces, fitted.problem.whitenings, strict=True)]
     period = 1 / dynamics.rig.string.frequency
     slow = [_slow(f, p, period) for f, p in zip(left, dynamics.presses, strict=True)]
-    inside, outside = (
-        [
-            f[np.isfinite(f) & (p.phase == which)]
-            for f, p in zip(slow, dynamics.presses, strict=True)
-        ]
-        for which in (HELD, FREE)
-    )
-    free = rms(outside)
-    noise = dynamics.noise
-    reasons = []
+
+    def in_phase(which: int) -> list[Floats]:
+        pairs = zip(slow, dynamics.presses, strict=True)
+        return [f[np.isfinite(f) & (press.phase == which)] for f, press in pairs]
+
+    inside, free = in_phase(HELD), rms(in_phase(FREE))
+    noise, reasons = dynamics.noise, []
     quiet = noise is None or free <= NOISE_MAX * float(np.hypot(noise, dynamics.floor))
     if noise is not None and not quiet:
         reasons.append(
@@ -115,13 +112,11 @@ def quality(fitted: Fit) -> Quality:
                 " measure the string's tension, length and plucking point"
             )
     repeated = _repeated(dynamics.presses, slow, dynamics.floor, period)
-    if repeated is not None:
-        size = repeated.size
-        if size > max(repeated.allowed, REPEATED_MAX * (noise or 0.0)):
-            reasons.append(
-                f"{size * 1e3:.3g} mN of the residual repeat from press to press, and noise would"
-                f" leave up to {repeated.allowed * 1e3:.3g} mN: free what is suggested"
-            )
+    if repeated and repeated.size > max(repeated.allowed, REPEATED_MAX * (noise or 0.0)):
+        reasons.append(
+            f"{repeated.size * 1e3:.3g} mN of the residual repeat from press to press, and noise"
+            f" would leave up to {repeated.allowed * 1e3:.3g} mN: free what is suggested"
+        )
     offsets = {
         p.name: float((value - p.mean) / p.std)
         for p, value in zip(dynamics.free, fitted.values.tolist(), strict=True)

@@ -55,9 +55,6 @@ class InverseDynamics:
 
     Args:
         rig: The bench; all other values are those of this rig.
-        free: Fitted parameters.
-        presses: Recordings.
-        level: Plectrum model.
         unusable: Why other presses are not among them, a text each.
     """
 
@@ -80,6 +77,7 @@ class InverseDynamics:
             np.stack([p.release_angles, p.release_speeds, p.release_stds])[:, :count]
             for p in self.presses
         ]
+        self._starts = np.cumsum([p.used.sum() for p in self.presses])[:-1]
         self._angles, self._speeds, self.rise_stds = np.concatenate(released, axis=1)
         """`rise_stds`: m, standard uncertainty of the rise at each modelled release."""
         self._orders = np.concatenate([np.arange(part.shape[1]) for part in released])
@@ -117,23 +115,19 @@ class InverseDynamics:
         rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
         force_gain, gain = values.get(FORCE_GAIN, 1.0), values.get(VELOCITY_GAIN, 1.0)
         sliding = values.get(SLIDING, 0.0), values.get(LATE_SLIDING, 0.0)
-        strings = _strings(
-            rig, self.level, values, rig.plectrum.friction - self.rig.plectrum.friction
-        )
-        modes = modes_of(values)
+        friction = rig.plectrum.friction - self.rig.plectrum.friction
+        strings, modes = _strings(rig, self.level, values, friction), modes_of(values)
         inertia, amplified = _inertia_over_arm(rig), noise_gain(modes, self._record)
         state = self._state(rig, strings, values)
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
         measured = rise_of_angle(rig.key, gain * self._angles) - self._speeds * lag
         rises = (measured + state.extra_rise - modelled[self._orders]) / self.rise_stds
-        motion = Motion(
-            *(gain * m - bent for m, bent in zip(self._motion, state.bending, strict=True))
-        )
+        motion = Motion(*(gain * np.stack(self._motion) - state.bending))
         # Compare in units of the measured force: its noise does not depend on the gain.
         force, required = state.measured, finger_force(rig, motion, state.strings)
         slid = force * (sliding[0] * force + sliding[1] * self._lagged)
         residual = force + slid - required / force_gain
-        forces = np.split(residual, np.cumsum([p.used.sum() for p in self.presses])[:-1])
+        forces = np.split(residual, self._starts)
         for press, own in zip(self.presses, forces, strict=True):
             if modes and press.noise is not None:
                 # Otherwise a small inertia would fit best because it hides the noise.
@@ -202,7 +196,6 @@ def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float)
 
     Args:
         rig: Rig with the values of the parameters.
-        level: Plectrum model.
         values: Values of the parameters, by name.
         friction: Fitted friction of the first plectrum minus that of the rig.
     """

@@ -17,7 +17,6 @@ def lost_samples(
     """Return which raw samples of a channel lie in a drop-out, shape (count,).
 
     Args:
-        flags: Of this channel.
         channel: With its delay.
         rate: Hz.
         first_sample: Index of the first sample, counted from the trigger.

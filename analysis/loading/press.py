@@ -22,11 +22,7 @@ from sautereau.analysis.loading.drift import (
     without_drift,
     without_line,
 )
-from sautereau.daq.signals.calibration import (
-    calibration_warning,
-    to_si,
-    white_noise,
-)
+from sautereau.daq.signals.calibration import calibration_warning, to_si, white_noise
 from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.instrument import Key

@@ -34,7 +34,6 @@ def write_by_hand(recording: Path, texts: list[str]) -> None:
     """Write the plucks of a press beside its recording.
 
     Args:
-        recording: Its path.
         texts: Of each pluck, contact and release after the trigger as in `FORM`; none for a press
             without a pluck.
 

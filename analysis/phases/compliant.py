@@ -79,8 +79,6 @@ def compliant_plucks(
     """Return the plucks on the way down, and the search that found them.
 
     Args:
-        strings: Of the rig.
-        signals: Of the press.
         way: First and last sample of the way down.
     """
     way = way[0], _rebound(signals, *way)

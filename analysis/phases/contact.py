@@ -63,7 +63,6 @@ def find_contact(
     """Find the contact before a release.
 
     Args:
-        strings: Of the rig.
         rest: Of the key at rest before the press, where the only signal is hum.
         held: Of the way down until shortly before the release, from the start of the motion or
             from the previous release.

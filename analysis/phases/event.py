@@ -64,7 +64,6 @@ def refine_event(
     fitted if they are explained much better.
 
     Args:
-        signals: Of the press.
         near: s after the trigger, approximate instant.
         std: s, its standard uncertainty.
         force: N at the finger, by which the load falls.

@@ -93,9 +93,7 @@ class EventFit:
     """Fits of events to the signals around the first of them.
 
     Args:
-        signals: Of the press.
         stretch: First sample, and the last one, exclusive.
-        samples: Of a block.
         near: s after the trigger, expected instants; the first is the origin of time.
         stds: s, their standard uncertainties.
     """

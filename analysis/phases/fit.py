@@ -71,10 +71,8 @@ class KeyAndString:
     The normal equations of the key's columns are set up once; those of the string for each instant.
 
     Args:
-        strings: Of the rig.
         rest: Of the key at rest before the press; may be empty.
         held: Of the way to a release.
-        release: The release.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
     """
 

@@ -133,8 +133,6 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
     """Return a pluck with its finger forces.
 
     Args:
-        signals: Of the press.
-        contact: Its start.
         release: Its end.
     """
     time, force, rate = signals.time, signals.force, signals.rate
@@ -167,7 +165,6 @@ def fit_warnings(
     Args:
         fit: How well the load was explained.
         further: Growths without a pluck.
-        plucks: That were found.
         strings: Number of strings of the rig.
     """
     found = [
@@ -205,9 +202,7 @@ def unlike_the_rig(signals: Signals, plucks: Sequence[HeldString], strings: Expe
     """Return warnings about plucks whose place and force are far from every string of the rig.
 
     Args:
-        signals: Of the press.
         plucks: In order of time.
-        strings: Of the rig.
     """
     found = []
     for number, held in enumerate(plucks, 1):
@@ -243,8 +238,6 @@ def pluck_warnings(
     """Return warnings about plucks.
 
     Args:
-        signals: Of the press.
-        marks: Its quality flags.
         plucks: In order of time.
         steady: s after the trigger, end of the run-up.
     """

@@ -43,9 +43,7 @@ def pair_gains(fit: SawTeeth, found: Floats, solved: Solved) -> Pairs:
     """Return the reduction of chi2 by a further pluck.
 
     Args:
-        fit: Of the load.
         found: s, contacts and releases of the plucks found, shape (plucks, 2).
-        solved: Their fit.
     """
     slow, left = fit.slow, solved.row_residuals
     size = max(1, -(-len(left) // MOST_ROWS))

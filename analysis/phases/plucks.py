@@ -86,8 +86,6 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     rose beyond all strings shows none.
 
     Args:
-        rig: The bench.
-        signals: Of the press.
         begin: Sample at which the jack leaves rest.
         end: Sample at which it reaches its top.
     """
@@ -224,8 +222,6 @@ def _contacts(
     """Return the falls that have a contact before them, with that contact.
 
     Args:
-        strings: Of the rig.
-        signals: Of the press.
         step: s, uncertainty of a fall before its refinement.
         begin: Sample at which the jack leaves rest.
         falls: In order of time.

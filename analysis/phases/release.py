@@ -111,7 +111,6 @@ def refine(signals: Signals, near: float, step: float) -> Release:
     """Return the instant of a fall, fitted to the samples around it.
 
     Args:
-        signals: Of the press.
         near: s after the trigger, approximate instant.
         step: s, of the rows in which the fall was found.
     """

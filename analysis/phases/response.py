@@ -79,7 +79,6 @@ class Response:
         Args:
             instants: s, any shape.
             poles: 1/s, shape (modes,).
-            orders: The powers.
 
         Returns:
             Shape (..., orders, n, curves + 2 modes), curves as of `curves`.

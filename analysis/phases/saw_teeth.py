@@ -82,10 +82,8 @@ class SawTeeth:
     """Fits of saw-teeth to the load for one compliance.
 
     Args:
-        slow: Of the way down.
         compliance: s^2, k of `sautereau.analysis.phases.slow`.
         noise: N, of a row; it weights the priors.
-        strings: Of the rig.
         releases: s, of the plucks with their standard uncertainties, shape (plucks, 2), where they
             are known from elsewhere.
         unexplained: N, further error of each row, shape (rows,).

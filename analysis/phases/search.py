@@ -89,7 +89,6 @@ def search(slow: Slow, strings: Expected) -> Searched:
     """Return the growths of a press that collapse.
 
     Args:
-        slow: Of the way down.
         strings: Of the rig; there are at most as many growths.
     """
     compliance, noise = 0.0, NOISE
@@ -201,10 +200,8 @@ class _Search:
 
         Args:
             plucks: All of them, shape (plucks, 2).
-            solved: Their fit.
             i: Index of the pluck.
             others: The others, as refined without it.
-            without: Fit of these.
         """
         fit, slow, pluck = self._fit, self._fit.slow, plucks[i]
         forces = solved.forces

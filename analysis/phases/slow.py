@@ -60,9 +60,6 @@ class Slow:
     """The smoothed signals of a stretch, in rows of half a width; arrays of shape (n,).
 
     Args:
-        signals: Of the press.
-        begin: First sample.
-        end: Last sample.
         widths: Largest number of widths.
     """
 

@@ -19,9 +19,7 @@ def unexplained(
     """Fit a rigid key without a string to the complete way down.
 
     Args:
-        strings: Of the rig.
         rest: Of the key at rest before the press; may be empty.
-        down: Of the way down.
         before: Time [s] and rise [m] of the jack before it.
 
     Returns:

@@ -154,11 +154,7 @@ def _mark_plucks(plot: Plot, record: PressRecord, colour: str) -> None:
         x=[time * 1e3 for time in times],
         y=np.interp(times, force.x, force.y),
         mode="markers",
-        marker={
-            "color": colour,
-            "size": 7,
-            "symbol": ["circle-open", "x-thin-open"] * len(plucks),
-        },
+        marker={"color": colour, "size": 7, "symbol": ["circle-open", "x-thin-open"] * len(plucks)},
         text=["contact", "release"] * len(plucks),
         opacity=0.6,
         meta=record.number,

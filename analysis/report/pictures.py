@@ -68,7 +68,6 @@ def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
 
     Args:
         number: Number of the choir, from 1.
-        name: Start of the caption.
     """
     string = motion.choir.string
     across = (WIDE - 2 * MARGIN) / string.length
@@ -197,12 +196,7 @@ def _felt(x: float, top: float) -> Shape:
 
 
 def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
-    """Draw one choir's jack, plectrum, damper and wire.
-
-    Args:
-        motion: Its motion.
-        name: Start of the caption.
-    """
+    """Draw one choir's jack, plectrum, damper and wire."""
     choir = motion.choir
     plectrum, jack = choir.plectrum, choir.jack
     clamp = (plectrum.overlap - plectrum.length) * UM

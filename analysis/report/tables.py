@@ -104,15 +104,10 @@ def course(presses: Sequence[PressRecord]) -> list[tuple[str, list[float | None]
     return [(_title(name), [_value(press.features, name) for press in presses]) for name in COURSE]
 
 
-def compared_rows(found: Sequence[PooledFeature]) -> list[tuple[str, str, str, str, str]]:
+def compared_rows(found: Sequence[PooledFeature]) -> list[tuple[str, ...]]:
     """Return feature, mean, its interval, the model's value and the number of presses."""
-    rows = []
-    for one in found:
-        if one.predicted is None:
-            continue
-        label, mean, interval, predicted = feature_cells(one)
-        rows.append((label.replace("uJ", "µJ"), mean, interval, predicted, str(one.presses)))
-    return rows
+    cells = [(*feature_cells(one), str(one.presses)) for one in found if one.predicted is not None]
+    return [(label.replace("uJ", "µJ"), *rest) for label, *rest in cells]
 
 
 def comparison_rows(found: Comparison) -> list[tuple[str, str, str]]:

@@ -143,20 +143,14 @@ def _condition(
     rows = [press.features for press in known]
     prediction = comparison = spread = None
     predicted: dict[str, float] = {}
-    warnings = []
+    warnings = _omitted(
+        stopped,
+        "the jack stops or turns back while its string is held, or is recorded in too few samples;"
+        " press without a stop",
+    )
     silent = [press for press in known if not press.phases.plucks]
-    for omitted, reason in (
-        (
-            stopped,
-            "the jack stops or turns back while its string is held, or is recorded in too few"
-            " samples; press without a stop",
-        ),
-        # Without any pluck the comparison itself gives the reason.
-        (silent if len(silent) < len(known) else [], "no pluck was found; see `sautereau phases`"),
-    ):
-        if omitted:
-            names = ", ".join(press.press.path.name for press in omitted)
-            warnings.append(f"not compared: {names}: {reason}")
+    if len(silent) < len(known):  # otherwise the comparison itself gives the reason
+        warnings += _omitted(silent, "no pluck was found; see `sautereau phases`")
     poor = sum(bool(p.phases.fit and p.phases.fit.verdict == "poor") for p in known)
     if poor:
         warnings.append(
@@ -167,10 +161,9 @@ def _condition(
     if sessions > 1:
         warnings.append(f"presses of {sessions} sessions of one day are pooled")
     try:
-        prediction = predict(rig or own, level)
         each = [predict(rig or own, level, speed=press.speed) for press in known]
-        plucked = (p for press, p in zip(known, each, strict=True) if press.speed)
-        prediction = next(plucked, prediction)
+        plucked = [p for press, p in zip(known, each, strict=True) if press.speed]
+        prediction = plucked[0] if plucked else predict(rig or own, level)
         comparison = compare([press.phases for press in known], each)
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:
@@ -192,6 +185,12 @@ def _condition(
         spread,
         tuple(warnings),
     )
+
+
+def _omitted(presses: Sequence[AnalysedPress], reason: str) -> list[str]:
+    """Return a warning about presses that are not compared, if there are any."""
+    names = ", ".join(press.press.path.name for press in presses)
+    return [f"not compared: {names}: {reason}"] if presses else []
 
 
 def differing(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:

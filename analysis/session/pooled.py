@@ -39,7 +39,7 @@ class PooledFeature:
 
 
 def pooled_features(
-    rows: Sequence[Row], predicted: Mapping[str, float] | None = None
+    rows: Sequence[Row], predicted: Mapping[str, float]
 ) -> tuple[PooledFeature, ...]:
     """Return the features of repeated presses.
 
@@ -52,16 +52,9 @@ def pooled_features(
     for name in (*POOLED, *later):
         values = tuple(value for row in rows if isinstance(value := row.get(name), float))
         if values:
-            several = len(values) > 1
-            found.append(
-                PooledFeature(
-                    name,
-                    UNITS[split_column(name)[0]],
-                    values,
-                    mean_of(values),
-                    float(np.std(values, ddof=1)) if several else None,
-                    trend_of(np.array(values)) if len(values) >= LEAST else None,
-                    (predicted or {}).get(name),
-                )
-            )
+            unit, mean = UNITS[split_column(name)[0]], mean_of(values)
+            std = float(np.std(values, ddof=1)) if len(values) > 1 else None
+            drift = trend_of(np.array(values)) if len(values) >= LEAST else None
+            model = predicted.get(name)
+            found.append(PooledFeature(name, unit, values, mean, std, drift, model))
     return tuple(found)

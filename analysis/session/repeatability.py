@@ -67,9 +67,6 @@ class Repeatability:
 def repeatability(presses: Sequence[Press], law: PressLaw) -> Repeatability:
     """Compare presses of one plan with each other.
 
-    Args:
-        law: The planned motion of each.
-
     Raises:
         AnalysisError: There are fewer than `LEAST`, or one does not cover the cruise.
     """

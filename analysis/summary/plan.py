@@ -40,7 +40,6 @@ def plan_lines(
     """Return a plan as text.
 
     Args:
-        rig: The bench.
         warnings: Warnings about the plan and about the prediction that it uses.
         all_checks: List every check instead of the tightest and the failed ones.
     """
@@ -95,10 +94,8 @@ def check_cells(check: Check) -> tuple[str, ...]:
 
 def mount_lines(rig: Rig, found: Mount) -> list[str]:
     """Return a mount as text."""
-    error, increase = (
-        f"tilt {math.degrees(found.tilt_max):.3g} deg",
-        f"{math.degrees(found.tilt_per_metre) * 1e-3:.3g} deg",
-    )
+    error = f"tilt {math.degrees(found.tilt_max):.3g} deg"
+    increase = f"{math.degrees(found.tilt_per_metre) * 1e-3:.3g} deg"
     if found.hold == "normal":
         error = f"slide {found.slide_max * 1e3:.3g} mm"
         increase = f"{found.slide_per_metre:.3g} mm"

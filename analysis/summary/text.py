@@ -78,11 +78,7 @@ def _wrapped_line(line: str) -> str:
         return line
     indent = gaps[0] if gaps else len(line) - len(line.lstrip()) + 2
     return textwrap.fill(
-        line,
-        WIDTH,
-        subsequent_indent=" " * indent,
-        break_long_words=False,
-        break_on_hyphens=False,
+        line, WIDTH, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
     )
 
 

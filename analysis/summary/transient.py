@@ -35,16 +35,17 @@ def transient_summary(examined: Sequence[Examined], found: Sequence[Attributed])
 
 def _mode(observed: ObservedMode) -> dict[str, Any]:
     mode = observed.mode
-    channels = {}
-    for name, value, std in zip(
-        ("force", "velocity"), mode.amplitude, mode.amplitude_std, strict=True
-    ):
-        size = abs(complex(value))
+    channels, amplitudes = (
+        {},
+        zip(mode.amplitude.tolist(), mode.amplitude_std.tolist(), strict=True),
+    )
+    for name, (value, std) in zip(("force", "velocity"), amplitudes, strict=True):
+        size, phase = cmath.polar(value)
         channels[name] = {
             "amplitude": size,
-            "amplitude_std": float(std),
-            "phase": cmath.phase(complex(value)),
-            "phase_std": min(float(std) / size, cmath.pi) if size else cmath.pi,
+            "amplitude_std": std,
+            "phase": phase,
+            "phase_std": min(std / size, cmath.pi) if size else cmath.pi,
         }
     return {
         "press": observed.press,
@@ -78,8 +79,8 @@ def transient_lines(examined: Sequence[Examined], found: Sequence[Attributed]) -
         lines.append(f"{o.frequency:.4g} Hz: seen in {_phases(phases)}")
         if each.deciding:
             lines.append(f"{o.frequency:.4g} Hz: {UNDECIDED}; to decide it: {each.deciding}")
-        if o.damping < 0:
-            lines.append(f"{o.frequency:.4g} Hz: {_without_damping(o)}")
+        if meaning := _damping(o)[1]:
+            lines.append(f"{o.frequency:.4g} Hz: {meaning}")
         if not o.consistent:
             lines.append(
                 f"{o.frequency:.4g} Hz: the frequencies of its phases and presses differ by more"
@@ -102,29 +103,18 @@ def _cells(each: Attributed) -> tuple[str, ...]:
     likely = max(each.probability, key=lambda source: each.probability[source])
     chance = f"{100 * each.probability[likely]:.0f} %"
     verdict = f"{likely} ({chance})" if each.source else f"undecided, {likely} {chance}"
-    return (
-        _with_std(o.frequency, o.frequency_std),
-        _damping(o),
-        f"{force:.3g}",
-        f"{velocity:.3g}",
-        verdict,
-    )
+    frequency = _with_std(o.frequency, o.frequency_std)
+    return frequency, _damping(o)[0], f"{force:.3g}", f"{velocity:.3g}", verdict
 
 
-def _damping(o: Oscillation) -> str:
-    """Return the damping in per cent; a negative estimate as its upper limit or as growth."""
-    limit = INTERVAL * o.damping_std
+def _damping(o: Oscillation) -> tuple[str, str]:
+    """Return the damping in per cent, and what a negative estimate means."""
+    limit, found = INTERVAL * o.damping_std, _with_std(100 * o.damping, 100 * o.damping_std)
     if o.damping >= 0:
-        return _with_std(100 * o.damping, 100 * o.damping_std)
-    return f"< {100 * limit:.1f}" if o.damping + limit >= 0 else "grows"
-
-
-def _without_damping(o: Oscillation) -> str:
-    """Return what a negative estimate of the damping means."""
-    found = f"{_with_std(100 * o.damping, 100 * o.damping_std)} %"
-    if o.damping + INTERVAL * o.damping_std >= 0:
-        return f"not damped measurably (estimate {found})"
-    return f"it grows (damping {found}): it is driven, or a beat of two oscillations"
+        return found, ""
+    if o.damping + limit >= 0:
+        return f"< {100 * limit:.1f}", f"not damped measurably (estimate {found} %)"
+    return "grows", f"it grows (damping {found} %): it is driven, or a beat of two oscillations"
 
 
 def _with_std(value: float, std: float) -> str:

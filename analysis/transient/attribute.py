@@ -83,25 +83,15 @@ def attribute(
     Args:
         known: Hz, modes that were measured separately, for example by a tap on the key.
     """
-    strings = _Strings(
-        held=np.concatenate([held_frequencies(c, HIGHEST) for c in choirs(rig)]),
-        free=np.concatenate([free_frequencies(c, HIGHEST) for c in choirs(rig)]),
-    )
-    return [_attributed(each, rig, strings, known or {}) for each in oscillations]
-
-
-@dataclass(frozen=True)
-class _Strings:
-    """Partials of all strings [Hz]; shape (n,)."""
-
-    held: Floats
-    free: Floats
+    held = np.concatenate([held_frequencies(c, HIGHEST) for c in choirs(rig)])
+    free = np.concatenate([free_frequencies(c, HIGHEST) for c in choirs(rig)])
+    return [_attributed(each, rig, (held, free), known or {}) for each in oscillations]
 
 
 def _attributed(
     oscillation: Oscillation,
     rig: Rig,
-    strings: _Strings,
+    strings: tuple[Floats, Floats],
     known: Mapping[Source, Sequence[float]],
 ) -> Attributed:
     weight = {
@@ -127,22 +117,25 @@ def _deciding(first: Source, second: Source) -> str:
 
 
 def _frequency(
-    source: Source, found: Oscillation, rig: Rig, strings: _Strings, known: Sequence[float]
+    source: Source,
+    found: Oscillation,
+    rig: Rig,
+    strings: tuple[Floats, Floats],
+    known: Sequence[float],
 ) -> float:
-    """Return the density of the logarithm of the frequency."""
+    """Return the density of the logarithm of the frequency; strings: partials, held and free."""
     frequency, doubt = found.frequency, found.frequency_std / found.frequency
     anywhere = 1 / log(FULL[1] / FULL[0])
     if source is Source.STRING:
         held, free = (
-            _partials(frequency, each, STRING_STD, doubt, 1 / each**2)
-            for each in (strings.held, strings.free)
+            _partials(frequency, each, STRING_STD, doubt, 1 / each**2) for each in strings
         )
         likely = (1 - FREE_PART) * held + FREE_PART * free
     elif source is Source.MAINS:
         likely = _partials(frequency, MAINS, MAINS_STD, doubt)
     else:
-        band = MODELS[source].band or FULL
-        likely = _uniform(frequency, *band)
+        low, high = MODELS[source].band or FULL
+        likely = 1 / log(high / low) if low <= frequency <= high else 0.0
         if source is Source.FINGER:
             low, high = found.speeds
             ripple = found.consistent and high > (1 + SCALING) * low
@@ -154,10 +147,6 @@ def _frequency(
             near = _partials(frequency, known, KNOWN_STD, doubt)
             likely = ODD * likely + (1 - ODD) * near
     return (1 - ODD) * likely + ODD * anywhere
-
-
-def _uniform(frequency: float, low: float, high: float) -> float:
-    return 1 / log(high / low) if low <= frequency <= high else 0.0
 
 
 def _partials(

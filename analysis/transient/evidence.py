@@ -116,14 +116,8 @@ def examine(press: Press, phases: Phases, number: int = 0) -> Examined:
         for mode in stretch.modes.modes
         if stretch.phase == "rest" or noise.is_below(mode)
     ]
-    return Examined(
-        press.path,
-        press.simulated,
-        phases.free_speed,
-        tuple(stretches),
-        tuple(observed),
-        tuple(notes),
-    )
+    found = tuple(stretches), tuple(observed), tuple(notes)
+    return Examined(press.path, press.simulated, phases.free_speed, *found)
 
 
 def _bridged(press: Press, time: Floats, name: str) -> Floats:
@@ -216,10 +210,7 @@ class _LowPass:
             return signals[:, :0], time[:0]
         half = len(self.weights) // 2
         passed = np.array([np.convolve(s, self.weights, "valid") for s in signals[:, first:last]])
-        return (
-            passed[:, :: self.factor],
-            time[first + half : last - half : self.factor],
-        )
+        return passed[:, :: self.factor], time[first + half : last - half : self.factor]
 
     def gain(self, frequency: float) -> float:
         """Return the gain of the filter at a frequency [Hz]."""

@@ -210,12 +210,8 @@ class _Fit:
         decay, omega = np.split(poles, 2)
         complex_ = linear[:count] + 1j * linear[count : 2 * count]
         columns = basis.shape[1]
-        jacobian = np.zeros((channels, len(basis), 2 * count + channels * columns))
-        jacobian[:, :, : 2 * count] = self.moved(poles, linear)
-        for c in range(channels):
-            first = 2 * count + c * columns
-            jacobian[c, :, first : first + columns] = basis
-        jacobian = jacobian.reshape(-1, jacobian.shape[2])
+        by_poles = self.moved(poles, linear).reshape(-1, 2 * count)
+        jacobian = np.hstack([by_poles, np.kron(np.eye(channels), basis)])
         size = np.linalg.norm(jacobian, axis=0)
         bound = np.linalg.pinv((jacobian / size).T @ (jacobian / size))
         std = np.sqrt(np.clip(np.diag(bound), 0, None) * excess) / size

@@ -16,7 +16,6 @@ def jack_rise(c: Conditions, times: np.ndarray) -> tuple[np.ndarray, float]:
     The blend to rest at the end takes twice as long as the run-up where the rise allows it.
 
     Args:
-        c: Rise, speeds and durations.
         times: s after the start of the push; shape (n,).
     """
     speed, rise, return_speed = c.speed, c.rise, c.return_speed

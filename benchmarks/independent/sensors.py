@@ -66,10 +66,8 @@ def measure(
     """Return the volts of both channels at the converter's rate.
 
     Args:
-        rng: Source of the noise.
         velocity: m/s, true, at the rate ``fine``; shape (n,).
         force: N, true; shape (n,).
-        conditions: Sensors and rate.
         fine: Hz.
     """
     count = len(velocity)

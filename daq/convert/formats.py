@@ -102,7 +102,6 @@ def refuse_missing(
     """Refuse a column with missing or infinite values.
 
     Args:
-        name: Name of the column.
         missing: Which rows have no finite value, shape (n_rows,).
         where: Returns the place of a row, counted from 0.
 

@@ -25,12 +25,7 @@ from sautereau.daq.file.container.records import (
 )
 from sautereau.daq.file.descriptors import FIELDS, LOG
 from sautereau.daq.file.integrity import FOREIGN, IndexedChunk
-from sautereau.daq.file.limits import (
-    FARTHEST_SAMPLE,
-    MOST_EVENTS,
-    event_faults,
-    series_faults,
-)
+from sautereau.daq.file.limits import FARTHEST_SAMPLE, MOST_EVENTS, event_faults, series_faults
 from sautereau.daq.file.provenance import channel_from_json
 from sautereau.daq.file.recorded import (
     Event,

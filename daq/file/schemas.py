@@ -8,16 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sautereau.daq.file.descriptors import (
-    ARRAYS,
-    ERROR,
-    FRAME,
-    INFO,
-    LOG,
-    SCENE,
-    TRANSFORMS,
-    twins,
-)
+from sautereau.daq.file.descriptors import ARRAYS, ERROR, FRAME, INFO, LOG, SCENE, TRANSFORMS, twins
 from sautereau.daq.file.recorded import Event
 
 THICKNESS = 3.0

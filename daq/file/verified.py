@@ -6,13 +6,7 @@ from io import BufferedReader
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import MAGIC, DamageError, Record
-from sautereau.daq.file.integrity import (
-    Section,
-    check_data,
-    check_summary,
-    corrupted,
-    data_crc,
-)
+from sautereau.daq.file.integrity import Section, check_data, check_summary, corrupted, data_crc
 
 
 def verified(file: BufferedReader) -> Iterator[Record]:

@@ -202,9 +202,5 @@ def _runs(which: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the uninterrupted stretches of True: first index and index after the last."""
     if not which.any():
         return []
-    edges = (1 + np.flatnonzero(which[1:] != which[:-1])).tolist()
-    if len(which) and which[0]:
-        edges.insert(0, 0)
-    if len(which) and which[-1]:
-        edges.append(len(which))
+    edges = np.flatnonzero(np.diff(which, prepend=False, append=False)).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))

@@ -159,11 +159,7 @@ def _differences(channel: Channel, actual: InputSettings) -> list[str]:
             " an attenuator"
         )
     for what, requested, accepted in (
-        (
-            "terminal_configuration",
-            channel.terminal_configuration,
-            actual.terminal_configuration,
-        ),
+        ("terminal_configuration", channel.terminal_configuration, actual.terminal_configuration),
         ("input_coupling", channel.input_coupling, actual.coupling),
     ):
         if requested != "default" and accepted not in (None, requested):

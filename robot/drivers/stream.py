@@ -48,7 +48,6 @@ class Stream:
         send: Sends a row; returns joint positions (counts) and torques (N m), shape (2,) each.
         hold: Ends the motion of both axes; they stay where they are.
         send_abort: Sends the command to switch off, and never fails.
-        polling: The clock.
         lead: Number of rows before the motion, in which the arm rests.
         error_limit: Difference of a joint from its plan, in counts, at which the motors go off.
     """

@@ -25,7 +25,6 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
     A derived class implements `plan`, which sets ``_planned``.
 
     Args:
-        wire: Connection to the controller.
         supply: Name of the power supply of the motors, for messages.
     """
 

@@ -102,7 +102,6 @@ class Feed:
 
         Args:
             views: All get the same events.
-            depth: Of the queue.
             period: s, between two updates.
         """
         self._views, self._period = list(views), period

@@ -15,10 +15,8 @@ from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.plan_table import MOST_PRESSES, Row
 
-MOST_PRESSES = 100_000
-"""Largest number of presses of a session: a day of them at full speed."""
 LEARNING = "from these presses"
 """In the place of a file's SHA-256: the correction of a session that learns it."""
 

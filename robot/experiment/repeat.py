@@ -41,7 +41,6 @@ def rows_of_recording(
     rise as the gesture.
 
     Args:
-        recording: The file.
         repeats: Number of presses.
 
     Raises:

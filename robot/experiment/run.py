@@ -17,8 +17,8 @@ from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.bench import Bench
 from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.monitor import Watch
-from sautereau.robot.experiment.plan import MOST_PRESSES, instrument_of, to_set
-from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.plan import instrument_of, to_set
+from sautereau.robot.experiment.plan_table import MOST_PRESSES, Row
 from sautereau.robot.experiment.session import Item, Origin, make_presses
 from sautereau.robot.experiment.session_folder import SessionFolder
 from sautereau.robot.experiment.steps import Ask, Plan, Step

@@ -145,12 +145,7 @@ def _go_to(controller: MotionController, item: Item, last: Trajectory | None) ->
 
 
 def _press(
-    controller: MotionController,
-    item: Item,
-    path: Path,
-    number: int,
-    origin: Origin,
-    watch: Watch,
+    controller: MotionController, item: Item, path: Path, number: int, origin: Origin, watch: Watch
 ) -> None:
     """Make one press: the acquisition is armed first, then the controller starts both."""
     rig, trajectory = item.rig, item.trajectory

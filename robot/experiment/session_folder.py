@@ -22,7 +22,8 @@ from sautereau.rig.load import current_document
 from sautereau.rig.renamed import current_key
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.differences import check_same
-from sautereau.robot.experiment.plan import MOST_PRESSES, Plan, RigDocument
+from sautereau.robot.experiment.plan import Plan, RigDocument
+from sautereau.robot.experiment.plan_table import MOST_PRESSES
 
 MANIFEST = "session.json"
 """Name of the file in the session's folder."""

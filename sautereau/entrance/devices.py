@@ -30,7 +30,6 @@ class Connected(Bench):
 
     @property
     def where(self) -> str:
-        """Name of the bench in messages."""
         return _where(bool(self.scene))
 
     def keep_truth(self, recording: Path) -> None:

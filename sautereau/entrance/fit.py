@@ -52,10 +52,10 @@ class Fit(Shown):
         """Each parameter with value, uncertainty and 95 % interval, SI."""
         import pandas as pd
 
-        columns = ("name", "unit", "value", "std", "low", "high", "start", "at_bound")
-        columns += ("identifiable",)
+        columns = ["name", "unit", "value", "std", "low", "high", "start"]
+        columns += ["at_bound", "identifiable"]
         rows = [[getattr(e, name) for name in columns] for e in self.found.estimates]
-        return pd.DataFrame(rows, columns=list(columns)).set_index("name")
+        return pd.DataFrame(rows, columns=columns).set_index("name")
 
     @property
     def identifiable(self) -> dict[str, bool]:

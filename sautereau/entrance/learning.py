@@ -101,15 +101,11 @@ class Learning:
         recordings = [folder.done[number] for number in sorted(folder.done)]
         if made.best is not None:
             write_learned(self._file, self._nominal, made.best, made.errors, self._pushed)
-        return Learned(
-            Session(recordings, folder=self._out),
-            tuple(made.errors),
-            made.stopped,
-            self._file if made.best is not None else None,
-            any(read_session(path).simulated for path in recordings),
-            folder.seed,
-            self.warnings,
-        )
+        file = self._file if made.best is not None else None
+        simulated = any(read_session(path).simulated for path in recordings)
+        of_session = simulated, folder.seed, self.warnings
+        session = Session(recordings, folder=self._out)
+        return Learned(session, tuple(made.errors), made.stopped, file, *of_session)
 
     def _resumed(self, folder: SessionFolder, on_press: Callable[[Path, float], Any]) -> bool:
         """Learn from the presses in the folder; return whether one is left to make."""

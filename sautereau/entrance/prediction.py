@@ -12,12 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-COLUMNS = {
-    "rise": "m",
-    "deflection": "m",
-    "finger_force": "N",
-    "string_force": "N",
-}
+COLUMNS = {"rise": "m", "deflection": "m", "finger_force": "N", "string_force": "N"}
 """Columns of the table and their units."""
 
 
@@ -58,12 +53,3 @@ class Prediction(Shown):
         from sautereau.analysis.model.plectrum.levels import LEVELS
 
         return shown(pluck_figure(self.rig, LEVELS.names()))
-
-
-def predicted(rig: Rig, level: str) -> Prediction:
-    """Predict the press of a rig.
-
-    Raises:
-        ModelError: The level has no solution for this rig.
-    """
-    return Prediction(rig, model.predict(rig, level))

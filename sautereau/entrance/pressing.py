@@ -72,13 +72,7 @@ class Observer:
 class Pressing:
     """One session, new or continued; see `sautereau.entrance.bench.Bench.press`."""
 
-    def __init__(
-        self,
-        bench: Devices,
-        what: Any,
-        out: str | Path,
-        settings: Settings = Settings(),
-    ):
+    def __init__(self, bench: Devices, what: Any, out: str | Path, settings: Settings = Settings()):
         self.bench, self._out = bench, Path(out)
         nominal = bench.rig.values
         rows = rows_of(what, nominal, settings.notes)

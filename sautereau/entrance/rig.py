@@ -95,9 +95,11 @@ class Rig(Shown):
         Raises:
             ModelError: The level has no solution for this rig.
         """
-        from sautereau.entrance.prediction import predicted
+        from sautereau.analysis.model.predict import predict
+        from sautereau.entrance.prediction import Prediction
 
-        return predicted(self.with_values(values, **named).values, level)
+        rig = self.with_values(values, **named).values
+        return Prediction(rig, predict(rig, level))
 
     def sweep(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> "Sweep":
         """Return the model's predictions over a grid of values.

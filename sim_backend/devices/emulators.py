@@ -81,8 +81,6 @@ class Emulator(Protocol):
         """Return the reference within the sample last ticked, before any tick its start.
 
         Where a motor is off it is the encoder's position at that tick.
-
-        Args:
             fractions (array): shape (k,), of the sample, 0 to 1; also extrapolated beyond 1.
 
         Returns:

@@ -52,7 +52,6 @@ class StreamedController(ABC, Generic[AxisT]):
     It is not thread-safe; see `GalilFirmware`.
 
     Args:
-        plant: Motors and encoders.
         period: s, of one sample of the bench.
         stepped: Whether time waits for the host while that streams setpoints.
     """

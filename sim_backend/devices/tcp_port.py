@@ -16,11 +16,7 @@ _CHUNK = 4096
 
 
 class TcpPort(SocketPort):
-    """A TCP port on loopback, for several hosts or connections at a time.
-
-    Args:
-        controller: Answers them.
-    """
+    """A TCP port on loopback, for several hosts or connections at a time."""
 
     scheme = "tcp"
 

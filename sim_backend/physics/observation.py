@@ -42,7 +42,6 @@ def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:
     """Simulate a drive in a new world and return the observation.
 
     Args:
-        rig: The nominal bench.
         scene: With a chosen step and engine.
         drive: Reference to follow; None for `drive_of` the scene.
 
@@ -65,11 +64,9 @@ def reference(
     """Solve a scene's equations as finely as rounding lets it, and return the observation.
 
     Args:
-        rig: The nominal bench.
         scene: Its engine, step and accuracy are ignored.
         drive: Reference to follow; None for `drive_of` the scene.
         step: s, longest one.
-        order: Of the steps.
         tolerance: Dimensionless, relative error of a step where forces are smooth; where cells of
             a force law join, its power 2/3 at order 6.
 

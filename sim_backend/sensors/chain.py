@@ -47,7 +47,6 @@ class SensorChain:
         sensors: Noise and hum; None for a sensor without noise, range and converter.
         rate: Hz.
         rest: Value [SI] of the quantity before the trigger.
-        random: Source of the noise.
         disturbances: Faults of the sensor, in the order in which they act.
         lag: s, by which the card's samples lag its terminal; negative where they are later.
         converter: Of the card; None for an ideal card.

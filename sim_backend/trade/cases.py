@@ -67,7 +67,7 @@ def grid(rig: Rig) -> Iterator[Case]:
                 {"plectrum.overlap": f"{overlap!r} m"},
             )
         yield from _families(rig, engine)
-        yield from _frictions(rig, engine)
+        yield from _frictions(engine)
         yield from _stops(rig, engine)
 
 
@@ -102,7 +102,7 @@ def _families(rig: Rig, engine: Engine) -> Iterator[Case]:
     yield Case("servo, play down to the rail", changed(servo, play=deep))
 
 
-def _frictions(rig: Rig, engine: Engine) -> Iterator[Case]:
+def _frictions(engine: Engine) -> Iterator[Case]:
     for friction in (False, True):
         word = "with" if friction else "without"
         yield Case(f"push {word} friction", push_scene(engine, friction=friction))

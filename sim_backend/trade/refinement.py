@@ -130,9 +130,7 @@ class Trial:
     """Runs of one drive on one bench, with an engine and steps of several lengths.
 
     Args:
-        rig: The nominal bench.
         true: The simulated bench.
-        drive: What is played.
         observe: Runs a drive through a world.
         solve: Solves it exactly; None to estimate all errors by shorter steps.
     """

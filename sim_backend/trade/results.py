@@ -37,11 +37,11 @@ class Point:
     string: str
     iterations: int
     """Iterations of the solver in each step."""
-    error: float | None
+    error: float | None = None
     """s, largest of all events; None where the point failed."""
-    force_error: float | None
+    force_error: float | None = None
     """Dimensionless, of the largest force; None where the point failed."""
-    real_time_factor: float | None
+    real_time_factor: float | None = None
     """Dimensionless, simulated over real time, to build and to run; None where it failed."""
     failed: str = ""
     """Reason of the failure: events missing or additional, or the engine's error."""
@@ -184,8 +184,7 @@ def trade_figure(trade: Trade) -> Figure:
     """Return the work-precision diagram: error of events over real-time factor, logarithmic.
 
     One colour is one way to simulate the scene with steps of several lengths, one marker is one
-    engine; the grey line
-    joins the Pareto-optimal points. Points that failed are not drawn.
+    engine; the grey line joins the Pareto-optimal points. Points that failed are not drawn.
     """
     figure = Figure(figsize=(9, 6), layout="constrained")
     axes = figure.add_subplot()
@@ -214,13 +213,8 @@ def trade_figure(trade: Trade) -> Figure:
         chosen = trade.points[trade.recommended]
         (x,), (y,) = _coordinates([chosen])
         axes.plot(x, y, "o", markersize=14, fillstyle="none", color="black", zorder=3)
-        axes.annotate(
-            f"recommended: {chosen.engine}, {chosen.dt * 1e6:.4g} us",
-            (x, y),
-            xytext=(0, 14),
-            textcoords="offset points",
-            ha="center",
-        )
+        text = f"recommended: {chosen.engine}, {chosen.dt * 1e6:.4g} us"
+        axes.annotate(text, (x, y), (0, 14), textcoords="offset points", ha="center")
     axes.axhline(trade.requested, color="0.5", linestyle=":", label="requested")
     axes.grid(visible=True, which="both", alpha=0.2)
     axes.legend()

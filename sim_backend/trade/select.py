@@ -66,7 +66,6 @@ def select_solver(
     installed, never on the speed of the machine.
 
     Args:
-        rig: The nominal bench.
         scene: What it chooses itself is kept.
         drive: What will be played; None for `drive_of` the scene.
         observe: Runs a drive through a world.
@@ -110,7 +109,6 @@ def cost(rig: Rig, scene: Scene, steps: int) -> float:
     Args:
         rig: The simulated bench.
         scene: With its engine and string chosen.
-        steps: Per controller sample.
     """
     step = STEP[scene.engine]
     if scene.engine == "exact" and find_spec("numba") is None:
@@ -164,8 +162,6 @@ def _refined(trial: refinement.Trial, scene: Scene, asked: Accuracy, own: Errors
     Args:
         trial: Of the scene's drive.
         scene: With its engine and string chosen.
-        asked: Accuracy.
-        own: Error of the string model.
     """
     closest = None
     for steps, error in trial.errors(scene):

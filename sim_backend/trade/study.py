@@ -50,7 +50,6 @@ def run_trade(rig: Rig, scene: Scene, fresh: bool = False) -> Trade:
     says "auto"; simpler ones than those are tried, but no better ones.
 
     Args:
-        rig: The nominal bench.
         scene: With a step or an accuracy, which only affects the recommendation.
         fresh: Measure again, even if the result is in the cache.
 
@@ -89,9 +88,7 @@ def timed(rig: Rig, scene: Scene, drive: Drive) -> tuple[Observation, float, flo
     Both are medians of repeats, after one that loads what is cached or compiled.
 
     Args:
-        rig: The nominal bench.
         scene: With its step and engine chosen.
-        drive: What is played.
 
     Raises:
         SceneError: The scene cannot be simulated.
@@ -178,17 +175,8 @@ def _simpler_levels(true: Rig, exact: Scene) -> list[str]:
 
 
 def _point(rig: Rig, way: Scene, drive: Drive, truth: Observation) -> Point:
-    blank = Point(
-        scene=way.description,
-        dt=way.step or 0.0,
-        engine=way.engine,
-        level=way.plectrum,
-        string=way.string,
-        iterations=way.iterations,
-        error=None,
-        force_error=None,
-        real_time_factor=None,
-    )
+    models = way.engine, way.plectrum, way.string, way.iterations
+    blank = Point(way.description, way.step or 0.0, *models)
     try:
         found, built, ran = timed(rig, way, drive)
     except (SceneError, ModelError) as error:

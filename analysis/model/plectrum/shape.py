@@ -24,7 +24,6 @@ def mid_line(plectrum: Elastica, s: Floats, force: Floats) -> Floats:
     the string the plectrum is straight.
 
     Args:
-        plectrum: Plectrum of uniform section.
         s: m, positions of the string on it, shape (n,).
         force: N, of the string, shape (n,).
 

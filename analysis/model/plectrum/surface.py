@@ -28,7 +28,6 @@ class StringCentre:
     """The map of the centre of a string on a plectrum; its z is counted from first contact.
 
     Args:
-        plectrum: The map of the mid-line.
         overlap: m, from the string's centre at rest to the tip, along the undeformed mid-line.
         offset: m, of the string's centre from the mid-line.
 

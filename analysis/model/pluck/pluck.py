@@ -171,7 +171,5 @@ def _joined(curves: list[Curve], released_at_fold: bool = False) -> Pluck:
     for values in vars(joined).values():
         values.setflags(write=False)
     return Pluck(
-        **vars(joined),
-        stretches=tuple(starts.tolist()),
-        released_at_fold=released_at_fold,
+        **vars(joined), stretches=tuple(starts.tolist()), released_at_fold=released_at_fold
     )

@@ -117,12 +117,7 @@ class RecordingFile(DurableFile):
     """A `DurableFile` with MCAP records, which cannot be written after a fault."""
 
     def __init__(
-        self,
-        path: Path,
-        *,
-        compress: bool,
-        seconds: Callable[[], float],
-        ending: str = PART,
+        self, path: Path, *, compress: bool, seconds: Callable[[], float], ending: str = PART
     ):
         """Open the unfinished file.
 

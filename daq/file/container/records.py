@@ -136,7 +136,6 @@ def read_metadata(body: bytes, *, require_checksum: bool = False) -> Metadata:
     The last records are kept: a file repeats them, and most are the same in all files of a session.
 
     Args:
-        body: Body of the record.
         require_checksum: Whether to refuse a record without a checksum; version 0.1 wrote none.
 
     Raises:

@@ -202,7 +202,6 @@ class McapWriter:
         Args:
             head: Its fields before the data.
             parts: The data, packed if they are.
-            content: What it holds.
         """
         start, size = self._at, sum(map(len, parts))
         prefix = PREFIX.pack(Opcode.CHUNK, len(head) + _SIZE.size + size)

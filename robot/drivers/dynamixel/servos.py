@@ -165,12 +165,6 @@ class Servos(StreamedDriver[Goals]):
         return self.line.read(table.PRESENT_POSITION) - self.offset
 
     def go(self, target: Counts, speed: float) -> None:
-        """Move both joints to a target, and wait until they have settled there.
-
-        Args:
-            target: Counts, absolute; shape (2,).
-            speed: Counts per second, of either joint.
-        """
         duration = float(np.abs(target - self.positions()).max()) / speed + _RISING
         if duration > _LONGEST_PROFILE:
             raise MotionFault(

@@ -50,7 +50,6 @@ class Line(Wire):
         """Send commands on one line and return the text that they answer.
 
         Args:
-            commands: What to send.
             keep_waiting: For the keep-alive: returns after each timeout whether to wait longer
                 for the answer. The wait ends early if another command waits for the line.
 
@@ -108,7 +107,6 @@ class Line(Wire):
         """Return an array of the controller, in pieces between which others can use the line.
 
         Args:
-            array: Its name.
             rows: Its size, at least 2.
         """
         values: list[float] = []

@@ -149,12 +149,6 @@ class Axes(Power):
         self.polling.until(ended, what, limit)
 
     def go(self, target: Floats | Counts, speed: float) -> None:
-        """Move both joints to a target, and wait until they have settled there.
-
-        Args:
-            target: Counts, absolute; shape (2,).
-            speed: Counts per second, of either joint.
-        """
         rounded: Counts = np.rint(np.asarray(target)).astype(np.int64)
         distance = int(np.abs(rounded - self.positions()).max())
         self.move(rounded, speed, self.limits.move_acceleration(speed))

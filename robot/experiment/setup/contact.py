@@ -111,7 +111,6 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
     Args:
         controller: At home, motors on.
         along: m, of the point in front of the balance pin.
-        creep: How.
 
     Raises:
         NoContact: There is no contact within the approach.

@@ -18,7 +18,6 @@ def find_port(rig: Rig, ask: Ask, ports: Iterable[str] | None = None) -> Found:
     """Try to connect at every serial port of this machine, that of the rig first.
 
     Args:
-        rig: The bench.
         ask: Asked before anything is sent to a port that is not the rig's.
         ports: Those to try; None for all of this machine.
 

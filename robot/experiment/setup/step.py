@@ -32,7 +32,6 @@ class Ask(Protocol):
 
         Args:
             unit: SI unit of the answer and of the expected value.
-            expected: Expected value.
 
         Returns:
             The value in that unit; None where it cannot be measured.

@@ -114,11 +114,12 @@ def _found(response: TapResponse) -> Found:
         }
         for m in response.modes
     ]
-    figures = {f"frequency_{n}": m.frequency for n, m in enumerate(response.modes)}
-    figures |= {f"damping_{n}": m.damping for n, m in enumerate(response.modes)}
+    figures = {"taps": float(count), "cut": float(response.cut), "highest": highest}
+    for n, mode in enumerate(response.modes):
+        figures |= {f"frequency_{n}": mode.frequency, f"damping_{n}": mode.damping}
     return Found(
         tuple(lines),
         {"key.modes": modes} if modes else {},
-        {"taps": float(count), "cut": float(response.cut), "highest": highest, **figures},
+        figures,
         () if modes else ("no mode was excited with enough coherence: tap with a hammer",),
     )

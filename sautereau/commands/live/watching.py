@@ -44,10 +44,7 @@ def watching(title: str, *, in_terminal: bool, to_foxglove: bool) -> "Iterator[W
 def _held_back() -> Iterator[None]:
     """Hold output to the terminal back until the view has ended."""
     with ExitStack() as stack:
-        for stream, redirected in (
-            (sys.stdout, redirect_stdout),
-            (sys.stderr, redirect_stderr),
-        ):
+        for stream, redirected in ((sys.stdout, redirect_stdout), (sys.stderr, redirect_stderr)):
             if stream.isatty():
                 kept = StringIO()
                 stack.callback(lambda stream=stream, kept=kept: stream.write(kept.getvalue()))

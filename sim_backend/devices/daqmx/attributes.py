@@ -77,7 +77,6 @@ def stored(
 
     Args:
         prefix: As of `table`.
-        name: Of the property.
         default: Before it is set, or a function of what has it.
         possible: Returns the values that a channel can have, while its task does not run.
         check: Refuses the property itself.
@@ -116,8 +115,6 @@ def field(
     """Return a property that is a field, which cannot be set while the task runs.
 
     Args:
-        name: Of the field.
-        default: To which it is reset.
         read: Returns the property; None for the field itself.
         of: Returns what has the field, by default what has the property.
     """
@@ -193,7 +190,6 @@ def calls(
     Args:
         subject: As in the calls' names: ``Chan`` in GetChanAttributeDouble.
         find: Returns what a request is about: one object, or a list for several channels.
-        attributes: Of the subject.
     """
 
     def each(self: Any, request: Any) -> list[Any]:

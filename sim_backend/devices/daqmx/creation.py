@@ -113,11 +113,7 @@ def _excitation(request: Any, device: DeviceType) -> dict[str, Any]:
         if source == INTERNAL and value not in (0.0, *device.excitations):
             raise invalid("AI.Excit.Val", value, f"one of {list(device.excitations)}")
         used = _USE_VOLTAGE if kind == "voltage" else _USE_CURRENT
-        return {
-            "AI_EXCIT_SRC": source,
-            "AI_EXCIT_VAL": value,
-            "AI_EXCIT_VOLTAGE_OR_CURRENT": used,
-        }
+        return {"AI_EXCIT_SRC": source, "AI_EXCIT_VAL": value, "AI_EXCIT_VOLTAGE_OR_CURRENT": used}
     return {}
 
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from typing import Any
 
 from sautereau.sim_backend.device_types import AC, DC, IDEAL
 from sautereau.sim_backend.devices.daqmx.attributes import (
@@ -19,7 +19,7 @@ from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, NO_EXCITATION, 
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 
 _ANALOG_INPUT = 10100
-_SECONDS, _PERIODS = 10364, 10286
+_SECONDS, _PERIODS, _EXTERNAL = 10364, 10286, 10167
 _RIGHT, _DMA, _NO_COMPRESSION, _USE_CURRENT, _USE_DC = 10279, 10054, 10230, 10134, 10050
 _IEPE = (10356, 15966, 15895, 10354)
 
@@ -98,9 +98,21 @@ def _coupling(seat: Seat) -> int:
     return AC if AC in couplings and seat.input.measurement in _IEPE else DC
 
 
-_stored = partial(stored, "CHANNEL")
+def _sources(seat: Seat) -> tuple[int, ...]:
+    internal = (INTERNAL,) if seat.task.device.excitations else ()
+    return *internal, _EXTERNAL, NO_EXCITATION
+
+
 _UNITS = number("CHANNEL", "AI_FILTER_DELAY_UNITS")
 _EXCITATION = number("CHANNEL", "AI_EXCIT_VAL")
+_CHOICES: dict[str, tuple[Any, ...]] = {
+    "AI_COUPLING": (_coupling, lambda seat: seat.task.device.couplings),
+    "AI_EXCIT_SRC": (NO_EXCITATION, _sources),
+    "AI_EXCIT_VAL": (0.0, lambda seat: (0.0, *seat.task.device.excitations), _has_excitation),
+    "AI_FILTER_DELAY_UNITS": (_SECONDS, lambda seat: (_SECONDS, _PERIODS), _has_filter),
+    "AI_REMOVE_FILTER_DELAY": (False, lambda seat: (False, True), _has_filter),
+}
+"""Arguments of `stored` for properties with a few possible values."""
 
 CHANNEL = {
     **kept(
@@ -152,40 +164,9 @@ CHANNEL = {
             "AI_RNG_HIGH": _of_input("requested_range", None, lambda seat: seat.input.range),
             "AI_RNG_LOW": _of_input("requested_range", None, lambda seat: -seat.input.range),
             "AI_TERM_CFG": _of_input("configuration", -1, _configuration),
-            "AI_COUPLING": _stored(
-                "AI_COUPLING", _coupling, lambda seat: seat.task.device.couplings
-            ),
-            "AI_EXCIT_SRC": _stored(
-                "AI_EXCIT_SRC",
-                NO_EXCITATION,
-                lambda seat: (
-                    (INTERNAL, 10167, NO_EXCITATION)
-                    if seat.task.device.excitations
-                    else (10167, NO_EXCITATION)
-                ),
-            ),
-            "AI_EXCIT_VAL": _stored(
-                "AI_EXCIT_VAL",
-                0.0,
-                lambda seat: (0.0, *seat.task.device.excitations),
-                _has_excitation,
-            ),
-            "AI_EXCIT_ACTUAL_VAL": Attribute(
-                lambda seat: seat.stored.get(_EXCITATION, 0.0),
-            ),
+            **{name: stored("CHANNEL", name, *given) for name, given in _CHOICES.items()},
+            "AI_EXCIT_ACTUAL_VAL": Attribute(lambda seat: seat.stored.get(_EXCITATION, 0.0)),
             "AI_FILTER_DELAY": _filter_delay,
-            "AI_FILTER_DELAY_UNITS": _stored(
-                "AI_FILTER_DELAY_UNITS",
-                _SECONDS,
-                lambda seat: (_SECONDS, _PERIODS),
-                _has_filter,
-            ),
-            "AI_REMOVE_FILTER_DELAY": _stored(
-                "AI_REMOVE_FILTER_DELAY",
-                False,
-                lambda seat: (False, True),
-                _has_filter,
-            ),
             "AI_RESOLUTION": lambda seat: float(seat.input.bits),
             "AI_RESOLUTION_UNITS": 10109,
             "AI_RAW_SAMP_SIZE": lambda seat: seat.task.device.raw_bits,

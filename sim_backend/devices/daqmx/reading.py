@@ -66,10 +66,8 @@ class Reading:
         n = _requested(task, request)
         _fits(n, request.array_size_in_samps, task)
         volts, complete = self._read(task, n, request.timeout, context)
-        converted = [
-            convert(channel, row)
-            for channel, row in zip(task.channels.values(), volts, strict=True)
-        ]
+        rows = zip(task.channels.values(), volts, strict=True)
+        converted = [convert(channel, row) for channel, row in rows]
         # As with the driver, a partial read keeps the layout of a complete one.
         padded = np.zeros((len(converted), n), converted[0].dtype)
         padded[:, : volts.shape[1]] = converted
@@ -101,12 +99,8 @@ class Reading:
         n = _requested(task, request)
         _fits(n, request.array_size_in_bytes // size, task)
         volts, complete = self._read(task, n, request.timeout, context)
-        counts = np.stack(
-            [
-                channel.counts(row)
-                for channel, row in zip(task.channels.values(), volts, strict=True)
-            ]
-        )
+        rows = zip(task.channels.values(), volts, strict=True)
+        counts = np.stack([channel.counts(row) for channel, row in rows])
         # Raw samples are in the order of acquisition: scan by scan.
         return {
             "status": 0 if complete else NOT_YET_AVAILABLE,

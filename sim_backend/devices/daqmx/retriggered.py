@@ -28,7 +28,6 @@ class RetriggeredRun(SampledRun):
 
     @property
     def waiting_for_time(self) -> bool:
-        """Whether samples will be acquired as soon as simulated time advances."""
         return bool(self._runs) and self._runs[-1].waiting_for_time and not self.over
 
     @property
@@ -50,7 +49,6 @@ class RetriggeredRun(SampledRun):
             self._fault = RunFault(self._end, fault.error)
 
     def feed(self, motions: Motions) -> None:
-        """Store the motion of one controller sample."""
         self._rest = motions
         if self._runs:
             self._runs[-1].feed(motions)

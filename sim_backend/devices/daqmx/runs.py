@@ -50,7 +50,6 @@ class SampledRun:
     """Samples of the bench, computed when they are read.
 
     Args:
-        wiring: Of the card.
         setup: Analog inputs, rate and number of samples.
         number: Of the run, so that each has different noise.
         rest: Motion of the bench just before; None where it has been at rest without a force.

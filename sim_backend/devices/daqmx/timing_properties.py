@@ -2,13 +2,7 @@
 
 from collections.abc import Callable
 
-from sautereau.sim_backend.devices.daqmx.attributes import (
-    Attribute,
-    Table,
-    field,
-    kept,
-    table,
-)
+from sautereau.sim_backend.devices.daqmx.attributes import Attribute, Table, field, kept, table
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST
@@ -96,10 +90,7 @@ def _of_trigger(pick: Callable[[CardTask], Trigger], word: str) -> Table:
         word: As in their names: ``START`` in DIG_EDGE_START_TRIG_SRC.
     """
     routed = field(
-        "source",
-        "",
-        lambda task: pick(task).route(task.card) if pick(task).source else "",
-        of=pick,
+        "source", "", lambda task: pick(task).route(task.card) if pick(task).source else "", of=pick
     )
     kept_ones: dict[str, object] = {
         f"{kind}_{word}_TRIG_DIG_FLTR_{what}": default

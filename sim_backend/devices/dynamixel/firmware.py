@@ -56,7 +56,6 @@ class Servos(StreamedController[Servo]):
 
     @property
     def streaming(self) -> bool:
-        """Whether the motion is the host's, position by position."""
         return self._holding
 
     def receive(self, data: bytes) -> bytes:

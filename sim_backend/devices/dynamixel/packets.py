@@ -58,10 +58,7 @@ class Receiver:
     def feed(self, data: bytes) -> list[Packet]:
         """Take bytes; return the packets that are complete."""
         self._received += data
-        found = []
-        while (one := self._next()) is not None:
-            found.append(one)
-        return found
+        return list(iter(self._next, None))
 
     def _next(self) -> Packet | None:
         data = self._received

@@ -32,7 +32,6 @@ class Servo:
     """A servo at power-up: torque off.
 
     Args:
-        number: Its ID.
         offset: Raw encoder counts at position 0.
         raw: Raw encoder counts now.
         information: Its model information, which a servo may choose.

@@ -3,23 +3,12 @@
 import math
 from collections import deque
 
+from sautereau.sim_backend.devices.galil import motion
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.motion import (
-    FIFO_LENGTH,
-    SAMPLES_PER_SECOND,
-    Profile,
-    Pvt,
-    Ramp,
-    Segment,
-    StopCode,
-    brake,
-    jog,
-    trapezoid,
-)
 from sautereau.sim_backend.devices.galil.reference import entries
 
 AXES = "AB"
-LIMIT_CODES = (StopCode.FORWARD_LIMIT, StopCode.REVERSE_LIMIT)
+LIMIT_CODES = (motion.StopCode.FORWARD_LIMIT, motion.StopCode.REVERSE_LIMIT)
 SEARCHES = ("HM", "FE", "FI")
 """Modes of motion that end at a switch or an index."""
 
@@ -55,8 +44,8 @@ class Axis:
         self.auxiliary = 0
         """Counts of the auxiliary encoder, which does not move."""
         self.brushless = False
-        self.stop_code = StopCode.AT_TARGET
-        self.fifo: deque[Segment] = deque()
+        self.stop_code = motion.StopCode.AT_TARGET
+        self.fifo: deque[motion.Segment] = deque()
         self.last_samples = 0
         """Duration of the last PVT segment, for one without."""
         self.executed = 0
@@ -69,7 +58,7 @@ class Axis:
         """Counts reported by RP when the last motion ended."""
         self.target = 0
         """Counts reported by RP where PA ends."""
-        self.profile: Profile | None = None
+        self.profile: motion.Profile | None = None
         self.jogging = False
         self.latched: int | None = None
         """Raw counts of the index, or None."""
@@ -96,15 +85,15 @@ class Axis:
     @property
     def free(self) -> int:
         """Free places in the PVT buffer."""
-        return FIFO_LENGTH - len(self.fifo)
+        return motion.FIFO_LENGTH - len(self.fifo)
 
     def rate(self, name: str) -> float:
         """Return AC, DC or SD [counts per sample squared]."""
-        return self.settings[name] / SAMPLES_PER_SECOND**2
+        return self.settings[name] / motion.SAMPLES_PER_SECOND**2
 
     def speed(self, name: str) -> float:
         """Return SP or HV [counts per sample]."""
-        return self.settings[name] / SAMPLES_PER_SECOND
+        return self.settings[name] / motion.SAMPLES_PER_SECOND
 
     def arm_latch(self) -> None:
         """Wait for the index, and forget the last one."""
@@ -118,20 +107,22 @@ class Axis:
         """
         self.executed = 0
         deceleration = math.inf if stop_at_once else self.rate("DC")
-        self.start(Pvt(self.position, self.fifo, deceleration))
+        self.start(motion.Pvt(self.position, self.fifo, deceleration))
 
     def begin_jog(self) -> None:
         """Ramp to the speed of JG, from rest or from another jog."""
-        speed = self.jog_speed / SAMPLES_PER_SECOND
-        pieces = jog(self.velocity, speed, self.rate("AC"), self.rate("DC"))
-        self.start(Ramp(self.position, self.velocity, pieces, StopCode.RUNNING))
+        speed = self.jog_speed / motion.SAMPLES_PER_SECOND
+        pieces = motion.jog(self.velocity, speed, self.rate("AC"), self.rate("DC"))
+        self.start(motion.Ramp(self.position, self.velocity, pieces, motion.StopCode.RUNNING))
         self.jogging = True
 
     def begin_move(self, distance: float) -> None:
         """Start a trapezoid from rest over a distance [counts]."""
-        pieces = trapezoid(distance, self.speed("SP"), self.rate("AC"), self.rate("DC"))
+        pieces = motion.trapezoid(distance, self.speed("SP"), self.rate("AC"), self.rate("DC"))
         start = round(self.position)
-        self.start(Ramp(self.position, 0.0, pieces, StopCode.RUNNING, start + distance))
+        self.start(
+            motion.Ramp(self.position, 0.0, pieces, motion.StopCode.RUNNING, start + distance)
+        )
 
     def increment(self, distance: int) -> None:
         """IP in motion: move the end of a move, or the reference of a jog at once.
@@ -140,29 +131,29 @@ class Axis:
             CommandError: The motion is neither, or goes the other way.
         """
         profile = self.profile
-        if isinstance(profile, Ramp) and self.jogging:
+        if isinstance(profile, motion.Ramp) and self.jogging:
             self.position += distance
             self.start(profile.moved(distance))
             self.jogging = True
             return
-        if not isinstance(profile, Ramp):
+        if not isinstance(profile, motion.Ramp):
             raise CommandError(7)
         if profile.target is None or distance * (profile.target - self.position) < 0:
             raise CommandError(16)
         end = profile.target + distance
         rates = self.rate("AC"), self.rate("DC")
-        pieces = trapezoid(end - self.position, self.speed("SP"), *rates, self.velocity)
-        self.start(Ramp(self.position, self.velocity, pieces, StopCode.RUNNING, end))
+        pieces = motion.trapezoid(end - self.position, self.speed("SP"), *rates, self.velocity)
+        self.start(motion.Ramp(self.position, self.velocity, pieces, motion.StopCode.RUNNING, end))
 
-    def stop(self, code: StopCode, rate: str = "DC") -> None:
+    def stop(self, code: motion.StopCode, rate: str = "DC") -> None:
         """Decelerate from the present velocity, and clear the PVT buffer."""
         if self.profile is None:
             return
-        pieces = brake(self.velocity, self.rate(rate))
-        self.start(Ramp(self.position, self.velocity, pieces, code))
+        pieces = motion.brake(self.velocity, self.rate(rate))
+        self.start(motion.Ramp(self.position, self.velocity, pieces, code))
         self.fifo.clear()
 
-    def halt(self, code: StopCode) -> None:
+    def halt(self, code: motion.StopCode) -> None:
         """Stop at once, and clear the PVT buffer."""
         if self.profile is not None:
             self.stop_code = code
@@ -212,21 +203,21 @@ class Axis:
         )
         self._observe(self.profile)
 
-    def _observe(self, profile: Profile) -> None:
+    def _observe(self, profile: motion.Profile) -> None:
         self.stop_code = profile.code
-        if isinstance(profile, Pvt):
+        if isinstance(profile, motion.Pvt):
             self.executed = profile.executed
         if not profile.done:
             return
         if profile.homes and self.latched is not None:
             self.offset = -round(self.position)
-        if profile.code == StopCode.RUNNING:
-            self.stop_code = StopCode.AT_TARGET
+        if profile.code == motion.StopCode.RUNNING:
+            self.stop_code = motion.StopCode.AT_TARGET
         self.profile = None
         self.jogging = False
         self.stopped_at = self.reported
 
-    def start(self, profile: Profile) -> None:
+    def start(self, profile: motion.Profile) -> None:
         """Start a profile with the next sample."""
         self.profile = profile
         self.jogging = False

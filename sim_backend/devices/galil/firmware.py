@@ -32,7 +32,6 @@ class GalilFirmware(Machine):
     It is not thread-safe: guard `receive` and `tick` by one lock.
 
     Args:
-        plant: Motors, encoders and switches.
         unit: The controller as bought and configured; by default a new one with `MO` burned.
         on_output: Called with number (from 1) and level when a digital output changes.
         host_waits: Whether the host sends only while simulated time is stopped: then a looping
@@ -57,7 +56,6 @@ class GalilFirmware(Machine):
 
     @property
     def motors_on(self) -> tuple[bool, bool]:
-        """Whether each axis is powered."""
         first, second = self.axes
         return first.powered, second.powered
 
@@ -90,7 +88,6 @@ class GalilFirmware(Machine):
         return self.tasks.phase
 
     def reference(self, fractions: Floats) -> tuple[Floats, Floats]:
-        """Return the reference within the sample last ticked; see `Emulator`."""
         return along((axis.cubic for axis in self.axes), fractions)
 
     @property
@@ -115,7 +112,6 @@ class GalilFirmware(Machine):
         return letter in self.ports.open
 
     def outgoing(self) -> dict[str, bytes]:
-        """Return what the controller has sent by itself since the last call, by port."""
         if self._uart is not None:
             self._uart.write(self.ports.collect(SERIAL), self.now)
         sent = {letter: self.ports.collect(letter) for letter in self.ports.waiting}

@@ -34,7 +34,6 @@ class Search(Profile):
     """The execution of a search's legs; ends at rest.
 
     Args:
-        axis: That searches.
         legs: Computed one after the other, from the axis's state then.
         code: Stop code of its end.
         homes: Whether its end becomes position 0.
@@ -48,7 +47,6 @@ class Search(Profile):
         self._next()
 
     def step(self) -> tuple[float, float]:
-        """Advance by one sample; return position [counts] and velocity [counts per sample]."""
         axis = self._axis
         while not self.done and (self._ramp.done or (self._found is not None and self._found())):
             self._next()

@@ -97,7 +97,6 @@ class Ramp(Profile):
         return Ramp(self._position + distance, self._velocity, pieces, self.code)
 
     def step(self) -> tuple[float, float]:
-        """Advance by one sample; see `Profile`."""
         left = 1.0
         pieces = self._pieces
         while pieces:
@@ -125,11 +124,7 @@ def brake(velocity: float, deceleration: float) -> list[tuple[float, float]]:
 
 
 def trapezoid(
-    distance: float,
-    speed: float,
-    acceleration: float,
-    deceleration: float,
-    velocity: float = 0.0,
+    distance: float, speed: float, acceleration: float, deceleration: float, velocity: float = 0.0
 ) -> list[tuple[float, float]]:
     """Return the pieces of a `Ramp` to rest over ``distance`` counts, towards which it may move.
 
@@ -187,7 +182,6 @@ class Pvt(Profile):
         self._brake: Ramp | None = None
 
     def step(self) -> tuple[float, float]:
-        """Advance by one sample; see `Profile`."""
         if self._brake is None and self._sample == self._samples:
             self._next_segment()
         if self._brake is not None:

@@ -118,7 +118,6 @@ class Tasks:
 
         Args:
             sample_time: s.
-            program: In memory, for automatic subroutines.
             held: Numbers of threads that must not run.
         """
         share = LINE_TIME / sample_time

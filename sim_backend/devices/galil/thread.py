@@ -31,7 +31,6 @@ class Thread:
     true.
 
     Args:
-        program: The program.
         line: Number of the first line.
         hosted: Whether the host started it, and not a program.
         routine: Label of the automatic subroutine for which it was started, if it was.
@@ -81,9 +80,6 @@ class Thread:
 
     def run_line(self, execute: Callable[[str, "Thread"], None]) -> None:
         """Run one line, or its rest after a trip point, up to the next trip point.
-
-        Args:
-            execute: Carries out one command.
 
         Raises:
             CommandError: The program ends without EN.

@@ -1,12 +1,7 @@
 """The state of the emulated ODrive, and its properties by name."""
 
 from sautereau.sim_backend.devices.emulators import Plant
-from sautereau.sim_backend.devices.odrive.axis import (
-    MOTOR_FAILED,
-    SYSTEM_LEVEL,
-    OdriveAxis,
-    State,
-)
+from sautereau.sim_backend.devices.odrive.axis import MOTOR_FAILED, SYSTEM_LEVEL, OdriveAxis, State
 from sautereau.sim_backend.devices.odrive.properties import AXIS, ROOT, Property
 from sautereau.sim_backend.devices.streamed import StreamedController
 
@@ -17,7 +12,6 @@ class Machine(StreamedController[OdriveAxis]):
     """A controller at power-up: motors off.
 
     Args:
-        plant: Motors and encoders.
         per_turn: Encoder counts per turn of each motor.
         period: s, of one sample of the bench.
         stepped: Whether time waits for the host while it streams positions.
@@ -45,7 +39,6 @@ class Machine(StreamedController[OdriveAxis]):
 
     @property
     def streaming(self) -> bool:
-        """Whether the motion is the host's, position by position."""
         return any(axis.following for axis in self.axes)
 
     def trip(self, error: int) -> None:

@@ -96,10 +96,7 @@ FINGER = _record(
 - free [rad/s^2], by [rad/s^2 per N m]: accelerations without a force, and what a moment takes
 - locked: whether the joint is braked; cubics [rad]: its reference over the controller sample
 """
-RUN = _record(
-    "period step tolerance time start",
-    "order steps left crowd changed events rows ends",
-)
+RUN = _record("period step tolerance time start", "order steps left crowd changed events rows ends")
 """The course of the simulation.
 
 - period, step [s]: of the controller's sample, and of an undivided step

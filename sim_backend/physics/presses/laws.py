@@ -55,7 +55,6 @@ def set_laws(
     """Set the force laws of all strings; return their cells, and the presses that have a pluck.
 
     Args:
-        numbers: Values of the keys.
         jacks: Of the presses, shape (presses, choirs).
         played: Presses with values within their limits; shape (presses,).
 

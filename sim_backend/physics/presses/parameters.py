@@ -180,7 +180,6 @@ def new_presses(
         start: rad, joints when power comes on.
         keys: Of `KEY`; shape (presses,).
         jacks: Of `JACK`; shape (presses, choirs).
-        cells: Of the force laws.
         order: Of the steps, even, at most 8.
         tolerance: Dimensionless, relative error of a step; None for one that suits the step.
     """

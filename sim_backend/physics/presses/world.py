@@ -41,7 +41,6 @@ class ExactWorld(World):
     """The physics of a scene with a spring string; see `physics.world.World`.
 
     Args:
-        rig: The nominal bench.
         scene: With its step.
         start: rad, joints when power comes on; None for home and the scene's offset.
         order: Of the steps, even, at most 8.
@@ -84,11 +83,9 @@ class ExactWorld(World):
         return ix.one_press(self._presses, 0)
 
     def advance(self, reference: Reference, powered: bool) -> Motions:
-        """Advance by one controller sample; see `World.advance`."""
         return self._play(*reference(_ENDS), powered)
 
     def play(self, drive: Drive) -> Motions:
-        """Advance through a complete drive; see `advance`."""
         return self._play(*drive.ends(), True)
 
     def _play(self, counts: Floats, speeds: Floats, powered: bool) -> Motions:
@@ -127,7 +124,6 @@ class ServoFinger(Finger):
 
     Args:
         press: Its arm is set to its start.
-        arm: Of the rig.
         gravity: m/s^2.
     """
 
@@ -138,11 +134,9 @@ class ServoFinger(Finger):
         self._powered, self._blocked = False, np.zeros(2, bool)
 
     def joints(self) -> tuple[float, float]:
-        """Return the joint angles [rad]."""
         return float(self._angles[0]), float(self._angles[1])
 
     def torques(self) -> tuple[float, float]:
-        """Return the motors' torques [N m]."""
         return float(self._finger.torque[0]), float(self._finger.torque[1])
 
     @property
@@ -153,12 +147,10 @@ class ServoFinger(Finger):
         )
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
         self._finger.offset[:] = offsets
         self._finger.limit[:] = np.minimum(limits, self._arm.torque_limit)
 
     def block(self, joint: int) -> None:
-        """Block the motor of a joint, counted from 0, from now on."""
         self._blocked[joint] = True
         self._lock()
 

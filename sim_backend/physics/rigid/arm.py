@@ -9,17 +9,7 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
 from sautereau.sim_backend.physics.finger import SETTLED, Reference
-from sautereau.sim_backend.physics.rigid.bodies import (
-    FAR,
-    INERTIA,
-    MM,
-    REACH,
-    add_arm,
-    add_fingertip,
-    brakes,
-    set_force,
-    set_torque,
-)
+from sautereau.sim_backend.physics.rigid import bodies
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import touching_angle
 from sautereau.sim_backend.physics.rigid.key import StiffKey
@@ -39,11 +29,7 @@ class ServoFinger(SteppedFinger):
     the relative rotation of the two links, which no rigid body can represent.
 
     Args:
-        space: The world.
-        key: The key under it.
-        rig: The bench.
         start: rad, joints when power comes on.
-        servo: Gains of the loops.
         scene: With its gravity and its fingertip.
 
     Raises:
@@ -72,16 +58,16 @@ class ServoFinger(SteppedFinger):
         self._radians = arm.radians_per_count
         self._period = rig.controller.sample_period
         self._loops = PositionLoops(servo, arm, self._period, scene.gravity)
-        self._base = arm.base_x * MM, arm.base_z * MM
-        self._lengths = arm.upper_length * MM, arm.lower_length * MM
-        self._height = (rig.key.surface_height + arm.fingertip_radius) * MM
-        self.upper, self.lower = add_arm(space, arm, start)
-        self.upper.moment += first * INERTIA
+        self._base = arm.base_x * bodies.MM, arm.base_z * bodies.MM
+        self._lengths = arm.upper_length * bodies.MM, arm.lower_length * bodies.MM
+        self._height = (rig.key.surface_height + arm.fingertip_radius) * bodies.MM
+        self.upper, self.lower = bodies.add_arm(space, arm, start)
+        self.upper.moment += first * bodies.INERTIA
         if scene.fingertip is not None:
             self.pad = Pad(scene.fingertip, key, self._height)
         else:
-            self._tip = add_fingertip(space, key.lever, self.lower, rig.key, arm)
-        self._brakes = brakes(space, self.upper, self.lower)
+            self._tip = bodies.add_fingertip(space, key.lever, self.lower, rig.key, arm)
+        self._brakes = bodies.brakes(space, self.upper, self.lower)
         space.add(*self._brakes)
         self._start = start
         self._powered = False
@@ -96,21 +82,17 @@ class ServoFinger(SteppedFinger):
         self._acceleration = (0.0, 0.0)
 
     def joints(self) -> tuple[float, float]:
-        """Return the joint angles [rad]."""
         first = self.upper.angle
         return first, self.lower.angle - first
 
     def torques(self) -> tuple[float, float]:
-        """Return the motors' torques [N m]."""
-        return self._torque[0] / MM, self._torque[1] / MM
+        return self._torque[0] / bodies.MM, self._torque[1] / bodies.MM
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        """Add offsets [N m] to the loops' torques from now on, and limit the sum [N m]."""
         self._loops.offsets, self._loops.limits = offsets, limits
 
     def block(self, joint: int) -> None:
-        """Block the motor of a joint, counted from 0, from now on."""
-        self._space.add(brakes(self._space, self.upper, self.lower)[joint])
+        self._space.add(bodies.brakes(self._space, self.upper, self.lower)[joint])
 
     @property
     def settled(self) -> bool:
@@ -142,15 +124,14 @@ class ServoFinger(SteppedFinger):
             back = kick.fraction * kick.step - kick.ahead / 2  # to the middle of the last step
             place, velocity, along = self._tip_after(kick.step, back)
             force = self.pad.press(place, velocity, angle, omega, kick)
-            set_force(self.lower, force)
+            bodies.set_force(self.lower, force)
             second_arm = along[0] / 2 * force[1] - along[1] / 2 * force[0]
-            set_torque(self.lower, second + second_arm)
+            bodies.set_torque(self.lower, second + second_arm)
         else:
-            set_torque(self.lower, second)
-        set_torque(self.upper, first - second)
+            bodies.set_torque(self.lower, second)
+        bodies.set_torque(self.upper, first - second)
 
     def contact_force(self, weight: float) -> float:
-        """Return the force [N] on the key; see `SteppedFinger`."""
         self._correction = (0.0, 0.0)
         first, second = self._omegas
         self._omegas = a, b = self.upper.angular_velocity, self.lower.angular_velocity
@@ -163,15 +144,13 @@ class ServoFinger(SteppedFinger):
         force = self._tip.impulse / weight
         if not force > 0:
             self._separated = True
-            self._tip.max = 2 * FAR
+            self._tip.max = 2 * bodies.FAR
         return force
 
     def reaches_key(self, angle: float, step: float) -> bool:
-        """Return whether it reaches the key within a step; see `SteppedFinger`."""
         return self.gap(angle, step, step) < 0
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
-        """Return the gap [mm] to the key at a later time; see `SteppedFinger`."""
         if not self._is_separated:
             return math.inf
         (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
@@ -185,15 +164,13 @@ class ServoFinger(SteppedFinger):
         return z * math.cos(angle) - x * math.sin(angle) - self._height
 
     def make_contact(self, time: float) -> None:
-        """Be in contact with the key from now on; see `SteppedFinger`."""
         if self.pad is not None:
             self.pad.make_contact()
             return
         self._separated = False
-        self._tip.max = FAR - REACH
+        self._tip.max = bodies.FAR - bodies.REACH
 
     def correct_and_drift(self, back: float, drift: float) -> None:
-        """Undo the surplus of the last impulse and compute the state after a drift."""
         (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
         self._omegas = a, b = a - acceleration1 * back, b - acceleration2 * back
         first, second = self.upper.angle, self.lower.angle
@@ -209,14 +186,12 @@ class ServoFinger(SteppedFinger):
         ]
 
     def set_bodies(self, step: float) -> None:
-        """Set the links so that a step ends in their target state; see `SteppedFinger`."""
         for body, place, speed, angle, omega in self._targets:
             body.position = place - step * pymunk.Vec2d(*speed)
             body.velocity = speed
             body.angle, body.angular_velocity = angle - omega * step, omega
 
     def end_sample(self, angle: float) -> tuple[float, float]:
-        """End a controller sample; see `SteppedFinger`."""
         l1, l2 = self._lengths
         first, second = self.upper.angle, self.lower.angle
         up_x, up_z = l1 / 2 * math.cos(first), l1 / 2 * math.sin(first)
@@ -228,8 +203,8 @@ class ServoFinger(SteppedFinger):
         if self.pad is not None:
             return angle, max(shoulder, hinge)
         gap = tip_z * math.cos(angle) - tip_x * math.sin(angle) - self._height
-        if gap < 0 or (not self._separated and gap < REACH):
-            angle = float(touching_angle(self._rig, np.array([tip_x, tip_z]) / MM))
+        if gap < 0 or (not self._separated and gap < bodies.REACH):
+            angle = float(touching_angle(self._rig, np.array([tip_x, tip_z]) / bodies.MM))
         return angle, max(shoulder, hinge, -gap)
 
     @property
@@ -268,4 +243,4 @@ class ServoFinger(SteppedFinger):
         per_sample = radians / self._period**2
         acceleration = (then[0] - now[0]) * per_sample, (then[1] - now[1]) * per_sample
         first, second = self._loops.torque(error, acceleration)
-        return first * MM, second * MM
+        return first * bodies.MM, second * bodies.MM

@@ -48,7 +48,6 @@ class Division:
     key alone, a lower bound of the oscillating mass.
 
     Args:
-        rig: The bench.
         key: With its loads.
         jacks: With their strings.
         step: ms, the longest.

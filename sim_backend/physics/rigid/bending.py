@@ -18,8 +18,6 @@ class BendingKey(YieldingKey):
     A rotational spring and damper join it to the part behind the pin.
 
     Args:
-        space: The world.
-        key: The key.
         scene: See `StiffKey`.
         angle: rad, at rest.
         bending: Frequency, damping and the front's part of the inertia.
@@ -58,7 +56,6 @@ class BendingKey(YieldingKey):
         set_torque(self.body, back * fraction + spring)
 
     def set_bodies(self, step: float) -> None:
-        """Set both bodies; see `StiffKey`."""
         super().set_bodies(step)
         lever, front = self.lever, self.second
         lever.angle, lever.angular_velocity = front.next - front.speed * step, front.speed

@@ -87,10 +87,7 @@ def add_jack(
     """Add a jack, upright in its register, at a rise [mm]; returns it and its contact with the key.
 
     Args:
-        space: The world.
-        lever: Body of the key.
         key: The key as the lever under this jack.
-        jack: The jack.
         rise: mm, above its rest.
     """
     x, z = key.jack_arm * MM, key.jack_surface_height * MM

@@ -66,7 +66,6 @@ class RigidWorld(World):
         """m, largest error of a joint or a contact at the end of a controller sample so far."""
 
     def advance(self, reference: Reference, powered: bool) -> Motions:
-        """Advance by one controller sample; see `World.advance`."""
         start = self.time
         table = np.array(self._sample(reference, powered)).T
         table[0] = start + table[0] / MM
@@ -74,7 +73,6 @@ class RigidWorld(World):
         return Motions(*table)
 
     def play(self, drive: Drive) -> Motions:
-        """Advance through a complete drive; see `World.play`."""
         first, period = self.samples, self.rig.controller.sample_period
         samples = [self._sample(drive.reference(i), True) for i in range(drive.samples)]
         counts, numbers = [len(rows) for rows in samples], np.arange(first, self.samples)
@@ -233,7 +231,6 @@ class RigidWorld(World):
         """Let the engine take the step about an event.
 
         Args:
-            kick: How the forces act.
             forces: N, on each jack, downwards; then N mm, as of `StiffKey.moments`.
         """
         *pulls, back, front = forces

@@ -36,7 +36,6 @@ class SteppedFinger(Finger, ABC):
             elapsed: ms into the controller sample.
             angle: rad, of the key.
             omega: rad/ms, of the key.
-            kick: How they act.
         """
 
     @abstractmethod
@@ -101,7 +100,6 @@ class PushFinger(SteppedFinger):
         self._arm = press_arm
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Start a controller sample; see `SteppedFinger`."""
         before, left = self.moment, self._push.duration - time
         on = powered and left > 1e-9 * self._period
         self.moment = self._push.force * self._arm * 1e3 if on else 0.0
@@ -110,5 +108,4 @@ class PushFinger(SteppedFinger):
         return self.moment != before
 
     def contact_force(self, weight: float) -> float:
-        """Return the force [N] on the key."""
         return self.moment / self._arm / 1e3

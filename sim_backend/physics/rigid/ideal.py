@@ -49,9 +49,6 @@ class IdealFinger(PrescribedFinger):
     keeps the key from rotating more slowly.
 
     Args:
-        space: The world.
-        key: The key under it.
-        rig: The bench.
         start: rad, joints when power comes on.
     """
 
@@ -63,7 +60,6 @@ class IdealFinger(PrescribedFinger):
         """ms and mm, end of the next step and the contact's arm there."""
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Adopt the reference; see `SteppedFinger`."""
         self._next = math.nan, 0.0
         return super().begin_sample(reference, powered, time)
 
@@ -85,7 +81,6 @@ class IdealFinger(PrescribedFinger):
         self.strikes, self._struck = self._struck > 0, self._struck - 1
 
     def contact_force(self, weight: float) -> float:
-        """Return the force [N] on the key; see `SteppedFinger`."""
         return impulse_of(self._contact) / (weight * self._reach)
 
     def stays_clear(self, angle: float) -> bool:

@@ -8,16 +8,7 @@ import pymunk
 from sautereau.analysis.model.choirs import key_of
 from sautereau.rig.instrument import Choir, Damper
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.physics.rigid.bodies import (
-    FAR,
-    MM,
-    REACH,
-    add_jack,
-    add_register_friction,
-    impulse_of,
-    set_force,
-    set_position,
-)
+from sautereau.sim_backend.physics.rigid import bodies
 from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.pluck import StringForce
 from sautereau.sim_backend.physics.rigid.step_event import Event
@@ -31,10 +22,6 @@ class CarriedJack:
     moved there at the end of each controller sample.
 
     Args:
-        space: The world.
-        key: On which it stands.
-        rig: The bench.
-        choir: Of the jack.
         scene: Which of its parts are enabled.
         string: String of its plectrum; None for a mute jack.
     """
@@ -49,19 +36,21 @@ class CarriedJack:
         string: StringForce | None,
     ):
         lever = key_of(rig, choir)
-        self.arm, self.top = lever.jack_arm * MM, lever.jack_surface_height * MM
-        self.mass = choir.jack.mass * MM
+        self.arm, self.top = lever.jack_arm * bodies.MM, lever.jack_surface_height * bodies.MM
+        self.mass = choir.jack.mass * bodies.MM
         self.string, self._pin = string, key.pin
         self.rise = self.next = self.surface(key.value)
         self.speed = self.acceleration = 0.0
         self.standing, self._landed = True, False
         self.pull = 0.0
         """N, of the string, downwards."""
-        self.body, self.foot_contact = add_jack(space, key.body, lever, choir.jack, self.rise)
+        self.body, self.foot_contact = bodies.add_jack(
+            space, key.body, lever, choir.jack, self.rise
+        )
         self.dry = None
         self.dry_force = choir.jack.register_friction
         if scene.friction and self.dry_force > 0:
-            self.dry = add_register_friction(space, self.body, self.dry_force)
+            self.dry = bodies.add_register_friction(space, self.body, self.dry_force)
         self._damper = choir.jack.damper if scene.damper else None
         self.loaded = string is not None or self._damper is not None
         self.low, self.high = -math.inf, math.inf
@@ -111,7 +100,7 @@ class CarriedJack:
         """Set the body so that a step [ms] of the engine ends at its position; push it down [N]."""
         self.body.position = self.arm, self.top + self.next - self.speed * step
         self.body.velocity = 0.0, self.speed
-        set_force(self.body, (0.0, -force))
+        bodies.set_force(self.body, (0.0, -force))
 
     def load(self, time: float, step: float) -> None:
         """Apply string and damper at the end of a step [s] that started at a time [s]."""
@@ -122,7 +111,7 @@ class CarriedJack:
         if self._damper is not None:
             force -= _carried(self._damper, self.next)
         if force:
-            set_force(self.body, (0.0, -force))
+            bodies.set_force(self.body, (0.0, -force))
 
     def forces(self, time: float, step: float) -> float:
         """Return the force of string and damper on the jack [N], downwards; see `load`.
@@ -139,7 +128,6 @@ class CarriedJack:
         """Return the events that may occur to it.
 
         Args:
-            key: On which it stands.
             ahead: ms, by half of which the last impulse advanced the speed.
         """
         speed, acceleration = self.speed - self.acceleration * ahead / 2, self.acceleration
@@ -173,24 +161,24 @@ class CarriedJack:
             self.acceleration = (self.speed - before) / weight
         elif self._landed:  # without an impulse, too, where the surface only accelerates towards it
             self._landed = False
-        elif not impulse_of(self.foot_contact) > 0:
+        elif not bodies.impulse_of(self.foot_contact) > 0:
             self.standing = False
             self.speed, self.acceleration = self.body.velocity[1], 0.0
             self.foot_contact.min = 0.0
 
     def _make_contact(self, time: float) -> None:
         self.standing = self._landed = True
-        self.foot_contact.min = FAR + REACH
+        self.foot_contact.min = bodies.FAR + bodies.REACH
 
     def end_sample(self, angle: float) -> float:
         """Move the body to the jack's position; return its error before [mm]."""
         x, z = self.body.position
         if self.standing:
             self.rise = self.surface(angle) + self._pin.value
-        set_position(self.body, (self.arm, self.top + self.rise))
+        bodies.set_position(self.body, (self.arm, self.top + self.rise))
         return max(abs(x - self.arm), abs(z - self.top - self.rise))
 
 
 def _carried(damper: Damper, rise: float) -> float:
     """Return the force [N] with which the damper's felt carries a jack at a rise [mm]."""
-    return max(0.0, damper.stiffness * (damper.lift - rise / MM))
+    return max(0.0, damper.stiffness * (damper.lift - rise / bodies.MM))

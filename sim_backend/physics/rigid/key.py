@@ -21,8 +21,6 @@ class StiffKey(Coordinate):
     Subclasses add a second coordinate, by which the key yields.
 
     Args:
-        space: The world.
-        key: The key.
         scene: Which loads are enabled, and the play at the pin.
         angle: rad, at rest.
     """

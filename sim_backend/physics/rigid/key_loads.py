@@ -15,7 +15,6 @@ class KeyLoads:
     """Moments [N mm] on the key over its angle [rad] and angular velocity [rad/ms].
 
     Args:
-        key: The key.
         scene: Which of them are enabled.
         front: Whether they include those before the pin, felt and push.
         back: Whether they include the others.

@@ -41,7 +41,6 @@ class ModalPlucking:
     Its discrete modes are those of the spring string; only the held mode differs.
 
     Args:
-        choir: String, plectrum and jack.
         scene: Level of the plectrum; whether tongue and damper are enabled.
         number: Of the choir, 0 for the first.
         events: List to which contacts, releases and returns are appended.

@@ -15,8 +15,6 @@ class Pad:
     """The pad on the key's surface, in mm and ms.
 
     Args:
-        fingertip: Its stiffness and damping.
-        key: The key under it.
         height: mm, of the fingertip's centre above the pin where an uncompressed pad touches.
     """
 
@@ -53,7 +51,6 @@ class Pad:
             velocity: mm/ms, there.
             angle: rad, of the key there.
             omega: rad/ms, of the key there.
-            kick: How the force acts.
         """
         (x, z), (speed_x, speed_z) = place, velocity
         z, speed_z = z - self.pin.next, speed_z - self.pin.node

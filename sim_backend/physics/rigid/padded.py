@@ -15,25 +15,15 @@ class PaddedIdealFinger(PrescribedFinger):
     """A fingertip of prescribed motion with a pad.
 
     Args:
-        key: The key under it.
-        rig: The bench.
-        fingertip: The pad.
         start: rad, joints when power comes on.
     """
 
-    def __init__(
-        self,
-        key: StiffKey,
-        rig: Rig,
-        fingertip: Fingertip,
-        start: tuple[float, float],
-    ):
+    def __init__(self, key: StiffKey, rig: Rig, fingertip: Fingertip, start: tuple[float, float]):
         super().__init__(rig, start)
         self._pad = self.pad = Pad(fingertip, key, self._height)
         self._elapsed = 0.0
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
-        """Adopt the reference; see `SteppedFinger`."""
         self._elapsed = 0.0
         return super().begin_sample(reference, powered, time)
 
@@ -43,21 +33,17 @@ class PaddedIdealFinger(PrescribedFinger):
         self._pad.press(*self.tip(elapsed), angle, omega, kick)
 
     def contact_force(self, weight: float) -> float:
-        """Return the force [N] on the key at the end of the last step."""
         self._pad.end_step()
         return self._pad.force
 
     def reaches_key(self, angle: float, step: float) -> bool:
-        """Return whether it reaches the key within a step; see `SteppedFinger`."""
         return self.gap(angle, step, step) < 0
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
-        """Return the gap [mm] of a separated pad; see `SteppedFinger`."""
         if not self._pad.separated:
             return math.inf
         x, z = self.tip(self._elapsed + time)[0]
         return self._pad.gap(x, z - self._pad.pin.at(time, ahead), angle)
 
     def make_contact(self, time: float) -> None:
-        """Be in contact with the key from now on."""
         self._pad.make_contact()

@@ -59,7 +59,6 @@ class Plucking:
     """The quasi-static string of one choir; the engine locates the end of each mode.
 
     Args:
-        choir: String, plectrum and jack.
         scene: Level of the plectrum; whether the tongue is enabled.
         number: Of the choir, 0 for the first.
         events: List to which contacts, releases and returns are appended.

@@ -15,7 +15,6 @@ class PrescribedFinger(SteppedFinger):
     """A finger whose joints follow the reference exactly.
 
     Args:
-        rig: The bench.
         start: rad, joints when power comes on.
     """
 

@@ -26,8 +26,6 @@ class SinkingKey(YieldingKey):
     The second coordinate is the height [mm] of the pin above that at rest.
 
     Args:
-        space: The world.
-        key: The key.
         scene: See `StiffKey`.
         angle: rad, at rest.
         play: Stiffness and damping of the felt, and its travel.
@@ -62,7 +60,6 @@ class SinkingKey(YieldingKey):
         return self.body.velocity[1]
 
     def stays(self, step: float) -> bool:
-        """Advance to the end of a step; see `StiffKey`."""
         stays, height = super().stays(step), self.pin.next
         if self._rests(self.pin.value):
             return stays and self._rests(height)
@@ -76,7 +73,6 @@ class SinkingKey(YieldingKey):
         set_torque(self.body, back * fraction + push)
 
     def set_bodies(self, step: float) -> None:
-        """Set angle and height of the body; see `StiffKey`."""
         super().set_bodies(step)
         pin = self.pin
         self.body.position, self.body.velocity = (0.0, pin.next - pin.speed * step), (0, pin.speed)

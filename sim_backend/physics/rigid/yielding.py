@@ -35,35 +35,29 @@ class YieldingKey(StiffKey, ABC):
         """
 
     def correct(self, back: float) -> None:
-        """Undo the surplus of the last impulse; see `Coordinate.correct`."""
         super().correct(back)
         self.second.correct(back)
 
     def stays(self, step: float) -> bool:
-        """Advance to the end of a step; see `StiffKey`."""
         self.second.drift(step)
         stays = super().stays(step)
         low, high = self.pressed_loads.bounds(self.value)
         return stays and low < self.depth(self.next, self.second.next) < high
 
     def load(self) -> None:
-        """Apply all forces; see `StiffKey`."""
         back, front = self.moments()
         self.apply(back, front)
 
     def moments(self) -> tuple[float, float]:
-        """Return the moments [N mm] behind and before the pin at the end of the step."""
         second = self.second
         angle, rate = self.depth(self.next, second.next), self.depth(self.node, second.node)
         return self.loads.moment(self.next, self.node), self.pressed_loads.moment(angle, rate)
 
     def update(self, step: float) -> tuple[float, float]:
-        """Update the state after a step; see `StiffKey`."""
         _, rate = super().update(step)
         rate = self.seen(rate, self.second.advance(self.second_speed(), step))
         return self.seen(self.value, self.second.value), rate
 
     def update_at_event(self, drift: float, ahead: float, impact: bool) -> None:
-        """Update the state after an event; see `StiffKey`."""
         super().update_at_event(drift, ahead, impact)
         self.second.advance_to_event(self.second_speed(), drift, ahead, impact)

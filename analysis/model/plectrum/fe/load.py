@@ -60,11 +60,7 @@ class Patch:
 
 
 def patch_at(
-    grid: Grid,
-    s: float,
-    half: float,
-    friction: float = 0.0,
-    side: Literal["top", "bottom"] = "top",
+    grid: Grid, s: float, half: float, friction: float = 0.0, side: Literal["top", "bottom"] = "top"
 ) -> Patch:
     """Return the load on a patch of half length ``half`` about s [both in lengths]."""
     fractions, slopes = np.zeros(len(grid.nodes)), np.zeros(len(grid.nodes))

@@ -113,7 +113,6 @@ def solve_loads(body: Body, patch: Patch, forces: Sequence[float] | Floats) -> l
     converge is halved.
 
     Args:
-        body: The meshed plectrum.
         forces: Normal forces, in E W L.
 
     Raises:
