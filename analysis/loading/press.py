@@ -13,6 +13,7 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.delay import lost_samples, without_delay
 from sautereau.analysis.loading.drift import (
+    LEAST_REST,
     NO_DRIFT,
     RETURNED,
     Drift,
@@ -24,6 +25,7 @@ from sautereau.analysis.loading.drift import (
 )
 from sautereau.daq.signals.calibration import (
     calibration_warning,
+    median,
     to_si,
     white_noise,
 )
@@ -196,6 +198,8 @@ def partial_press_of(recorded: "Recorded") -> Press:
     drift = NO_DRIFT
     if all(np.isfinite(signal).all() for signal in signals.values()):
         if "velocity" in signals:
+            if recorded.after_press:  # which AC coupling still shows, as a constant
+                signals["velocity"] -= median(signals["velocity"][: ceil(LEAST_REST * rate)])
             rests = find_rests(signals["velocity"], rate)
             corner = channels["velocity"].high_pass
             signals["velocity"], drift, doubts = without_drift(
@@ -209,7 +213,7 @@ def partial_press_of(recorded: "Recorded") -> Press:
             channel = channels["force"]
             at_rest = to_si(recorded.volts[channel.name][rest], channel)
             signals["force"], level, doubtful = _from_rest(
-                signals["force"], at_rest, channel.high_pass, rate
+                signals["force"], at_rest, channel.high_pass, rate, recorded.after_press
             )
             drift = replace(drift, force=level)
             warnings += doubtful
@@ -309,7 +313,7 @@ def _returns(recorded: "Recorded") -> bool:
 
 
 def _from_rest(
-    force: Floats, at_rest: Floats, corner: float, rate: float
+    force: Floats, at_rest: Floats, corner: float, rate: float, after_press: bool
 ) -> tuple[Floats, float, list[str]]:
     """Return the force relative to that at rest, the correction, and warnings about it.
 
@@ -320,17 +324,18 @@ def _from_rest(
         at_rest: N, as measured in the rest before the press; empty without a rest.
         corner: Hz, of the AC coupling.
         rate: Hz.
+        after_press: Whether an earlier press ended shortly before.
     """
     if not corner or not len(at_rest):
         return force, 0.0, []
     noise = white_noise(at_rest)
-    level, is_offset = force_at_rest(at_rest, noise, rate, corner)
+    level, is_offset = force_at_rest(at_rest, noise, rate, corner, after_press=after_press)
     slope = 2 * pi * corner * level / rate
     doubt = abs(slope) * (len(force) - 1)
     force = without_line(force, (level, slope * rate * is_offset), rate)
     hidden = noise / np.sqrt(FORCE_MEAN * rate)
     largest = max(force.max(), -force.min())
-    if doubt <= max(FORCE_DRIFT * largest, hidden):
+    if doubt <= max(FORCE_DRIFT * largest, hidden) or (after_press and not is_offset):
         return force, level, []
     meant = "an offset of the sensor" if is_offset else "the rest of an earlier force"
     text = (

@@ -23,12 +23,13 @@ WRITES = {
     "identify": "s --free key.inertia --out r.toml", "animate": "s/press-0001.mcap --out p.gif",
     "listen": "--out a.wav", "touch": "c.parquet --plot p.png", "report": "s",
     "recover": "s/press-0001.mcap", "export": "s/press-0001.mcap --to csv",
-    "import": "a.csv --rig paper --out a.mcap", "trade": "--plot p.png",
+    "split": "a.mcap --out s", "import": "a.csv --rig paper --out a.mcap", "trade": "--plot p.png",
 }  # fmt: skip
 """Options with which each command writes files."""
 WRITTEN = {
     "my-rig.toml", "p.png", "p.json", "p.gif", "a.mcap", "a.wav", "r.toml", "s/learned.json",
     "s/report.html", "s/press-0001.mcap", "s/press-0001-recovered.mcap", "s/press-0001.csv.json",
+    "s/a-0001.mcap",
 }  # fmt: skip
 
 
