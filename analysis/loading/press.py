@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import date
 from functools import cached_property
-from math import ceil, pi
+from math import ceil, pi, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -289,7 +289,23 @@ def _calibrations(recorded: "Recorded", *channels: Channel) -> list[str]:
     except ValueError:
         return ["its session has no date, so the age of the calibrations is unknown"]
     found = (calibration_warning(channel, day) for channel in channels)
-    return [text for text in found if text]
+    return [text for text in (*found, *map(_unknown_order, channels)) if text]
+
+
+def _unknown_order(channel: Channel) -> str | None:
+    """Return a warning about a slow low-pass whose delay may be missing in `delay`."""
+    if not channel.low_pass or channel.low_pass_order:
+        return None
+    first = 1 / (2 * pi * channel.low_pass)
+    if sqrt(2) * first <= channel.delay_std:
+        return None
+    return (
+        f"{channel.name}: `low_pass` is {channel.low_pass:g} Hz without `low_pass_order`, and thus"
+        f" not corrected: if `delay` does not include it, instants are late by {first * 1e3:.2g} ms"
+        f" (first order), {sqrt(2) * first * 1e3:.2g} ms (second order) or more, which the"
+        " uncertainties contain only in part; give `low_pass_order`, or `low_pass` = 0 Hz if"
+        " `delay` includes it"
+    )
 
 
 def _coarse(rig: Rig) -> list[str]:

@@ -142,3 +142,15 @@ def test_characters_that_the_output_lacks_are_escaped(monkeypatch):
     monkeypatch.setattr("sys.stdout", TextIOWrapper(BytesIO(), "ascii"))
     Output().answer({}, ["rig file: ü.toml"])
     assert sys.stdout.buffer.getvalue() == b"rig file: \\xfc.toml\n"
+
+
+@pytest.mark.parametrize("command", [name for name in WRITES if name != "init"])
+def test_read_only_folders_are_refused_before_the_work(tmp_path, monkeypatch, command):
+    """No input can be read: what is refused is the folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s/press-0001.mcap").touch()
+    monkeypatch.setattr("sautereau.commands.output._writable", lambda folder: False)
+    with pytest.raises(SautereauError, match="no permission to write into it"):
+        app([command, *WRITES[command].split()], exit_on_error=False, print_error=False)
+    assert {p.name for p in tmp_path.rglob("*")} == {"s", "press-0001.mcap"}
