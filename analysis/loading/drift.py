@@ -34,6 +34,9 @@ RETURN_STD = 5e-6
 """m, standard deviation of the place to which the key returns."""
 RETURNED = 0.05
 """Dimensionless, fraction of the largest deflection within which the key has returned."""
+HIGH, LOW = 0.6, 0.35
+"""Dimensionless, fractions of the largest deflection: a key that was above the first, below the
+second and again above the first was pressed more than once."""
 CONSISTENT = 4.0
 """Standard deviations within which the two rests and the return must agree."""
 
@@ -196,25 +199,29 @@ def without_drift(
     return without_line(velocity, line, rate), found, warnings
 
 
-def force_at_rest(measured: Floats, noise: float, rate: float, corner: float) -> tuple[float, bool]:
+def force_at_rest(
+    measured: Floats, noise: float, rate: float, corner: float, *, after_press: bool = False
+) -> tuple[float, bool]:
     """Return the level of an AC-coupled force at rest, and whether it is an offset.
 
     An offset is constant; the rest of an earlier force decays at the rate w. The slope decides;
-    where it is not significant, the level counts as an offset.
+    where it is not significant, the level counts as an offset, unless there was an earlier press.
 
     Args:
         measured: N, shape (n,), in the rest before the press, coupling not inverted.
         noise: N, its white noise.
         rate: Hz.
         corner: Hz, of the coupling.
+        after_press: Whether an earlier press ended shortly before.
     """
     n, level = len(measured), float(measured.mean())
     time = (np.arange(n) - (n - 1) / 2) / rate
     slope = float(time @ measured / (time @ time))
     std = noise * math.sqrt(12 / n) / (n - 1) * rate
     decay = -2 * math.pi * corner * level
-    remembered = abs(decay) > CONSISTENT * std and abs(slope - decay) < abs(slope)
-    return level, not remembered
+    if abs(decay) <= CONSISTENT * std:
+        return level, not after_press
+    return level, abs(slope - decay) >= abs(slope)
 
 
 def _scatter(means: Floats) -> float:

@@ -4,28 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.drift import HIGH, LOW
 from sautereau.analysis.loading.press import Press
-
-HIGH, LOW = 0.6, 0.35
-"""Dimensionless, fractions of the largest deflection: a key that was above the first, below the
-second and again above the first was pressed more than once."""
 
 
 def first_press(press: Press) -> Press:
-    """Return a press, up to the lowest place of its key before it is pressed again."""
-    if "deflection" not in press.samples:
+    """Return a press, up to the lowest place of its key before it is pressed again.
+
+    Of the force alone, it is the press up to the pause before the next one.
+    """
+    end = _end_by_force(press) if press.missing == "velocity" else _end_by_key(press)
+    if end is None:
         return press
-    path = press.samples["deflection"]
-    high = HIGH * float(path.max(initial=0.0))
-    first = int(np.argmax(path > high))
-    back = first + int(np.argmax(path[first:] < LOW / HIGH * high))
-    again = back + int(np.argmax(path[back:] > high))
-    if not first < back < again:
-        return press
-    end = back + int(np.argmin(path[back:again])) + 1
     warning = (
         f"the key goes down again after {press.time[end - 1] * 1e3:.5g} ms: only the first press is"
-        " analysed; save each press as a recording of its own"
+        " analysed; `sautereau split` writes each press into a recording of its own"
     )
     return replace(
         press,
@@ -33,3 +27,27 @@ def first_press(press: Press) -> Press:
         samples={name: column[:end] for name, column in press.samples.items()},
         warnings=(*press.warnings, warning),
     )
+
+
+def _end_by_key(press: Press) -> int | None:
+    """Return the row after the first press; None if there is no other one."""
+    path = press.samples["deflection"]
+    high = HIGH * float(path.max(initial=0.0))
+    first = int(np.argmax(path > high))
+    back = first + int(np.argmax(path[first:] < LOW / HIGH * high))
+    again = back + int(np.argmax(path[back:] > high))
+    return back + int(np.argmin(path[back:again])) + 1 if first < back < again else None
+
+
+def _end_by_force(press: Press) -> int | None:
+    """Return the same by the force alone."""
+    from sautereau.analysis.loading.presses import block_means, find_presses
+
+    force, rate = press.samples["force"], press.rate
+    try:
+        found = find_presses(
+            {"force": block_means(force, rate)}, rate, len(force), press.rig
+        ).presses
+    except AnalysisError:
+        return None
+    return found[0].stop if len(found) > 1 else None

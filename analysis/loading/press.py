@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import date
 from functools import cached_property
-from math import ceil, pi
+from math import ceil, pi, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -13,6 +13,7 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.delay import lost_samples, without_delay
 from sautereau.analysis.loading.drift import (
+    LEAST_REST,
     NO_DRIFT,
     RETURNED,
     Drift,
@@ -22,7 +23,7 @@ from sautereau.analysis.loading.drift import (
     without_drift,
     without_line,
 )
-from sautereau.daq.signals.calibration import calibration_warning, to_si, white_noise
+from sautereau.daq.signals.calibration import calibration_warning, median, to_si, white_noise
 from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.instrument import Key
@@ -192,6 +193,8 @@ def partial_press_of(recorded: "Recorded") -> Press:
     drift = NO_DRIFT
     if all(np.isfinite(signal).all() for signal in signals.values()):
         if "velocity" in signals:
+            if recorded.after_press:  # which AC coupling still shows, as a constant
+                signals["velocity"] -= median(signals["velocity"][: ceil(LEAST_REST * rate)])
             rests = find_rests(signals["velocity"], rate)
             corner = channels["velocity"].high_pass
             signals["velocity"], drift, doubts = without_drift(
@@ -205,7 +208,7 @@ def partial_press_of(recorded: "Recorded") -> Press:
             channel = channels["force"]
             at_rest = to_si(recorded.volts[channel.name][rest], channel)
             signals["force"], level, doubtful = _from_rest(
-                signals["force"], at_rest, channel.high_pass, rate
+                signals["force"], at_rest, channel.high_pass, rate, recorded.after_press
             )
             drift = replace(drift, force=level)
             warnings += doubtful
@@ -281,7 +284,23 @@ def _calibrations(recorded: "Recorded", *channels: Channel) -> list[str]:
     except ValueError:
         return ["its session has no date, so the age of the calibrations is unknown"]
     found = (calibration_warning(channel, day) for channel in channels)
-    return [text for text in found if text]
+    return [text for text in (*found, *map(_unknown_order, channels)) if text]
+
+
+def _unknown_order(channel: Channel) -> str | None:
+    """Return a warning about a slow low-pass whose delay may be missing in `delay`."""
+    if not channel.low_pass or channel.low_pass_order:
+        return None
+    first = 1 / (2 * pi * channel.low_pass)
+    if sqrt(2) * first <= channel.delay_std:
+        return None
+    return (
+        f"{channel.name}: `low_pass` is {channel.low_pass:g} Hz without `low_pass_order`, and thus"
+        f" not corrected: if `delay` does not include it, instants are late by {first * 1e3:.2g} ms"
+        f" (first order), {sqrt(2) * first * 1e3:.2g} ms (second order) or more, which the"
+        " uncertainties contain only in part; give `low_pass_order`, or `low_pass` = 0 Hz if"
+        " `delay` includes it"
+    )
 
 
 def _coarse(rig: Rig) -> list[str]:
@@ -305,7 +324,7 @@ def _returns(recorded: "Recorded") -> bool:
 
 
 def _from_rest(
-    force: Floats, at_rest: Floats, corner: float, rate: float
+    force: Floats, at_rest: Floats, corner: float, rate: float, after_press: bool
 ) -> tuple[Floats, float, list[str]]:
     """Return the force relative to that at rest, the correction, and warnings about it.
 
@@ -316,17 +335,18 @@ def _from_rest(
         at_rest: N, as measured in the rest before the press; empty without a rest.
         corner: Hz, of the AC coupling.
         rate: Hz.
+        after_press: Whether an earlier press ended shortly before.
     """
     if not corner or not len(at_rest):
         return force, 0.0, []
     noise = white_noise(at_rest)
-    level, is_offset = force_at_rest(at_rest, noise, rate, corner)
+    level, is_offset = force_at_rest(at_rest, noise, rate, corner, after_press=after_press)
     slope = 2 * pi * corner * level / rate
     doubt = abs(slope) * (len(force) - 1)
     force = without_line(force, (level, slope * rate * is_offset), rate)
     hidden = noise / np.sqrt(FORCE_MEAN * rate)
     largest = max(force.max(), -force.min())
-    if doubt <= max(FORCE_DRIFT * largest, hidden):
+    if doubt <= max(FORCE_DRIFT * largest, hidden) or (after_press and not is_offset):
         return force, level, []
     meant = "an offset of the sensor" if is_offset else "the rest of an earlier force"
     text = (

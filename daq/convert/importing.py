@@ -105,7 +105,7 @@ def _restore(
     volts, first = np.stack(list(columns.values())), document.first_sample
     rig, rate = document.rig, document.rate
     t0 = document.t0_ns, document.t0_std
-    with _recording(out, rig, session, volts, first, rate, *t0) as recording:
+    with new_recording(out, rig, session, volts, first, rate, *t0) as recording:
         if document.plan is not None:
             plan = document.plan
             recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
@@ -170,7 +170,7 @@ def _import(
         warnings += doubts(values, column.channel)
         if column.unit == "m":
             warnings.append(f"{column.channel.name}: derivative of the displacement in the file")
-    with _recording(out, part, session, volts, first, rate, settings.t0_ns) as recording:
+    with new_recording(out, part, session, volts, first, rate, settings.t0_ns) as recording:
         for warning in warnings:
             recording.event("warning", warning, 0.0)
         recording.event("imported", origin, 0.0)
@@ -179,7 +179,7 @@ def _import(
 
 
 @contextmanager
-def _recording(
+def new_recording(
     out: Path,
     rig: Rig,
     session: SessionInfo,
@@ -189,7 +189,15 @@ def _recording(
     t0_ns: int,
     t0_std: float | None = None,
 ) -> Iterator[Recording]:
-    """Open a recording with its volts and the date of its trigger; after an error delete it."""
+    """Open a recording with its volts and the date of its trigger; after an error delete it.
+
+    Args:
+        volts: V, shape (n_channels, n_samples).
+        first: Index of the first sample, counted from the trigger.
+        rate: Hz.
+        t0_ns: Date of the trigger, ns since 1970.
+        t0_std: Its standard uncertainty, s; None if it is unknown.
+    """
     ends = (first, first + volts.shape[1])
     if faults := time_faults(t0_ns, rate, *ends):
         raise RecordingError(f"{fault_list('its samples', faults)}; correct the rate")

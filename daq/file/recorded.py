@@ -15,6 +15,8 @@ from sautereau.rig.units import shown
 
 Signal = NDArray[np.float64]
 
+SPLIT = "split"
+"""Kind of the event of a recording that was a part of another one."""
 MOTION = "motion"
 """Kind of the event that is the start of the arm's motion."""
 BY_EDGE = "started, by the trigger's edge"
@@ -280,6 +282,11 @@ class Recorded(Stretch):
     def simulated(self) -> bool:
         """Whether the stand-in made the samples."""
         return self.session.simulated
+
+    @property
+    def after_press(self) -> bool:
+        """Whether an earlier press of the recording of which this was a part precedes it."""
+        return self.session.press > 1 and any(event.kind == SPLIT for event in self.events)
 
     @property
     def motion(self) -> Event | None:

@@ -86,6 +86,7 @@ for command in (
     report.report,
     recordings.info,
     recordings.recover,
+    recordings.split,
     recordings.export,
     imports.import_,
     simulate.stand_in,

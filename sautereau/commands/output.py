@@ -17,6 +17,7 @@ SCHEMA = 1
 """Version of the JSON that commands print; raised when a key changes its name or meaning."""
 ESTIMATED_OVER = 600.0
 """s, over which the speed is averaged that gives the time left."""
+READ_ONLY = "no permission to write into it"
 _GENERAL = Group("General options", sort_key=100)
 _LOG = logging.getLogger(__name__)
 
@@ -148,13 +149,20 @@ class FileOutput(Output):
         """Refuse folders, and existing files unless `force` is given; then return them.
 
         Raises:
-            SautereauError: Lists the folders, and the files that exist.
+            SautereauError: Lists the folders, the files that exist, and those whose folder is
+                read-only.
         """
         from sautereau.rig.errors import SautereauError
 
         given = [path for path in dict.fromkeys(paths) if path]
         there = [path for path in given if _is_file(path)]
         faults = [f"{p} is a folder; give the name of a file in it" for p in given if p.is_dir()]
+        folders = dict.fromkeys(path.parent for path in given)
+        faults += [
+            f"folder {folder}: {READ_ONLY}; give another folder"
+            for folder in folders
+            if folder.is_dir() and not _writable(folder)
+        ]
         if not self.force:
             faults += [f"{path} already exists; give another name, or --force" for path in there]
         if faults:
@@ -178,11 +186,15 @@ def make_folders(*paths: Path | None) -> None:
         except OSError as error:
             why = f"it cannot be made: {why_unreadable(error)}"
         else:
-            why = "" if os.access(folder, os.W_OK) else "no permission to write into it"
+            why = "" if _writable(folder) else READ_ONLY
         if why:
             faults.append(f"folder {folder}: {why}; give another folder")
     if faults:
         raise SautereauError("\n".join(faults))
+
+
+def _writable(folder: Path) -> bool:
+    return os.access(folder, os.W_OK)
 
 
 def _write(text: str) -> None:

@@ -4,6 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
 
+from sautereau.analysis.summary.text import counted, grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output
 
@@ -46,6 +47,52 @@ def recover(
     lines += [str(gap) for gap in found.gaps] or ["nothing is missing"]
     result = {key: value for key, value in asdict(found).items() if key != "gaps"}
     return output.answer(result | {"missing": [gap.document() for gap in found.gaps]}, lines)
+
+
+def split(file: Path, /, *, out: common.OutFolder, output: FileOutput = FileOutput()) -> int:
+    """Write each press of a recording into a recording of its own.
+
+    Presses are separated where the key is at rest for 40 ms, with key and force back where they
+    were before the press. The recording is not changed, and keeps what is between the presses.
+
+    Parameters
+    ----------
+    file
+        Recording in which the key is pressed several times, imported or of `acquire`.
+    out
+        Folder for the new recordings, NAME-0001.mcap and so on.
+    """
+    from sautereau.analysis.loading.presses import presses_of
+    from sautereau.daq.convert.part import write_part
+    from sautereau.daq.file.reading import read_recording
+    from sautereau.rig.progress import tracked
+
+    def target(number: int) -> Path:
+        return out / f"{file.stem}-{number:04}.mcap"
+
+    with output.creating(target(1)):
+        recorded = read_recording(file)
+        found = presses_of(recorded)
+    spans = {target(number): span for number, span in enumerate(found.presses, 1)}
+    with output.creating(*spans), output.progress("splitting"):
+        for number, (path, span) in enumerate(tracked(list(spans.items())), 1):
+            write_part(recorded, span.start, span.stop, path, number)
+    rate, first = recorded.rate, recorded.first_sample
+    made = [
+        {"path": str(path), "start": (first + one.start) / rate, "stop": (first + one.stop) / rate}
+        for path, one in spans.items()
+    ]
+    others = [((first + one.start) / rate, (first + one.stop) / rate) for one in found.others]
+    warnings = grouped([(path, why) for path, one in spans.items() for why in one.doubts], "press")
+    warnings += [f"{a:.6g} to {b:.6g} s: motion that is in no press" for a, b in others]
+    lines = [
+        *["SIMULATED"] * recorded.simulated,
+        f"{counted(len(spans), 'press')}, with at least {found.pause * 1e3:.4g} ms between them",
+        *(f"{one['path']}: {one['start']:.6g} to {one['stop']:.6g} s" for one in made),
+        *(f"warning: {text}" for text in warnings),
+    ]
+    result = {"recordings": list(map(str, spans)), "presses": made, "pause": found.pause}
+    return output.answer(result | {"simulated": recorded.simulated, "warnings": warnings}, lines)
 
 
 def export(

@@ -272,3 +272,50 @@ def test_the_table_has_the_samples(paper, record):
 def test_nothing_is_filled_in(paper, record):
     press = load_press(record(paper, np.random.default_rng(0).standard_normal((2, 3000))))
     assert np.isfinite(press.data.to_numpy()).all()
+
+
+def test_a_slow_low_pass_of_unknown_order_gives_a_warning(paper, record):
+    """225 us at 1 kHz for second order; none at 22 kHz, with an order, or without the filter."""
+
+    def warnings(low_pass, order=0):
+        values = {"daq.channels.1.low_pass": low_pass, "daq.channels.1.low_pass_order": order}
+        path = record(with_values(paper, values), np.zeros((2, 4000)), simulated=False)
+        found = [w for w in load_press(path).warnings if "low_pass_order" in w]
+        path.unlink()
+        return found
+
+    (warning,) = warnings("1 kHz")
+    assert warning.startswith("force: `low_pass` is 1000 Hz without `low_pass_order`")
+    assert "0.23 ms (second order)" in warning
+    assert warnings("22 kHz") == warnings("1 kHz", 2) == warnings("0 Hz") == []
+
+
+def test_imported_values_are_corrected_once_if_the_rig_says_so(paper, record, tmp_path):
+    """SI values of an export: with the rig of the sensors twice, with zeros as they are."""
+    from sautereau.daq.convert.importing import import_file
+    from sautereau.daq.convert.options import ImportOptions
+
+    volts = sensed(paper, [stroke, lambda t: 1.0 * (t > 0.03)], until=0.5, silent=True)
+    true = load_press(record(paper, volts))
+    rows = slice(0, len(true.time))
+    np.savez(tmp_path / "lab.npz", velocity=true.samples["velocity"], force=true.samples["force"])
+    options = ImportOptions(
+        unit={"velocity": "m/s", "force": "N"},
+        rate=f"{RATE} Hz",
+        trigger="0 s",
+        started="2026-02-03T04:05:06+01:00",
+        simulated=True,
+    )
+
+    def loaded(rig, name):
+        import_file(tmp_path / "lab.npz", tmp_path / name, rig=rig, options=options)
+        return load_press(tmp_path / name)
+
+    for name, once in loaded(ideal(paper), "once.mcap").samples.items():
+        size = np.abs(true.samples[name]).max()
+        np.testing.assert_allclose(once, true.samples[name][rows], atol=2e-3 * size)
+    twice = loaded(paper, "twice.mcap")
+    assert len(twice.time) < len(true.time)  # by the delay
+    late = true.time > 0.4
+    assert true.samples["force"][late].mean() == pytest.approx(1.0, abs=5e-3)
+    assert twice.samples["force"][twice.time > 0.4].mean() > 1.2  # 0.1 Hz inverted again

@@ -23,12 +23,13 @@ WRITES = {
     "identify": "s --free key.inertia --out r.toml", "animate": "s/press-0001.mcap --out p.gif",
     "listen": "--out a.wav", "touch": "c.parquet --plot p.png", "report": "s",
     "recover": "s/press-0001.mcap", "export": "s/press-0001.mcap --to csv",
-    "import": "a.csv --rig paper --out a.mcap", "trade": "--plot p.png",
+    "split": "a.mcap --out s", "import": "a.csv --rig paper --out a.mcap", "trade": "--plot p.png",
 }  # fmt: skip
 """Options with which each command writes files."""
 WRITTEN = {
     "my-rig.toml", "p.png", "p.json", "p.gif", "a.mcap", "a.wav", "r.toml", "s/learned.json",
     "s/report.html", "s/press-0001.mcap", "s/press-0001-recovered.mcap", "s/press-0001.csv.json",
+    "s/a-0001.mcap",
 }  # fmt: skip
 
 
@@ -141,3 +142,15 @@ def test_characters_that_the_output_lacks_are_escaped(monkeypatch):
     monkeypatch.setattr("sys.stdout", TextIOWrapper(BytesIO(), "ascii"))
     Output().answer({}, ["rig file: ü.toml"])
     assert sys.stdout.buffer.getvalue() == b"rig file: \\xfc.toml\n"
+
+
+@pytest.mark.parametrize("command", [name for name in WRITES if name != "init"])
+def test_read_only_folders_are_refused_before_the_work(tmp_path, monkeypatch, command):
+    """No input can be read: what is refused is the folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s/press-0001.mcap").touch()
+    monkeypatch.setattr("sautereau.commands.output._writable", lambda folder: False)
+    with pytest.raises(SautereauError, match="no permission to write into it"):
+        app([command, *WRITES[command].split()], exit_on_error=False, print_error=False)
+    assert {p.name for p in tmp_path.rglob("*")} == {"s", "press-0001.mcap"}

@@ -1,0 +1,305 @@
+"""Find the presses in a recording in which the key is pressed several times.
+
+Between two presses there is a pause: the key is at rest where it was before the press, and the
+force at its level there. A key that is held down is at rest as well, but in another place. The
+place follows from the velocity relative to that in the rests beside it, and every level is compared
+with that in the previous pause, so that offsets and drifts of the sensors have little effect. All
+this is found in means over blocks of 1 ms.
+
+The force alone does not show where the key is: after a release it may be back at its level at rest
+until the key reaches the front felt. A pause is then longer than this can last.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.drift import BLOCK, HIGH, LOW
+from sautereau.analysis.loading.press import SIGNALS
+from sautereau.daq.file.recorded import Recorded
+from sautereau.daq.signals.calibration import NORMAL, median, to_si, undo_high_pass
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
+
+PAUSE = 0.04
+"""s, shortest pause that separates two presses."""
+SLOWER = 2.0
+"""Shortest pause in the force alone, over the duration of the rig's rise of the jack."""
+REST = 0.5
+"""s, longest part of a pause that a press keeps before and after it."""
+EDGE = 5e-3
+"""s, at the ends of a pause, in which one press may still end or the next one start."""
+SPIKE = 5
+"""Blocks of the median that removes drop-outs and spikes."""
+WITHIN = 1.0
+"""s, on either side of an instant, within which the range of a signal is that of one press."""
+STEADY = {"velocity": 0.01, "force": 0.025}
+"""Dimensionless, fractions of that range within which a signal at rest stays."""
+NOISE = 8.0
+"""The same in standard deviations of the noise, if that is larger."""
+SLOW = 0.02
+"""Dimensionless, fraction of that range up to which a steady velocity is an offset."""
+OFFSET = 5.0
+"""s, of the medians that give this offset."""
+EDGES = 20
+"""Blocks at each end of the recording, through which such a line is tried first."""
+TRIMMINGS = 10
+"""Number of fits of a line to the third of the values that is closest to the previous one."""
+BACK = 0.1
+"""Dimensionless, fraction of the largest press within which the key is back."""
+FORCE_BACK = 0.25
+"""The same for the force of a recording that has both signals: a finger may stay on the key."""
+BELOW = 0.3
+"""Dimensionless, fraction of the largest press by which no rest is below the previous pause."""
+LEAST = {"velocity": 0.5e-3, "force": 0.05}
+"""m and N, least deflection at the laser, or force, of the largest press."""
+
+AGAIN = (
+    f"the key goes down again without {PAUSE * 1e3:g} ms at rest in between, so that these presses"
+    " are in one recording, of which only the first is analysed"
+)
+NO_END = "the recording ends before key and force are back at rest"
+
+
+@dataclass(frozen=True)
+class Span:
+    """Consecutive samples of a recording, counted from its first."""
+
+    start: int
+    stop: int
+    """Index after the last."""
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a recording holds."""
+
+    presses: tuple[Span, ...]
+    """Each with up to `REST` of the pauses before and after it."""
+    others: tuple[Span, ...]
+    """Smaller motion, and motion before the first rest; in none of the presses."""
+    pause: float
+    """s, shortest pause that separates presses."""
+
+
+def presses_of(recorded: Recorded) -> Found:
+    """Find the presses of a recording; see `find_presses`.
+
+    Raises:
+        AnalysisError: It has neither force nor velocity, or as `find_presses`.
+    """
+    rate, means = recorded.rate, {}
+    for name in SIGNALS:
+        if channel := recorded.rig.daq.channel(name):
+            found = to_si(block_means(recorded.volts[channel.name], rate), channel)
+            means[name] = undo_high_pass(found, channel.high_pass, rate / _block_size(rate))
+    if not means:
+        raise AnalysisError(f"recording {recorded.path}: it has no force and no velocity channel")
+    try:
+        return find_presses(means, rate, recorded.n_samples, recorded.rig)
+    except AnalysisError as error:
+        raise AnalysisError(f"recording {recorded.path}: {error}") from error
+
+
+def block_means(signal: Floats, rate: float) -> Floats:
+    """Return the means of a signal over blocks of 1 ms; the rest at the end is omitted."""
+    size = _block_size(rate)
+    return signal[: len(signal) // size * size].reshape(-1, size).mean(1)
+
+
+def find_presses(means: Mapping[str, Floats], rate: float, n_samples: int, rig: Rig) -> Found:
+    """Find the presses in velocity, force or both.
+
+    Args:
+        means: Block means in SI units, AC coupling inverted; the velocity first.
+        rate: Hz, of the samples.
+        n_samples: Of the recording.
+        rig: With the planned press.
+
+    Raises:
+        AnalysisError: There is no press, no rest, or the key is not up in the first rest.
+    """
+    size = _block_size(rate)
+    step, count = size / rate, n_samples // size
+    if not all(np.isfinite(one).all() for one in means.values()):
+        raise AnalysisError("it has samples that are not numbers; record again")
+    levels = {
+        name: _without_trend(ndimage.median_filter(one, SPIKE)) for name, one in means.items()
+    }
+    slowest = SLOWER * rig.press.jack_rise / rig.press.jack_speed
+    pause = PAUSE if "velocity" in levels else max(PAUSE, slowest)
+    rests = _rests(levels, means, step, pause) if count else []
+    if not rests:
+        raise AnalysisError(
+            f"its signals are nowhere at rest for {pause * 1e3:.3g} ms, so that no press has a"
+            " beginning; record a rest before and after each press"
+        )
+    if "velocity" in levels:
+        levels["velocity"] = _deflection(levels["velocity"], rests, step)
+    largest = {name: _largest(level, rests) for name, level in levels.items()}
+    path = next(iter(levels))
+    if largest[path] < max(LEAST[path], NOISE * _noise(means[path]) * (path == "force")):
+        raise AnalysisError("it shows no press; check the channels, and the signs of the sensors")
+    pauses = _pauses(levels, rests, largest)
+    presses, others = _between(levels[path], pauses, largest[path], step, path == "velocity")
+    if pauses[0].start * step > PAUSE:
+        others.insert(0, Span(0, pauses[0].start))
+    return Found(
+        tuple(_samples(one, size, n_samples) for one in presses),
+        tuple(_samples(one, size, n_samples) for one in others),
+        pause,
+    )
+
+
+def _block_size(rate: float) -> int:
+    return max(1, round(BLOCK * rate))
+
+
+def _samples(blocks: Span, size: int, n_samples: int) -> Span:
+    """Return a span of blocks in samples; the last block extends to the end."""
+    stop = n_samples if blocks.stop == n_samples // size else blocks.stop * size
+    return replace(blocks, start=blocks.start * size, stop=stop)
+
+
+def _between(
+    path: Floats, pauses: list[slice], largest: float, step: float, of_key: bool
+) -> tuple[list[Span], list[Span]]:
+    """Return the presses and other motion between the pauses, in blocks.
+
+    A force may rise twice in a press, which only the path of the key (`of_key`) does not.
+    """
+    presses, others, count = [], [], len(path)
+    for before, after in zip(pauses, [*pauses[1:], slice(count, count)], strict=True):
+        motion = path[before.stop : after.start] - _level(path, before)
+        high = float(motion.max(initial=0.0))
+        if high >= HIGH * largest:
+            doubts = [AGAIN] * (of_key and _repeated(motion, high)) + [NO_END] * (
+                after.start == count
+            )
+            presses.append(Span(*_with_rests(before, after, count, step), tuple(doubts)))
+        elif high > BACK * largest:
+            others.append(Span(before.stop, after.start))
+    return presses, others
+
+
+def _rests(
+    levels: Mapping[str, Floats], means: Mapping[str, Floats], step: float, pause: float
+) -> list[slice]:
+    """Return the blocks in which all signals are steady for so long [s], as slices."""
+    width = 2 * round(PAUSE / step / 2) + 1
+    at_rest = np.ones(min(map(len, levels.values()), default=0), bool)
+    for name, level in levels.items():
+        spread = float(_range(level, 2 * round(WITHIN / step) + 1).max())
+        least = max(STEADY[name] * spread, NOISE * _noise(means[name]))
+        # All blocks of a window whose range is that small.
+        at_rest &= ndimage.binary_dilation(_range(level, width) <= least, np.ones(width))
+        if name == "velocity":
+            at_rest &= np.abs(level - _offset(level, step)) < max(SLOW * spread, least)
+    edges = np.flatnonzero(np.diff(at_rest, prepend=False, append=False)).tolist()
+    runs = [slice(*run) for run in zip(edges[::2], edges[1::2], strict=True)]
+    ends = (0, len(at_rest))
+    # A rest at an end of the recording separates nothing, so that it may be shorter.
+    return [
+        rows
+        for rows in runs
+        if (rows.stop - rows.start) * step >= pause
+        or ((rows.start in ends or rows.stop in ends) and 2 * (rows.stop - rows.start) >= width)
+    ]
+
+
+def _without_trend(level: Floats) -> Floats:
+    """Return a signal minus the line through that third of its values that is closest to a line.
+
+    Inverting the AC coupling has made this line of an offset. The search starts from the line
+    through all values, and from that through both ends.
+    """
+    time, third = np.arange(len(level)), len(level) // 3 + 1
+    best = math.inf, level
+    for kept in (time, np.concatenate([time[:third][:EDGES], time[-third:][-EDGES:]])):
+        for _ in range(TRIMMINGS if len(level) > 2 else 0):
+            off = level - np.polyval(np.polyfit(time[kept], level[kept], 1), time)
+            kept = np.argpartition(np.abs(off), third - 1)[:third]
+            best = min(best, (float(off[kept] @ off[kept]), off), key=lambda fit: fit[0])
+    return best[1]
+
+
+def _offset(velocity: Floats, step: float) -> Floats:
+    """Return the offset of a velocity, which changes slowly."""
+    parts = np.array_split(velocity, max(1, round(len(velocity) * step / OFFSET)))
+    middles = np.cumsum([len(part) for part in parts]) - len(parts[0]) / 2
+    return np.interp(np.arange(len(velocity)), middles, list(map(median, parts)))
+
+
+def _range(level: Floats, width: int) -> Floats:
+    """Return the range of the values in a window around each block."""
+    return ndimage.maximum_filter1d(level, width) - ndimage.minimum_filter1d(level, width)
+
+
+def _noise(means: Floats) -> float:
+    """Return the standard deviation of the means, from their second differences."""
+    second = np.abs(np.diff(means, 2))
+    return NORMAL * median(second) / math.sqrt(6) if len(second) else 0.0
+
+
+def _deflection(velocity: Floats, rests: list[slice], step: float) -> Floats:
+    """Return the integral of the velocity [m] relative to that in the rests beside each block."""
+    middles = [(rows.start + rows.stop - 1) / 2 for rows in rests]
+    offsets = [float(velocity[rows].mean()) for rows in rests]
+    return np.cumsum(velocity - np.interp(np.arange(len(velocity)), middles, offsets)) * step
+
+
+def _level(path: Floats, rest: slice) -> float:
+    return median(path[rest])
+
+
+def _largest(path: Floats, rests: list[slice]) -> float:
+    """Return the largest value after a rest, relative to that rest."""
+    stops = [*(rows.start for rows in rests[1:]), len(path)]
+    return max(
+        float(path[rows.stop : stop].max(initial=-np.inf)) - _level(path, rows)
+        for rows, stop in zip(rests, stops, strict=True)
+    )
+
+
+def _pauses(
+    levels: Mapping[str, Floats], rests: list[slice], largest: Mapping[str, float]
+) -> list[slice]:
+    """Return the rests in which all signals are back at their level in the pause before.
+
+    Raises:
+        AnalysisError: The key is not up in the first rest.
+    """
+    path = next(iter(levels))
+    limits = {name: (BACK if name == path else FORCE_BACK) * largest[name] for name in levels}
+    pauses = rests[:1]
+    for rest in rests[1:]:
+        moved = {name: _level(one, rest) - _level(one, pauses[-1]) for name, one in levels.items()}
+        if moved[path] < -BELOW * largest[path]:
+            raise AnalysisError(
+                "the key goes up from its first rest: the recording starts while it is held down,"
+                " or a sensor has the opposite sign; record a rest with the key up first, or import"
+                " with --invert"
+            )
+        if all(abs(moved[name]) <= limits[name] for name in levels):
+            pauses.append(rest)
+    return pauses
+
+
+def _with_rests(before: slice, after: slice, count: int, step: float) -> tuple[int, int]:
+    """Return the first block of a press between two pauses, and that after it."""
+    edge, rest = round(EDGE / step), round(REST / step)
+    first = before.start + edge * (before.start > 0)
+    last = after.stop - edge * (after.stop < count)
+    return max(first, before.stop - rest), min(last, after.start + rest)
+
+
+def _repeated(deflection: Floats, high: float) -> bool:
+    """Return whether the key goes down, up and down again."""
+    first = int(np.argmax(deflection > HIGH * high))
+    back = deflection[first:] < LOW * high
+    return bool(back.any() and (deflection[first + int(np.argmax(back)) :] > HIGH * high).any())
