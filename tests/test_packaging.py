@@ -202,11 +202,8 @@ def result(words):
 
 if __name__ == "__main__":
     pressed = result("press --scene ideal -n 1 --out s --json")
-    (recording,) = pressed["recordings"]
-    fit = result(f"identify {recording} --free plectrum.overlap --starts 1 --json")
     table = result("campaign . --out c.parquet --processes 2 --json")
-    result("report s --out report.html --json")
-    print(json.dumps([pressed, fit, table]))
+    print(json.dumps([pressed, table]))
 """
 """Commands in one process of the installed wheel, with two more for the campaign."""
 TRAPS = ("analysis", "robot", "daq", "commands", "rig", "trajectory", "sim_backend")
@@ -235,12 +232,11 @@ def use_beside_other_modules(python: Path, folder: Path) -> None:
     where = run(python, "-P", "-c", program, cwd=folder)
     assert Path(where.strip()).is_relative_to(python.parents[1])
     (folder / "study.py").write_text(STUDY)
-    pressed, fit, table = json.loads(run(python, "study.py", cwd=folder))
+    pressed, table = json.loads(run(python, "study.py", cwd=folder))
     for press in pressed["presses"]:
         assert press["release"] - press["contact"] == pytest.approx(0.02, abs=1e-4)
-    assert fit["parameters"]["plectrum.overlap"]["identifiable"]
     assert table["presses"] == 1
-    assert {"c.parquet", "report.html"} <= {path.name for path in folder.iterdir()}
+    assert (folder / "c.parquet").is_file()
 
 
 def test_the_wheel_works_beside_robotframework_and_modules_of_the_same_names(built, tmp_path):
@@ -271,9 +267,13 @@ def test_an_empty_environment_presses_from_another_folder(built, tmp_path):
     use_beside_other_modules(python, elsewhere)
     tool = python.with_name("sautereau")
     assert run(tool, "--version", cwd=elsewhere).strip() == PROJECT["version"]
-    words = ("--since", "60 ms", "--until", "70 ms")
-    run(tool, "animate", "s/press-0001.mcap", "--out", "pluck.gif", *words, cwd=elsewhere)
+    recording, words = "s/press-0001.mcap", ("--since", "60 ms", "--until", "70 ms")
+    fit = ("--free", "plectrum.overlap", "--starts", "1", "--json")
+    found = json.loads(run(tool, "identify", recording, *fit, cwd=elsewhere))
+    assert found["parameters"]["plectrum.overlap"]["identifiable"]
+    run(tool, "report", "s", "--out", "report.html", cwd=elsewhere)
+    run(tool, "animate", recording, "--out", "pluck.gif", *words, cwd=elsewhere)
     run(tool, "listen", "--out", "pluck.wav", "--duration", "100 ms", cwd=elsewhere)
     run(tool, "plan", "--plot", "plan.png", "--bench", "bench.svg", cwd=elsewhere)
     made = {path.name for path in elsewhere.iterdir()}
-    assert {"pluck.gif", "pluck.wav", "plan.png", "bench.svg"} <= made
+    assert {"report.html", "pluck.gif", "pluck.wav", "plan.png", "bench.svg"} <= made

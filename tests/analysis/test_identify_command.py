@@ -5,11 +5,12 @@ from importlib import resources
 
 import pytest
 
+from benchmarks.simulated import acquired
 from sautereau.commands.app import app
-from sautereau.rig.load import load_rig, with_values
-from sautereau.sim_backend.bench import StandIn
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
-from tests.presses import QUICK, press_on
+from tests.sessions import SessionWriter
 
 
 @pytest.fixture(scope="module")
@@ -18,9 +19,12 @@ def recordings(tmp_path_factory):
     truth = {"plectrum.overlap": "0.33 mm", "key.inertia": "9e-4 kg m^2"}
     # With the scene's own steps the force is 20 us late, which is an error of the model.
     scene = load_scene("paper").model_copy(update={"truth": truth, "step": 50e-6})
-    out = tmp_path_factory.mktemp("recordings")
-    with StandIn(with_values(load_rig(), QUICK), scene, 1) as stand_in:
-        return press_on(stand_in, out, 2)
+    out, rig = tmp_path_factory.mktemp("recordings"), load_rig()
+    seen, paths = observe(rig, scene), []
+    for number in (1, 2):
+        write = SessionWriter(acquired(rig, scene, seen, number)[0])
+        paths += write(out, 1, first=number, noise=0.0)
+    return paths
 
 
 def run(capsys, *words):

@@ -3,6 +3,7 @@
 import json
 import re
 import subprocess
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,17 @@ def bare(tmp_path):
     """Scene file of a key without strings, for tests that need no pluck."""
     path = tmp_path / "bare.toml"
     path.write_text(MUTE_TEXT)
+    return path
+
+
+@pytest.fixture(scope="session")
+def servo(tmp_path_factory):
+    """Scene file of the scene `paper`, with longer steps."""
+    text = resources.files("sautereau.sim_backend").joinpath("scenes/paper.toml").read_text("utf-8")
+    path = tmp_path_factory.mktemp("scene") / "servo.toml"
+    longer = text.replace('step = "100 us"', 'step = "500 us"')
+    assert longer != text
+    path.write_text(longer, encoding="utf-8")
     return path
 
 

@@ -98,7 +98,7 @@ def test_mount_locates_the_base_from_touches(sautereau, tmp_path):
 
 
 def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path):
-    words = ("--sim", "-n", 2, "--seed", 3, "--out", "out", "--json")
+    words = ("--scene", "ideal", "-n", 2, "--seed", 3, "--out", "out", "--json")
     made = sautereau("press", rig_file(), *words)
     assert made.returncode == 0, made.stderr
     result = json.loads(made.stdout)
@@ -127,7 +127,8 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path
     assert "release_force" in json.loads(pair.stdout)["against"][0]["differences"]
     watched = json.loads(sautereau("watch", "out", "-n", 2, "--json").stdout)
     assert watched["conditions"] == compared["conditions"]
-    again = sautereau("replay", result["recordings"][0], rig_file(), "--sim", "--out", "again")
+    words = ("replay", result["recordings"][0], rig_file(), "--scene", "ideal")
+    again = sautereau(*words, "--out", "again")
     assert "Model error" in again.stdout
     shown = read_page("first-press.md").bodies("console")[0].splitlines()
     assert "\n".join(shown[2:5]) in again.stdout
@@ -416,36 +417,35 @@ def test_plain_clients_press_against_a_served_stand_in(command_server, tmp_path,
 
 
 def test_learn_answers_the_keys_of_the_contract_and_its_correction_is_used(
-    sautereau, rig_file, tmp_path
+    sautereau, rig_file, servo, tmp_path
 ):
-    rig = rig_file()
-    done = sautereau("learn", rig, "--sim", "-n", 3, "--seed", 3, "--out", "out", "--json")
+    rig, scene = rig_file(), ("--scene", servo)
+    command = ("learn", rig, *scene, "-n", 3, "--seed", 3, "--out", "out", "--json")
+    done = sautereau(*command)
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
-    first, *_, last = result["rms_speed_error"]
+    first, _, last = made = result["rms_speed_error"]
     assert last < 0.01 < 0.05 < first
     assert len(result["recordings"]) == 3
     assert result["simulated"] is True
     assert Path(result["learned"]).name == "learned.json"
-    refused(sautereau("learn", rig, "--sim", "--out", "out"), "learned.json", "--force")
+    refused(sautereau("learn", rig, *scene, "--out", "out"), "learned.json", "--force")
 
-    made = result["rms_speed_error"]
     (tmp_path / "out" / "press-0003.mcap").unlink()
-    command = ("learn", rig, "--sim", "-n", 3, "--seed", 3, "--out", "out", "--json", "--force")
-    continued = json.loads(sautereau(*command).stdout)
+    continued = json.loads(sautereau(*command, "--force").stdout)
     assert continued["rms_speed_error"][:2] == made[:2]
     assert [Path(path).name for path in continued["recordings"]] == [
         f"press-000{number}.mcap" for number in (1, 2, 3)
     ]
     assert continued["rms_speed_error"][2] < 0.01
 
-    command = ("press", rig, "--sim", "--learned", "out/learned.json", "--out", "again", "--json")
+    command = ("press", rig, *scene, "--learned", "out/learned.json", "--out", "again", "--json")
     done = sautereau(*command, "--seed", 9)
     assert done.returncode == 0, done.stderr
     speeds = json.loads(done.stdout)["presses"][0]["speeds"]
     assert speeds["held"] == pytest.approx(0.072, rel=0.02)  # 0.065 without
     refused(sautereau("press", rig, "--sim", "--learned", "none.json", "--out", "x"), "none.json")
-    refused(sautereau("press", rig, "--sim", "--out", "again"), "files.learned", "--out")
+    refused(sautereau("press", rig, *scene, "--out", "again"), "files.learned", "--out")
     other = rig_file(jack_speed='"0.08 m/s"')
     done = sautereau("press", other, "--sim", "--learned", "out/learned.json", "--out", "other")
     refused(done, "press.jack_speed", "0.072", "0.08", "learn again")

@@ -56,20 +56,20 @@ def test_encoders_followed_the_plan(ideal):
 
 
 @pytest.fixture(scope="module")
-def paper(bench, tmp_path_factory):
-    """Return a press of the scene `paper` with a seed, and its truth; pressed once."""
+def paper(bench, servo, tmp_path_factory):
+    """Return a press of the scene `servo` with a seed, and its truth; pressed once."""
     folder = tmp_path_factory.mktemp("paper")
 
     @cache
     def press(seed: int):
-        paths, truths = bench("paper", folder / str(seed), 1, seed)
+        paths, truths = bench(str(servo), folder / str(seed), 1, seed)
         return paths[0], truths[0]
 
     return press
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_does_not(bench, paper, tmp_path):
-    paths, _ = bench("paper", tmp_path, 2, 0)
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(bench, servo, paper, tmp_path):
+    paths, _ = bench(str(servo), tmp_path, 2, 0)
     again, second = (read_recording(path).volts for path in paths)
     first, other = (read_recording(paper(seed)[0]).volts for seed in (0, 1))
     for name in ("velocity", "force"):

@@ -20,7 +20,7 @@ def test_the_first_modes_reading_explains_the_printed_slope():
 
 
 def test_the_page_and_the_figures(tmp_path):
-    rig, pressed = load_rig(), study(1)
+    rig, pressed = load_rig(), study(1, scene="ideal")
     text = paper.page(rig, pressed, "2026-01-01")
     assert "| contact (ms) | 27 | 27 |" in text
     assert "60 % that the paper prints" in text

@@ -53,7 +53,8 @@ class _Expression:
     """
 
     def __init__(self, text: str, machine: Machine) -> None:
-        self._text, self._machine = _BLANKS.sub(r"\1", text), machine
+        self._text = _BLANKS.sub(r"\1", text) if " " in text else text
+        self._machine = machine
         self._at = 0
 
     def value(self) -> float:
