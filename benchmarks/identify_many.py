@@ -1,6 +1,6 @@
 """Identification on 200 benches with every factor drawn, and on 60 with one soft part.
 
-The benches are those of the independent simulator. The run takes half an hour of processor time
+The benches are those of the independent simulator. The run takes an hour of processor time
 and is only made if it is named. Two parts of the simulator are unlike any instrument, and benches
 with one of them are counted separately: the friction of a plectrum always points to the tip, also
 while the string slides to the clamp, where Coulomb friction is reversed; and on one of five random
