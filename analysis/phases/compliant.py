@@ -61,6 +61,9 @@ growth of the load is no pluck."""
 SEVERAL_RELEASES = 1.5
 """Factor of the uncertainties where a press has several releases: the ringing after one release
 disturbs the fit of the next."""
+FOLLOWING = 3.5e-3, 1 / 3
+"""Distance from the release before [s] below which a release may be earlier, since what rings after
+the other looks like it; and its further standard uncertainty over this distance."""
 UNEXPLAINED = 12.0
 """Error of a row over the local rms of the residuals of the fit before."""
 AROUND = 25
@@ -95,6 +98,7 @@ def compliant_plucks(
     ]
     growths = _with_releases(slow, strings, searched, releases)
     found: list[tuple[Contact, Release]] = []
+    before = -math.inf
     for growth, near, release in zip(growths, nears, releases, strict=True):
         around = signals.no_velocity[
             slice(*(signals.sample(growth.release + side) for side in (-near, near)))
@@ -106,10 +110,18 @@ def compliant_plucks(
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)
         std = LARGER * growth.contact_std
-        std = math.hypot(std, LEAST_STD, CONTACT_PART * wrong, signals.instant_std)
-        contact = Contact(growth.contact, std, growth.significance, growth.force, growth.noise)
+        parts = LEAST_STD, CONTACT_PART * wrong, signals.instant_std, growth.exchange_std
+        std = math.hypot(std, *parts)
+        contact = Contact(
+            *(growth.contact, std, growth.significance, growth.force, growth.noise),
+            exchange_std=growth.exchange_std,
+        )
         std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)
         std *= SEVERAL_RELEASES if len(growths) > 1 else 1.0
+        within, part = FOLLOWING
+        if release.time - before < within:
+            std = math.hypot(std, part * (release.time - before))
+        before = release.time
         limit, part = MOST_RELEASE_STD
         if std < max(limit, part * (release.time - growth.contact)):
             found.append((contact, replace(release, std=std)))
@@ -177,14 +189,20 @@ def _with_releases(
     fit = SawTeeth(slow, searched.compliance, noise, strings, known)
     start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
     plucks, solved = _with_better_contacts(fit, *fit.refined(start)[:2])
-    if not (plucks[1:, 0] < plucks[:-1, 1]).any():
+    exchange = np.zeros(len(plucks))
+    if (plucks[1:, 0] < plucks[:-1, 1]).any():
+        exchange = fit.exchange_stds(plucks, max(fit.noises(plucks, solved)))
+    else:
         square = uniform_filter1d((solved.row_residuals / fit.weight) ** 2, AROUND, mode="nearest")
         error = UNEXPLAINED * np.sqrt(np.maximum(square, 0.0))
         fit = SawTeeth(slow, searched.compliance, noise, strings, known, error)
         plucks, solved, _ = fit.refined(plucks)
     stds, _ = fit.stds(plucks, solved)
-    contacts = zip(growths, plucks[:, 0].tolist(), stds, strict=True)
-    return tuple(replace(g, contact=contact, contact_std=std) for g, contact, (std, _) in contacts)
+    contacts = zip(growths, plucks[:, 0].tolist(), stds, exchange.tolist(), strict=True)
+    return tuple(
+        replace(g, contact=contact, contact_std=std, exchange_std=other)
+        for g, contact, (std, _), other in contacts
+    )
 
 
 def _with_better_contacts(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:

@@ -50,6 +50,8 @@ class Contact:
     """Dimensionless, variance of the residuals over the assumed noise, at least 1."""
     residual: float = 0.0
     """N, rms of the load that a rigid key and its string leave until the release."""
+    exchange_std: float = 0.0
+    """s, part of `std`: the contact may belong to the release of another string held at once."""
 
 
 def find_contact(

@@ -15,6 +15,7 @@ from sautereau.analysis.phases.found import (
     HeldString,
     Phases,
     ending,
+    exchange_warnings,
     fit_warnings,
     line_through,
     measured,
@@ -120,6 +121,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         warnings=(
             *ending(signals, begin),
             *pluck_warnings(signals, press.quality_flags, plucks, steady),
+            *exchange_warnings([contact for contact, _ in found.plucks]),
             *fit_warnings(found.fit, found.further, plucks, len(choirs(press.rig))),
             *([] if known else unlike_the_rig(signals, plucks, expected(press.rig))),
         ),

@@ -198,6 +198,18 @@ def fit_warnings(
     return found
 
 
+def exchange_warnings(contacts: Sequence[Contact]) -> list[str]:
+    """Return a warning if contacts of strings held at once may belong to each other's release."""
+    which = [f"{number}" for number, c in enumerate(contacts, 1) if c.exchange_std > WEAK]
+    if not which:
+        return []
+    return [
+        f"contacts of plucks {' and '.join(which)}: the strings are held at once, and their"
+        " contacts explain the load as well if they are exchanged, so half their distance is in"
+        " their uncertainties; press each string alone"
+    ]
+
+
 def unlike_the_rig(signals: Signals, plucks: Sequence[HeldString], strings: Expected) -> list[str]:
     """Return warnings about plucks whose place and force are far from every string of the rig.
 

@@ -310,6 +310,32 @@ class SawTeeth:
         self._refined[key] = found.state.reshape(-1, 2), found.found, found.chi2
         return self._refined[key]
 
+    def exchange_stds(self, plucks: Floats, variance: float) -> Floats:
+        """Return the standard uncertainties of contacts that may belong to each other's release.
+
+        Where strings are held at once and their contacts fit about as well when they are exchanged,
+        each contact is one of two instants, and the uncertainty is half their distance.
+
+        Args:
+            plucks: s, refined contacts and releases in order of release, shape (plucks, 2).
+            variance: N^2, as for `refined`.
+
+        Returns:
+            s, shape (plucks,); 0 for contacts that belong to their release.
+        """
+        found = np.zeros(len(plucks))
+        limit = EXCHANGE_TOLERANCE * self.refined(plucks, variance)[2]
+        for i, j in combinations(range(len(plucks)), 2):
+            exchanged = plucks.copy()
+            exchanged[[i, j], 0] = plucks[[j, i], 0]
+            if (np.diff(exchanged) <= self.slow.width).any():
+                continue
+            other, _, chi2 = self.refined(exchanged, variance)
+            if chi2 < limit:
+                half = np.abs(other[[i, j], 0] - plucks[[i, j], 0]) / 2
+                found[[i, j]] = np.maximum(found[[i, j]], half)
+        return found
+
     def in_order(self, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
         """Return the plucks with contacts in the order of releases, if that fits about as well.
 

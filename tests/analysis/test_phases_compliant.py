@@ -117,6 +117,31 @@ def test_what_follows_a_release_disturbs_no_pluck(changes):
     assert np.abs(found.errors[:, 1]).max() < 0.1e-3
 
 
+@pytest.mark.parametrize("key", ["key heaves at 120 Hz", "key bends at 350 Hz"])
+def test_contacts_that_may_be_exchanged_are_uncertain(key):
+    """The string touched first is released last, 1 ms after the other."""
+    long = replace(Choir(), clearance=2e-3, overlap=0.35e-3, length=5.5e-3)
+    short = replace(Choir(), arm=0.199, clearance=2.3e-3, overlap=0.15e-3)
+    conditions = replace(ONE_FACTOR[key], choirs=(long, short), speed=0.08, rise=9e-3, dip=6.5e-3)
+    pressed = press(conditions, 0)
+    first, last = pressed.truth.plucks
+    assert last.contact < first.contact - 5e-3 < first.release < last.release
+    phases = find_phases(judged_press(pressed))
+    for held, true in zip(phases.plucks, (first, last), strict=True):
+        assert abs(held.contact - true.contact) < 2.5 * held.contact_std < 10e-3
+        assert abs(held.release - true.release) < 2 * held.release_std < 1e-3
+    assert any("explain the load as well if they are exchanged" in w for w in phases.warnings)
+
+
+def test_a_slight_growth_is_no_pluck():
+    """The contact of a string with a twelfth of the force would be wrong by 20 ms."""
+    strong, weak = two_strings(2e-3, 3.6e-3)
+    both = strong, replace(weak, width=0.04e-3)
+    phases = judge(replace(ONE_FACTOR["key heaves at 120 Hz"], choirs=both), 0).phases
+    assert len(phases.plucks) == 1
+    assert any("1 of the rig's 2 strings" in warning for warning in phases.warnings)
+
+
 def test_a_string_that_is_held_to_the_end_of_the_recording_has_no_pluck():
     pressed = press(ONE_FACTOR["key bends at 350 Hz"], 0)
     (pluck,), whole = pressed.truth.plucks, judged_press(pressed)
