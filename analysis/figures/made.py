@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 def how_made(simulated: bool) -> str:
     """Return whether presses are simulated or measured, for a plot's title."""
-    return "SIMULATED, made on the stand-in" if simulated else "measured"
+    return "SIMULATED" if simulated else "measured"
 
 
 def stamp(figure: "FigureBase", simulated: bool, size: float = 90) -> None:

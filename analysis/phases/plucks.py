@@ -166,8 +166,10 @@ def _explained(
     far = np.abs(rises[:, None] - strings.contacts).min(initial=np.inf) > DISPLACED
     most = CERTAIN if far else GOOD
     # A string held together with the next one spoils the fit of its contact on any key; but where
-    # a release rings, what exceeds the number of strings may be ringing.
-    surplus = len(found) > len(strings.contacts) and max(r.noise for _, r in found) > GOOD
+    # a release rings, or a contact is far from explained, what exceeds the number of strings may be
+    # ringing.
+    rings = any(r.noise > GOOD or c.noise > BENT for c, r in found)
+    surplus = len(found) > len(strings.contacts) and rings
     typical = max if surplus else min
     if found and typical(c.noise for c, _ in found) < most:
         ends = float(signals.time[begin]), float(signals.time[end])

@@ -29,7 +29,8 @@ SLOWEST = 0.1
 LEAST_FORCE = 3e-3
 """N, least force of a pluck."""
 LEAST_FRACTION = 0.15
-"""Least force of a pluck over the largest one: what another fits badly may look like a pluck."""
+"""Least force of a pluck over the largest one, if the rig has several strings: what the model of
+one does not explain may look like another."""
 LEAST_GROWTH = 0.2
 """Least force of a significant growth, over the rms of the load that is not explained."""
 SLIGHT = 0.01
@@ -61,10 +62,10 @@ class Growth:
     """s, standard uncertainty; not evaluated for a further growth."""
     release_std: float = 0.0
     """s, the same."""
-    exchange_std: float = 0.0
-    """s, further standard uncertainty of a contact that may belong to another string's release."""
     noise: float = 0.0
     """Variance of the residuals around it, of sums over a third of it, over that of `NOISE`."""
+    exchange_std: float = 0.0
+    """s, further standard uncertainty of a contact that may belong to another string's release."""
 
 
 @dataclass(frozen=True)
@@ -220,7 +221,8 @@ class _Search:
         climbed = np.diff(np.interp(pluck, slow.hops, fit.rise))[0]
         near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
         moving = np.interp(pluck[1], slow.time, slow.speed()) > self._moving
-        strong = forces[i] > max(LEAST_FORCE, LEAST_FRACTION * float(forces.max()))
+        several = len(fit.strings.contacts) > 1
+        strong = forces[i] > max(LEAST_FORCE, several * LEAST_FRACTION * float(forces.max()))
         enough = climbed > LEAST_RISE and gain > SIGNIFICANCE and strong and moving
         # Of a string that is held until the last row no collapse was seen.
         collapses = pluck[1] < slow.time[-1] - slow.width

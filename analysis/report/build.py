@@ -65,8 +65,7 @@ def build_report(contents: Contents, about: About) -> str:
         css=Markup(_part("page.css")),
         plotly=plotly,
         script=script,
-        simulated=simulated
-        and f"{simulated} of {counted(len(presses), 'press')} made on the stand-in",
+        simulated=simulated and f"{simulated} of {counted(len(presses), 'press')} simulated",
         warnings=facts.warnings(contents, about.warnings),
         facts=facts.how_pressed(contents),
         changes=[{"presses": len(c.presses), "changed": c.changed} for c in conditions]

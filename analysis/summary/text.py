@@ -5,7 +5,7 @@ import textwrap
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
-SOME_SIMULATED = "SIMULATED: at least one of these presses was made on the stand-in"
+SOME_SIMULATED = "SIMULATED: at least one of these presses is simulated"
 """First line of the text on presses of which any was made on a stand-in."""
 WIDTH = 80
 """Columns of the narrowest usual terminal, to which texts are wrapped."""

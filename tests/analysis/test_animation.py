@@ -91,7 +91,7 @@ def test_simulation_model_phase_and_time_are_shown(make_press):
     scene = staged(make_press(), np.array([0.04, 0.06, 0.08]))
     figure, parts = animation_figure(scene, 5)
     said = "\n".join(texts(figure))
-    assert "SIMULATED, made on the stand-in; 5 times slower; no arm was recorded" in said
+    assert "SIMULATED; 5 times slower; no arm was recorded" in said
     assert "plectrum and string by the model" in said
     assert "simulated" in said.split("\n")
     for frame, words in enumerate(("before contact", "string held", "string released")):

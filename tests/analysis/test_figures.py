@@ -24,7 +24,7 @@ def figure(make_press, prediction):
 
 def test_simulated_is_written_on_the_picture(figure):
     assert "simulated" in texts(figure)
-    assert "Rig paper: 1 press, SIMULATED, made on the stand-in" in texts(figure)
+    assert "Rig paper: 1 press, SIMULATED" in texts(figure)
     assert not any("measured" in text for text in texts(figure))
     for name in ("free", "string held", "string released", "finger force (N)"):
         assert name in texts(figure)

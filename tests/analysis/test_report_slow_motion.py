@@ -116,7 +116,7 @@ def test_the_parts_have_the_positions_of_the_press(two):
 
 def test_recorded_and_simulated_parts_are_named(two, write_session, tmp_path):
     page, _ = two
-    assert "Press 1 (SIMULATED, made on the stand-in)" in page.section
+    assert "Press 1 (SIMULATED)" in page.section
     assert page.section.count(">SIMULATED</text>") == len(page.pictures)
     assert "Recorded: key, force and speed" in page.section
     assert "Computed by the model" in page.section
