@@ -108,7 +108,7 @@ def departure(force: Floats, rate: float) -> int:
         rate: Hz.
     """
     size = max(1, round(BLOCK / 2 * rate))
-    means = force[: len(force) // size * size].reshape(-1, size).mean(1)
+    means = block_means(force, size)
     if not len(means):
         return 0
     level = median(means[: round(2 * LEAST_REST / BLOCK)])
@@ -222,6 +222,11 @@ def force_at_rest(
     if abs(decay) <= CONSISTENT * std:
         return level, not after_press
     return level, abs(slope - decay) >= abs(slope)
+
+
+def block_means(signal: Floats, size: int) -> Floats:
+    """Return the means over blocks of so many samples; those left at the end are omitted."""
+    return signal[: len(signal) // size * size].reshape(-1, size).mean(1)
 
 
 def _scatter(means: Floats) -> float:

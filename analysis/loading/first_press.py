@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.drift import HIGH, LOW
+from sautereau.analysis.loading.drift import HIGH, LOW, block_means
 from sautereau.analysis.loading.press import Press
 
 
@@ -41,13 +41,12 @@ def _end_by_key(press: Press) -> int | None:
 
 def _end_by_force(press: Press) -> int | None:
     """Return the same by the force alone."""
-    from sautereau.analysis.loading.presses import block_means, find_presses
+    from sautereau.analysis.loading.presses import block_size, find_presses
 
     force, rate = press.samples["force"], press.rate
     try:
-        found = find_presses(
-            {"force": block_means(force, rate)}, rate, len(force), press.rig
-        ).presses
+        means = block_means(force, block_size(rate))
+        found = find_presses({"force": means}, rate, len(force), press.rig).presses
     except AnalysisError:
         return None
     return found[0].stop if len(found) > 1 else None

@@ -18,10 +18,11 @@ import numpy as np
 from scipy import ndimage
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.drift import BLOCK, HIGH, LOW
+from sautereau.analysis.loading.drift import BLOCK, HIGH, LOW, block_means
 from sautereau.analysis.loading.press import SIGNALS
 from sautereau.daq.file.recorded import Recorded
-from sautereau.daq.signals.calibration import NORMAL, median, to_si, undo_high_pass
+from sautereau.daq.signals.calibration import median, to_si, undo_high_pass, white_noise
+from sautereau.daq.signals.quality_flags import runs_of
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -94,22 +95,17 @@ def presses_of(recorded: Recorded) -> Found:
         AnalysisError: It has neither force nor velocity, or as `find_presses`.
     """
     rate, means = recorded.rate, {}
+    size = block_size(rate)
     for name in SIGNALS:
         if channel := recorded.rig.daq.channel(name):
-            found = to_si(block_means(recorded.volts[channel.name], rate), channel)
-            means[name] = undo_high_pass(found, channel.high_pass, rate / _block_size(rate))
+            found = to_si(block_means(recorded.volts[channel.name], size), channel)
+            means[name] = undo_high_pass(found, channel.high_pass, rate / size)
     if not means:
         raise AnalysisError(f"recording {recorded.path}: it has no force and no velocity channel")
     try:
         return find_presses(means, rate, recorded.n_samples, recorded.rig)
     except AnalysisError as error:
         raise AnalysisError(f"recording {recorded.path}: {error}") from error
-
-
-def block_means(signal: Floats, rate: float) -> Floats:
-    """Return the means of a signal over blocks of 1 ms; the rest at the end is omitted."""
-    size = _block_size(rate)
-    return signal[: len(signal) // size * size].reshape(-1, size).mean(1)
 
 
 def find_presses(means: Mapping[str, Floats], rate: float, n_samples: int, rig: Rig) -> Found:
@@ -124,7 +120,7 @@ def find_presses(means: Mapping[str, Floats], rate: float, n_samples: int, rig: 
     Raises:
         AnalysisError: There is no press, no rest, or the key is not up in the first rest.
     """
-    size = _block_size(rate)
+    size = block_size(rate)
     step, count = size / rate, n_samples // size
     if not all(np.isfinite(one).all() for one in means.values()):
         raise AnalysisError("it has samples that are not numbers; record again")
@@ -143,7 +139,7 @@ def find_presses(means: Mapping[str, Floats], rate: float, n_samples: int, rig: 
         levels["velocity"] = _deflection(levels["velocity"], rests, step)
     largest = {name: _largest(level, rests) for name, level in levels.items()}
     path = next(iter(levels))
-    if largest[path] < max(LEAST[path], NOISE * _noise(means[path]) * (path == "force")):
+    if largest[path] < max(LEAST[path], NOISE * white_noise(means[path]) * (path == "force")):
         raise AnalysisError("it shows no press; check the channels, and the signs of the sensors")
     pauses = _pauses(levels, rests, largest)
     presses, others = _between(levels[path], pauses, largest[path], step, path == "velocity")
@@ -156,7 +152,8 @@ def find_presses(means: Mapping[str, Floats], rate: float, n_samples: int, rig: 
     )
 
 
-def _block_size(rate: float) -> int:
+def block_size(rate: float) -> int:
+    """Return the samples of a block of 1 ms."""
     return max(1, round(BLOCK * rate))
 
 
@@ -195,18 +192,16 @@ def _rests(
     at_rest = np.ones(min(map(len, levels.values()), default=0), bool)
     for name, level in levels.items():
         spread = float(_range(level, 2 * round(WITHIN / step) + 1).max())
-        least = max(STEADY[name] * spread, NOISE * _noise(means[name]))
+        least = max(STEADY[name] * spread, NOISE * white_noise(means[name]))
         # All blocks of a window whose range is that small.
         at_rest &= ndimage.binary_dilation(_range(level, width) <= least, np.ones(width))
         if name == "velocity":
             at_rest &= np.abs(level - _offset(level, step)) < max(SLOW * spread, least)
-    edges = np.flatnonzero(np.diff(at_rest, prepend=False, append=False)).tolist()
-    runs = [slice(*run) for run in zip(edges[::2], edges[1::2], strict=True)]
     ends = (0, len(at_rest))
     # A rest at an end of the recording separates nothing, so that it may be shorter.
     return [
         rows
-        for rows in runs
+        for rows in (slice(*run) for run in runs_of(at_rest))
         if (rows.stop - rows.start) * step >= pause
         or ((rows.start in ends or rows.stop in ends) and 2 * (rows.stop - rows.start) >= width)
     ]
@@ -238,12 +233,6 @@ def _offset(velocity: Floats, step: float) -> Floats:
 def _range(level: Floats, width: int) -> Floats:
     """Return the range of the values in a window around each block."""
     return ndimage.maximum_filter1d(level, width) - ndimage.minimum_filter1d(level, width)
-
-
-def _noise(means: Floats) -> float:
-    """Return the standard deviation of the means, from their second differences."""
-    second = np.abs(np.diff(means, 2))
-    return NORMAL * median(second) / math.sqrt(6) if len(second) else 0.0
 
 
 def _deflection(velocity: Floats, rests: list[slice], step: float) -> Floats:

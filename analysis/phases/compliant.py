@@ -113,7 +113,11 @@ def compliant_plucks(
         parts = LEAST_STD, CONTACT_PART * wrong, signals.instant_std, growth.exchange_std
         std = math.hypot(std, *parts)
         contact = Contact(
-            *(growth.contact, std, growth.significance, growth.force, growth.noise),
+            time=growth.contact,
+            std=std,
+            gain=growth.significance,
+            at_release=growth.force,
+            noise=growth.noise,
             exchange_std=growth.exchange_std,
         )
         std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)

@@ -118,7 +118,7 @@ def _stretches(volts: Signal, channel: Channel, rate: float) -> list[tuple[Kind,
     noise, magnitude = white_noise(volts), np.abs(volts)
     high = magnitude >= channel.range * (1 - CLIPPING_MARGIN)
     found: list[tuple[Kind, int, int]] = []
-    for start, stop in _runs(high):
+    for start, stop in runs_of(high):
         beyond = magnitude[start:stop].max() > channel.range * (1 + CLIPPING_MARGIN)
         found.append(("overload" if beyond else "clipped", start, stop))
     for start, stop in _saturated(volts, magnitude, noise, channel.range, high):
@@ -139,7 +139,7 @@ def _saturated(
     flat = np.abs(steps, out=steps) < FLAT_NOISE * noise
     flat &= magnitude[1:] > FLAT_LEVEL * largest
     flat &= ~(known[1:] | known[:-1])
-    found = [(start, stop + 1) for start, stop in _runs(flat) if stop + 1 - start >= FLAT]
+    found = [(start, stop + 1) for start, stop in runs_of(flat) if stop + 1 - start >= FLAT]
     if not found:
         return []
     levels = np.unique(volts[:RESOLUTION_ROWS])
@@ -177,7 +177,7 @@ def _drop_outs(
 
     deviation = volts - median_filter(volts, window, mode="nearest")
     magnitude = np.abs(deviation)
-    runs = np.array(_runs(magnitude > DROP_OUT_EDGE * unit), int).reshape(-1, 2)
+    runs = np.array(runs_of(magnitude > DROP_OUT_EDGE * unit), int).reshape(-1, 2)
     depths = np.maximum.reduceat(np.append(magnitude, 0.0), runs.ravel())[::2]
     deep = depths > DROP_OUT_SEED * unit
     found = []
@@ -198,7 +198,7 @@ def _drop_outs(
     return found
 
 
-def _runs(which: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs_of(which: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the uninterrupted stretches of True: first index and index after the last."""
     if not which.any():
         return []
