@@ -43,7 +43,7 @@ LEAST_NEAR = 0.25e-3
 """s, smallest value of this uncertainty."""
 MOST_NEAR = 1.0e-3
 """s, largest value of this uncertainty."""
-LARGER = 2.2
+LARGER = 2.0
 """Standard uncertainty of a contact over that of its fit. This and the next five constants are from
 presses of the independent simulator, and were tested on others."""
 LEAST_STD = 0.2e-3
@@ -66,6 +66,8 @@ FOLLOWING = 3.5e-3, 1 / 3
 the other looks like it; and its further standard uncertainty over this distance."""
 UNEXPLAINED = 12.0
 """Error of a row over the local rms of the residuals of the fit before."""
+CHANGE = 0.5
+"""Part of the change of a contact by these weights that is added to its standard uncertainty."""
 AROUND = 25
 """Number of rows over which this rms is taken."""
 LEAST_HELD = 2.5
@@ -181,8 +183,9 @@ def _with_releases(
 
     An error of a release in the smoothed load causes an error of its contact. The load is not
     explained equally well everywhere, so it is fitted twice: the second fit weights the rows by the
-    local rms of the residuals of the first. Strings that are held at once are fitted once, since
-    rows that show a wrong contact of one of them would lose their weight.
+    local rms of the residuals of the first. The weighted rows have the noise of a row, so that the
+    priors of contacts and releases count in units of it. Where strings may be exchanged, the load
+    is fitted once: rows that show a wrong contact would lose their weight.
     """
     growths = searched.growths
     short = any(r.time - g.contact < SHORTEST for g, r in zip(growths, releases, strict=True))
@@ -193,19 +196,20 @@ def _with_releases(
     fit = SawTeeth(slow, searched.compliance, noise, strings, known)
     start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
     plucks, solved = _with_better_contacts(fit, *fit.refined(start)[:2])
-    exchange = np.zeros(len(plucks))
+    exchange, first = np.zeros(len(plucks)), plucks[:, 0]
     if (plucks[1:, 0] < plucks[:-1, 1]).any():
         exchange = fit.exchange_stds(plucks, max(fit.noises(plucks, solved)))
-    else:
+    if not exchange.any():
         square = uniform_filter1d((solved.row_residuals / fit.weight) ** 2, AROUND, mode="nearest")
         error = UNEXPLAINED * np.sqrt(np.maximum(square, 0.0))
         fit = SawTeeth(slow, searched.compliance, noise, strings, known, error)
-        plucks, solved, _ = fit.refined(plucks)
-    stds, _ = fit.stds(plucks, solved)
-    contacts = zip(growths, plucks[:, 0].tolist(), stds, exchange.tolist(), strict=True)
+        plucks, solved, _ = fit.refined(plucks, noise**2)
+    stds = np.array(fit.stds(plucks, solved)[0])[:, 0]
+    stds = np.hypot(stds, CHANGE * (plucks[:, 0] - first))
+    contacts = zip(growths, plucks[:, 0].tolist(), stds.tolist(), exchange.tolist(), strict=True)
     return tuple(
         replace(g, contact=contact, contact_std=std, exchange_std=other)
-        for g, contact, (std, _), other in contacts
+        for g, contact, std, other in contacts
     )
 
 
