@@ -28,6 +28,8 @@ def phases(
         plucks. All commands use the values until you delete FILE.phases.toml beside the recording.
     """
     from sautereau.analysis.summary.press import HEADER
+    from sautereau.entrance.each import each
+    from sautereau.entrance.session import Session, open
 
     if at:
         from sautereau.analysis.errors import AnalysisError
@@ -40,12 +42,15 @@ def phases(
             )
         with common.options():
             write_by_hand(files[0], [] if at == ["none"] else at)
-    session = common.opened(files, output)
-    warnings = [(p.path, warning) for p in session for warning in p.partial.warnings]
+    with output.progress("reading recordings"):
+        read, faults = each(open(files), lambda p: (p, p.partial.warnings))
+    session, texts = Session(p for p, _ in read), [str(error) for _, error in faults]
+    warnings = [(p.path, warning) for p, some in read for warning in some]
     lines = [HEADER, *(p.line for p in session), *grouped(warnings, "press")]
     if plot:
         session.plot().savefig(plot, dpi=120)
-    return output.answer({"files": [p.document for p in session]}, lines, plot)
+    result = {"files": [p.document for p in session], "faults": texts}
+    return output.answer(result, lines, plot, texts)
 
 
 def compare(
@@ -73,10 +78,12 @@ def compare(
         rig saved in each recording.
     """
     from sautereau.analysis.errors import AnalysisError
+    from sautereau.entrance.session import open
 
     bench = common.load_rig(rig) if rig else None
-    other = common.opened(against, output) if against else None
-    session = common.opened(files, output)
+    read = common.opened([*files, *(against or ())], output)
+    count = len(open(files))
+    session, other = read[:count], read[count:] or None
     with output.progress("predicting"):
         found = session.compare(other, rig=bench, level=level)
     conditions = found.found.conditions
