@@ -37,11 +37,9 @@ def simulated(scene, speed=0.072, *, mute=False):
 
 def without(recorded, missing):
     """Return a recording whose rig has no channel for a signal."""
-    rig = recorded.rig
-    kept = tuple(c for c in rig.daq.channels if c.quantity != missing)
+    kept = tuple(c for c in recorded.rig.daq.channels if c.quantity != missing)
     volts = {c.name: recorded.volts[c.name] for c in kept}
-    daq = rig.daq.model_copy(update={"channels": kept})
-    return replace(recorded, rig=rig.model_copy(update={"daq": daq}), volts=volts)
+    return replace(recorded, rig=recorded.rig.replaced({"daq.channels": kept}), volts=volts)
 
 
 def only(press, missing, rows=slice(None)):

@@ -108,13 +108,12 @@ def test_too_short_for_its_delay(paper, record, n, left):
 
 @pytest.mark.parametrize("kept", ["velocity", "force"])
 def test_both_quantities_are_needed(paper, record, kept):
-    channel = paper.daq.channel(kept)
-    daq = paper.daq.model_copy(update={"channels": (channel,)})
+    rig = paper.replaced({"daq.channels": (paper.daq.channel(kept),)})
     missing = {"velocity": "force", "force": "velocity"}[kept]
     with pytest.raises(
         AnalysisError, match=f"it has no {missing} channel, .* quantity = '{missing}'"
     ):
-        load_press(record(paper.model_copy(update={"daq": daq}), np.ones((1, 3000))))
+        load_press(record(rig, np.ones((1, 3000))))
 
 
 def test_a_file_that_is_not_there(tmp_path):
@@ -252,8 +251,7 @@ def test_old_calibrations_of_measured_presses(paper, record, calibrated, count):
     channels = tuple(
         channel.model_copy(update={"calibrated": calibrated}) for channel in paper.daq.channels
     )
-    daq = paper.daq.model_copy(update={"channels": channels})
-    rig = paper.model_copy(update={"daq": daq})
+    rig = paper.replaced({"daq.channels": channels})
     volts = sensed(paper, [stroke, lambda t: 0.0 * t])
     press = load_press(record(rig, volts, simulated=False))
     assert len(press.warnings) == count

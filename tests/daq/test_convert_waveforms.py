@@ -115,7 +115,7 @@ def test_scipy_sees_doubles_of_a_stated_full_scale(tmp_path, recording, paper):
 
 def test_a_voltage_keeps_its_raw_volts(tmp_path, paper, session, volts):
     channel = paper.daq.channels[0].model_copy(update={"quantity": "voltage", "scale": 3.0})
-    rig = paper.model_copy(update={"daq": paper.daq.model_copy(update={"channels": (channel,)})})
+    rig = paper.replaced({"daq.channels": (channel,)})
     path = tmp_path / "press.mcap"
     with Recording(path, rig, session=session) as made:
         made.write_block(Block(0, volts[:1]))

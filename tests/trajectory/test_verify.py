@@ -141,7 +141,7 @@ def presses(draw):
     rig = draw(rigs())
     if draw(st.integers(0, 3)) == 0:
         gesture = draw(gestures(rig.press.jack_rise))
-        rig = rig.model_copy(update={"press": rig.press.model_copy(update={"gesture": gesture})})
+        rig = rig.replaced({"press.gesture": gesture})
     if draw(st.booleans()):
         return rig, None
     rises = np.unique(draw(st.lists(st.integers(0, 1000), min_size=1, max_size=20)))
