@@ -1,5 +1,6 @@
 """Recordings loaded as presses: scale, AC coupling, delay, quality flags, drift."""
 
+from dataclasses import replace
 from datetime import date
 
 import numpy as np
@@ -8,11 +9,10 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import UNITS, load_press
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.recorded import Block, SessionInfo
-from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import SensorChain
+from tests.recordings import SESSION, write_recording
 
 RATE = 51_200.0
 
@@ -20,11 +20,8 @@ RATE = 51_200.0
 @pytest.fixture
 def record(tmp_path):
     def write(rig, volts, simulated=True, first=0):
-        session = SessionInfo(1, "2026-02-03T04:05:06+01:00", simulated, "DMC", "card")
-        path = tmp_path / "press-0001.mcap"
-        with Recording(path, rig, session=session, clock=lambda: 10**18) as recording:
-            recording.write_block(Block(first, np.asarray(volts)))
-        return path
+        session = replace(SESSION, simulated=simulated)
+        return write_recording(tmp_path / "press-0001.mcap", rig, volts, first, session=session)
 
     return write
 
