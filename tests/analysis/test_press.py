@@ -1,5 +1,6 @@
 """Recordings loaded as presses: scale, AC coupling, delay, quality flags, drift."""
 
+from dataclasses import replace
 from datetime import date
 
 import numpy as np
@@ -8,11 +9,10 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import UNITS, load_press
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.recorded import Block, SessionInfo
-from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import SensorChain
+from tests.recordings import SESSION, write_recording
 
 RATE = 51_200.0
 
@@ -20,11 +20,8 @@ RATE = 51_200.0
 @pytest.fixture
 def record(tmp_path):
     def write(rig, volts, simulated=True, first=0):
-        session = SessionInfo(1, "2026-02-03T04:05:06+01:00", simulated, "DMC", "card")
-        path = tmp_path / "press-0001.mcap"
-        with Recording(path, rig, session=session, clock=lambda: 10**18) as recording:
-            recording.write_block(Block(first, np.asarray(volts)))
-        return path
+        session = replace(SESSION, simulated=simulated)
+        return write_recording(tmp_path / "press-0001.mcap", rig, volts, first, session=session)
 
     return write
 
@@ -108,13 +105,12 @@ def test_too_short_for_its_delay(paper, record, n, left):
 
 @pytest.mark.parametrize("kept", ["velocity", "force"])
 def test_both_quantities_are_needed(paper, record, kept):
-    channel = paper.daq.channel(kept)
-    daq = paper.daq.model_copy(update={"channels": (channel,)})
+    rig = paper.replaced({"daq.channels": (paper.daq.channel(kept),)})
     missing = {"velocity": "force", "force": "velocity"}[kept]
     with pytest.raises(
         AnalysisError, match=f"it has no {missing} channel, .* quantity = '{missing}'"
     ):
-        load_press(record(paper.model_copy(update={"daq": daq}), np.ones((1, 3000))))
+        load_press(record(rig, np.ones((1, 3000))))
 
 
 def test_a_file_that_is_not_there(tmp_path):
@@ -252,8 +248,7 @@ def test_old_calibrations_of_measured_presses(paper, record, calibrated, count):
     channels = tuple(
         channel.model_copy(update={"calibrated": calibrated}) for channel in paper.daq.channels
     )
-    daq = paper.daq.model_copy(update={"channels": channels})
-    rig = paper.model_copy(update={"daq": daq})
+    rig = paper.replaced({"daq.channels": channels})
     volts = sensed(paper, [stroke, lambda t: 0.0 * t])
     press = load_press(record(rig, volts, simulated=False))
     assert len(press.warnings) == count
