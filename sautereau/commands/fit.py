@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.text import SOME_SIMULATED, grouped
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted, grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, make_folders
 
@@ -19,6 +19,8 @@ def phases(
     output: FileOutput = FileOutput(),
 ) -> int:
     """Find contact and release of every string in recorded presses, with uncertainties.
+
+    Use --verbose to list remarks, which make no result doubtful.
 
     Parameters
     ----------
@@ -42,7 +44,13 @@ def phases(
             write_by_hand(files[0], [] if at == ["none"] else at)
     session = common.opened(files, output)
     warnings = [(p.path, warning) for p in session for warning in p.partial.warnings]
-    lines = [HEADER, *(p.line for p in session), *grouped(warnings, "press")]
+    remarks = [(p.path, remark) for p in session for remark in p.partial.remarks]
+    lines = [HEADER, *(p.line for p in session)]
+    lines += [f"warning: {text}" for text in grouped(warnings, "press")]
+    if output.verbose:
+        lines += [f"remark: {text}" for text in grouped(remarks, "press")]
+    elif remarks:
+        lines.append(f"{counted(len(remarks), 'remark')}, listed by --verbose")
     if plot:
         session.plot().savefig(plot, dpi=120)
     return output.answer({"files": [p.document for p in session]}, lines, plot)
