@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.text import SOME_SIMULATED, grouped
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted, grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, make_folders
 
@@ -19,6 +19,8 @@ def phases(
     output: FileOutput = FileOutput(),
 ) -> int:
     """Find contact and release of every string in recorded presses, with uncertainties.
+
+    Use --verbose to list remarks, which make no result doubtful.
 
     Parameters
     ----------
@@ -43,10 +45,16 @@ def phases(
         with common.options():
             write_by_hand(files[0], [] if at == ["none"] else at)
     with output.progress("reading recordings"):
-        read, faults = each(open(files), lambda p: (p, p.partial.warnings))
+        read, faults = each(open(files), lambda p: (p, p.partial))
     session, texts = Session(p for p, _ in read), [str(error) for _, error in faults]
-    warnings = [(p.path, warning) for p, some in read for warning in some]
-    lines = [HEADER, *(p.line for p in session), *grouped(warnings, "press")]
+    warnings = [(p.path, warning) for p, partial in read for warning in partial.warnings]
+    remarks = [(p.path, remark) for p, partial in read for remark in partial.remarks]
+    lines = [HEADER, *(p.line for p in session)]
+    lines += [f"warning: {text}" for text in grouped(warnings, "press")]
+    if output.verbose:
+        lines += [f"remark: {text}" for text in grouped(remarks, "press")]
+    elif remarks:
+        lines.append(f"{counted(len(remarks), 'remark')}, listed by --verbose")
     if plot:
         session.plot().savefig(plot, dpi=120)
     result = {"files": [p.document for p in session], "faults": texts}

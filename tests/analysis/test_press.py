@@ -205,8 +205,20 @@ def test_an_offset_does_not_become_a_ramp(paper, record):
     assert press.drift.velocity == pytest.approx(0.0005 * 0.025, rel=2)
     assert abs(press.data["deflection"].iloc[-1]) < 5e-6
     assert press.drift.after is not None
-    assert len(press.warnings) == 1
-    assert "count as an offset of the sensor" in press.warnings[0]
+    assert press.warnings == ()
+
+
+@pytest.mark.parametrize("gain_std", [1e-3, 1e-2])
+def test_a_doubtful_offset_is_a_warning_above_the_uncertainty_of_the_gain(paper, record, gain_std):
+    """12 mN at rest: 4 mN of 1 N at the end are wrong if they were no offset, 0.4 %."""
+    channels = tuple(c.model_copy(update={"gain_std": gain_std}) for c in paper.daq.channels)
+    rig = paper.model_copy(update={"daq": paper.daq.model_copy(update={"channels": channels})})
+    volts = np.array([[0.0005], [0.012]]) + sensed(paper, [stroke, lambda t: 2 * t * (t > 0.03)])
+    press = load_press(record(rig, volts))
+    said = press.warnings + press.remarks
+    assert len(said) == 1
+    assert "count as an offset of the sensor" in said[0]
+    assert len(press.warnings) == (gain_std == 1e-3)
 
 
 def test_a_clean_press_has_no_quality_flags_and_no_warnings(paper, record):
@@ -226,8 +238,8 @@ def test_quality_flags_are_at_the_time_of_the_motion(paper, record):
     assert (force.kind, velocity.kind) == ("clipped", "drop-out")
     assert (force.start, force.stop) == pytest.approx((0.05, 0.06), abs=1e-3)
     assert (velocity.start, velocity.stop) == pytest.approx((0.0989, 0.0994), abs=7e-5)
-    assert any("force: clipped" in warning for warning in press.warnings)
-    assert any("velocity: drop-out" in warning for warning in press.warnings)
+    assert any("force: clipped" in remark for remark in press.remarks)
+    assert any("velocity: drop-out" in remark for remark in press.remarks)
     # They are flagged, not replaced: 0 V differ only by the inverted coupling.
     assert press.data["velocity"].loc[0.09895:0.09935].mean() < 0.4 * stroke(np.array(0.099))
 
