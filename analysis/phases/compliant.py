@@ -51,7 +51,7 @@ LEAST_STD = 0.2e-3
 CONTACT_PART = 1.2
 """Added to the standard uncertainty of a contact: this factor times the pluck's duration times the
 fraction of the force that the model of the key does not explain."""
-LEAST_RELEASE_STD = 0.1e-3
+LEAST_RELEASE_STD = 0.05e-3
 """s, standard uncertainty that is added to that of a release."""
 RELEASE_PART = 0.6
 """The same as `CONTACT_PART` for a release."""
