@@ -111,10 +111,8 @@ def presses_of(made: Bench, seeds: range) -> tuple[list[Press], list[Phases]]:
     pressed = []
     for seed in seeds:
         recorded, _ = acquired(made.true, made.scene, seen, seed)
-        channels = made.nominal.daq
-        pressed.append(
-            press_of(replace(recorded, rig=recorded.rig.model_copy(update={"daq": channels})))
-        )
+        rig = recorded.rig.model_copy(update={"daq": made.nominal.daq})
+        pressed.append(press_of(replace(recorded, rig=rig)))
     return pressed, [find_phases(press) for press in pressed]
 
 

@@ -224,7 +224,7 @@ class Scene(Section):
         """
         if self.sensors is not None:
             return rig
-        ideal = {"delay": "0 s", "low_pass": "0 Hz", "high_pass": "0 Hz"}
+        ideal = {"delay": "0 s", "low_pass": "0 Hz", "low_pass_order": 0, "high_pass": "0 Hz"}
         changed = {
             f"daq.channels.{i}.{name}": value
             for i in range(len(rig.daq.channels))

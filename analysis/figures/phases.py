@@ -72,8 +72,9 @@ def _complete(axes: Axes, press: Press, found: Phases) -> None:
         style = {"facecolor": DOUBTFUL, "edgecolor": OTHER, "hatch": "xx", "alpha": 0.4, "lw": 0}
         axes.axvspan(start * 1e3, stop * 1e3, label=label, zorder=0.4, **style)
     for number, held in enumerate(found.plucks, 1):
-        _boundary(axes, held.contact, held.contact_std, CONTACT, "-", f"contact {number}")
-        _boundary(axes, held.release, held.release_std, RELEASE, "--", f"release {number}")
+        which = f"{number}{', doubtful' * held.doubtful}"
+        _boundary(axes, held.contact, held.contact_std, CONTACT, "-", f"contact {which}")
+        _boundary(axes, held.release, held.release_std, RELEASE, "--", f"release {which}")
     others = {name: getattr(found, name) for name in ("bottomed", "bottom", "returned")}
     for name, instant in others.items():
         if instant is not None and time[inside][0] <= instant * 1e3 <= time[inside][-1]:

@@ -189,7 +189,7 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
 def _other_contact(rig: Rig) -> Rig:
     """Return the rig with the string on the surface instead of the mid-line, or vice versa."""
     other = "mid-line" if rig.plectrum.contact == "surface" else "surface"
-    return rig.model_copy(update={"plectrum": rig.plectrum.model_copy(update={"contact": other})})
+    return rig.replaced({"plectrum.contact": other})
 
 
 def _moved(rows: Floats, column: Floats) -> Floats:

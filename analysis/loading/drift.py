@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.analysis.remark import Remark
 from sautereau.daq.signals.calibration import NORMAL, median, white_noise
 from sautereau.trajectory.motion import Floats
 
@@ -119,8 +120,14 @@ def departure(force: Floats, rate: float) -> int:
 
 
 def without_drift(
-    velocity: Floats, rests: Rests, rate: float, start: float, corner: float, returns: bool
-) -> tuple[Floats, Drift, list[str]]:
+    velocity: Floats,
+    rests: Rests,
+    rate: float,
+    start: float,
+    corner: float,
+    returns: bool,
+    tolerance: float = 0.0,
+) -> tuple[Floats, Drift, list[Remark]]:
     """Subtract the drift of a velocity, so that its integral drifts by micrometres only.
 
     If the two rests and the return to the same place agree on a straight line, it is subtracted.
@@ -133,9 +140,11 @@ def without_drift(
         start: s after the trigger, of the first row.
         corner: Hz, of the AC coupling; 0 for none.
         returns: Whether the planned motion ends where it starts.
+        tolerance: Dimensionless, fraction of the largest deflection up to which a doubtful
+            correction is no warning.
 
     Returns:
-        The corrected velocity, the corrections, and warnings.
+        The corrected velocity, the corrections, and what is to be said about them.
     """
     n = len(velocity)
     before = _span(rests.before, rate, start)
@@ -146,18 +155,22 @@ def without_drift(
             "no rest before the press: offset and drift of the sensors remain in the signals;"
             " start recording before the motion"
         )
-        return velocity, Drift(None, after), [text]
+        return velocity, Drift(None, after), [Remark(text)]
     level, std = _level(velocity[rests.before])
     middle = _middle(rests.before, rate)
     if after is None:
         first = level / (1 + omega * middle)
         line = first, first * omega
         taken = _taken(line, n, rate)
+        corrected = without_line(velocity, line, rate)
+        largest = float(np.abs(np.cumsum(corrected)).max()) / rate
         text = (
             f"no rest after the press: the mean velocity at rest, {abs(level) * 1e6:.3g} um/s, is"
-            " subtracted as an offset without a check at the end; record for longer"
+            f" subtracted as an offset without a check at the end, {taken[1] * 1e3:.2g} mm of"
+            f" {largest * 1e3:.2g} mm of deflection; record for longer"
         )
-        return without_line(velocity, line, rate), Drift(before, None, *taken), [text]
+        said = Remark(text, doubt=taken[1] > tolerance * largest)
+        return corrected, Drift(before, None, *taken), [said]
     late, late_std = _level(velocity[rests.after])
     middles = middle, _middle(rests.after, rate)
     between = slice(*(int(t * rate) for t in middles))
@@ -170,33 +183,35 @@ def without_drift(
     rows = [[1.0, middles[0]], [1.0, middles[1]]]
     seen, stds = [level, late], [std, late_std]
     back = returns and abs(end) <= RETURNED * largest
-    warnings = []
+    said = []
     if back:
         rows.append([duration, (middles[1] ** 2 - middles[0] ** 2) / 2])
         seen, stds = [*seen, end], [*stds, RETURN_STD]
     elif returns:
-        warnings.append(
+        text = (
             f"the key did not return: {end * 1e3:.3g} mm of {largest * 1e3:.3g} mm at the laser"
             " remain; check whether the jack hangs, and the sensor's corner frequency"
         )
+        said.append(Remark(text))
     matrix, values = np.array(rows), np.array(seen)
     weights = 1 / np.array(stds)
     fitted = np.linalg.lstsq(matrix * weights[:, None], values * weights, rcond=None)[0]
     line = float(fitted[0]), float(fitted[1])
     if np.abs((matrix @ fitted - values) * weights).max() > CONSISTENT:
         line = end / duration, 0.0
-        warnings.append(
+        text = (
             f"the velocity at rest is {level * 1e6:.3g} and {late * 1e6:.3g} um/s, but the"
-            f" deflection returns to {end * 1e6:.3g} um: no offset of the sensor"
-            " explains both; check its corner frequency, its delay, and whether the key is really"
-            " at rest"
+            f" deflection of {largest * 1e3:.3g} mm returns to {end * 1e3:.3g} mm: no offset of the"
+            " sensor explains both; check its corner frequency, its delay, and whether the key is"
+            " really at rest"
         )
+        said.append(Remark(text, doubt=abs(end) > tolerance * largest))
     closure = None
     if back:
         rows = between.stop - between.start
         closure = end - (line[0] + line[1] * _middle(between, rate)) * rows / rate
     found = Drift(before, after, *_taken(line, n, rate), closure)
-    return without_line(velocity, line, rate), found, warnings
+    return without_line(velocity, line, rate), found, said
 
 
 def force_at_rest(

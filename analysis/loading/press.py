@@ -23,6 +23,7 @@ from sautereau.analysis.loading.drift import (
     without_drift,
     without_line,
 )
+from sautereau.analysis.remark import Remark, divided
 from sautereau.daq.signals.calibration import calibration_warning, median, to_si, white_noise
 from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
 from sautereau.rig.acquisition import Channel
@@ -51,7 +52,8 @@ COARSE = 1e-3
 """Dimensionless, fraction of the fingertip's way up to which the arm's resolution gives no
 warning."""
 FORCE_DRIFT = 2e-3
-"""Dimensionless, fraction of the largest force up to which a doubtful offset gives no warning."""
+"""Dimensionless, fraction of the largest force up to which nothing is said about a doubtful offset.
+It is a warning above the channel's `gain_std`."""
 FORCE_MEAN = 1e-3
 """s, of a mean whose noise hides such an error as well."""
 
@@ -83,9 +85,11 @@ class Press:
     motion: "Event | None" = None
     """Start of the arm's motion, with its uncertainty; None where no arm was recorded."""
     warnings: tuple[str, ...] = ()
-    """About lost samples, calibrations, quality flags and drift."""
+    """About lost samples, calibrations and drift."""
     missing: Signal | None = None
     """The signal that was not recorded; `samples` has nothing that depends on it."""
+    remarks: tuple[str, ...] = ()
+    """For information: about quality flags and slight drift."""
 
     @cached_property
     def data(self) -> "pd.DataFrame":
@@ -183,13 +187,13 @@ def partial_press_of(recorded: "Recorded") -> Press:
         lost = lost_samples(flags, channel, rate, recorded.first_sample, len(volts))
         signals[name] = without_delay(volts, lost, channel, rate, early)[:rows]
         marks += flags
-    warnings = [
-        *map(str, recorded.gaps),
-        *_calibrations(recorded, *channels.values()),
-        *quality_warnings(marks),
+    said = [
+        Remark(text)
+        for text in (*map(str, recorded.gaps), *_calibrations(recorded, *channels.values()))
     ]
+    said += [Remark(text, doubt=False) for text in quality_warnings(marks)]
     if recorded.motion is not None:
-        warnings += _coarse(rig)
+        said += map(Remark, _coarse(rig))
     drift = NO_DRIFT
     if all(np.isfinite(signal).all() for signal in signals.values()):
         if "velocity" in signals:
@@ -197,21 +201,22 @@ def partial_press_of(recorded: "Recorded") -> Press:
                 signals["velocity"] -= median(signals["velocity"][: ceil(LEAST_REST * rate)])
             rests = find_rests(signals["velocity"], rate)
             corner = channels["velocity"].high_pass
-            signals["velocity"], drift, doubts = without_drift(
-                signals["velocity"], rests, rate, start, corner, _returns(recorded)
+            signals["velocity"], drift, found = without_drift(
+                *(signals["velocity"], rests, rate, start, corner, _returns(recorded)),
+                channels["velocity"].gain_std,
             )
             rest = rests.before
-            warnings += doubts
+            said += found
         else:
             rest = slice(0, departure(signals["force"], rate))
         if "force" in signals:
             channel = channels["force"]
             at_rest = to_si(recorded.volts[channel.name][rest], channel)
-            signals["force"], level, doubtful = _from_rest(
-                signals["force"], at_rest, channel.high_pass, rate, recorded.after_press
+            signals["force"], level, found = _from_rest(
+                signals["force"], at_rest, channel, rate, recorded.after_press
             )
             drift = replace(drift, force=level)
-            warnings += doubtful
+            said += found
     missing: Signal | None = next((name for name in SIGNALS if name not in channels), None)
     nothing = np.zeros(rows if missing else 0)
     columns = columns_of(
@@ -220,6 +225,7 @@ def partial_press_of(recorded: "Recorded") -> Press:
     samples = dict(zip(UNITS, columns, strict=True))
     if missing:
         samples = {n: c for n, c in samples.items() if (n == "force") == (missing == "velocity")}
+    warnings, remarks = divided(said)
     return Press(
         path,
         rig,
@@ -230,8 +236,9 @@ def partial_press_of(recorded: "Recorded") -> Press:
         tuple(marks),
         drift,
         recorded.motion and replace(recorded.motion, time=recorded.motion.time - recorded.origin),
-        tuple(warnings),
+        warnings,
         missing,
+        remarks,
     )
 
 
@@ -324,34 +331,35 @@ def _returns(recorded: "Recorded") -> bool:
 
 
 def _from_rest(
-    force: Floats, at_rest: Floats, corner: float, rate: float, after_press: bool
-) -> tuple[Floats, float, list[str]]:
-    """Return the force relative to that at rest, the correction, and warnings about it.
+    force: Floats, at_rest: Floats, channel: Channel, rate: float, after_press: bool
+) -> tuple[Floats, float, list[Remark]]:
+    """Return the force relative to that at rest, the correction, and what is said about it.
 
     A force without AC coupling is not corrected: a force at rest may be real.
 
     Args:
         force: N, shape (n,), AC coupling inverted.
         at_rest: N, as measured in the rest before the press; empty without a rest.
-        corner: Hz, of the AC coupling.
+        channel: Of the force.
         rate: Hz.
         after_press: Whether an earlier press ended shortly before.
     """
+    corner = channel.high_pass
     if not corner or not len(at_rest):
         return force, 0.0, []
     noise = white_noise(at_rest)
     level, is_offset = force_at_rest(at_rest, noise, rate, corner, after_press=after_press)
     slope = 2 * pi * corner * level / rate
-    doubt = abs(slope) * (len(force) - 1)
     force = without_line(force, (level, slope * rate * is_offset), rate)
     hidden = noise / np.sqrt(FORCE_MEAN * rate)
-    largest = max(force.max(), -force.min())
+    where = int(np.argmax(np.abs(force)))
+    largest, doubt = abs(float(force[where])), abs(slope) * where
     if doubt <= max(FORCE_DRIFT * largest, hidden) or (after_press and not is_offset):
         return force, level, []
     meant = "an offset of the sensor" if is_offset else "the rest of an earlier force"
     text = (
         f"force: {level * 1e3:.3g} mN at rest before the press count as {meant}; if that is wrong,"
-        f" the force at the end is wrong by {doubt * 1e3:.3g} mN; record for longer before the"
-        " motion, or zero the amplifier"
+        f" the largest force, {largest:.3g} N, is wrong by {doubt * 1e3:.3g} mN; record for longer"
+        " before the motion, or zero the amplifier"
     )
-    return force, level, [text]
+    return force, level, [Remark(text, doubt=doubt > channel.gain_std * largest)]

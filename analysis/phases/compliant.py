@@ -51,13 +51,13 @@ LEAST_STD = 0.2e-3
 CONTACT_PART = 1.2
 """Added to the standard uncertainty of a contact: this factor times the pluck's duration times the
 fraction of the force that the model of the key does not explain."""
-LEAST_RELEASE_STD = 0.1e-3
+LEAST_RELEASE_STD = 0.05e-3
 """s, standard uncertainty that is added to that of a release."""
 RELEASE_PART = 0.6
 """The same as `CONTACT_PART` for a release."""
-MOST_RELEASE_STD = 10e-3, 0.05
-"""Standard uncertainty of a release, in s and over the pluck's duration, above both of which a
-growth of the load is no pluck."""
+MOST_STD = 10e-3, 0.05
+"""Standard uncertainty of a contact or a release, in s and over the pluck's duration, above both of
+which a growth of the load is no pluck."""
 SEVERAL_RELEASES = 1.5
 """Factor of the uncertainties where a press has several releases: the ringing after one release
 disturbs the fit of the next."""
@@ -111,12 +111,11 @@ def compliant_plucks(
         if hidden or not growth.contact + SHORTEST <= release.time <= last:
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)
-        std = LARGER * growth.contact_std
-        parts = LEAST_STD, CONTACT_PART * wrong, signals.instant_std, growth.exchange_std
-        std = math.hypot(std, *parts)
+        parts = LEAST_STD, CONTACT_PART * wrong, signals.instant_std
+        contact_std = math.hypot(LARGER * growth.contact_std, *parts)
         contact = Contact(
             time=growth.contact,
-            std=std,
+            std=math.hypot(contact_std, growth.exchange_std),
             gain=growth.significance,
             at_release=growth.force,
             noise=growth.noise,
@@ -128,8 +127,8 @@ def compliant_plucks(
         if release.time - before < within:
             std = math.hypot(std, part * (release.time - before))
         before = release.time
-        limit, part = MOST_RELEASE_STD
-        if std < max(limit, part * (release.time - growth.contact)):
+        limit, part = MOST_STD
+        if max(contact_std, std) < max(limit, part * (release.time - growth.contact)):
             found.append((contact, replace(release, std=std)))
     return found, searched
 

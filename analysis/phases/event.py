@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,6 +38,10 @@ REACH = 3.0
 """Instants are tried up to this number of standard deviations on either side."""
 TRIED = 20
 """Number of instants that are tried."""
+DEGREES = 2, 4
+"""Degrees of the polynomial that continues from before the release. The motion before it is a part
+of slow modes of finger and key, which the polynomial only approximates; the better fit need not
+have the better instant, so the instants of both are averaged."""
 STARTS = 4
 """Parts of the range of instants; a search starts from the best instant of each part. Also the
 largest number of fits, of both beginnings together, to which a further mode is added."""
@@ -61,7 +66,8 @@ def refine_event(
     """Return the instant of a release, fitted to the samples around it.
 
     Where modes do not explain them, and no other string rings, fewer samples after the release are
-    fitted if they are explained much better.
+    fitted if they are explained much better. The instant is the mean of fits with each of the
+    `DEGREES`, whose spread is part of its uncertainty.
 
     Args:
         near: s after the trigger, approximate instant.
@@ -71,12 +77,20 @@ def refine_event(
         until: s after the trigger, after which nothing is used.
         others: s after the trigger, approximate instants of other releases.
     """
-    begin, ends = max(after, near - BEFORE), [min(until, near + side) for side in (AFTER, SHORT)]
-    found, excess = _fitted(signals, near, std, force, (begin, ends[0]), others)
-    if excess < EXCESS or others:
-        return found
-    short, short_excess = _fitted(signals, near, std, force, (begin, ends[1]), ())
-    return short if EXCESS_FACTOR * short_excess < excess else found
+    begin = max(after, near - BEFORE)
+    window, short = ((begin, min(until, near + side)) for side in (AFTER, SHORT))
+    lowest, *higher = DEGREES
+    found, excess = _fitted(signals, near, std, force, window, others, lowest)
+    if excess >= EXCESS and not others:
+        sooner, left = _fitted(signals, near, std, force, short, (), lowest)
+        if EXCESS_FACTOR * left < excess:
+            found, window = sooner, short
+    each = [found]
+    each += [_fitted(signals, near, std, force, window, others, degree)[0] for degree in higher]
+    times = np.array([fitted.time for fitted in each])
+    stds = np.array([fitted.std for fitted in each])
+    std = math.hypot(float(stds.mean()), float(times.std()))
+    return replace(found, time=float(times.mean()), std=std)
 
 
 def _fitted(
@@ -86,6 +100,7 @@ def _fitted(
     force: float,
     window: tuple[float, float],
     others: Sequence[float],
+    degree: int,
 ) -> tuple[Release, float]:
     """Return the release fitted to a window [s], and the `excess`.
 
@@ -100,7 +115,7 @@ def _fitted(
     if (stretch[1] - stretch[0]) // samples < LEAST_ROWS:
         return Release(near, std, force, FALL_STD * force, 0.0, 0.0, math.inf), math.inf
     events = np.array([near, *(t for t in others if begin < t < end)])
-    fit = EventFit(signals, stretch, samples, events, np.full(len(events), std))
+    fit = EventFit(signals, stretch, samples, events, np.full(len(events), std), degree)
     tried = np.tile(events - near, (TRIED, 1))
     tried[:, 0] = np.linspace(-REACH, REACH, TRIED) * std
 

@@ -1,6 +1,6 @@
 """The instant of a sudden event in force and velocity, with the modes that it excites.
 
-Around the event each signal is a parabola with ringing from before, and from the event on a curve
+Around the event each signal is a polynomial with ringing from before, and from the event on a curve
 and damped modes (`response`). Both signals have the same instants and poles. The model is linear in
 all other parameters; these are eliminated, and instants and poles are refined (`levenberg`).
 """
@@ -31,8 +31,8 @@ LEAST_DAMPING = 0.003
 """Smallest damping ratio of a refined mode."""
 LARGEST_DAMPING = 0.9
 """Largest damping ratio of a refined mode."""
-PARABOLA_STD = 1e3
-"""Prior standard deviation of the parabola, over the range of a signal."""
+POLYNOMIAL_STD = 1e3
+"""Prior standard deviation of the polynomial, over the range of a signal."""
 BEFORE_STD = 0.5
 """The same of the ringing that started before the event."""
 RING_STD = 1.5
@@ -96,10 +96,17 @@ class EventFit:
         stretch: First sample, and the last one, exclusive.
         near: s after the trigger, expected instants; the first is the origin of time.
         stds: s, their standard uncertainties.
+        degree: Of the polynomial.
     """
 
     def __init__(
-        self, signals: Signals, stretch: tuple[int, int], samples: int, near: Floats, stds: Floats
+        self,
+        signals: Signals,
+        stretch: tuple[int, int],
+        samples: int,
+        near: Floats,
+        stds: Floats,
+        degree: int,
     ):
         first, last = stretch
         n, weights = (last - first) // samples, np.full(samples, 1 / samples)
@@ -109,7 +116,7 @@ class EventFit:
 
         self._expected, self._stds = near - near[0], stds
         at = means(signals.time) - near[0]
-        self._response = Response(at, samples / signals.rate)
+        self._response = Response(at, samples / signals.rate, degree)
         starts = [0]
         for start in np.searchsorted(at, LATE):
             if start - starts[-1] >= BLOCK and n - start >= BLOCK:
@@ -249,7 +256,8 @@ class EventFit:
     def _solved(self, instants: Floats, poles: Poles, orders: Orders) -> _Solved:
         """Return the fits with instants [s], shape (..., events), and poles [1/s]."""
         event, before = self._columns(instants, poles, orders), self._response.before(poles)
-        n, known, rows = *before.shape, _prior(instants.shape[-1], len(poles), curves(orders))
+        sizes = instants.shape[-1], len(poles), curves(orders), self._response.degree
+        n, known, rows = *before.shape, _prior(*sizes)
         columns = np.empty((*event.shape[:-3], len(self.load), n + len(rows), len(rows)))
         columns[..., :n, :known] = before
         columns[..., :n, known:] = event
@@ -267,12 +275,13 @@ class EventFit:
         instants, poles = self._split(state)
         events, m, curve = len(instants), len(poles), curves(orders)
         by_instant, by_pole, early = self._response.slopes(instants, poles, orders)
-        before, event = solved.factors[:, : 3 + 2 * m], solved.factors[:, 3 + 2 * m :]
+        ringing = self._response.degree + 1
+        before, event = np.split(solved.factors[:, ringing:], [2 * m], axis=1)
         event = event.reshape(2, events, -1)
         of_instants = (by_instant @ event.swapaxes(0, 1)[..., None])[..., 0].transpose(1, 2, 0)
         modes = event[..., curve : curve + m] - 1j * event[..., curve + m :]
         change = (by_pole * modes.swapaxes(0, 1)[:, :, None]).sum(0)
-        change = change + early * (before[:, None, 3 : 3 + m] - 1j * before[:, None, 3 + m :])
+        change = change + early * (before[:, None, :m] - 1j * before[:, None, m:])
         turn = np.abs(poles)
         damping = -poles.real / turn
         by_damping = -turn * damping * (1 + 1j * damping / np.sqrt(1 - damping**2))
@@ -287,8 +296,8 @@ class EventFit:
 
 
 @lru_cache
-def _prior(events: int, modes: int, curves: int) -> Floats:
+def _prior(events: int, modes: int, curves: int, degree: int) -> Floats:
     """Return the rows of the priors of linear factors, shape (columns, columns)."""
     of_event = np.repeat([CURVE_STD, RING_STD], [curves, 2 * modes])
-    of_before = np.repeat([PARABOLA_STD, BEFORE_STD], [3, 2 * modes])
+    of_before = np.repeat([POLYNOMIAL_STD, BEFORE_STD], [degree + 1, 2 * modes])
     return np.diag(1 / np.concatenate([of_before, *[of_event] * events]))

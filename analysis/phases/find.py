@@ -1,29 +1,20 @@
 """Segmentation of a press: free, string held, string released, bottom and return."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.press import Press
-from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.phases import checks
 from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
 from sautereau.analysis.phases.expected import expected
-from sautereau.analysis.phases.found import (
-    Fit,
-    HeldString,
-    Phases,
-    ending,
-    exchange_warnings,
-    fit_warnings,
-    line_through,
-    measured,
-    pluck_warnings,
-    unlike_the_rig,
-)
+from sautereau.analysis.phases.found import Fit, HeldString, Phases, line_through, measured
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.signals import LEFT, Signals, rows_of, signals_of, way_down
+from sautereau.analysis.remark import divided
 from sautereau.daq.signals.calibration import median, robust_std
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
@@ -111,25 +102,34 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         after = min(plucks[0].release + plucks[0].pluck_duration, time[end])
         released_speed = _mean(speed, time, plucks[0].release, after)
     steady = float(time[begin + np.argmax(speed[begin:] >= FULL_SPEED * speed[settled].mean())])
+    start, bottom = float(-offset / slope), float(time[end])
+    strings, contacts = expected(press.rig), [contact for contact, _ in found.plucks]
+    said = [
+        *checks.about_end(signals, begin),
+        *checks.about_instants(plucks, contacts, steady, signals.missing),
+        *checks.about_flags(signals, press.quality_flags, plucks, (start, bottom)),
+        *checks.about_exchange(contacts),
+        *checks.about_fit(signals, found.fit, found.further, plucks, strings),
+        *([] if known else checks.about_likeness(signals, plucks, strings)),
+    ]
+    doubts = [remark.plucks or range(len(plucks)) for remark in said if remark.doubt]
+    warnings, remarks = divided(said)
     return Phases(
-        start=float(-offset / slope),
-        bottom=float(time[end]),
-        plucks=tuple(plucks),
+        start=start,
+        bottom=bottom,
+        plucks=tuple(
+            replace(p, doubtful=any(i in d for d in doubts)) for i, p in enumerate(plucks)
+        ),
         free_speed=float(speed[settled].mean()),
         held_speed=held_speed,
         released_speed=released_speed,
-        warnings=(
-            *ending(signals, begin),
-            *pluck_warnings(signals, press.quality_flags, plucks, steady),
-            *exchange_warnings([contact for contact, _ in found.plucks]),
-            *fit_warnings(found.fit, found.further, plucks, len(choirs(press.rig))),
-            *([] if known else unlike_the_rig(signals, plucks, expected(press.rig))),
-        ),
+        warnings=warnings,
         bottomed=_bottomed(signals, begin, plucks),
         returned=_returned(signals, end),
         peak_force=peak,
         fit=found.fit,
         missed=tuple((growth.contact, growth.release) for growth in found.further),
+        remarks=remarks,
     )
 
 

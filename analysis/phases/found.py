@@ -1,39 +1,25 @@
-"""The result of segmenting a press: its phases, its plucks with their forces, and warnings."""
+"""The result of segmenting a press: its phases, and its plucks with their forces."""
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from sautereau.analysis.phases.contact import Contact
-from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.search import Growth
 from sautereau.analysis.phases.signals import Signals
-from sautereau.daq.signals.quality_flags import QualityFlag
 from sautereau.trajectory.motion import Floats
 
 SIDE = 1e-3
 """s, length of the lines on either side of a release, and of the mean before contact."""
 GAP = 3
 """Samples on either side of a release over which it is spread."""
-WEAK = 0.5e-3
-"""s, uncertainty above which a contact or a release gives a warning."""
-NEAR = 1e-3
-"""s, largest distance of a quality flag from a contact or release for a warning."""
 GOOD = 4.0
 """Variance of the residuals over the noise below which the fit of a rigid key is good."""
 RIGID = 10.0
 """Variance of the residuals over the noise below which the fit of a rigid key is fair."""
 FAIR = 15e-3
 """N, rms of the residuals below which the fit of a compliant key is fair."""
-FAR = 3.0
-"""Distance of a pluck from every string that the rig expects, in standard deviations, above which
-it gives a warning."""
-DEVIATIONS = 3.0
-"""Number of standard uncertainties by which the true contact may be earlier."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +40,8 @@ class HeldString:
     """N at the finger, fall of the load at release: of finger force less the key's inertia."""
     force_slope: float
     """N/m, finger force on key deflection at the laser while the string is held."""
+    doubtful: bool = False
+    """Whether a warning is about this pluck or the complete press."""
 
     @property
     def pluck_duration(self) -> float:
@@ -105,6 +93,7 @@ class Phases:
     released_speed: float | None
     """m/s, mean of the jack after the first release, over as long a time as the string was held."""
     warnings: tuple[str, ...]
+    """What may be wrong."""
     bottomed: float | None = None
     """s, at which the key meets its front felt; None where it does not."""
     returned: float | None = None
@@ -115,6 +104,8 @@ class Phases:
     """How well the load was explained; None where it was not evaluated."""
     missed: tuple[tuple[float, float], ...] = ()
     """s, start and end of stretches in which the load climbs and collapses without a pluck."""
+    remarks: tuple[str, ...] = ()
+    """For information: they make no result doubtful."""
 
     def __repr__(self) -> str:
         plucks = (f"{p.contact * 1e3:.3f} to {p.release * 1e3:.3f} ms" for p in self.plucks)
@@ -155,139 +146,3 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         force_drop=release.fall,
         force_slope=float(travel @ force[first:last] / (travel @ travel)),
     )
-
-
-def fit_warnings(
-    fit: Fit, further: Sequence[Growth], plucks: Sequence[HeldString], strings: int
-) -> list[str]:
-    """Return warnings about a poor fit, growths without a pluck, and missing or surplus plucks.
-
-    Args:
-        fit: How well the load was explained.
-        further: Growths without a pluck.
-        strings: Number of strings of the rig.
-    """
-    found = [
-        f"from {growth.contact * 1e3:.5g} to {growth.release * 1e3:.5g} ms the load climbs by"
-        f" {growth.force:.3g} N and collapses, and no pluck was found there; plot the phases, and"
-        " check the number of strings in the rig"
-        for growth in further
-    ]
-    if 0 < len(plucks) < strings:
-        found.append(
-            f"plucks of {len(plucks)} of the rig's {strings} strings were found: two may be"
-            " released together, or the press is too short; check the rise of the jack"
-        )
-    elif len(plucks) > strings and fit.model != "by hand":
-        found.append(
-            f"{len(plucks)} plucks were found, but the rig has {strings}"
-            f" string{'s' * (strings > 1)}: a jump of the jack's speed may look like a pluck; plot"
-            " the phases, and check the strings and the key's inertia in the rig"
-        )
-    if fit.verdict == "poor":
-        left = (
-            f"{fit.residual * 1e3:.2g} mN rms of the load are not explained"
-            if fit.residual
-            else f"the load that is not explained is {math.sqrt(fit.noise):.2g} times its noise"
-        )
-        found.append(
-            f"the key rings and bends, or the rig is of another instrument: {left}, so contact and"
-            " release may be wrong by more than their uncertainties; press more slowly, or check"
-            " them in a plot"
-        )
-    return found
-
-
-def exchange_warnings(contacts: Sequence[Contact]) -> list[str]:
-    """Return a warning if contacts of strings held at once may belong to each other's release."""
-    which = [f"{number}" for number, c in enumerate(contacts, 1) if c.exchange_std > WEAK]
-    if not which:
-        return []
-    return [
-        f"contacts of plucks {' and '.join(which)}: the strings are held at once, and their"
-        " contacts explain the load as well if they are exchanged, so half their distance is in"
-        " their uncertainties; press each string alone"
-    ]
-
-
-def unlike_the_rig(signals: Signals, plucks: Sequence[HeldString], strings: Expected) -> list[str]:
-    """Return warnings about plucks whose place and force are far from every string of the rig.
-
-    Args:
-        plucks: In order of time.
-    """
-    found = []
-    for number, held in enumerate(plucks, 1):
-        instants = [held.contact, held.release]
-        contact, release = np.interp(instants, signals.time, signals.rise).tolist()
-        force = held.force_drop
-        place = strings.place_deviations(np.array(contact), np.array(release - contact))
-        off = np.hypot(np.hypot(*place.T), strings.force_deviations(force))
-        nearest = int(np.argmin(off))
-        if off[nearest] > FAR:
-            who = f"pluck {number}: " if len(plucks) > 1 else ""
-            found.append(
-                f"{who}its {force:.2g} N from {contact * 1e3:.2f} to {release * 1e3:.2f} mm of rise"
-                f" are not like the rig's string, {strings.forces[nearest]:.2g} N from"
-                f" {strings.contacts[nearest] * 1e3:.2f} to"
-                f" {(strings.contacts + strings.climbs)[nearest] * 1e3:.2f} mm, so it may be no"
-                " pluck; plot the phases, and check the clearance and the plectrum in the rig"
-            )
-    return found
-
-
-def ending(signals: Signals, begin: int) -> list[str]:
-    """Return a warning if the recording ends on the way down, which starts at a sample."""
-    speed, top = signals.speed[begin:], int(np.argmax(signals.rise[begin:]))
-    if top < len(speed) - 2 or speed[top] <= 0.5 * speed.max():
-        return []
-    return ["the recording ends while the key is still moving down; record for longer"]
-
-
-def pluck_warnings(
-    signals: Signals, marks: Sequence[QualityFlag], plucks: Sequence[HeldString], steady: float
-) -> list[str]:
-    """Return warnings about plucks.
-
-    Args:
-        plucks: In order of time.
-        steady: s after the trigger, end of the run-up.
-    """
-    found = []
-    then = "was not measured" if signals.missing else "is determined by the other channel alone"
-    before = -float("inf")
-    for number, held in enumerate(plucks, 1):
-        who = f"pluck {number}: " if len(plucks) > 1 else ""
-        earliest = held.contact - DEVIATIONS * held.contact_std
-        if earliest < before:
-            found.append(
-                f"{who}contact may precede the release of the previous string at"
-                f" {before * 1e3:.5g} ms, which hides it: its uncertainty is"
-                f" {held.contact_std * 1e3:.2g} ms; increase the distance between the strings"
-            )
-        elif earliest < steady and signals.missing != "force":
-            found.append(
-                f"{who}contact may lie in the run-up, which ends at {steady * 1e3:.5g} ms, where it"
-                f" depends on the rig's inertia: its uncertainty is"
-                f" {held.contact_std * 1e3:.2g} ms; press more slowly"
-            )
-        elif held.contact_std > WEAK and not signals.missing:
-            found.append(
-                f"{who}uncertainty of contact {held.contact_std * 1e3:.2g} ms: the slope of the"
-                " force hardly changes there; check the noise of the force"
-            )
-        if held.release_std > WEAK and not signals.missing:
-            found.append(
-                f"{who}uncertainty of release {held.release_std * 1e3:.2g} ms; check the noise of"
-                " the force and the sampling rate"
-            )
-        for what, instant in (("contact", held.contact), ("release", held.release)):
-            for mark in marks:
-                if mark.start - NEAR < instant < mark.stop + NEAR:
-                    found.append(
-                        f"{who}{what} at {instant * 1e3:.5g} ms lies in a {mark.kind} of"
-                        f" {mark.channel}, {mark.start * 1e3:.5g} to {mark.stop * 1e3:.5g} ms,"
-                        f" and {then}"
-                    )
-        before = held.release
-    return found

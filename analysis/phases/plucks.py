@@ -15,9 +15,9 @@ from sautereau.analysis.phases.compliant import (
 from sautereau.analysis.phases.contact import Contact, find_contact
 from sautereau.analysis.phases.event import refine_event, resolved
 from sautereau.analysis.phases.expected import Expected, expected
-from sautereau.analysis.phases.found import GOOD, RIGID, Fit
+from sautereau.analysis.phases.found import FAIR, GOOD, RIGID, Fit
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
-from sautereau.analysis.phases.search import Growth
+from sautereau.analysis.phases.search import NOISE, Growth, Searched
 from sautereau.analysis.phases.signals import Rows, Signals, rows_of
 from sautereau.analysis.phases.unexplained import unexplained
 from sautereau.rig.schema import Rig
@@ -59,6 +59,9 @@ REACHED = 0.5
 to release that the rig expects."""
 DOUBTFUL = 6.0
 """Least significance of a warning about a growth that is no pluck."""
+HIDING = 0.1
+"""Largest rms of the load that a compliant key without a pluck leaves, over the least force of a
+string that the rig expects: more could hide a string."""
 DISPLACED = 1.5e-3
 """m, distance of a contact from all contacts of the rig, above which it is doubtful."""
 CERTAIN = 3.0
@@ -82,8 +85,8 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     The load of a rigid key is tried first. Where the key bends or rings, its residuals exceed the
     noise, and the load of a compliant key is fitted; also where a rigid key shows fewer plucks than
     the rig has strings, of which a compliant key may show more, or where it does not explain every
-    contact, as that of a string which is held together with the next one; and where a jack that
-    rose beyond all strings shows none.
+    contact, as that of a string which is held together with the next one; and where there is no
+    pluck.
 
     Args:
         begin: Sample at which the jack leaves rest.
@@ -108,31 +111,33 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     hidden = reached.any() and math.sqrt(float(rows.variance.mean())) > strings.forces.min()
     if not found and not hidden and left < (GOOD if reached.all() else RIGID):
         return Found([], Fit("rigid", left))
-    doubtful: tuple[Growth, ...] = ()
-    if rigid is not None or reached.any():
-        least = len(found) + clear if rigid is not None else 1
-        compliant, doubtful = _compliant(strings, signals, (begin, end), least)
-        if compliant is not None:
-            return compliant
+    least = len(found) + clear if rigid is not None else 1 if reached.any() else math.inf
+    compliant, searched = _compliant(strings, signals, (begin, end), least)
+    if compliant is not None:
+        return compliant
     if rigid is not None:
         return rigid
     if found and _noise(found) < BENT:
         return Found([_with_residual(c, r) for c, r in found], Fit("rigid", _noise(found)))
-    return Found([], Fit("rigid", left, 0.0, rms), doubtful or (missed,))
+    growths = searched.significant(DOUBTFUL)
+    if 0.0 < searched.residual < min(FAIR, HIDING * float(strings.forces.min())):
+        noise = (searched.residual / NOISE) ** 2
+        return Found([], Fit("compliant", noise, searched.compliance, searched.residual), growths)
+    return Found([], Fit("rigid", left, 0.0, rms), growths or (missed,))
 
 
 def _compliant(
-    strings: Expected, signals: Signals, way: tuple[int, int], least: int
-) -> tuple[Found | None, tuple[Growth, ...]]:
-    """Return the plucks of a compliant key, if there are as many as least; and all growths."""
+    strings: Expected, signals: Signals, way: tuple[int, int], least: float
+) -> tuple[Found | None, Searched]:
+    """Return the plucks of a compliant key, if there are as many as least; and the search."""
     plucks, searched = compliant_plucks(strings, signals, way)
     growths = searched.significant(DOUBTFUL)
     certain = [g for g in searched.significant(SIGNIFICANT) if g in searched.growths]
     if not plucks or len(certain) < least:
-        return None, growths
+        return None, searched
     noise = max(contact.noise for contact, _ in plucks)
     fit = Fit("compliant", noise, searched.compliance, searched.residual)
-    return Found(plucks, fit, tuple(g for g in growths if g not in searched.growths)), growths
+    return Found(plucks, fit, tuple(g for g in growths if g not in searched.growths)), searched
 
 
 def _rigid_plucks(

@@ -41,6 +41,8 @@ class Response:
     """s, middles of the blocks, shape (n,)."""
     step: float
     """s, length of a block."""
+    degree: int = 2
+    """Of the polynomial that continues from before the events."""
 
     @cached_property
     def _ends(self) -> Floats:
@@ -48,9 +50,9 @@ class Response:
         return np.append(self.time - self.step / 2, self.time[-1] + self.step / 2)
 
     @cached_property
-    def _parabola(self) -> Floats:
-        """Columns of a parabola, shape (n, 3)."""
-        return (self.time[:, None] / SCALE) ** np.arange(3)
+    def _polynomial(self) -> Floats:
+        """Columns of a polynomial, shape (n, degree + 1)."""
+        return (self.time[:, None] / SCALE) ** np.arange(self.degree + 1)
 
     def _since(self, instants: Floats) -> Floats:
         """Return the times of the blocks' ends after each instant [s], shape (..., n + 1)."""
@@ -66,9 +68,9 @@ class Response:
         return np.where(later, np.exp(self._ends[:, None] * poles) * start, 1.0)
 
     def before(self, poles: Poles) -> Floats:
-        """Return a parabola, and ringing from before; shape (n, 3 + 2 modes)."""
+        """Return a polynomial, and ringing from before; shape (n, degree + 1 + 2 modes)."""
         waves = np.exp((self.time - self.time[0])[:, None] * poles)
-        return np.concatenate([self._parabola, waves.real, waves.imag], 1)
+        return np.concatenate([self._polynomial, waves.real, waves.imag], 1)
 
     def event(self, instants: Floats, poles: Poles, orders: Orders) -> Floats:
         """Return the curves and the modes from each instant on, which grow as a power of time.

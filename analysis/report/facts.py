@@ -133,6 +133,7 @@ def of_recording(record: PressRecord) -> Facts:
         ("notes", session.notes),
         *(("event", text) for text in listed),
         *(("warning", text) for text in record.warnings[:MOST_EVENTS]),
+        *(("remark", text) for text in record.remarks[:MOST_EVENTS]),
         ("SHA-256", record.digest),
     ]
     return [(name, value) for name, value in facts if value]

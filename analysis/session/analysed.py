@@ -46,6 +46,11 @@ class AnalysedPress:
         """Warnings about the press."""
         return (*self.press.warnings, *self.phases.warnings)
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Remarks about the press, which make no result doubtful."""
+        return (*self.press.remarks, *self.phases.remarks)
+
     def light(self) -> Self:
         """Return the press with no more samples than its repeatability needs: the jack's rise in
         the cruise."""

@@ -151,11 +151,11 @@ def _condition(
     silent = [press for press in known if not press.phases.plucks]
     if len(silent) < len(known):  # otherwise the comparison itself gives the reason
         warnings += _omitted(silent, "no pluck was found; see `sautereau phases`")
-    poor = sum(bool(p.phases.fit and p.phases.fit.verdict == "poor") for p in known)
-    if poor:
+    doubtful = sum(any(held.doubtful for held in p.phases.plucks) for p in known)
+    if doubtful:
         warnings.append(
-            f"contact and release are doubtful in {poor} of {len(known)} presses: see `sautereau"
-            " phases`"
+            f"contact or release is doubtful in {doubtful} of {len(known)} presses: see"
+            " `sautereau phases`"
         )
     sessions = len({press.session.session for press in presses})
     if sessions > 1:

@@ -8,7 +8,7 @@ from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import NEED, gain_stds
 
 HEADER = (
-    "Contact and release: time after the trigger.\n"
+    "Contact and release: time after the trigger. !: doubtful, see the warnings.\n"
     f"{'':<13} {'jack speed':>10}  contact  release pluck duration\n"
     f"{'press':<15} {'(m/s)':>8} {'(ms)':>8} {'(ms)':>8} {'(ms)':>8} release force (N)"
 )
@@ -54,6 +54,7 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
         "gain_std": gain_stds(press.rig),
         "fit": phases.fit and asdict(phases.fit) | {"verdict": phases.fit.verdict},
         "warnings": [*press.warnings, *phases.warnings],
+        "remarks": [*press.remarks, *phases.remarks],
     }
 
 
@@ -62,13 +63,13 @@ def press_line(press: Press, phases: Phases) -> str:
     speed = "-" if press.missing == "velocity" else f"{phases.free_speed:.5f}"
     row = f"{press.path.name:<15} {speed:>8}"
     if not phases.plucks:
-        row = f"{row}  no pluck"
+        row += "  no pluck" + " !" * bool(phases.warnings)
     for number, held in enumerate(phases.plucks):
         row += "" if number == 0 else f"\n{'':<24}"
         force = "-" if press.missing == "force" else f"{held.release_force:.4f}"
         row += (
             f" {held.contact * 1e3:>8.3f} {held.release * 1e3:>8.3f}"
-            f" {held.pluck_duration * 1e3:>8.3f} {force:>17}"
+            f" {held.pluck_duration * 1e3:>8.3f} {'!' * held.doubtful:<2}{force:>15}"
         )
     set_by_hand = phases.fit is not None and phases.fit.model == "by hand"
     alone = f"  no {press.missing}" if press.missing else ""

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.text import SOME_SIMULATED, grouped
+from sautereau.analysis.summary.text import SOME_SIMULATED, counted, grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, make_folders
 
@@ -20,6 +20,8 @@ def phases(
 ) -> int:
     """Find contact and release of every string in recorded presses, with uncertainties.
 
+    Use --verbose to list remarks, which make no result doubtful.
+
     Parameters
     ----------
     at
@@ -28,6 +30,8 @@ def phases(
         plucks. All commands use the values until you delete FILE.phases.toml beside the recording.
     """
     from sautereau.analysis.summary.press import HEADER
+    from sautereau.entrance.each import each
+    from sautereau.entrance.session import Session, open
 
     if at:
         from sautereau.analysis.errors import AnalysisError
@@ -40,12 +44,21 @@ def phases(
             )
         with common.options():
             write_by_hand(files[0], [] if at == ["none"] else at)
-    session = common.opened(files, output)
-    warnings = [(p.path, warning) for p in session for warning in p.partial.warnings]
-    lines = [HEADER, *(p.line for p in session), *grouped(warnings, "press")]
+    with output.progress("reading recordings"):
+        read, faults = each(open(files), lambda p: (p, p.partial))
+    session, texts = Session(p for p, _ in read), [str(error) for _, error in faults]
+    warnings = [(p.path, warning) for p, partial in read for warning in partial.warnings]
+    remarks = [(p.path, remark) for p, partial in read for remark in partial.remarks]
+    lines = [HEADER, *(p.line for p in session)]
+    lines += [f"warning: {text}" for text in grouped(warnings, "press")]
+    if output.verbose:
+        lines += [f"remark: {text}" for text in grouped(remarks, "press")]
+    elif remarks:
+        lines.append(f"{counted(len(remarks), 'remark')}, listed by --verbose")
     if plot:
         session.plot().savefig(plot, dpi=120)
-    return output.answer({"files": [p.document for p in session]}, lines, plot)
+    result = {"files": [p.document for p in session], "faults": texts}
+    return output.answer(result, lines, plot, texts)
 
 
 def compare(
@@ -73,10 +86,12 @@ def compare(
         rig saved in each recording.
     """
     from sautereau.analysis.errors import AnalysisError
+    from sautereau.entrance.session import open
 
     bench = common.load_rig(rig) if rig else None
-    other = common.opened(against, output) if against else None
-    session = common.opened(files, output)
+    read = common.opened([*files, *(against or ())], output)
+    count = len(open(files))
+    session, other = read[:count], read[count:] or None
     with output.progress("predicting"):
         found = session.compare(other, rig=bench, level=level)
     conditions = found.found.conditions

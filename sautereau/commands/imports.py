@@ -57,37 +57,29 @@ def import_(
     from sautereau.daq.convert.profile import load_profile
     from sautereau.daq.convert.profile import save_profile as write_profile
     from sautereau.daq.convert.targets import targets
-    from sautereau.daq.errors import RecordingError
-    from sautereau.rig.progress import tracked
+    from sautereau.entrance.each import each
 
     options: ImportOptions = unstated
     if profile is not None:
         saved = load_profile(profile)
         options, rig = saved.under(options), rig or saved.rig
     bench = None if rig is None else common.load_rig(rig)
-    done: list[Imported] = []
-    faults: list[tuple[Path, str]] = []
     pairs = targets(files, "mcap", out)
     made = (target for _, target in pairs)
     with output.creating(*made), output.progress("importing"):
-        for file, target in tracked(pairs):
-            try:
-                done.append(import_file(file, target, rig=bench, options=options, notes=notes))
-            except RecordingError as error:
-                if len(files) == 1:
-                    raise
-                faults.append((file, str(error)))
+        done, faults = each(
+            pairs, lambda pair: import_file(*pair, rig=bench, options=options, notes=notes)
+        )
     if save_profile is not None and not faults:
         write_profile(save_profile, options, rig)
     lines = [line for imported in done for line in _lines(imported)]
     warnings = [(imported.path, text) for imported in done for text in imported.warnings]
     lines += [f"warning: {line}" for line in grouped(warnings, "recording")]
-    reasons = [(file, fault.removeprefix(f"import of {file}: ")) for file, fault in faults]
-    lines += [f"not imported: {line}" for line in grouped(reasons, "file")]
+    reasons = [(file, str(e).removeprefix(f"import of {file}: ")) for (file, _), e in faults]
+    texts = [f"not imported: {line}" for line in grouped(reasons, "file")]
     found = [asdict(imported) for imported in done]
-    several = {"imports": found, "faults": [fault for _, fault in faults]}
-    output.answer(found[0] if len(files) == 1 else several, lines)
-    return 1 if faults else 0
+    several = {"imports": found, "faults": [str(error) for _, error in faults]}
+    return output.answer(found[0] if len(files) == 1 else several, lines, faults=texts)
 
 
 def _lines(done: "Imported") -> list[str]:

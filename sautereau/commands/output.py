@@ -3,7 +3,7 @@
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,11 +37,20 @@ class Output:
     """Append steps, warnings, errors and all traffic with the controller to this file, with
     dates."""
 
-    def answer(self, result: dict[str, Any], lines: list[str], picture: Path | None = None) -> int:
+    def answer(
+        self,
+        result: dict[str, Any],
+        lines: list[str],
+        picture: Path | None = None,
+        faults: Sequence[str] = (),
+    ) -> int:
         """Print the result of a command, and its plot's path: as JSON with its schema, or as lines.
 
+        Args:
+            faults: Reported as one error after the result, which lacks what they are about.
+
         Returns:
-            The exit status, 0.
+            The exit status: 0, or 1 with faults.
         """
         if picture:
             result, lines = result | {"picture": str(picture)}, [*lines, f"picture: {picture}"]
@@ -49,7 +58,7 @@ class Output:
             _write(json_text({"schema": SCHEMA} | result))
         elif not self.quiet:
             _write(wrapped("\n".join(lines)))
-        return 0
+        return self.fail("\n".join(faults)) if faults else 0
 
     def say(self, text: str, *, as_it_is: bool = False) -> None:
         """Print a text while a command runs, unless its answer is JSON.

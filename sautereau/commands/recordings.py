@@ -118,21 +118,22 @@ def export(
     from sautereau.daq.convert.export import export as export_recording
     from sautereau.daq.convert.export import files_of
     from sautereau.daq.convert.targets import targets
+    from sautereau.entrance.each import each
     from sautereau.entrance.session import open
-    from sautereau.rig.progress import tracked
 
-    written: list[Path] = []
+    def convert(pair: tuple[Path, Path]) -> list[Path]:
+        file, target = pair
+        if to == "urdf":
+            return [_export_rig(file, target)]
+        return export_recording(file, to, target, raw=raw)
+
     pairs = targets([press.path for press in open(files)], to, out)
     made = [path for _, file in pairs for path in files_of(to, file)]
     with output.creating(*made), output.progress("exporting"):
-        for file, target in tracked(pairs):
-            if to == "urdf":
-                written.append(_export_rig(file, target))
-            else:
-                written += export_recording(file, to, target, raw=raw)
-    return output.answer(
-        {"files": [str(path) for path in written]}, [str(path) for path in written]
-    )
+        done, faults = each(pairs, convert)
+    written = [str(path) for paths in done for path in paths]
+    texts = [str(error) for _, error in faults]
+    return output.answer({"files": written, "faults": texts}, written, faults=texts)
 
 
 def _export_rig(file: Path, target: Path) -> Path:

@@ -106,7 +106,7 @@ class SessionReport(Observer):
             "warnings": self._warnings,
         }
         warnings = [(p.path.name, warning) for p in session for warning in p.phases.warnings]
-        lines = grouped(warnings, "press")
+        lines = [f"warning: {text}" for text in grouped(warnings, "press")]
         if len(session):
             compared = session.compare()
             drawn = _pictures(compared, folder.path)

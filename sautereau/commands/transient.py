@@ -28,13 +28,13 @@ def transient(
     from sautereau.analysis.alike import check_alike
     from sautereau.analysis.summary.transient import transient_lines, transient_summary
     from sautereau.analysis.transient import attribute, combine, examine
-    from sautereau.rig.progress import tracked
+    from sautereau.entrance.each import every
 
     measured = _known(known or [])
     session = common.opened(files, output, samples=True)
     rig = check_alike({str(each.press.path): each.press.rig for each in session})
     with output.progress("finding modes"):
-        examined = [examine(p.press, p.phases, n) for n, p in enumerate(tracked(session))]
+        examined = every(list(enumerate(session)), lambda p: examine(p[1].press, p[1].phases, p[0]))
     found = attribute(combine(examined), rig, measured)
     if plot:
         from sautereau.analysis.figures.transient import transient_figure

@@ -13,6 +13,7 @@ from sautereau.analysis.session.conditions import analyse, differing, what_is_al
 from sautereau.analysis.session.difference import side_by_side
 from sautereau.analysis.summary.text import counted
 from sautereau.entrance.comparison import Comparison
+from sautereau.entrance.each import every
 from sautereau.entrance.fit import Fit
 from sautereau.entrance.found import recordings_of
 from sautereau.entrance.press_file import PressFile
@@ -20,7 +21,6 @@ from sautereau.entrance.rig import Rig
 from sautereau.entrance.shown import Shown, shown
 from sautereau.rig import schema
 from sautereau.rig.extras import require
-from sautereau.rig.progress import tracked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,10 +73,9 @@ class Session(Shown, Sequence[PressFile]):
 
         Raises:
             RecordingError: A file is not a complete recording.
-            AnalysisError: A recording contains no press.
+            AnalysisError: A recording contains no press. Errors of further recordings are notes.
         """
-        for press in tracked(self):
-            _ = press.press if samples else press.partial
+        every(self, lambda press: press.press if samples else press.partial)
         return self
 
     @property

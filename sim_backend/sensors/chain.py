@@ -75,15 +75,10 @@ class SensorChain:
         self._phase = random.uniform(0, 2 * np.pi)
         self._resonance = _oscillator(transducer, rate) if transducer else ([1.0], [1.0])
         self._state = rest * signal.lfilter_zi(*self._resonance) if transducer else np.zeros(0)
-        self._filters = []
-        if 0 < channel.low_pass < rate / 2:
-            self._add_filter(signal.butter(1, channel.low_pass, "low", fs=rate), rest)
+        filters: list[Any] = [_low_pass(channel, rate)]
         if channel.high_pass > 0:
-            self._add_filter(signal.butter(1, channel.high_pass, "high", fs=rate), rest)
-
-    def _add_filter(self, coefficients, rest: float) -> None:
-        b, a = coefficients
-        self._filters.append([b, a, signal.lfilter_zi(b, a) * rest])
+            filters.append(signal.butter(1, channel.high_pass, "high", fs=rate, output="sos"))
+        self._filters = [[sections, signal.sosfilt_zi(sections) * rest] for sections in filters]
 
     def volts(self, first: int, n: int) -> Floats:
         """Return n samples [V] from sample ``first`` on; call it in order."""
@@ -94,9 +89,9 @@ class SensorChain:
         value, self._state = signal.lfilter(*self._resonance, value, zi=self._state)
         for disturbance in self._disturbances:
             value = disturbance.disturb(times, value)
-        for state in self._filters:
-            b, a, zi = state
-            value, state[2] = signal.lfilter(b, a, value, zi=zi)
+        for one in self._filters:
+            sections, state = one
+            value, one[1] = signal.sosfilt(sections, value, zi=state)
         sensors = self._sensors
         if sensors is None:
             volts = value / self.channel.scale
@@ -107,6 +102,25 @@ class SensorChain:
             value += hum * np.sin(2 * np.pi * sensors.hum_frequency * times + self._phase)
         volts = np.clip(value / self.channel.scale, -self.channel.range, self.channel.range)
         return (self._converter or IDEAL_CONVERTER).convert(volts)
+
+
+def _low_pass(channel: Channel, rate: float) -> Floats:
+    """Return the sections of a channel's low-pass.
+
+    With an order it is a Butterworth filter that delays slow signals as the analogue one does, at
+    any corner. Without, it is of first order, and adds little to `delay`, which contains its delay.
+
+    Args:
+        rate: Hz, of the samples.
+    """
+    corner, order = channel.low_pass, channel.low_pass_order
+    sections: Any = signal.tf2sos([1.0], [1.0])
+    if order:
+        poles: Any = signal.butter(order, 2 * np.pi * corner, analog=True, output="zpk")
+        sections = signal.zpk2sos(*signal.bilinear_zpk(*poles, fs=rate))
+    elif 0 < corner < rate / 2:
+        sections = signal.butter(1, corner, fs=rate, output="sos")
+    return sections
 
 
 def _oscillator(transducer: Transducer, rate: float) -> tuple[Floats, Floats]:

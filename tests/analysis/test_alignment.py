@@ -18,8 +18,7 @@ def rig():
         channel.model_copy(update={"delay": 0.0, "high_pass": 0.0, "low_pass": None})
         for channel in paper.daq.channels
     )
-    daq = paper.daq.model_copy(update={"channels": channels})
-    return paper.model_copy(update={"daq": daq})
+    return paper.replaced({"daq.channels": channels})
 
 
 @pytest.fixture(scope="module")

@@ -173,17 +173,14 @@ def test_the_held_work_of_a_prediction_is_its_own(paper, prediction):
     """The finger's work while the string is held is the string's and what friction and
     weight take on the way."""
     held = pluck_features(paper, prediction, prediction.choirs[0])["held_work"]
-    bare = paper.model_copy(
-        update={
-            "key": paper.key.model_copy(
-                update={
-                    "gravity_moment": 0.0,
-                    "pivot_coulomb_friction": 0.0,
-                    "pivot_viscous_friction": 0.0,
-                    "inertia": 1e-9,
-                }
-            ),
-            "jack": paper.jack.model_copy(update={"mass": 1e-9, "register_friction": 0.0}),
+    bare = paper.replaced(
+        {
+            "key.gravity_moment": 0.0,
+            "key.pivot_coulomb_friction": 0.0,
+            "key.pivot_viscous_friction": 0.0,
+            "key.inertia": 1e-9,
+            "jack.mass": 1e-9,
+            "jack.register_friction": 0.0,
         }
     )
     alone = predict(bare)

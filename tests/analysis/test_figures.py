@@ -1,5 +1,7 @@
 """The pictures of a comparison and of phases, and that what was simulated says so on them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -82,3 +84,18 @@ def test_phases_of_no_press_and_of_too_many_are_refused(make_press):
     press = make_press()
     with pytest.raises(AnalysisError, match="9 presses are too many"):
         phases_figure([press] * 9, [find_phases(press)] * 9)
+
+
+@pytest.mark.parametrize("peak", [0.3, 2.67])
+def test_a_force_before_contact_that_is_out_of_range_is_written(make_press, peak):
+    """The forces of the pluck fill the axes; a larger one in the run-up is named by its value."""
+    press = make_press()
+    phases = find_phases(press)
+    force = press.samples["force"].copy()
+    force[np.searchsorted(press.time, phases.plucks[0].contact - 15e-3)] = peak
+    changed = replace(press, samples={**press.samples, "force": force})
+    axes = phases_figure([changed], [replace(phases, peak_force=None)]).axes[0]
+    said = [text.get_text() for text in axes.texts if "peak" in text.get_text()]
+    out = bool(peak > force[press.time > phases.plucks[0].contact].max())
+    assert said == ["peak 2.7 N"] * out
+    assert (axes.get_ylim()[1] < peak) == out

@@ -337,8 +337,7 @@ def test_the_intervals_contain_the_calibrations_and_the_table_shows_each(two, fo
     channels = tuple(
         c.model_copy(update={"gain_std": 10 * c.gain_std}) for c in pressed[0].rig.daq.channels
     )
-    daq = pressed[0].rig.daq.model_copy(update={"channels": channels})
-    rough = [replace(p, rig=p.rig.model_copy(update={"daq": daq})) for p in pressed]
+    rough = [replace(p, rig=p.rig.replaced({"daq.channels": channels})) for p in pressed]
     wider = by_name(identify(rough, phases, FREE, starts=1))
     for name in FREE[:3]:
         assert wider[name].std > 1.2 * by_name(found)[name].std

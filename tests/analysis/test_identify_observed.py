@@ -33,12 +33,12 @@ def taken(press):
 def oscillating(press, rate):
     """Return a press whose force is the model's own, of an oscillating key without friction."""
     rig = press.rig
-    rig = rig.model_copy(
-        update={
-            "key": rig.key.model_copy(
-                update={"pivot_coulomb_friction": 0.0, "dip": 1.0, "inertia": 8e-4}
-            ),
-            "jack": rig.jack.model_copy(update={"register_friction": 0.0}),
+    rig = rig.replaced(
+        {
+            "key.pivot_coulomb_friction": 0.0,
+            "key.dip": 1.0,
+            "key.inertia": 8e-4,
+            "jack.register_friction": 0.0,
         }
     )
     time = np.arange(round(0.4 * rate)) / rate

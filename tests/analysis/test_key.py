@@ -44,9 +44,7 @@ def test_friction_works_against_the_motion(paper, smooth):
 @pytest.mark.parametrize("speed", [0.1, -0.1])
 def test_friction_of_the_fingertip_changes_its_lever_by_the_height_of_the_surface(paper, speed):
     """F (a_p + mu h) downwards, F (a_p - mu h) upwards."""
-    rough = paper.model_copy(
-        update={"arm": paper.arm.model_copy(update={"fingertip_friction": 0.3})}
-    )
+    rough = paper.replaced({"arm.fingertip_friction": 0.3})
     motion = Motion(*(np.array([value]) for value in (0.01, speed, 0.0)))
     smooth, rubbed = (finger_force(rig, motion, np.array([0.5])) for rig in (paper, rough))
     lever = paper.key.press_arm + np.sign(speed) * 0.3 * paper.key.surface_height

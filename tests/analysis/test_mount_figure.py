@@ -65,6 +65,6 @@ def test_what_is_excluded_is_hatched(paper, figure, small_map, best):
 
 
 def test_a_region_over_the_key_leaves_no_room_for_the_neighbourhood(paper, figure, best):
-    wide = paper.model_copy(update={"arm": paper.arm.model_copy(update={"mount_x": (-0.4, 0.1)})})
+    wide = paper.replaced({"arm.mount_x": (-0.4, 0.1)})
     assert "around the best base" not in texts(mount_figure(wide, mount_map(wide, 21), best))
     assert "around the best base" in texts(figure)

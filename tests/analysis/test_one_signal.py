@@ -13,13 +13,12 @@ from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.one_signal import find_partial_phases
 from sautereau.analysis.press.features import NEED, UNITS, features
 from sautereau.analysis.summary.press import press_line, press_summary
-from sautereau.daq.file.recorded import Block
-from sautereau.daq.file.recording import Recording
 from sautereau.entrance.session import open as open_session
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
 from tests.presses import with_data
+from tests.recordings import write_recording
 
 
 def simulated(scene, speed=0.072, *, mute=False):
@@ -37,11 +36,9 @@ def simulated(scene, speed=0.072, *, mute=False):
 
 def without(recorded, missing):
     """Return a recording whose rig has no channel for a signal."""
-    rig = recorded.rig
-    kept = tuple(c for c in rig.daq.channels if c.quantity != missing)
+    kept = tuple(c for c in recorded.rig.daq.channels if c.quantity != missing)
     volts = {c.name: recorded.volts[c.name] for c in kept}
-    daq = rig.daq.model_copy(update={"channels": kept})
-    return replace(recorded, rig=rig.model_copy(update={"daq": daq}), volts=volts)
+    return replace(recorded, rig=recorded.rig.replaced({"daq.channels": kept}), volts=volts)
 
 
 def only(press, missing, rows=slice(None)):
@@ -157,9 +154,10 @@ def test_any_part_of_a_press_gives_finite_numbers():
 @pytest.mark.parametrize("missing", SIGNALS)
 def test_a_file_has_phases_and_features_and_no_comparison(paper_press, tmp_path, missing):
     recorded = without(paper_press[0], missing)
-    path = tmp_path / "press-0001.mcap"
-    with Recording(path, recorded.rig, session=recorded.session, clock=lambda: 0) as recording:
-        recording.write_block(Block(0, np.stack(list(recorded.volts.values()))))
+    volts = list(recorded.volts.values())
+    path = write_recording(
+        tmp_path / "press-0001.mcap", recorded.rig, volts, session=recorded.session
+    )
     session = open_session([path])
     assert f"no {missing}" in str(session[0])
     assert len(session[0].document["plucks"]) == 1

@@ -1,5 +1,6 @@
 """Recordings loaded as presses: scale, AC coupling, delay, quality flags, drift."""
 
+from dataclasses import replace
 from datetime import date
 
 import numpy as np
@@ -8,11 +9,10 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import UNITS, load_press
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.recorded import Block, SessionInfo
-from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import SensorChain
+from tests.recordings import SESSION, write_recording
 
 RATE = 51_200.0
 
@@ -20,11 +20,8 @@ RATE = 51_200.0
 @pytest.fixture
 def record(tmp_path):
     def write(rig, volts, simulated=True, first=0):
-        session = SessionInfo(1, "2026-02-03T04:05:06+01:00", simulated, "DMC", "card")
-        path = tmp_path / "press-0001.mcap"
-        with Recording(path, rig, session=session, clock=lambda: 10**18) as recording:
-            recording.write_block(Block(first, np.asarray(volts)))
-        return path
+        session = replace(SESSION, simulated=simulated)
+        return write_recording(tmp_path / "press-0001.mcap", rig, volts, first, session=session)
 
     return write
 
@@ -108,13 +105,12 @@ def test_too_short_for_its_delay(paper, record, n, left):
 
 @pytest.mark.parametrize("kept", ["velocity", "force"])
 def test_both_quantities_are_needed(paper, record, kept):
-    channel = paper.daq.channel(kept)
-    daq = paper.daq.model_copy(update={"channels": (channel,)})
+    rig = paper.replaced({"daq.channels": (paper.daq.channel(kept),)})
     missing = {"velocity": "force", "force": "velocity"}[kept]
     with pytest.raises(
         AnalysisError, match=f"it has no {missing} channel, .* quantity = '{missing}'"
     ):
-        load_press(record(paper.model_copy(update={"daq": daq}), np.ones((1, 3000))))
+        load_press(record(rig, np.ones((1, 3000))))
 
 
 def test_a_file_that_is_not_there(tmp_path):
@@ -209,8 +205,20 @@ def test_an_offset_does_not_become_a_ramp(paper, record):
     assert press.drift.velocity == pytest.approx(0.0005 * 0.025, rel=2)
     assert abs(press.data["deflection"].iloc[-1]) < 5e-6
     assert press.drift.after is not None
-    assert len(press.warnings) == 1
-    assert "count as an offset of the sensor" in press.warnings[0]
+    assert press.warnings == ()
+
+
+@pytest.mark.parametrize("gain_std", [1e-3, 1e-2])
+def test_a_doubtful_offset_is_a_warning_above_the_uncertainty_of_the_gain(paper, record, gain_std):
+    """12 mN at rest: 4 mN of 1 N at the end are wrong if they were no offset, 0.4 %."""
+    channels = tuple(c.model_copy(update={"gain_std": gain_std}) for c in paper.daq.channels)
+    rig = paper.model_copy(update={"daq": paper.daq.model_copy(update={"channels": channels})})
+    volts = np.array([[0.0005], [0.012]]) + sensed(paper, [stroke, lambda t: 2 * t * (t > 0.03)])
+    press = load_press(record(rig, volts))
+    said = press.warnings + press.remarks
+    assert len(said) == 1
+    assert "count as an offset of the sensor" in said[0]
+    assert len(press.warnings) == (gain_std == 1e-3)
 
 
 def test_a_clean_press_has_no_quality_flags_and_no_warnings(paper, record):
@@ -230,8 +238,8 @@ def test_quality_flags_are_at_the_time_of_the_motion(paper, record):
     assert (force.kind, velocity.kind) == ("clipped", "drop-out")
     assert (force.start, force.stop) == pytest.approx((0.05, 0.06), abs=1e-3)
     assert (velocity.start, velocity.stop) == pytest.approx((0.0989, 0.0994), abs=7e-5)
-    assert any("force: clipped" in warning for warning in press.warnings)
-    assert any("velocity: drop-out" in warning for warning in press.warnings)
+    assert any("force: clipped" in remark for remark in press.remarks)
+    assert any("velocity: drop-out" in remark for remark in press.remarks)
     # They are flagged, not replaced: 0 V differ only by the inverted coupling.
     assert press.data["velocity"].loc[0.09895:0.09935].mean() < 0.4 * stroke(np.array(0.099))
 
@@ -252,8 +260,7 @@ def test_old_calibrations_of_measured_presses(paper, record, calibrated, count):
     channels = tuple(
         channel.model_copy(update={"calibrated": calibrated}) for channel in paper.daq.channels
     )
-    daq = paper.daq.model_copy(update={"channels": channels})
-    rig = paper.model_copy(update={"daq": daq})
+    rig = paper.replaced({"daq.channels": channels})
     volts = sensed(paper, [stroke, lambda t: 0.0 * t])
     press = load_press(record(rig, volts, simulated=False))
     assert len(press.warnings) == count

@@ -92,7 +92,7 @@ def test_it_is_continuous_when_the_damper_touches_it(string):
 def test_a_missing_or_too_early_damper_is_refused(string):
     with pytest.raises(ModelError, match="before the release"):
         stilled(string, string.release - 1e-3)
-    bare = RIG.model_copy(update={"jack": RIG.jack.model_copy(update={"damper": None})})
+    bare = RIG.replaced({"jack.damper": None})
     with pytest.raises(ModelError, match=r"jack\.damper"):
         stilled(vibrating_strings(bare)[0], 1.0)
 

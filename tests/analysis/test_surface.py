@@ -105,7 +105,7 @@ def test_a_batch_and_a_slow_moving_string_agree():
     assert found.pluck_duration[1] == pytest.approx(one.pluck_duration, rel=1e-6)
     assert found.plectrum_force[1] == pytest.approx(one.plectrum_force, rel=1e-6)
     slow = paper()
-    slow = slow.model_copy(update={"press": slow.press.model_copy(update={"jack_speed": 0.02})})
+    slow = slow.replaced({"press.jack_speed": 0.02})
     moving = modal_pluck(slow, modes=10)
     assert moving.release == pytest.approx(rig_pluck(slow).release_height / 0.02, rel=3e-3)
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+import socket
 import struct
 import sys
 from multiprocessing import active_children
@@ -28,6 +29,15 @@ RIG = load_rig()
 RATE = 51_200.0
 SIGNALS = arrays.arrays(
     np.float64, st.integers(1, 300), elements=st.floats(-1e3, 1e3) | st.just(np.nan)
+)
+
+
+PATIENT = 100.0
+"""s, after which a test fails that would wait forever."""
+WAITS = (
+    "commands.live.process.START_TIMEOUT",
+    "commands.live.process.END_TIMEOUT",
+    "robot.experiment.monitor.PATIENCE",
 )
 
 
@@ -85,6 +95,7 @@ def connected(view, **more):
     from websockets.sync.client import connect
 
     options = {"subprotocols": ["foxglove.sdk.v1"], "proxy": None, "close_timeout": 0.2}
+    options["open_timeout"] = PATIENT
     return connect(f"ws://127.0.0.1:{view.port}", **options, **more)
 
 
@@ -93,7 +104,7 @@ def received(view, show, topics):
     channels, found = {}, {}
     with connected(view) as client:
         while not topics <= set(channels.values()) or sum(map(len, found.values())) == 0:
-            message = client.recv(timeout=60)
+            message = client.recv(timeout=PATIENT)
             if isinstance(message, str):
                 operation = json.loads(message)
                 if operation["op"] == "serverInfo":
@@ -105,10 +116,10 @@ def received(view, show, topics):
                     client.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
                     if topics <= set(channels.values()):
                         break
-        client.ping().wait(20)  # the server has received the subscriptions
+        assert client.ping().wait(PATIENT)  # the server has received the subscriptions
         show()
         while not topics <= set(found):
-            message = client.recv(timeout=60)
+            message = client.recv(timeout=PATIENT)
             if isinstance(message, bytes) and message[0] == 1:
                 number, at = struct.unpack_from("<IQ", message, 1)
                 found.setdefault(channels[number], []).append((at, message[13:]))
@@ -118,7 +129,7 @@ def received(view, show, topics):
 def last(viewer):
     """Read until the connection ends."""
     while True:
-        viewer.recv(timeout=60)
+        viewer.recv(timeout=PATIENT)
 
 
 def test_foxglove_sees_previews_and_events(foxglove):
@@ -174,7 +185,7 @@ def test_other_web_pages_cannot_read_the_live_view(foxglove, origin, served):
     with foxglove("rig", port=0) as view:
         if served:
             with connected(view, origin=origin) as viewer:
-                assert json.loads(viewer.recv(timeout=60))["name"] == "rig"
+                assert json.loads(viewer.recv(timeout=PATIENT))["name"] == "rig"
         else:
             with pytest.raises(InvalidStatus, match="403"), connected(view, origin=origin):
                 pass
@@ -189,12 +200,14 @@ def test_what_is_no_subscription_ends_a_viewer_and_no_other(foxglove, message):
     from websockets.exceptions import ConnectionClosed
 
     with foxglove("rig", port=0) as view, connected(view) as other:
+        # Only then does the server know it: the handshake ends before.
+        told = [json.loads(other.recv(timeout=PATIENT))["op"] for _ in range(2)]
         view.show([Fault("oh")], 0)
         with connected(view) as viewer:
             viewer.send(message)
             with pytest.raises(ConnectionClosed):
                 last(viewer)
-        told = [json.loads(other.recv(timeout=60))["op"] for _ in range(3)]
+        told.append(json.loads(other.recv(timeout=PATIENT))["op"])
         assert told == ["serverInfo", "advertise", "advertise"]
 
 
@@ -204,17 +217,21 @@ def test_a_viewer_that_does_not_read_is_disconnected(foxglove, monkeypatch):
     from sautereau.commands.live import server
 
     monkeypatch.setattr(server, "BEHIND", 100_000)
-    with foxglove("rig", port=0) as view, connected(view) as viewer:
-        view.show([Fault("oh")], 0)
-        asked = [{"id": 1, "channelId": 1}]
-        viewer.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
-        viewer.ping().wait(20)
-        for _ in range(200):
-            view.show([Fault("x" * 100_000)], 0)
-        with connected(view):  # which the server answers after it has sent all that
-            pass
-        with pytest.raises(ConnectionClosed):
-            last(viewer)
+    with foxglove("rig", port=0) as view, socket.socket() as small:
+        small.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 10_000)  # or it may take all
+        small.connect(("127.0.0.1", view.port))
+        with connected(view, sock=small) as viewer:
+            viewer.recv(timeout=PATIENT)  # now the server knows it
+            view.show([Fault("oh")], 0)
+            asked = [{"id": 1, "channelId": 1}]
+            viewer.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
+            assert viewer.ping().wait(PATIENT)
+            for _ in range(200):
+                view.show([Fault("x" * 100_000)], 0)
+            with connected(view):  # which the server answers after it has sent all that
+                pass
+            with pytest.raises(ConnectionClosed):
+                last(viewer)
 
 
 def test_a_port_that_is_taken_is_no_hindrance(foxglove):
@@ -228,6 +245,14 @@ def test_without_the_package_it_says_what_to_install(foxglove, monkeypatch):
         foxglove("rig")
 
 
+@pytest.fixture
+def patient(monkeypatch):
+    """Let the session wait until its views have started, and shown everything."""
+    for name in WAITS:
+        monkeypatch.setattr(f"sautereau.{name}", PATIENT)
+
+
+@pytest.mark.usefixtures("patient")
 def test_the_views_run_in_their_own_process(capfd, monkeypatch):
     """What is printed during a view is shown after it."""
 
@@ -250,6 +275,7 @@ def test_the_views_run_in_their_own_process(capfd, monkeypatch):
     assert "the lid was open" in shown
 
 
+@pytest.mark.usefixtures("patient")
 def test_views_that_are_killed_stop_nothing_and_are_reported(capsys):
     with watching("rig", in_terminal=True, to_foxglove=False) as watch:
         for process in active_children():
@@ -261,6 +287,7 @@ def test_views_that_are_killed_stop_nothing_and_are_reported(capsys):
     assert "warning: live view: ViewProcess: LiveError: its process has ended" in printed
 
 
+@pytest.mark.usefixtures("patient")
 def test_views_that_cannot_start_refuse_the_session(monkeypatch):
     """A process that ends at the start, before any press."""
     monkeypatch.setattr("sautereau.commands.live.process._run", int)
@@ -276,11 +303,20 @@ def test_there_is_no_view_by_default():
         assert watch(Fault("a")) is None
 
 
-def test_presses_are_recorded_and_reported_under_a_view(sautereau, bare, rig_file, tmp_path):
+def test_presses_are_recorded_and_reported_under_a_view(sautereau, bare, rig_file):
     """`--json` stays one object beside a view."""
-    ran = sautereau(
-        "press", rig_file(), "-n", 2, "--scene", bare, "--out", tmp_path / "out", "--view", "--json"
+    words = ["press", str(rig_file()), "-n", "2", "--scene", str(bare), "--out", "out", "--view"]
+    program = "\n".join(
+        [
+            "import sys",
+            *(f"import sautereau.{name.rpartition('.')[0]}" for name in WAITS),
+            *(f"sautereau.{name} = {PATIENT}" for name in WAITS),
+            f"sys.argv = ['sautereau', *{words}, '--json']",
+            "from sautereau.commands.app import main",
+            "main()",
+        ]
     )
+    ran = sautereau("-c", program)
     assert ran.returncode == 0, ran.stderr
     assert len(json.loads(ran.stdout)["recordings"]) == 2
     assert "SIMULATED" in ran.stderr

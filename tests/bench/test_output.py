@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import sys
 from datetime import datetime
 from inspect import signature
@@ -133,6 +134,48 @@ def test_folders_that_cannot_be_written_are_all_reported_first(sautereau, tmp_pa
 
 def test_all_missing_recordings_are_reported(sautereau):
     done = sautereau("phases", "a.mcap", "b.mcap")
+    assert done.returncode == 1
+    assert "a.mcap: there is no such file" in done.stderr
+    assert "b.mcap: there is no such file" in done.stderr
+
+
+@pytest.fixture
+def damaged(ideal, tmp_path):
+    """Names of two recordings that end too early, and of one between them that is complete."""
+    whole = ideal[0][0]
+    for name in ("a.mcap", "c.mcap"):
+        (tmp_path / name).write_bytes(whole.read_bytes()[:20_000])
+    shutil.copy(whole, tmp_path / "b.mcap")
+    return ["a.mcap", "b.mcap", "c.mcap"]
+
+
+@pytest.mark.parametrize("words", ["phases", "export --to urdf"])
+def test_damaged_recordings_are_reported_with_the_results_of_the_others(sautereau, damaged, words):
+    command, *options = words.split()
+    done = sautereau(command, *damaged, *options, "--json")
+    assert done.returncode == 1
+    message = json.loads(done.stderr)["error"]["message"]
+    found = json.loads(done.stdout)
+    assert len(found["files"]) == 1
+    assert [fault.split(":")[0] for fault in found["faults"]] == [
+        "recording a.mcap", "recording c.mcap",
+    ]  # fmt: skip
+    assert message.split("\n") == found["faults"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["compare", "compare b.mcap --against", "identify --free key.inertia", "transient", "phases"],
+)
+def test_all_damaged_recordings_are_named_where_there_is_no_result(sautereau, damaged, words):
+    done = sautereau(*words.split(), *(name for name in damaged if name != "b.mcap"), "--json")
+    assert (done.returncode, done.stdout) == (1, "")
+    message = json.loads(done.stderr)["error"]["message"]
+    assert all(f"recording {name}: it is truncated" in message for name in ("a.mcap", "c.mcap"))
+
+
+def test_missing_recordings_of_both_sets_are_named(sautereau):
+    done = sautereau("compare", "a.mcap", "--against", "b.mcap")
     assert done.returncode == 1
     assert "a.mcap: there is no such file" in done.stderr
     assert "b.mcap: there is no such file" in done.stderr

@@ -14,7 +14,7 @@ from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 from tests.budget import slow
-from tests.presses import press_on
+from tests.presses import QUICK, press_on
 
 
 def test_ideal_jack_cruises_at_the_requested_speed(ideal):
@@ -53,6 +53,29 @@ def test_encoders_followed_the_plan(ideal):
     for name in ("q1", "q2"):
         planned = np.interp(recorded.joints.t, recorded.plan.t, getattr(recorded.plan, name))
         assert np.abs(getattr(recorded.joints, name) - planned).max() < 3e-5
+
+
+@pytest.mark.parametrize("order", [2, *map(slow, range(3, 8)), 8])
+def test_contact_and_release_behind_a_slow_low_pass_are_those_of_the_key(order, tmp_path):
+    """Of 2 kHz in both channels, which delays by more than the limit."""
+    scene = load_scene("ideal").model_copy(update={"sensors": load_scene("paper").sensors})
+    calibration = {"low_pass": "2 kHz", "low_pass_order": order}
+    slow_sensors = {f"daq.channels.{i}.{k}": v for i in (0, 1) for k, v in calibration.items()}
+    with StandIn(with_values(load_rig(), QUICK | slow_sensors), scene) as stand_in:
+        (path,) = press_on(stand_in, tmp_path)
+        (truth,) = stand_in.truth()
+    press = load_press(path)
+    force = press.rig.daq.channel("force")
+    assert force.lag > force.delay + 0.1e-3
+    held = find_phases(press).plucks[0]
+    assert held.contact == pytest.approx(truth.contacts[0], abs=0.1e-3)
+    assert held.release == pytest.approx(truth.releases[0], abs=0.1e-3)
+
+
+def test_ideal_sensors_have_no_low_pass_whatever_the_rig_states(quick_rig):
+    rig = with_values(quick_rig, {"daq.channels.1.low_pass_order": 2})
+    (_, force) = load_scene("ideal").as_wired(rig).daq.channels
+    assert (force.low_pass, force.low_pass_order, force.lag) == (0, 0, 0)
 
 
 @pytest.fixture(scope="module")

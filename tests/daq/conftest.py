@@ -11,6 +11,7 @@ from sautereau.daq.file.recording import Block, Recording, SessionInfo
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 from tests.cards import Card
+from tests.recordings import write_recording
 
 
 @pytest.fixture
@@ -70,10 +71,7 @@ def record(paper, session):
     """Write volts in blocks to a finished file and return its path."""
 
     def write(path: Path, volts, block=1024, clock=lambda: 1_700_000_000_000_000_000):
-        with Recording(path, paper, session=session, clock=clock) as recording:
-            for first in range(0, volts.shape[1], block):
-                recording.write_block(Block(first, volts[:, first : first + block]))
-        return path
+        return write_recording(path, paper, volts, block=block, session=session, clock=clock)
 
     return write
 

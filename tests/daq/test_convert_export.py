@@ -12,9 +12,8 @@ from sautereau.daq.convert.export import ENDING, export
 from sautereau.daq.convert.targets import targets
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.file.recorded import Block
-from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import correct
+from tests.recordings import write_recording
 
 
 @pytest.fixture
@@ -80,9 +79,8 @@ def test_csv_is_a_plain_table_with_its_metadata_beside_it(tmp_path, recording):
 
 
 def test_what_was_measured_has_no_column_simulated(tmp_path, paper, session, volts):
-    path = tmp_path / "press.mcap"
-    with Recording(path, paper, session=replace(session, simulated=False)) as recording:
-        recording.write_block(Block(0, volts))
+    measured = replace(session, simulated=False)
+    path = write_recording(tmp_path / "press.mcap", paper, volts, session=measured)
     export(path, "csv", tmp_path / "table.csv")
     assert "simulated" not in load(tmp_path / "table.csv").columns
 

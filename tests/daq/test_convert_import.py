@@ -3,6 +3,7 @@
 import shutil
 import struct
 import wave
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -18,10 +19,9 @@ from sautereau.daq.convert.importing import ENDING, import_file
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.file.recorded import Block, SessionInfo
-from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.recovery import recover
 from sautereau.rig.load import load_rig, with_values
+from tests.recordings import SESSION, write_recording
 
 STARTED = "2026-02-03T04:05:06+01:00"
 ONE = {"column": {"velocity": "a"}, "unit": {"velocity": "V"}, "without": ("force",)}
@@ -83,10 +83,9 @@ def test_an_export_comes_back_with_everything(tmp_path, back, complete_recording
 def test_any_number_comes_back_from_any_table(tmp_path_factory, values):
     """CSV keeps every finite number, the zeros' signs and infinities; a NaN loses its payload."""
     folder = tmp_path_factory.mktemp("any")
-    rig = load_rig("paper")
-    session = SessionInfo(1, STARTED, False, "DMC", "card")
-    with Recording(folder / "press.mcap", rig, session=session) as written:
-        written.write_block(Block(0, np.nan_to_num(values, nan=1.5, posinf=np.inf, neginf=-np.inf)))
+    written = np.nan_to_num(values, nan=1.5, posinf=np.inf, neginf=-np.inf)
+    measured = replace(SESSION, simulated=False)
+    write_recording(folder / "press.mcap", load_rig("paper"), written, session=measured)
     first = read_recording(folder / "press.mcap")
     for to in ("parquet", "csv"):
         export(folder / "press.mcap", to, folder / f"table.{to}", raw=True)

@@ -260,8 +260,8 @@ def test_a_profile_for_a_folder(tmp_path, monkeypatch, capsys):
     capsys.readouterr()
     words = ["a.csv", "b.csv", "c.csv", "--out", "out", "--profile", "lab/p.toml"]
     assert run("import", *words, "--invert", "velocity") == 1
-    lines = capsys.readouterr().out.splitlines()
-    assert any(line.startswith("not imported: c.csv: missing or wrong options") for line in lines)
+    text = " ".join(capsys.readouterr().err.split())
+    assert text.startswith("sautereau: not imported: c.csv: missing or wrong options")
     np.testing.assert_allclose(velocity(read_recording(tmp_path / "out/b.mcap")), -SPEED, atol=1e-9)
     with pytest.raises(RecordingError, match=r"b\.mcap: 2 files"):
         run("import", "a.csv", "b.csv", "--out", "b.mcap", "--profile", "lab/p.toml")
@@ -276,9 +276,11 @@ def test_what_applies_to_several_files_is_said_once(tmp_path, monkeypatch, capsy
     words += ["--unit.velocity", "m/s", "--trigger", "0 s", "--started", "modified", "--measured"]
     files = sorted(path.name for path in tmp_path.glob("*.csv"))
     assert run("import", *files, "--out", "out", *words, "--invert", "velocity") == 1
-    text = " ".join(capsys.readouterr().out.split())
+    said = capsys.readouterr()
+    text = " ".join(said.out.split())
     assert text.count("seems inverted") == 1
     assert "warning: 4 recordings (out/a.mcap, out/b.mcap, out/c.mcap, ...): velocity: " in text
+    text = " ".join(said.err.split())
     assert text.count("'v' is not a column") == 1
     assert "not imported: 4 files (aa.csv, bb.csv, cc.csv, ...): missing or wrong options" in text
 

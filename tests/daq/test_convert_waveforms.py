@@ -19,6 +19,7 @@ from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Block, Joints
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import correct
+from tests.recordings import write_recording
 
 RATE = 51_203.277
 FIRST = -700
@@ -113,12 +114,10 @@ def test_scipy_sees_doubles_of_a_stated_full_scale(tmp_path, recording, paper):
         assert np.array_equal(frames[:, k] * about["full_scale"][name], volts)
 
 
-def test_a_voltage_keeps_its_raw_volts(tmp_path, paper, session, volts):
+def test_a_voltage_keeps_its_raw_volts(tmp_path, paper, volts):
     channel = paper.daq.channels[0].model_copy(update={"quantity": "voltage", "scale": 3.0})
-    rig = paper.model_copy(update={"daq": paper.daq.model_copy(update={"channels": (channel,)})})
-    path = tmp_path / "press.mcap"
-    with Recording(path, rig, session=session) as made:
-        made.write_block(Block(0, volts[:1]))
+    rig = paper.replaced({"daq.channels": (channel,)})
+    path = write_recording(tmp_path / "press.mcap", rig, volts[:1])
     for to in ("parquet", "tdms"):
         export(path, to, tmp_path / f"table.{to}")
         back = tmp_path / f"{to}.mcap"

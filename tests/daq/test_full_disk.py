@@ -10,13 +10,11 @@ import pytest
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.file.recorded import Block
-from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.daq.file.recovery import recover
+from tests.recordings import write_recording
 
 BLOCKS = 40
 VOLTS = np.random.default_rng(0).standard_normal((2, BLOCKS * 1024))
-SESSION = SessionInfo(1, "2026-01-01T00:00:00Z", True, "c", "d")
 
 
 @contextmanager
@@ -33,10 +31,8 @@ def largest_file(size):
 
 
 def record(path, rig):
-    recording = Recording(path, rig, session=SESSION, clock=lambda: 10**18, monotonic=lambda: 0.0)
-    with recording:
-        for first in range(0, VOLTS.shape[1], 1024):
-            recording.write_block(Block(first, VOLTS[:, first : first + 1024]))
+    clocks = {"clock": lambda: 10**18, "monotonic": lambda: 0.0}
+    write_recording(path, rig, VOLTS, block=1024, **clocks)
 
 
 def is_all_that_fitted(part, share):

@@ -302,4 +302,4 @@ def with_channels(rig, n):
     channels = tuple(
         force.model_copy(update={"name": f"c{i}", "terminal": f"ai{i}"}) for i in range(n)
     )
-    return rig.model_copy(update={"daq": rig.daq.model_copy(update={"channels": channels})})
+    return rig.replaced({"daq.channels": channels})

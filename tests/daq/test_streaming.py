@@ -5,9 +5,9 @@ import pytest
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording, read_window, stream
-from sautereau.daq.file.recording import Block, Recording
 from sautereau.daq.file.recovery import recover
 from tests.daq.damage import chunks, corrupt
+from tests.recordings import write_recording
 
 RATE = 51_200.0
 N = 70_000
@@ -22,11 +22,8 @@ def volts():
 @pytest.fixture
 def long(tmp_path, paper, session, volts):
     """A recording of 70,000 samples, 1000 of them before the trigger."""
-    path = tmp_path / "long.mcap"
-    with Recording(path, paper, session=session, monotonic=lambda: 0.0) as recording:
-        for at in range(0, N, 1000):
-            recording.write_block(Block(BEGIN + at, volts[:, at : at + 1000]))
-    return path
+    options = {"session": session, "monotonic": lambda: 0.0}
+    return write_recording(tmp_path / "long.mcap", paper, volts, BEGIN, block=1000, **options)
 
 
 @pytest.fixture

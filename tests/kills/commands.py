@@ -8,8 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from sautereau.analysis.campaign.table import read_campaign
 from sautereau.daq.file.reading import read_recording, read_session
+from sautereau.daq.file.recorded import Block
+from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.text import rig_text
 from tests.forked import CommandServer
@@ -34,6 +38,11 @@ class Command:
     prepare: tuple[str, ...] = ()
     """Files and folders of `inputs` that are copied into its folder."""
 
+    def check_broken(self, folder: Path, reference: Path) -> None:
+        """Check that no file of a broken run has its final name and not its content."""
+        if self.check is _same:
+            _same(folder, reference, ended=False)
+
 
 def make_inputs(server: CommandServer, folder: Path) -> None:
     """Make what the commands work on."""
@@ -56,6 +65,14 @@ def make_inputs(server: CommandServer, folder: Path) -> None:
     (folder / "cut-off.mcap.part").write_bytes(whole[: 2 * len(whole) // 3])
     for path in (folder / "session").glob("*.png"):
         path.unlink()
+    one = read_recording(folder / "session" / "press-0001.mcap")
+    volts = np.stack([one.volts[channel.name] for channel in one.rig.daq.channels])
+    rest = np.repeat(volts[:, :1], round(0.2 * one.rate), 1)
+    several = np.concatenate([rest, *[volts, rest] * PRESSES], 1)
+    with Recording(
+        folder / "long.mcap", one.rig, session=one.session, rate=one.rate, t0_ns=one.t0_ns
+    ) as recording:
+        recording.write_block(Block(0, several))
 
 
 def presses_once(folder: Path, n: int | None) -> None:
@@ -79,13 +96,14 @@ def _learned(folder: Path, reference: Path) -> None:
         raise Lost("learned.json is empty")
 
 
-def _same(folder: Path, reference: Path) -> None:
-    """Compare all files with those of the undisturbed run."""
+def _same(folder: Path, reference: Path, ended: bool = True) -> None:
+    """Compare all files with those of the undisturbed run, or those that a broken one has left."""
     for path in reference.rglob("*"):
         name = path.relative_to(reference)
-        if path.is_file() and (
-            not (folder / name).is_file() or (folder / name).read_bytes() != path.read_bytes()
-        ):
+        found = folder / name
+        if not path.is_file() or not (ended or found.exists()):
+            continue
+        if not found.is_file() or found.read_bytes() != path.read_bytes():
             raise Lost(f"{name} is missing, or differs from that of an undisturbed run")
 
 
@@ -123,6 +141,7 @@ COMMANDS = {
     ),
     "import": Command("import press-0001.csv press-0002.csv --out . --force", _same, _CSV),
     "report": Command("report session --force", _report, ("session",)),
+    "split": Command("split long.mcap --out parts --force", _same, ("long.mcap",)),
     "recover": Command("recover cut-off.mcap.part --force", _same, ("cut-off.mcap.part",)),
 }
 

@@ -119,6 +119,7 @@ class Breaker:
             else:
                 tally.kills += 1
             self._check(announced, folder, "announced, and not as it was after the break")
+            command.check_broken(folder, known.folder)
         tally.runs += 1
         status, store, printed = self._run(command, folder)
         shutil.rmtree(store)

@@ -1,7 +1,12 @@
-"""Motions of an arm in tests: a press up to its end, and one that is stopped."""
+"""Motions of an arm in tests: a press up to its end, one that is stopped, and one that fails."""
 
 import contextlib
 import threading
+
+import pytest
+
+OFF = "its motors are off: the controller confirms it"
+NOT_OFF = "NOT confirmed off"
 
 
 def no_keep_alive(*_):
@@ -27,13 +32,26 @@ def stop_after(controller, setpoints):
     return controller.stop()
 
 
-def run_to_wait(controller, segments, before_wait=lambda: None):
-    """Press from the connection on, and wait for the end."""
-    with controller, controller.powered():
-        controller.home()
-        controller.move_to(segments.start, 100_000)
-        controller.load(segments)
-        controller.arm()
-        controller.start()
-        before_wait()
-        controller.wait()
+@contextlib.contextmanager
+def fails(controller, kind, match, *said):
+    """Switch the motors on, and expect an error that also says other texts."""
+    with pytest.raises(kind, match=match) as caught, controller, controller.powered():
+        yield
+    for text in said:
+        assert text in str(caught.value)
+
+
+def ready(controller, segments):
+    """Home, move to the start of a motion, and arm it."""
+    controller.home()
+    controller.move_to(segments.start, 100_000)
+    controller.load(segments)
+    controller.arm()
+
+
+def press(controller, segments, before_wait=lambda: None):
+    """Home, play a motion, and wait for its end."""
+    ready(controller, segments)
+    controller.start()
+    before_wait()
+    controller.wait()

@@ -29,7 +29,7 @@ from sautereau.sim_backend.devices.dynamixel.firmware import Servos
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments
 from tests.emulated import EmulatedPort
-from tests.robot.motions import no_keep_alive, stop_after
+from tests.robot.motions import NOT_OFF, OFF, fails, no_keep_alive, stop_after
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -42,7 +42,6 @@ SLOW = {
     "press.return_speed": "0.02 m/s",
     "press.speed_tolerance": 0.1,
 }
-OFF = "its motors are off: the controller confirms it"
 
 
 class Emulated(EmulatedPort):
@@ -89,7 +88,7 @@ def ready(controller):
     controller.arm()
 
 
-def test_a_motion_through_the_seam(controller, port, rig):
+def test_a_motion_through_the_seam(controller, port):
     with controller:
         assert controller.simulated
         assert "XM430-W350" in controller.identity
@@ -112,7 +111,7 @@ def test_a_motion_through_the_seam(controller, port, rig):
     assert np.abs(capture.following_errors).max() < 10
 
 
-def test_the_servos_hold_the_limits_of_the_arm(controller, port, rig):
+def test_the_servos_hold_the_limits_of_the_arm(controller):
     with controller, controller.powered():
         controller.home()
         with pytest.raises(UnsafeRequest, match="outside arm limits"):
@@ -166,13 +165,11 @@ def test_answers_that_are_none(controller, port, spoil, error):
 
 
 def test_a_servo_that_switches_itself_off_ends_the_press(controller, port):
-    with pytest.raises(MotionFault, match="servo 2: hardware error: overload") as caught:  # noqa: PT012, SIM117
-        with controller, controller.powered():
-            ready(controller)
-            port.firmware.axes[1].shut_down(0x20)
-            controller.start()
-            controller.wait()
-    assert OFF in str(caught.value)
+    with fails(controller, MotionFault, "servo 2: hardware error: overload", OFF):
+        ready(controller)
+        port.firmware.axes[1].shut_down(0x20)
+        controller.start()
+        controller.wait()
     assert port.firmware.motors_on == (False, False)
 
 
@@ -187,11 +184,9 @@ def test_a_watchdog_that_has_run_out_is_reported_and_cleared(controller, port):
 
 
 def test_a_line_that_breaks(controller, port):
-    with pytest.raises(LineLost) as caught, controller, controller.powered():  # noqa: PT012
+    with fails(controller, LineLost, NOT_OFF, "they then hold their position"):
         port.fault = OSError("gone")
         controller.positions()
-    assert "NOT confirmed off" in str(caught.value)
-    assert "they then hold their position" in str(caught.value)
 
 
 def test_stop_in_mid_motion(controller, port):
@@ -203,15 +198,15 @@ def test_stop_in_mid_motion(controller, port):
         assert port.firmware.motors_on == (True, True)
 
 
-def test_motors_that_stay_on_are_an_error(controller, port, monkeypatch):
+def test_motors_that_stay_on_are_an_error(controller, monkeypatch):
     with pytest.raises(MotionFault, match=r"Torque Enable\(64\) is 1 and 1") as caught, controller:  # noqa: PT012, SIM117
         with controller.powered():
             monkeypatch.setattr(controller.driver.line, "say", lambda *_: None)
             controller.abort()
-    assert "NOT confirmed off" in str(caught.value)
+    assert NOT_OFF in str(caught.value)
 
 
-def test_the_command_line_presses_and_marks_the_resolution(tmp_path, monkeypatch, capsys):
+def test_the_command_line_presses_and_marks_the_resolution(tmp_path, monkeypatch):
     shutil.copy(str(resources.files("sautereau.rig") / "paper.toml"), tmp_path / "rig.toml")
     monkeypatch.chdir(tmp_path)
     edit_rig("rig.toml", SLOW).save()

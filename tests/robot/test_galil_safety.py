@@ -15,7 +15,7 @@ from sautereau.robot.errors import (
     UnsafeRequest,
 )
 from sautereau.trajectory.segments import Segments
-from tests.robot.motions import no_keep_alive, run_to_wait
+from tests.robot.motions import fails, no_keep_alive, press
 
 FAULTS = ("#CMDERR", "#POSERR", "#LIMSWI", "#AMPERR", "#TCPERR", "#SAFE")
 
@@ -175,8 +175,8 @@ def test_a_press_that_ends_elsewhere_than_planned(bench, lines, segments):
     other = (sent, answer.replace("1050.", "1049."))
     script = [*lines.started, *lines.wait[:-1], other, *lines.abort]
     controller, _ = bench(script)
-    with pytest.raises(MotionFault, match="ended at 1049 and -501025 counts"):
-        run_to_wait(controller, segments)
+    with fails(controller, MotionFault, "ended at 1049 and -501025 counts"):
+        press(controller, segments)
 
 
 def end_of_search(lines, stopped_by):

@@ -24,11 +24,9 @@ from sautereau.robot.errors import (
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
 from sautereau.trajectory.segments import Segments
 from tests.emulated import EmulatedPort
-from tests.robot.motions import no_keep_alive, stop_after
+from tests.robot.motions import NOT_OFF, OFF, fails, no_keep_alive, press, ready, stop_after
 
 GRBL = "".join(map(framed, ("Grbl 1.1h", "x", "y"))).encode()
-OFF = "its motors are off: the controller confirms it"
-NOT_OFF = "NOT confirmed off"
 
 
 class Emulated(EmulatedPort):
@@ -102,21 +100,6 @@ def segments():
     )
 
 
-def ready(controller, segments):
-    controller.home()
-    controller.move_to(segments.start, 100_000)
-    controller.load(segments)
-    controller.arm()
-
-
-def press(controller, segments):
-    with controller, controller.powered():
-        ready(controller, segments)
-        controller.start()
-        controller.wait()
-        return controller.capture()
-
-
 def test_the_registry_makes_the_controller_that_the_rig_names(rig):
     for named, said in ((rig, "answered 'i' with 'i'"), (load_rig(), "did not answer 'EO 0'")):
         at_nobody = {"controller.port": "loop://", "controller.timeout": "10 ms"}
@@ -125,7 +108,9 @@ def test_the_registry_makes_the_controller_that_the_rig_names(rig):
 
 
 def test_a_press_through_the_seam(controller: MotionController, port, segments, rig):
-    capture = press(controller, segments)
+    with controller, controller.powered():
+        press(controller, segments)
+        capture = controller.capture()
     assert port.firmware.motors_on == (False, False)
     assert port.closed
     lead = controller.capabilities.lead(rig.controller.sample_period)
@@ -213,12 +198,10 @@ def test_another_firmware_is_refused_with_the_reason(controller, port, version, 
 
 
 def test_with_the_watchdog_disabled_the_motors_stay_off(controller, port):
+    said = pytest.raises(SettingNotTaken, match=r"axis1\.config.enable_watchdog is 0")
     with controller:
         port.firmware.axes[1].settings["config.enable_watchdog"] = 0.0
-        with (
-            pytest.raises(SettingNotTaken, match=r"axis1\.config.enable_watchdog is 0"),
-            controller.powered(),
-        ):
+        with said, controller.powered():
             pytest.fail("it has power")
         assert "w axis0.requested_state 8" not in port.said
 
@@ -247,7 +230,7 @@ def test_a_line_that_is_too_slow_is_refused(rig, port, segments):
             controller.load(segments)
 
 
-def test_a_motion_that_would_run_out_of_the_limits_if_the_host_died(controller, segments):
+def test_a_motion_that_would_run_out_of_the_limits_if_the_host_died(controller):
     near = Segments(
         np.array([440_000, -501_000]),
         np.array([[2000, 0], [2000, 0]]),
@@ -278,30 +261,24 @@ def test_a_motion_that_would_run_out_of_the_limits_if_the_host_died(controller, 
 def test_an_error_of_an_axis_is_reported_by_its_name(
     controller, port, segments, register, value, name
 ):
-    with pytest.raises(MotionFault, match=name) as caught, controller, controller.powered():  # noqa: PT012
+    with fails(controller, MotionFault, name, OFF):
         ready(controller, segments)
         controller.start()
         port.replace |= {f"r axis0.{register}": value, "r axis0.current_state": "1"}
         controller.wait()
-    assert OFF in str(caught.value)
 
 
 def test_an_error_of_the_device_is_reported_with_those_of_its_motors(controller, port, segments):
-    with pytest.raises(MotionFault) as caught, controller, controller.powered():  # noqa: PT012
+    device, motor = "device error: DC_BUS_UNDER_VOLTAGE", "joint 2 motor.error: SYSTEM_LEVEL"
+    with fails(controller, MotionFault, device, motor):
         ready(controller, segments)
         port.firmware.trip(0x2)
         controller.start()
         controller.wait()
-    assert "device error: DC_BUS_UNDER_VOLTAGE" in str(caught.value)
-    assert "joint 2 motor.error: SYSTEM_LEVEL" in str(caught.value)
 
 
 def test_axes_that_are_off_without_an_error(controller, port, segments):
-    with (  # noqa: PT012
-        pytest.raises(MotionFault, match="states 1 and 1, not in closed loop"),
-        controller,
-        controller.powered(),
-    ):
+    with fails(controller, MotionFault, "states 1 and 1, not in closed loop"):
         ready(controller, segments)
         for axis in port.firmware.axes:
             axis.request(1)
@@ -313,17 +290,15 @@ def test_a_joint_that_does_not_follow_is_switched_off_at_once(controller, port, 
     far = Segments(
         segments.start, segments.steps * 20, segments.velocities * 6, segments.samples * 4
     )
-    with pytest.raises(MotionFault, match="counts from its plan, more than") as caught:  # noqa: PT012, SIM117
-        with controller, controller.powered():
-            ready(controller, far)
-            port.follows = False
-            controller.start()
-            end = time.monotonic() + 60
-            while port.firmware.motors_on != (False, False) and time.monotonic() < end:
-                time.sleep(0.001)
-            assert port.firmware.motors_on == (False, False)
-            controller.wait()
-    assert OFF in str(caught.value)
+    with fails(controller, MotionFault, "counts from its plan, more than", OFF):
+        ready(controller, far)
+        port.follows = False
+        controller.start()
+        end = time.monotonic() + 60
+        while port.firmware.motors_on != (False, False) and time.monotonic() < end:
+            time.sleep(0.001)
+        assert port.firmware.motors_on == (False, False)
+        controller.wait()
 
 
 def delay(controller, jumps):
@@ -356,13 +331,11 @@ def test_a_late_host_catches_up_and_reports_it(controller, segments, late, gap, 
 
 
 def test_a_press_with_a_large_gap_is_refused(controller, segments):
-    with pytest.raises(MotionFault, match=r"gap of 23\.9 ms .* 11\.7 ms are allowed") as caught:  # noqa: PT012, SIM117
-        with controller, controller.powered():
-            ready(controller, segments)
-            delay(controller, {5: 0.020})
-            controller.start()
-            controller.wait()
-    assert OFF in str(caught.value)
+    with fails(controller, MotionFault, r"gap of 23\.9 ms .* 11\.7 ms are allowed", OFF):
+        ready(controller, segments)
+        delay(controller, {5: 0.020})
+        controller.start()
+        controller.wait()
 
 
 def test_stop_in_mid_motion_decelerates_and_returns_the_positions(controller, port, segments):
@@ -376,27 +349,22 @@ def test_stop_in_mid_motion_decelerates_and_returns_the_positions(controller, po
 
 
 def test_an_abort_requested_by_another_thread_ends_the_stream(controller, port, segments):
-    with pytest.raises(MotionFault, match="aborted by the operator") as caught:  # noqa: PT012, SIM117
-        with controller, controller.powered():
-            ready(controller, segments)
-            request = threading.Thread(target=controller.request_abort)
-            request.start()
-            request.join()
-            controller.start()
-            controller.wait()
-    assert OFF in str(caught.value)
+    with fails(controller, MotionFault, "aborted by the operator", OFF):
+        ready(controller, segments)
+        request = threading.Thread(target=controller.request_abort)
+        request.start()
+        request.join()
+        controller.start()
+        controller.wait()
     assert port.firmware.motors_on == (False, False)
 
 
 def test_a_line_that_breaks_in_mid_motion(controller, port, segments):
-    with pytest.raises(LineLost, match="check the cable") as caught:  # noqa: PT012, SIM117
-        with controller, controller.powered():
-            ready(controller, segments)
-            port.replace["f 1"] = OSError("gone")
-            controller.start()
-            controller.wait()
-    assert NOT_OFF in str(caught.value)
-    assert "watchdogs" in str(caught.value)
+    with fails(controller, LineLost, "check the cable", NOT_OFF, "watchdogs"):
+        ready(controller, segments)
+        port.replace["f 1"] = OSError("gone")
+        controller.start()
+        controller.wait()
 
 
 def test_motors_that_stay_on_are_an_error(controller, port):

@@ -13,6 +13,13 @@ from sautereau.robot.errors import NotReady, RobotError, SettingNotTaken, Unsafe
 from tests.robot.test_states import ALLOWED
 
 
+@contextmanager
+def homed(controller):
+    with controller, controller.powered():
+        controller.home()
+        yield
+
+
 def test_nothing_works_unconnected(bench, segments):
     controller, _ = bench()
     calls = [
@@ -77,8 +84,7 @@ def test_each_state_refuses_the_calls_that_it_does_not_allow(bench, lines, segme
 def test_an_arm_away_from_the_start_is_not_armed(bench, lines, segments):
     away = ("MG _TPA,_TPB", " 1051.0000 -501000.0000\r\n:")
     controller, _ = bench(lines.homed, lines.load, [away], lines.off)
-    with controller, controller.powered():
-        controller.home()
+    with homed(controller):
         controller.load(segments)
         with pytest.raises(NotReady, match=r"1051, -501000 counts .* 1000, -501000, within 50"):
             controller.arm()
@@ -86,10 +92,8 @@ def test_an_arm_away_from_the_start_is_not_armed(bench, lines, segments):
 
 def test_a_move_out_of_the_limits_lists_every_fault(bench, lines):
     controller, _ = bench(lines.homed, lines.off)
-    with controller, controller.powered():
-        controller.home()
-        with pytest.raises(UnsafeRequest) as caught:
-            controller.move_to([444445, -900000], 2e6)
+    with homed(controller), pytest.raises(UnsafeRequest) as caught:
+        controller.move_to([444445, -900000], 2e6)
     for said in (
         "joint 1 reaches 444445 counts (80 deg)",
         "joint 2 reaches -900000",
@@ -101,10 +105,8 @@ def test_a_move_out_of_the_limits_lists_every_fault(bench, lines):
 @pytest.mark.parametrize("speed", [0, -5, float("nan")])
 def test_a_move_at_no_speed(bench, lines, speed):
     controller, _ = bench(lines.homed, lines.off)
-    with controller, controller.powered():
-        controller.home()
-        with pytest.raises(UnsafeRequest, match="speed_limit"):
-            controller.move_to([0, -500_000], speed)
+    with homed(controller), pytest.raises(UnsafeRequest, match="speed_limit"):
+        controller.move_to([0, -500_000], speed)
 
 
 def test_a_motion_that_must_not_be_played_lists_every_fault(bench, lines, segments):
@@ -218,10 +220,3 @@ def test_the_rest_of_a_broken_off_line_is_ignored(bench, lines):
     spoilt = [("EO 0", "EO 0\r\n?"), ("TC1", "TC1\r\n1 Unrecognized command\r\n:")]
     controller, _ = bench(spoilt, lines.connect)
     controller.connect()
-
-
-@contextmanager
-def homed(controller):
-    with controller, controller.powered():
-        controller.home()
-        yield

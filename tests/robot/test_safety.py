@@ -16,10 +16,7 @@ from sautereau.robot.errors import (
 )
 from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.monitor import Fault
-from tests.robot.motions import run_to_wait
-
-OFF = "its motors are off: the controller confirms it"
-NOT_OFF = "NOT confirmed off"
+from tests.robot.motions import NOT_OFF, OFF, fails, press
 
 
 @pytest.mark.parametrize("kind", [ValueError, KeyboardInterrupt, SystemExit, GeneratorExit])
@@ -65,9 +62,8 @@ def test_motors_that_stay_on_are_an_error(bench, lines):
 def test_motors_that_stay_off_are_an_error(bench, lines):
     off = ("MG _MOA,_MOB", " 1.0000 0.0000\r\n:")
     controller, _ = bench(lines.connect, lines.on[:-1], [off], lines.off)
-    with pytest.raises(SettingNotTaken, match="emergency stop"), controller:  # noqa: SIM117
-        with controller.powered():
-            pass
+    with pytest.raises(SettingNotTaken, match="emergency stop"), controller, controller.powered():
+        pass
 
 
 def test_a_refused_abort_is_sent_again_after_a_broken_off_line(bench, lines):
@@ -104,9 +100,8 @@ def test_a_press_that_breaks_off_names_the_joint_and_the_reason(
     controller, _ = bench(
         script, [(lines.wait[3][0], f" {codes} 1.0000 9.0000 0.0000\r\n:")], lines.abort
     )
-    with pytest.raises(MotionFault, match=reason) as caught:
-        run_to_wait(controller, segments)
-    assert OFF in str(caught.value)
+    with fails(controller, MotionFault, reason, OFF):
+        press(controller, segments)
 
 
 @pytest.mark.parametrize("watch", ["-1.0000 0.0000", "43.0000 0.0000", "-1.0000 9.0000"])
@@ -117,18 +112,20 @@ def test_a_press_that_the_watchdog_ended(bench, lines, segments, watch):
         (lines.wait[3][0], f" 7.0000 7.0000 {watch} 0.0000\r\n:"),
     ]
     controller, _ = bench(lines.started, expired, lines.abort)
-    with pytest.raises(MotionFault, match="watchdog has switched the motors off") as caught:
-        run_to_wait(controller, segments)
-    assert OFF in str(caught.value)
+    with fails(controller, MotionFault, "watchdog has switched the motors off", OFF):
+        press(controller, segments)
 
 
 @pytest.mark.parametrize("left", [" 9.0000 -1.0000", " 10.0000 -1.0000"])
 def test_a_watchdog_that_does_not_run_keeps_the_power_off(bench, lines, left):
     asked = lines.on[4][0]
     controller, _ = bench(lines.connect, lines.on[:4], [(asked, f"{left}\r\n:")], lines.off)
-    with pytest.raises(SettingNotTaken, match="watchdog does not run"), controller:  # noqa: SIM117
-        with controller.powered():
-            pass
+    with (
+        pytest.raises(SettingNotTaken, match="watchdog does not run"),
+        controller,
+        controller.powered(),
+    ):
+        pass
 
 
 def test_a_watchdog_that_does_not_count_keeps_the_power_off(bench, lines):
@@ -146,8 +143,8 @@ def test_a_press_that_skipped_segments(bench, lines, segments):
         [(lines.wait[-1][0], lines.wait[-1][1].replace("3.0000 3.", "3.0000 2."))],
         lines.abort,
     )
-    with pytest.raises(MotionFault, match="3 and 2 of its 3 segments"):
-        run_to_wait(controller, segments)
+    with fails(controller, MotionFault, "3 and 2 of its 3 segments"):
+        press(controller, segments)
 
 
 def test_a_limit_of_one_joint_ends_the_press_of_both(bench, lines, segments):
@@ -156,17 +153,15 @@ def test_a_limit_of_one_joint_ends_the_press_of_both(bench, lines, segments):
         (lines.wait[3][0], " 2.0000 0.0000 1.0000 9.0000 0.0000\r\n:"),
     ]
     controller, _ = bench(lines.started, limited, lines.abort)
-    with pytest.raises(MotionFault, match="joint 1 stopped by the forward limit") as caught:
-        run_to_wait(controller, segments)
-    assert OFF in str(caught.value)
+    with fails(controller, MotionFault, "joint 1 stopped by the forward limit", OFF):
+        press(controller, segments)
 
 
 def test_a_press_that_never_ends_is_aborted(bench, lines, segments):
     stuck = [(lines.wait[0][0], " 1.0000 1.0000 0.0000 0.0000 1.0000 2.0000\r\n:")]
     controller, transcript = bench(lines.started, stuck * 1200)
-    with pytest.raises(MotionFault, match="not ended after 10 s") as caught:
-        run_to_wait(controller, segments, before_wait=lambda: limit(transcript, lines.abort))
-    assert OFF in str(caught.value)
+    with fails(controller, MotionFault, "not ended after 10 s", OFF):
+        press(controller, segments, before_wait=lambda: limit(transcript, lines.abort))
 
 
 def limit(transcript, ending):
@@ -185,15 +180,15 @@ def test_an_abort_requested_by_another_thread_ends_a_press_at_once(terminal, lin
     """The next question is not asked any more: the motors go off, and that is read back."""
     controller, _ = terminal(lines.started, lines.wait[:1], lines.abort)
     request = threading.Thread(target=controller.request_abort)
-    with pytest.raises(MotionFault, match="aborted by the operator") as caught:
-        run_to_wait(controller, segments, before_wait=lambda: (request.start(), request.join()))
-    assert OFF in str(caught.value)
+    with fails(controller, MotionFault, "aborted by the operator", OFF):
+        press(controller, segments, before_wait=lambda: (request.start(), request.join()))
 
 
 def test_an_abort_requested_before_the_motors_are_on_ends_nothing(terminal, lines, segments):
     controller, _ = terminal(lines.started, lines.wait, lines.off)
     controller.request_abort()
-    run_to_wait(controller, segments)
+    with controller, controller.powered():
+        press(controller, segments)
 
 
 def test_the_operator_aborts_the_motions_of_one_session():
@@ -213,25 +208,21 @@ def test_the_operator_aborts_the_motions_of_one_session():
 def test_a_silent_controller_in_mid_motion(terminal, lines, segments):
     silent = [(sent, "") for sent, _ in [lines.wait[0], *lines.abort, *lines.abort[:-1]]]
     controller, _ = terminal(lines.started, silent)
-    with pytest.raises(SilentController, match=r"MG _BGA.*within 0\.2 s") as caught:
-        run_to_wait(controller, segments)
-    assert NOT_OFF in str(caught.value)
-    assert "emergency stop" in str(caught.value)
+    with fails(controller, SilentController, r"MG _BGA.*within 0\.2 s", NOT_OFF, "emergency stop"):
+        press(controller, segments)
 
 
 def test_a_controller_that_answers_again_confirms_the_abort(terminal, lines, segments):
     """It is silent to the poll, then answers again."""
     controller, _ = terminal(lines.started, [(lines.wait[0][0], "")], lines.abort)
-    with pytest.raises(SilentController) as caught:
-        run_to_wait(controller, segments)
-    assert OFF in str(caught.value)
+    with fails(controller, SilentController, OFF):
+        press(controller, segments)
 
 
 def test_a_cable_pulled_in_mid_motion(terminal, lines, segments):
     controller, _ = terminal(lines.started, [(lines.wait[0][0], None)])
-    with pytest.raises(LineLost, match="check the cable") as caught:
-        run_to_wait(controller, segments)
-    assert NOT_OFF in str(caught.value)
+    with fails(controller, LineLost, "check the cable", NOT_OFF):
+        press(controller, segments)
 
 
 def home_and_move(controller):

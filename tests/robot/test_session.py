@@ -1,7 +1,7 @@
 """Plans, tables and manifests of sessions."""
 
 import json
-from datetime import UTC, datetime
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +9,6 @@ import pytest
 from sautereau.analysis.loading.press import load_press
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_session
-from sautereau.daq.file.recorded import Block
-from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.differences import check_same
@@ -25,6 +23,7 @@ from sautereau.robot.experiment.session_folder import (
     read_manifest,
     write_manifest,
 )
+from tests.recordings import SESSION, write_recording
 
 RIG = load_rig("paper")
 
@@ -41,12 +40,8 @@ def table(tmp_path):
 
 def record(path, session, item, number=1):
     """Write a complete recording of a press."""
-    info = SessionInfo(
-        number, datetime.now(UTC).isoformat(), True, "c", "d", session=session, item=item
-    )
-    with Recording(path, RIG, session=info) as recording:
-        recording.write_block(Block(0, np.zeros((2, 64))))
-    return path
+    info = replace(SESSION, press=number, session=session, item=item)
+    return write_recording(path, RIG, np.zeros((2, 64)), session=info)
 
 
 def test_a_table_changes_the_values_of_its_cells(table):

@@ -163,9 +163,7 @@ def test_a_key_that_is_not_there(rig):
 
 def test_without_a_force_channel_the_motors_torques_are_used(rig):
     """An ideal finger has no motor torques, so the approach continues to its end."""
-    mute = rig.model_copy(
-        update={"daq": rig.daq.model_copy(update={"channels": rig.daq.channels[:1]})}
-    )
+    mute = rig.replaced({"daq.channels": rig.daq.channels[:1]})
     with pytest.raises(MotionFault, match="no contact"):
         find_contact(mute, Person(), SHORT)
 
@@ -174,8 +172,7 @@ def test_without_a_force_channel_the_motors_torques_are_used(rig):
 def test_a_servo_feels_the_key_by_its_torques():
     rig = with_values(load_rig(), {"controller.timeout": "60 s"})
     with StandIn(rig, load_scene("paper")) as served:
-        bare = served.rig.daq.model_copy(update={"channels": rig.daq.channels[:1]})
-        mute = served.rig.model_copy(update={"daq": bare})
+        mute = served.rig.replaced({"daq.channels": rig.daq.channels[:1]})
         found = find_contact(mute, Person(), Creep(above=1e-3))
     assert found.figures["height"] == pytest.approx(0, abs=0.1e-3)
     assert "torques" in found.lines[0]

@@ -10,17 +10,15 @@ from benchmarks.independent import ONE_FACTOR
 from sautereau.commands.common import Simulation
 from sautereau.commands.output import Output
 from sautereau.commands.setup import setup
-from sautereau.daq.file.recorded import Block, SessionInfo
-from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.step import Declined
 from tests.presses import MUTE_TEXT
 from tests.presses import QUICK_TEXT as TEXT
+from tests.recordings import write_recording
 from tests.taps import RATE, tapped
 
-SESSION = SessionInfo(1, "2026-01-01T00:00:00Z", simulated=True, controller="", daq="")
 BARE = f'{MUTE_TEXT}truth = {{ "arm.base_z" = "171.12 mm" }}\n'
 """The base is 3 mm lower than in the rig: the finger, lowered from 4 mm above, soon touches."""
 
@@ -97,8 +95,7 @@ def test_modes_from_recorded_taps_are_written_into_the_rig(tmp_path, capsys):
     time = np.arange(len(force)) / RATE
     late = [np.interp(time - c.lag, time, signals[c.quantity]) for c in rig.daq.channels]
     volts = [to_volts(signal, c) for signal, c in zip(late, rig.daq.channels, strict=True)]
-    with Recording(taps, rig, session=SESSION) as recording:
-        recording.write_block(Block(0, np.stack(volts)))
+    write_recording(taps, rig, volts)
     assert setup("tap", str(file), save=True, recording=[taps], output=Output(json=True)) == 0
     assert json.loads(capsys.readouterr().out)["saved"]
     modes = load_rig(file).key.modes

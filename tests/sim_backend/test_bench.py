@@ -58,7 +58,7 @@ NOISY = mute_scene(sensors=load_scene("paper").sensors)
 
 def toy_rig():
     rig = load_rig()
-    return rig.model_copy(update={"controller": rig.controller.model_copy(update={"kind": "toy"})})
+    return rig.replaced({"controller.kind": "toy"})
 
 
 def test_a_controller_without_an_emulator_is_refused_by_its_name():

@@ -221,9 +221,7 @@ def test_motions_beyond_the_model_are_refused():
     world.advance(drive.reference(0), True)
     with pytest.raises(SceneError, match="suddenly within the key"):
         world.advance(drive.reference(70), True)
-    near = RIG.model_copy(
-        update={"arm": RIG.arm.model_copy(update={"base_x": -0.1, "base_z": 0.1})}
-    )
+    near = RIG.replaced({"arm.base_x": -0.1, "arm.base_z": 0.1})
     upper, lower = RIG.arm.upper_length, RIG.arm.lower_length
     elbow = math.acos((0.02 - upper**2 - lower**2) / (2 * upper * lower))
     shoulder = -math.pi / 4 - math.atan2(lower * math.sin(elbow), upper + lower * math.cos(elbow))

@@ -107,7 +107,7 @@ def test_faults_that_cannot_all_occur_are_refused(tables, said):
 def test_a_fault_of_an_absent_part_is_refused():
     rig = load_rig()
     (velocity,) = (c for c in rig.daq.channels if c.quantity == "velocity")
-    rig = rig.model_copy(update={"daq": rig.daq.model_copy(update={"channels": (velocity,)})})
+    rig = rig.replaced({"daq.channels": (velocity,)})
     tables = {"stall": {"joint": 1}, "drift": {"rate": "1 N/s"}}
     with pytest.raises(SceneError) as caught:
         Bench(rig, scene_with(**tables))

@@ -86,7 +86,7 @@ def compare(finger, seed, rotor=0.0):
     """Assert that the exact engine finds the events, the motion and the force of the oracle."""
     rig, scene, reference = drawn(finger, seed)
     rotors = (rig.arm.rotor_inertias[0], rotor)
-    rig = rig.model_copy(update={"arm": rig.arm.model_copy(update={"rotor_inertias": rotors})})
+    rig = rig.replaced({"arm.rotor_inertias": rotors})
     world, time, *motion = moved(rig, scene, reference)
     true = finger_oracle.solve(rig, scene, reference, SAMPLES * reference.period, time)
     assert_same_events(world.events, true, 1e-9)

@@ -11,8 +11,7 @@ def run(bench):
     """Run a program; return where it ended, by its message."""
 
     def go(*lines, limit=5000):
-        text = "\r".join(("DL", "#A", *lines))
-        assert bench.firmware.receive(f"{text}\r\\\r".encode()) == b":"
+        assert bench.load("#A", *lines) == ":"
         bench.accept("XQ #A")
         while bench.firmware.watching:  # one that goes round as well
             bench.tick()
@@ -72,8 +71,7 @@ def test_at_keeps_time_however_long_the_lines_take(run, bench):
 
 
 def test_a_watchdog_that_is_not_renewed_switches_off(bench):
-    text = "DL\r#W\rWT 10\rleft=left-1\rJP #W,left>0\rAB 1;MO AB;CB 1\rEN\r\\\r"
-    bench.firmware.receive(text.encode())
+    bench.load("#W", "WT 10", "left=left-1", "JP #W,left>0", "AB 1;MO AB;CB 1", "EN")
     bench.accept("SH", "SB 1", "left=5", "JGA=5000;BGA", "XQ #W")
     for _ in range(10):
         bench.tick(40)
@@ -86,7 +84,7 @@ def test_a_watchdog_that_is_not_renewed_switches_off(bench):
 
 
 def test_a_looping_program_of_the_host_does_not_advance_time(bench):
-    bench.firmware.receive(b"DL\r#W\rWT 10\rn=n+1\rJP #W\rEN\r\\\r")
+    bench.load("#W", "WT 10", "n=n+1", "JP #W", "EN")
     bench.accept("n=0", "XQ #W")
     assert bench.run() < 20
     assert bench.firmware.watching
@@ -96,7 +94,8 @@ def test_a_looping_program_of_the_host_does_not_advance_time(bench):
 
 def test_it_waits_while_the_host_waits_for_rest(bench):
     firmware = bench.firmware = GalilFirmware(bench, on_output=bench._note_output, host_waits=True)
-    firmware.receive(b"EO 0\rDL\r#W\rWT 10\rn=n+1\rJP #W\rEN\r#POSERR\rSB 3\rRE 1\r\\\r")
+    firmware.receive(b"EO 0\r")
+    bench.load("#W", "WT 10", "n=n+1", "JP #W", "EN", "#POSERR", "SB 3", "RE 1")
     bench.accept("n=0", "SH", "ER 50", "XQ #W")
     bench.tick(200)
     assert bench.number("n") == 1
@@ -115,12 +114,12 @@ def test_offsets_and_torque_limits_go_to_the_amplifiers(bench):
 
 
 def test_auto_runs_at_power_up_where_it_was_burned(bench):
-    bench.firmware.receive(b"DL\r#AUTO\rSB 5\rEN\r\\\r")
+    bench.load("#AUTO", "SB 5", "EN")
     bench.accept("x=1", "SH", "TL 1,1")
     assert bench.firmware.receive(b"RS\rEO 0\r").endswith(b":")
     bench.run()
     assert bench.outputs == []
-    bench.firmware.receive(b"DL\r#AUTO\rSB 5\rEN\r\\\r")
+    bench.load("#AUTO", "SB 5", "EN")
     bench.accept("BP", "SH", "OF 1")
     bench.firmware.receive(b"RS\rEO 0\r")
     assert bench.firmware.motors_on == (False, False)

@@ -16,7 +16,7 @@ from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
 from tests.budget import slow
 from tests.key_oracle import static_moment
-from tests.sim_backend.scenes import MUTE, RIG, at_rest, scene_of
+from tests.sim_backend.scenes import MUTE, RIG, at_rest, run, scene_of
 
 KEY, JACK = RIG.key, RIG.jack
 PERIOD = RIG.controller.sample_period
@@ -151,3 +151,23 @@ def test_truth_changes_the_bench_and_not_the_plan():
     """A clearance of 2.5 mm in the true bench only."""
     events = observe(RIG, ideal(truth={"jack.string_clearance": "2.5 mm"}), DRIVE).events
     assert events.contacts[0].time == pytest.approx(reaches(2.5e-3), abs=1e-8)
+
+
+def test_events_just_before_the_end_of_a_controller_sample_are_like_others():
+    """The key meets the string at 72 mm/s, so that both events move with the clearance, in steps
+    of 133 us; the key's speed while the string is held is that of the arm. Three contacts and
+    releases leave less than a quarter step of their sample."""
+    clearance = RIG.jack.string_clearance
+    further = np.arange(0, 37, 6) * 1.6e-6
+    times = []
+    for more in further:
+        rig = RIG.replaced({"jack.string_clearance": clearance + more})
+        found = run(rig, scene_of("ideal", sensors=None))
+        contact, release = found.events.contacts[0].time, found.events.releases[0].time
+        times.append((contact, release))
+        motion = found.motions
+        held = (motion.time > contact) & (motion.time < release)
+        turn = motion.angular_velocity[held]
+        np.testing.assert_allclose(turn, turn.mean(), rtol=1e-3)
+    expected = times[0] + further[:, None] / 0.072
+    np.testing.assert_allclose(times, expected, atol=0.1e-6)

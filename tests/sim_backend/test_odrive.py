@@ -15,6 +15,10 @@ from tests.emulated import Encoders
 
 PERIOD = 1e-3
 TURN = 10_000.0
+LIMITS = ("vel_limit 2", "accel_limit 5", "decel_limit 5")
+"""Of moves: turn/s, turn/s^2."""
+WATCHED = ("w axis0.config.watchdog_timeout 0.05", "w axis0.config.enable_watchdog 1")
+"""Start the watchdog of an axis; s."""
 
 
 class Bare(Encoders):
@@ -33,8 +37,11 @@ class Bare(Encoders):
     def torque_volts(self):
         return 0.5, -1.0
 
-    def say(self, text):
-        return self.firmware.receive(text.encode("latin-1") + b"\n").decode("latin-1")
+    def say(self, *lines):
+        """Send lines one after the other; return what the last one is answered."""
+        for line in lines:
+            answer = self.firmware.receive(line.encode("latin-1") + b"\n").decode("latin-1")
+        return answer
 
 
 @pytest.fixture
@@ -196,11 +203,8 @@ def test_a_trapezoid_is_continuous_and_within_its_limits(x, v, goal, speed, rate
 
 
 def test_a_move_ends_at_its_goal_and_reports_it(bench):
-    bench.say("w axis0.requested_state 8")
-    bench.say("w axis0.trap_traj.config.vel_limit 2")
-    bench.say("w axis0.trap_traj.config.accel_limit 5")
-    bench.say("w axis0.trap_traj.config.decel_limit 5")
-    bench.say("t 0 0.5")
+    limits = (f"w axis0.trap_traj.config.{limit}" for limit in LIMITS)
+    bench.say("w axis0.requested_state 8", *limits, "t 0 0.5")
     assert bench.say("r axis0.controller.trajectory_done") == "1\r\n"  # of the move before
     bench.tick()
     assert bench.say("r axis0.controller.trajectory_done") == "0\r\n"
@@ -211,13 +215,12 @@ def test_a_move_ends_at_its_goal_and_reports_it(bench):
 
 
 def test_homing_goes_down_to_the_switch_and_calls_that_zero(bench):
-    for line in (
+    bench.say(
         "w axis0.min_endstop.config.debounce_ms 1",
         "w axis0.min_endstop.config.enabled 1",
         "w axis0.controller.config.homing_speed 0.1",
         "w axis0.requested_state 11",
-    ):
-        bench.say(line)
+    )
     bench.run()
     assert bench.counts[0] == pytest.approx(-700, abs=4)
     assert bench.say("f 0").startswith(("0.000000", "-0.000"))
@@ -227,8 +230,7 @@ def test_homing_goes_down_to_the_switch_and_calls_that_zero(bench):
 
 @pytest.mark.parametrize("state", [1, 8])
 def test_a_switch_that_closes_while_it_is_enabled_is_an_error(bench, state):
-    bench.say("w axis0.min_endstop.config.enabled 1")
-    bench.say(f"w axis0.requested_state {state}")
+    bench.say("w axis0.min_endstop.config.enabled 1", f"w axis0.requested_state {state}")
     bench.tick(60)
     bench.follows, bench.counts = False, [-701, 0]
     bench.tick(49)
@@ -241,9 +243,7 @@ def test_a_switch_that_closes_while_it_is_enabled_is_an_error(bench, state):
 
 @pytest.mark.parametrize("renewal", ["u 0", "p 0 0", "t 0 0"])
 def test_a_watchdog_switches_off_unless_it_is_renewed(bench, renewal):
-    bench.say("w axis0.config.watchdog_timeout 0.05")
-    bench.say("w axis0.config.enable_watchdog 1")
-    bench.say("w axis0.requested_state 8")
+    bench.say(*WATCHED, "w axis0.requested_state 8")
     for _ in range(5):
         bench.tick(40)
         bench.say(renewal)
@@ -257,9 +257,7 @@ def test_a_watchdog_switches_off_unless_it_is_renewed(bench, renewal):
 def test_stepped_time_waits_for_the_host_while_it_streams():
     bench = Bare(stepped=True)
     firmware = bench.firmware
-    bench.say("w axis0.config.watchdog_timeout 0.05")
-    bench.say("w axis0.config.enable_watchdog 1")
-    bench.say("w axis0.controller.config.input_mode 3")
+    bench.say(*WATCHED, "w axis0.controller.config.input_mode 3")
     bench.tick(100)  # the host is slow, and lives
     assert not firmware.held
     bench.say("w axis0.requested_state 8")
@@ -282,8 +280,7 @@ def test_a_wait_that_cannot_be_is_refused(seconds):
 
 
 def test_an_error_of_the_device_switches_both_motors_off(bench):
-    for axis in (0, 1):
-        bench.say(f"w axis{axis}.requested_state 8")
+    bench.say("w axis0.requested_state 8", "w axis1.requested_state 8")
     bench.firmware.trip(0x2)
     assert bench.firmware.motors_on == (False, False)
     assert bench.say("r error") == "2\r\n"
@@ -299,13 +296,12 @@ def test_an_error_of_the_device_switches_both_motors_off(bench):
 
 def test_the_velocity_of_an_earlier_input_moves_an_axis_that_is_switched_on_again(bench):
     """The firmware sets the input's position when it closes the loop, and not its velocity."""
-    for line in (
+    bench.say(
         "w axis0.controller.config.input_mode 3",
         "w axis0.controller.config.input_filter_bandwidth 20",
         "p 0 0 1",
         "w axis0.requested_state 8",
-    ):
-        bench.say(line)
+    )
     bench.run()
     assert bench.counts[0] == pytest.approx(2 / 20 * TURN, rel=1e-3)
 

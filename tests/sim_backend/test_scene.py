@@ -128,7 +128,7 @@ def test_engines_of_earlier_versions_are_the_exact_one(name):
 
 @pytest.mark.parametrize("part", ["tongue", "damper"])
 def test_a_part_without_values_is_refused(rig, part):
-    bare = rig.model_copy(update={"jack": rig.jack.model_copy(update={part: None})})
+    bare = rig.replaced({f"jack.{part}": None})
     scene = load_scene("return")
     scene.true_rig(rig)
     with pytest.raises(SceneError, match=rf"no table \[jack\.{part}\]; add it, or set {part} = f"):

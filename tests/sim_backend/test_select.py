@@ -209,8 +209,7 @@ def test_a_spring_string_is_selected_where_its_own_error_allows(want, string):
 
 def test_a_carved_plectrum_needs_finite_elements():
     rig = load_rig()
-    plectrum = rig.plectrum.model_copy(update={"outline": "an outline"})
-    carved = rig.model_copy(update={"plectrum": plectrum})
+    carved = rig.replaced({"plectrum.outline": "an outline"})
     auto = scene("auto", "auto", "auto", 'accuracy = "10 us"')
     assert [best_models(each, auto).plectrum for each in (rig, carved)] == ["elastica", "fe"]
 

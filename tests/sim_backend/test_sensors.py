@@ -83,6 +83,32 @@ def test_low_pass_is_3_db_at_its_corner(corner):
             assert 20 * math.log10(gain) == pytest.approx(-3.0103, abs=1e-3)
 
 
+@pytest.mark.parametrize("corner", [200.0, 3000.0, 22_000.0, 40_000.0])
+@pytest.mark.parametrize("order", range(1, 9))
+def test_a_low_pass_of_an_order_lags_behind_a_ramp_as_the_rig_states(corner, order):
+    sensor = fed(
+        chain(rest=0.4, low_pass=corner, low_pass_order=order), lambda t: 0.4 + 50 * t, 0.3
+    )
+    found = np.concatenate([sensor.volts(0, 7), sensor.volts(7, 15_000)]) * FORCE.scale
+    lag = sensor.channel.lag
+    time = np.arange(len(found)) / RATE
+    assert found[0] == pytest.approx(0.4, abs=1e-3)
+    late = time > 0.25
+    np.testing.assert_allclose(found[late], 0.4 + 50 * (time[late] - lag), atol=1e-8)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4, 8])
+def test_a_low_pass_of_an_order_attenuates_as_a_butterworth_filter(order):
+    """1 / sqrt(1 + (f / corner)^2n), at 1 kHz; it is sampled fast, so that warping is small."""
+    for frequency in (500, 1000, 1200):
+        w = 2 * np.pi * frequency
+        sensor = chain(low_pass=1000.0, low_pass_order=order, rate=1e6)
+        volts = fed(sensor, lambda t, w=w: np.sin(w * t), 0.1).volts(0, 100_000)[50_000:]
+        gain = np.sqrt(2 * np.mean(volts**2)) * FORCE.scale
+        expected = 1 / math.sqrt(1 + (frequency / 1000) ** (2 * order))
+        assert gain == pytest.approx(expected, rel=2e-4)
+
+
 @pytest.mark.parametrize("resonance", [30.0, 1500.0, 40_000.0, 1e6])
 @pytest.mark.parametrize("damping", [1e-4, 0.02, 0.999])
 def test_a_transducer_answers_a_ramp_like_an_oscillator(resonance, damping):

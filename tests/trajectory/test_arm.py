@@ -19,6 +19,7 @@ from sautereau.trajectory.arm import (
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.key import key_under_fingertip, point_on_key, surface_axes
 from sautereau.trajectory.motion import Motion, dot
+from tests.trajectory.brute_force import close
 
 PAPER = load_rig()
 KEY = PAPER.key
@@ -84,7 +85,7 @@ def test_a_straight_arm_and_a_right_angle():
 
 
 @given(arms())
-def test_holding_the_point_brings_the_fingertip_there(derivatives, close, arm):
+def test_holding_the_point_brings_the_fingertip_there(arm):
     path = along_the_key(arm, rocking(TIME))
     assume(within_reach(arm, path))
     joints = joints_holding_point(arm, path)
@@ -96,7 +97,7 @@ def test_holding_the_point_brings_the_fingertip_there(derivatives, close, arm):
 
 
 @given(standing_arms())
-def test_holding_the_normal_keeps_link_2_upright(derivatives, close, arm):
+def test_holding_the_normal_keeps_link_2_upright(arm):
     angle = rocking(TIME)
     joints, slide = joints_holding_normal(arm, KEY, angle)
     assert np.abs(tilt(angle.position, joints.position)).max() < 1e-12

@@ -16,6 +16,7 @@ from sautereau.trajectory.dynamics import (
 )
 from sautereau.trajectory.motion import Motion, dot
 from tests.key_oracle import arm_energy
+from tests.trajectory.brute_force import close, derivatives
 
 PAPER = load_rig().arm
 ROD = (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12))
@@ -75,7 +76,7 @@ def test_the_mass_matrix_is_symmetric_and_positive(arm, seed):
 
 
 @given(arms(), seeds())
-def test_a_tip_force_by_virtual_work(close, arm, seed):
+def test_a_tip_force_by_virtual_work(arm, seed):
     """Its joint torques are its work along each joint."""
     joints = states(seed)
     force = np.random.default_rng(seed).uniform(-5, 5, (20, 2))
@@ -94,7 +95,7 @@ def points(arm):
 
 
 @given(arms(rotors=False), seeds())
-def test_the_rods_are_points_by_dalembert(close, arm, seed):
+def test_the_rods_are_points_by_dalembert(arm, seed):
     """The torque on each joint is the inertia and weight of four points along their paths."""
     joints = states(seed)
     up = np.array([0.0, GRAVITY])
@@ -108,7 +109,7 @@ def test_the_rods_are_points_by_dalembert(close, arm, seed):
     close(joint_torques(arm, joints), torque, 1e-12)
 
 
-def test_a_rotor_counts_with_its_gear_ratio_squared(close):
+def test_a_rotor_counts_with_its_gear_ratio_squared():
     arm = PAPER.model_copy(update={"rotor_inertias": (2e-6, 1e-6), "gear_ratios": (10.0, 30.0)})
     assert armature(arm) == pytest.approx((2e-4, 9e-4), rel=1e-15)
     joints = states(1)
@@ -159,7 +160,7 @@ def peer_torques(pin, arm, model, joints, forces):
 
 
 @given(arms(), seeds())
-def test_pinocchio_finds_the_same(close, arm, seed):
+def test_pinocchio_finds_the_same(arm, seed):
     pin = pytest.importorskip("pinocchio", reason="a peer; install it with --group peers")
     joints, model = states(seed), peer_model(pin, arm)
     forces = np.random.default_rng(seed).uniform(-5, 5, (20, 2))
@@ -175,7 +176,7 @@ def test_pinocchio_finds_the_same(close, arm, seed):
 
 
 @given(arms(), seeds())
-def test_gravity_torque_is_the_slope_of_the_energy(derivatives, close, arm, seed):
+def test_gravity_torque_is_the_slope_of_the_energy(arm, seed):
     joints = states(seed).position
     for j, axis in enumerate(np.eye(2)):
 

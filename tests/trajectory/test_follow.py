@@ -7,6 +7,7 @@ from sautereau.trajectory.arm import fingertip_motion, follow_down, follow_key
 from sautereau.trajectory.key import key_under_fingertip
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import plan_press
+from tests.trajectory.brute_force import close, spline
 
 
 def cosine_rise(t):
@@ -14,7 +15,7 @@ def cosine_rise(t):
 
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
-def test_the_complete_mechanism_follows_the_rise(bench, close, hold):
+def test_the_complete_mechanism_follows_the_rise(bench, hold):
     rig = bench(press__hold=hold)
     rise = cosine_rise(np.linspace(0, 0.7, 101))
     path = follow_key(rig, rise)
@@ -61,7 +62,7 @@ def test_the_approach_stays_in_the_turn_of_the_press(bench, elbow):
 
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
-def test_approach_press_and_retreat_are_continuous(bench, spline, hold):
+def test_approach_press_and_retreat_are_continuous(bench, hold):
     rig = bench(press__hold=hold)
     plan = plan_press(rig)
     assert (plan.approach.end == plan.segments.start).all()
@@ -84,7 +85,7 @@ def test_approach_press_and_retreat_are_continuous(bench, spline, hold):
 
 
 @pytest.mark.parametrize("settle", ["0 ms", "20 ms", "0.3 s"])
-def test_the_finger_rests_on_the_key_before_it_accelerates(bench, spline, settle):
+def test_the_finger_rests_on_the_key_before_it_accelerates(bench, settle):
     rig = bench(press__settle=settle)
     plan = plan_press(rig)
     curve = spline(plan.segments, rig.controller.sample_period)

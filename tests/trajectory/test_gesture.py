@@ -8,6 +8,7 @@ from sautereau.rig.schema import Gesture
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.press import draft_press, plan_press
 from sautereau.trajectory.timing import press_law
+from tests.trajectory.brute_force import true_cruise_error
 
 TIME = np.linspace(0, 0.3, 31)
 
@@ -51,7 +52,7 @@ def test_the_replayed_rise_is_the_samples_and_the_spline_between_them(paper):
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
 @pytest.mark.parametrize("shape", [stroke, going_down])
-def test_a_gesture_is_replayed_and_returned_to_rest(paper, true_cruise_error, shape, hold):
+def test_a_gesture_is_replayed_and_returned_to_rest(paper, shape, hold):
     rig = replaying(paper, TIME, shape(TIME), hold=hold, speed_tolerance=0.005)
     plan = plan_press(rig)
     assert (plan.segments.end == plan.segments.start).all()

@@ -19,6 +19,7 @@ from sautereau.trajectory.key import (
     surface_axes,
 )
 from sautereau.trajectory.motion import Motion, cross, dot
+from tests.trajectory.brute_force import close, derivatives
 
 PAPER = load_rig().key
 ANGLES = np.radians(np.linspace(-30, 30, 241))
@@ -60,14 +61,14 @@ def test_small_rises_keep_their_digits():
 
 
 @given(keys())
-def test_slope_and_curvature_are_derivatives(derivatives, close, key):
+def test_slope_and_curvature_are_derivatives(key):
     first, second = derivatives(lambda a: rise_of_angle(key, a), ANGLES, 0.01)
     close(rise_slope(key, ANGLES), first, 1e-9)
     close(rise_curvature(key, ANGLES), second, 1e-9)
 
 
 @given(keys())
-def test_key_motion_is_the_time_derivative(derivatives, close, key):
+def test_key_motion_is_the_time_derivative(key):
     t = np.linspace(0, 1, 101)
 
     def rise(t):
@@ -89,7 +90,7 @@ def test_axes_are_orthonormal_and_right_handed():
     assert np.abs(cross(tangent, normal) - 1).max() < 1e-15
 
 
-def test_a_point_moves_as_its_position_says(derivatives, close):
+def test_a_point_moves_as_its_position_says():
     t = np.linspace(0, 1, 101)
     point = point_on_key(rocking(t), -0.17, 0.014)
     first, second = derivatives(lambda t: point_on_key(rocking(t), -0.17, 0.014).position, t, 0.01)
@@ -98,7 +99,7 @@ def test_a_point_moves_as_its_position_says(derivatives, close):
     assert np.hypot(*point.position.T) == pytest.approx(np.hypot(0.17, 0.014), rel=1e-15)
 
 
-def test_the_key_under_any_path_of_a_fingertip(derivatives, close):
+def test_the_key_under_any_path_of_a_fingertip():
     """The fingertip may slide, which `point_on_key` does not."""
     t = np.linspace(0, 1, 101)
 

@@ -146,8 +146,7 @@ def test_any_touches_give_numbers_or_a_message(touches):
 
 @given(st.floats(-0.29, -0.26), st.floats(0.15, 0.18), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
 def test_any_base_is_found(x, z, first, second):
-    arm = PAPER.arm.model_copy(update={"base_x": x, "base_z": z})
-    rig = PAPER.model_copy(update={"arm": arm})
+    rig = PAPER.replaced({"arm.base_x": x, "arm.base_z": z})
     points = np.linspace(-0.183, -0.14, 5)
     assume(np.hypot(x + 0.14, z - 0.014) < 0.21)
     found = locate_base(PAPER, touching(points, (first, second), rig=rig), points)

@@ -6,6 +6,7 @@ import pytest
 from sautereau.trajectory.press import draft_press, plan_press
 from sautereau.trajectory.quantise import GRAIN, LONGEST_SEGMENT
 from tests.budget import slow
+from tests.trajectory.brute_force import true_cruise_error
 
 
 def per_radian(rig):
@@ -69,7 +70,7 @@ SPEEDS = [
     ],
 )
 def test_at_two_million_counts_the_cruise_keeps_its_speed_to_a_thousandth(
-    bench, true_cruise_error, hold, speed, acceleration, jerk
+    bench, hold, speed, acceleration, jerk
 ):
     rig = bench(
         press__hold=hold,
@@ -92,7 +93,7 @@ def test_at_two_million_counts_the_cruise_keeps_its_speed_to_a_thousandth(
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
 @pytest.mark.parametrize("counts", [8192, *(slow(n) for n in MIDDLE), 2**31])
-def test_other_encoders_are_reported_truthfully(bench, true_cruise_error, counts, hold):
+def test_other_encoders_are_reported_truthfully(bench, counts, hold):
     for speed in ("0.01 m/s", "0.072 m/s"):
         rig = bench(arm__counts_per_revolution=counts, press__hold=hold, press__jack_speed=speed)
         draft = draft_press(rig)

@@ -18,6 +18,7 @@ from sautereau.trajectory.timing import (
     rest_to_rest,
     reversed_law,
 )
+from tests.trajectory.brute_force import close, derivatives
 
 PAPER = load_rig().press
 
@@ -188,7 +189,7 @@ def test_a_ramp_reaches_its_speed_within_its_limits(speed, acceleration, jerk):
     assert abs(undone.states[-1, 1]) <= 1e-9 * speed
 
 
-def test_acceleration_and_speed_are_derivatives(derivatives, close):
+def test_acceleration_and_speed_are_derivatives():
     law = press_law(PAPER).law
     step = 1e-5
     edges = law.times[:, None]

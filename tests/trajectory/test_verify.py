@@ -12,6 +12,7 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.press import draft_press, plan_press
 from tests.budget import examples
+from tests.trajectory.brute_force import brute
 
 PAPER = load_rig()
 
@@ -140,7 +141,7 @@ def presses(draw):
     rig = draw(rigs())
     if draw(st.integers(0, 3)) == 0:
         gesture = draw(gestures(rig.press.jack_rise))
-        rig = rig.model_copy(update={"press": rig.press.model_copy(update={"gesture": gesture})})
+        rig = rig.replaced({"press.gesture": gesture})
     if draw(st.booleans()):
         return rig, None
     rises = np.unique(draw(st.lists(st.integers(0, 1000), min_size=1, max_size=20)))
@@ -155,7 +156,7 @@ def arrays(plan):
     yield from (plan.time, plan.torques, plan.tilt, plan.slide)
 
 
-def check_by_force(brute, rig, expected):
+def check_by_force(rig, expected):
     """Plan, and check every value of an accepted plan by brute force."""
     try:
         plan = plan_press(rig, expected)
@@ -185,13 +186,13 @@ def check_by_force(brute, rig, expected):
 @pytest.mark.timeout(1800)
 @given(presses())
 @examples(25, 2000)
-def test_a_plan_holds_by_brute_force_or_is_refused(brute, press):
-    check_by_force(brute, *press)
+def test_a_plan_holds_by_brute_force_or_is_refused(press):
+    check_by_force(*press)
 
 
 @pytest.mark.parametrize("hold", ["point", "normal"])
 @pytest.mark.parametrize("pushed", [False, True])
-def test_the_papers_checks_are_exact_within_a_small_bound(bench, brute, hold, pushed):
+def test_the_papers_checks_are_exact_within_a_small_bound(bench, hold, pushed):
     rig = bench(press__hold=hold, arm__torque_limit="10 N m")
     rise = np.linspace(0, 0.01, 400)
     spike = 0.6 + 50.0 * np.exp(-(((rise - 0.0041234) / 2e-5) ** 2))
@@ -206,7 +207,7 @@ def test_the_papers_checks_are_exact_within_a_small_bound(bench, brute, hold, pu
         ) + 1e-8 * abs(check.value), check
 
 
-def test_stops_decelerate_each_joint_independently(bench, brute):
+def test_stops_decelerate_each_joint_independently(bench):
     """With a low deceleration the finger moves on; the check reports the actual depth."""
     rig = bench(arm__acceleration_limit="3 rad/s^2")
     values = {check.name: check for check in draft_press(rig).checks}
@@ -234,7 +235,7 @@ def test_torques_balance_the_expected_force_by_virtual_work(paper):
     assert np.abs(work - against).max() < 1e-12
 
 
-def test_the_force_is_not_expected_above_the_key(bench, brute):
+def test_the_force_is_not_expected_above_the_key(bench):
     """A force at rest acts in the press only, not in approach and retreat."""
     rig = bench()
     expected = Expectation(np.array([0.0]), np.array([30.0]), 0.0, 0.0)

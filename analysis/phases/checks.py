@@ -1,0 +1,252 @@
+"""Warnings and remarks about the phases of a press."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from sautereau.analysis.phases.contact import Contact
+from sautereau.analysis.phases.expected import Expected
+from sautereau.analysis.phases.found import FAIR, RIGID, Fit, HeldString
+from sautereau.analysis.phases.search import Growth
+from sautereau.analysis.phases.signals import Signals
+from sautereau.analysis.remark import Remark
+from sautereau.daq.signals.quality_flags import HOW_TO_FIX, QualityFlag, quality_warnings
+
+LARGE = 1e-3
+"""s, standard uncertainty above which a contact or a release gives a warning."""
+NEAR = 1e-3
+"""s, largest distance of a quality flag from a contact or release for a warning."""
+FAR = 3.0
+"""Distance of a pluck from every string that the rig expects, in standard deviations, above which
+it is unlike them."""
+DEVIATIONS = 3.0
+"""Number of standard uncertainties by which the true contact may be earlier."""
+
+
+def about_fit(
+    signals: Signals,
+    fit: Fit,
+    further: Sequence[Growth],
+    plucks: Sequence[HeldString],
+    strings: Expected,
+) -> list[Remark]:
+    """Return what is said about a poor fit, growths without a pluck, and the number of plucks.
+
+    Args:
+        fit: How well the load was explained.
+        further: Growths without a pluck.
+    """
+    count, found = len(strings.contacts), []
+    climbs = [
+        f"from {growth.contact * 1e3:.5g} to {growth.release * 1e3:.5g} ms the load climbs by"
+        f" {growth.force:.3g} N and collapses"
+        for growth in further
+    ]
+    if fit.verdict == "poor" and not plucks:
+        text = (
+            f"no pluck was found, but {_unexplained(fit)}: {', and '.join(climbs)}; plot the"
+            " phases, and check the strings and the clearance in the rig"
+        )
+        return [Remark(text)]
+    for growth, climb in zip(further, climbs, strict=True):
+        expects = unlike_the_rig(signals, growth.contact, growth.release, growth.force, strings)
+        text = (
+            f"{climb}, and no pluck was found there; plot the phases, and check the number of"
+            " strings in the rig"
+        )
+        text = f"{climb}, unlike {expects}: no pluck" if expects else text
+        found.append(Remark(text, doubt=not expects))
+    if fit.verdict == "poor":
+        text = (
+            f"the key rings and bends, or the rig is of another instrument: {_unexplained(fit)}, so"
+            " contact and release may be wrong by more than their uncertainties; press more slowly,"
+            " or check them in a plot"
+        )
+        found.append(Remark(text))
+    if 0 < len(plucks) < count:
+        text = (
+            f"plucks of {len(plucks)} of the rig's {count} strings were found: two may be"
+            " released together, or the press is too short; check the rise of the jack"
+        )
+        found.append(Remark(text))
+    elif len(plucks) > count and fit.model != "by hand":
+        text = (
+            f"{len(plucks)} plucks were found, but the rig has {count}"
+            f" string{'s' * (count > 1)}: a jump of the jack's speed may look like a pluck; plot"
+            " the phases, and check the strings and the key's inertia in the rig"
+        )
+        found.append(Remark(text))
+    return found
+
+
+def _unexplained(fit: Fit) -> str:
+    """Return how much of the load a poor fit leaves, with the limit."""
+    if fit.model == "compliant":
+        rms, limit = fit.residual * 1e3, FAIR * 1e3
+        return f"{rms:.2g} mN rms of the load are not explained (limit {limit:.2g} mN)"
+    left, limit = math.sqrt(fit.noise), math.sqrt(RIGID)
+    return f"the load that is not explained is {left:.2g} times its noise (limit {limit:.2g})"
+
+
+def about_exchange(contacts: Sequence[Contact]) -> list[Remark]:
+    """Return a warning if contacts of strings held at once may belong to each other's release."""
+    which = [i for i, c in enumerate(contacts) if c.exchange_std > LARGE]
+    if not which:
+        return []
+    most = max(contacts[i].exchange_std for i in which)
+    text = (
+        f"contacts of plucks {' and '.join(str(i + 1) for i in which)}: the strings are held at"
+        " once, and their contacts explain the load as well if they are exchanged, so half their"
+        f" distance, {most * 1e3:.2g} ms, is in their uncertainties; press each string alone"
+    )
+    return [Remark(text, tuple(which))]
+
+
+def unlike_the_rig(
+    signals: Signals, contact: float, release: float, force: float, strings: Expected
+) -> str:
+    """Return the string of the rig that is nearest to a pluck, as text; empty if it is alike.
+
+    Args:
+        contact: s after the trigger.
+        release: s after the trigger.
+        force: N at the finger, by which the load falls.
+    """
+    ends = np.interp([contact, release], signals.time, signals.rise)
+    place = strings.place_deviations(ends[0], ends[1] - ends[0])
+    off = np.hypot(np.hypot(*place.T), strings.force_deviations(force))
+    nearest = int(np.argmin(off))
+    if not off[nearest] > FAR:
+        return ""
+    at, top = strings.contacts[nearest], (strings.contacts + strings.climbs)[nearest]
+    expected = f"{strings.forces[nearest]:.2g} N from {at * 1e3:.2f} to {top * 1e3:.2f} mm"
+    return f"the rig's string, {expected} of rise"
+
+
+def about_likeness(
+    signals: Signals, plucks: Sequence[HeldString], strings: Expected
+) -> list[Remark]:
+    """Return warnings about plucks whose place and force are far from every string of the rig."""
+    found = []
+    for i, held in enumerate(plucks):
+        expects = unlike_the_rig(signals, held.contact, held.release, held.force_drop, strings)
+        if expects:
+            ends = np.interp([held.contact, held.release], signals.time, signals.rise) * 1e3
+            text = (
+                f"{_who(i, plucks)}its {held.force_drop:.2g} N from {ends[0]:.2f} to {ends[1]:.2f}"
+                f" mm of rise are not like {expects}, so it may be no pluck; plot the phases, and"
+                " check the clearance and the plectrum in the rig"
+            )
+            found.append(Remark(text, (i,)))
+    return found
+
+
+def about_end(signals: Signals, begin: int) -> list[Remark]:
+    """Return a warning if the recording ends on the way down, which starts at a sample."""
+    speed, top = signals.speed[begin:], int(np.argmax(signals.rise[begin:]))
+    if top < len(speed) - 2 or speed[top] <= 0.5 * speed.max():
+        return []
+    return [Remark("the recording ends while the key is still moving down; record for longer")]
+
+
+def about_instants(
+    plucks: Sequence[HeldString],
+    contacts: Sequence[Contact],
+    steady: float,
+    missing: str | None,
+) -> list[Remark]:
+    """Return warnings about contacts and releases that are hardly determined.
+
+    Args:
+        plucks: In order of time.
+        contacts: Of the plucks.
+        steady: s after the trigger, end of the run-up.
+        missing: Signal that was not recorded.
+    """
+    found = []
+    before = -math.inf
+    for i, (held, contact) in enumerate(zip(plucks, contacts, strict=True)):
+        who = _who(i, plucks)
+        earliest = held.contact - DEVIATIONS * held.contact_std
+        exchanged = contact.exchange_std > LARGE
+        hidden = earliest < before
+        early = earliest < steady and not (hidden or exchanged or missing == "force")
+        if early:
+            text = (
+                f"{who}contact may lie in the run-up, which ends at {steady * 1e3:.5g} ms, where it"
+                " depends on the rig's inertia: its uncertainty is"
+                f" {held.contact_std * 1e3:.2g} ms; press more slowly"
+            )
+            found.append(Remark(text, (i,)))
+        stds = {"release": held.release_std}
+        if not (early or exchanged):
+            stds = {"contact": held.contact_std} | stds
+        large = [f"{name} {std * 1e3:.2g} ms" for name, std in stds.items() if std > LARGE]
+        if large and not missing:
+            fix = "check the noise of the force and the sampling rate, and plot the phases"
+            if hidden:
+                fix = (
+                    f"the string before, released at {before * 1e3:.5g} ms, is held at the same"
+                    " time; increase the distance between the strings"
+                )
+            text = (
+                f"{who}uncertainty of {' and of '.join(large)}, above {LARGE * 1e3:.2g} ms: {fix}"
+            )
+            found.append(Remark(text, (i,)))
+        before = held.release
+    return found
+
+
+def about_flags(
+    signals: Signals,
+    marks: Sequence[QualityFlag],
+    plucks: Sequence[HeldString],
+    down: tuple[float, float],
+) -> list[Remark]:
+    """Return warnings about quality flags at contacts and releases, and saturation before these.
+
+    Args:
+        plucks: In order of time.
+        down: s after the trigger, start and end of the way down.
+    """
+    found, named = [], set()
+    then = "nothing was measured there" if signals.missing else "only the other channel shows it"
+    instants = [
+        (i, what, instant)
+        for i, held in enumerate(plucks)
+        for what, instant in (("contact", held.contact), ("release", held.release))
+    ]
+    for mark in marks:
+        near = [(i, what) for i, what, t in instants if mark.start - NEAR < t < mark.stop + NEAR]
+        if not near:
+            continue
+        of = " of pluck {}" if len(plucks) > 1 else ""
+        when = f"{mark.start * 1e3:.5g} to {mark.stop * 1e3:.5g} ms"
+        text = (
+            f"{mark.channel} {mark.kind} from {when}, at"
+            f" the {' and the '.join(what + of.format(i + 1) for i, what in near)}: {then};"
+            f" {HOW_TO_FIX[mark.kind]}"
+        )
+        # A contact is fitted to all rows of the held string, a release to those around it.
+        doubt = [i for i, what in near if mark.kind != "drop-out" or what == "release"]
+        found.append(Remark(text, tuple(doubt), doubt=bool(doubt)))
+        named.add((mark.channel, mark.kind))
+    end = max(held.release for held in plucks) if plucks else down[1]
+    saturated = [
+        mark
+        for mark in marks
+        if mark.kind != "drop-out"
+        and mark.start < end
+        and mark.stop > down[0]
+        and (mark.channel, mark.kind) not in named
+    ]
+    return found + [
+        Remark(f"{'before the last release' if plucks else 'on the way down'}, {text}")
+        for text in quality_warnings(saturated)
+    ]
+
+
+def _who(index: int, plucks: Sequence[HeldString]) -> str:
+    """Return which pluck a text is about; nothing for the only one."""
+    return f"pluck {index + 1}: " if len(plucks) > 1 else ""
