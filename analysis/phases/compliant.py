@@ -43,7 +43,7 @@ LEAST_NEAR = 0.25e-3
 """s, smallest value of this uncertainty."""
 MOST_NEAR = 1.0e-3
 """s, largest value of this uncertainty."""
-LARGER = 2.0
+LARGER = 1.6
 """Standard uncertainty of a contact over that of its fit. This and the next five constants are from
 presses of the independent simulator, and were tested on others."""
 LEAST_STD = 0.2e-3
@@ -55,9 +55,9 @@ LEAST_RELEASE_STD = 0.05e-3
 """s, standard uncertainty that is added to that of a release."""
 RELEASE_PART = 0.6
 """The same as `CONTACT_PART` for a release."""
-MOST_STD = 10e-3, 0.05
-"""Standard uncertainty of a contact or a release, in s and over the pluck's duration, above both of
-which a growth of the load is no pluck."""
+MOST_RELEASE_STD = 10e-3, 0.05
+"""Standard uncertainty of a release, in s and over the pluck's duration, above both of which a
+growth of the load is no pluck."""
 SEVERAL_RELEASES = 1.5
 """Factor of the uncertainties where a press has several releases: the ringing after one release
 disturbs the fit of the next."""
@@ -111,11 +111,10 @@ def compliant_plucks(
         if hidden or not growth.contact + SHORTEST <= release.time <= last:
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)
-        parts = LEAST_STD, CONTACT_PART * wrong, signals.instant_std
-        contact_std = math.hypot(LARGER * growth.contact_std, *parts)
+        parts = LEAST_STD, CONTACT_PART * wrong, signals.instant_std, growth.exchange_std
         contact = Contact(
             time=growth.contact,
-            std=math.hypot(contact_std, growth.exchange_std),
+            std=math.hypot(LARGER * growth.contact_std, *parts),
             gain=growth.significance,
             at_release=growth.force,
             noise=growth.noise,
@@ -127,8 +126,8 @@ def compliant_plucks(
         if release.time - before < within:
             std = math.hypot(std, part * (release.time - before))
         before = release.time
-        limit, part = MOST_STD
-        if max(contact_std, std) < max(limit, part * (release.time - growth.contact)):
+        limit, part = MOST_RELEASE_STD
+        if std < max(limit, part * (release.time - growth.contact)):
             found.append((contact, replace(release, std=std)))
     return found, searched
 
