@@ -15,6 +15,8 @@ from sautereau.daq.signals.quality_flags import HOW_TO_FIX, QualityFlag, quality
 
 LARGE = 1e-3
 """s, standard uncertainty above which a contact or a release gives a warning."""
+CLOSE = 1e-3
+"""s, distance of two releases below which they may be one."""
 NEAR = 1e-3
 """s, largest distance of a quality flag from a contact or release for a warning."""
 FAR = 3.0
@@ -194,6 +196,13 @@ def about_instants(
                 f"{who}uncertainty of {' and of '.join(large)}, above {LARGE * 1e3:.2g} ms: {fix}"
             )
             found.append(Remark(text, (i,)))
+        if held.release - before < CLOSE:
+            text = (
+                f"plucks {i} and {i + 1}: their releases are {(held.release - before) * 1e3:.2g} ms"
+                f" apart, below {CLOSE * 1e3:.2g} ms, so they may be one pluck; plot the phases, and"
+                " press each string alone"
+            )
+            found.append(Remark(text, (i - 1, i)))
         before = held.release
     return found
 

@@ -45,6 +45,13 @@ def test_strings_held_at_once_are_no_warning_unless_the_contact_is_uncertain():
     assert "the string before, released at 80 ms, is held at the same time" in said.text
 
 
+def test_two_releases_within_a_millisecond_may_be_one():
+    assert instants(held(0.05, 0.08), held(0.06, 0.0811)) == []
+    (said,) = instants(held(0.05, 0.08), held(0.06, 0.0809))
+    assert said.plucks == (0, 1)
+    assert said.text.startswith("plucks 1 and 2: their releases are 0.9 ms apart, below 1 ms,")
+
+
 def test_contacts_that_may_be_exchanged_have_one_warning_about_both():
     said = instants(held(0.05, 0.08, 3e-3), held(0.06, 0.09, 3e-3), exchange_std=2.9e-3)
     assert [remark.plucks for remark in said] == [(0, 1)]
