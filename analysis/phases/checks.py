@@ -199,8 +199,8 @@ def about_instants(
         if held.release - before < CLOSE:
             text = (
                 f"plucks {i} and {i + 1}: their releases are {(held.release - before) * 1e3:.2g} ms"
-                f" apart, below {CLOSE * 1e3:.2g} ms, so they may be one pluck; plot the phases, and"
-                " press each string alone"
+                f" apart, below {CLOSE * 1e3:.2g} ms, so they may be one pluck; plot the phases,"
+                " and press each string alone"
             )
             found.append(Remark(text, (i - 1, i)))
         before = held.release
