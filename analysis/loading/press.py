@@ -202,8 +202,13 @@ def partial_press_of(recorded: "Recorded") -> Press:
             rests = find_rests(signals["velocity"], rate)
             corner = channels["velocity"].high_pass
             signals["velocity"], drift, found = without_drift(
-                *(signals["velocity"], rests, rate, start, corner, _returns(recorded)),
-                channels["velocity"].gain_std,
+                signals["velocity"],
+                rests,
+                rate,
+                start,
+                corner,
+                returns=_returns(recorded),
+                tolerance=channels["velocity"].gain_std,
             )
             rest = rests.before
             said += found

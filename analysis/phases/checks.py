@@ -53,11 +53,12 @@ def about_fit(
         return [Remark(text)]
     for growth, climb in zip(further, climbs, strict=True):
         expects = unlike_the_rig(signals, growth.contact, growth.release, growth.force, strings)
-        text = (
-            f"{climb}, and no pluck was found there; plot the phases, and check the number of"
-            " strings in the rig"
-        )
-        text = f"{climb}, unlike {expects}: no pluck" if expects else text
+        text = f"{climb}, unlike {expects}: no pluck"
+        if not expects:
+            text = (
+                f"{climb}, and no pluck was found there; plot the phases, and check the number of"
+                " strings in the rig"
+            )
         found.append(Remark(text, doubt=not expects))
     if fit.verdict == "poor":
         text = (

@@ -86,12 +86,14 @@ def compare(
         rig saved in each recording.
     """
     from sautereau.analysis.errors import AnalysisError
-    from sautereau.entrance.session import open
+    from sautereau.entrance.each import every
+    from sautereau.entrance.session import Session, open
 
     bench = common.load_rig(rig) if rig else None
-    read = common.opened([*files, *(against or ())], output)
-    count = len(open(files))
-    session, other = read[:count], read[count:] or None
+    with output.progress("reading recordings"):
+        session, *others = every([files, against] if against else [files], open)
+        other = others[0] if others else None
+        Session([*session, *(other or ())]).read()
     with output.progress("predicting"):
         found = session.compare(other, rig=bench, level=level)
     conditions = found.found.conditions

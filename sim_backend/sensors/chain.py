@@ -75,7 +75,7 @@ class SensorChain:
         self._phase = random.uniform(0, 2 * np.pi)
         self._resonance = _oscillator(transducer, rate) if transducer else ([1.0], [1.0])
         self._state = rest * signal.lfilter_zi(*self._resonance) if transducer else np.zeros(0)
-        filters: list[Any] = [_low_pass(channel, rate)]
+        filters: list[Any] = _low_pass(channel, rate)
         if channel.high_pass > 0:
             filters.append(signal.butter(1, channel.high_pass, "high", fs=rate, output="sos"))
         self._filters = [[sections, signal.sosfilt_zi(sections) * rest] for sections in filters]
@@ -104,8 +104,8 @@ class SensorChain:
         return (self._converter or IDEAL_CONVERTER).convert(volts)
 
 
-def _low_pass(channel: Channel, rate: float) -> Floats:
-    """Return the sections of a channel's low-pass.
+def _low_pass(channel: Channel, rate: float) -> list[Any]:
+    """Return the sections of a channel's low-pass in a list, which is empty without one.
 
     With an order it is a Butterworth filter that delays slow signals as the analogue one does, at
     any corner. Without, it is of first order, and adds little to `delay`, which contains its delay.
@@ -114,13 +114,12 @@ def _low_pass(channel: Channel, rate: float) -> Floats:
         rate: Hz, of the samples.
     """
     corner, order = channel.low_pass, channel.low_pass_order
-    sections: Any = signal.tf2sos([1.0], [1.0])
     if order:
         poles: Any = signal.butter(order, 2 * np.pi * corner, analog=True, output="zpk")
-        sections = signal.zpk2sos(*signal.bilinear_zpk(*poles, fs=rate))
-    elif 0 < corner < rate / 2:
-        sections = signal.butter(1, corner, fs=rate, output="sos")
-    return sections
+        return [signal.zpk2sos(*signal.bilinear_zpk(*poles, fs=rate))]
+    if 0 < corner < rate / 2:
+        return [signal.butter(1, corner, fs=rate, output="sos")]
+    return []
 
 
 def _oscillator(transducer: Transducer, rate: float) -> tuple[Floats, Floats]:

@@ -12,12 +12,11 @@ import numpy as np
 
 from sautereau.analysis.campaign.table import read_campaign
 from sautereau.daq.file.reading import read_recording, read_session
-from sautereau.daq.file.recorded import Block
-from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.text import rig_text
 from tests.forked import CommandServer
 from tests.presses import MUTE_TEXT, QUICK
+from tests.recordings import write_recording
 
 PRESSES, RECORDINGS = 4, 300
 LEFT_OVER = re.compile(r"\.new$|ing\.part$|\.parquet\.part$")
@@ -69,10 +68,8 @@ def make_inputs(server: CommandServer, folder: Path) -> None:
     volts = np.stack([one.volts[channel.name] for channel in one.rig.daq.channels])
     rest = np.repeat(volts[:, :1], round(0.2 * one.rate), 1)
     several = np.concatenate([rest, *[volts, rest] * PRESSES], 1)
-    with Recording(
-        folder / "long.mcap", one.rig, session=one.session, rate=one.rate, t0_ns=one.t0_ns
-    ) as recording:
-        recording.write_block(Block(0, several))
+    known = {"session": one.session, "rate": one.rate, "t0_ns": one.t0_ns}
+    write_recording(folder / "long.mcap", one.rig, several, **known)
 
 
 def presses_once(folder: Path, n: int | None) -> None:
