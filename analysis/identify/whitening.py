@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.identify.residuals import InverseDynamics
-from sautereau.analysis.phases.signals import SOLVE
+from sautereau.analysis.phases.rows import SOLVE
 from sautereau.trajectory.motion import Floats
 
 REACH = 50e-3

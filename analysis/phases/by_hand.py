@@ -10,7 +10,8 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.found import line_through
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.signals import Signals, rows_of
+from sautereau.analysis.phases.rows import rows_of
+from sautereau.analysis.phases.signals import Signals
 from sautereau.rig.disk import read_text, write_durably
 from sautereau.rig.units import parse_quantity
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.expected import Expected
-from sautereau.analysis.phases.found import FAIR, RIGID, Fit, HeldString
-from sautereau.analysis.phases.search import Growth
+from sautereau.analysis.phases.found import FAIR, RIGID, Fit, Growth, HeldString
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.remark import Remark
 from sautereau.daq.signals.quality_flags import HOW_TO_FIX, QualityFlag, quality_warnings

@@ -1,9 +1,12 @@
 """What the rig's model expects of the strings: where they are, and the shape of their forces."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
@@ -29,6 +32,8 @@ CLIMB_STD = 0.4
 """Standard deviation of the logarithm of the rise from contact to release from that of the rig."""
 FORCE_STD = 0.5
 """Standard deviation of the logarithm of a force from that of the rig."""
+MOST_DEVIATION = 4.0
+"""Bound of a deviation in standard deviations, as a rig may be of another instrument."""
 LEAST_CLIMB, LEAST_FORCE = 1e-5, 1e-9
 """m and N, smallest rise and force of which the logarithm is taken."""
 
@@ -68,9 +73,49 @@ class Expected:
         climbed = np.maximum(climbs, LEAST_CLIMB)[..., None]
         return np.stack([of_contact, np.log(climbed / self.climbs) / CLIMB_STD], -1)
 
+    def deviations(self, contacts: Floats, releases: Floats) -> Floats:
+        """Return the deviations of a press's plucks from the strings, in standard deviations.
+
+        They are those of contacts, and of rises from contact to release. Each is bounded by
+        `MOST_DEVIATION`, which is also the deviation of a pluck for which the rig has no string.
+
+        Args:
+            contacts: m, rise of the first jack at contact, shape (..., plucks).
+            releases: m, its rise at release, in the same order.
+
+        Returns:
+            Shape (..., 2 plucks).
+        """
+        count = contacts.shape[-1]
+        order = np.argsort(contacts.reshape(math.prod(contacts.shape[:-1]), count), axis=1)
+        number = np.arange(len(order))
+        contact, release = (
+            rises.reshape(order.shape)[number[:, None], order] for rises in (contacts, releases)
+        )
+        far = self.place_deviations(contact, release - contact)
+        far /= np.sqrt(1 + far**2 / MOST_DEVIATION**2)
+        each, string = _assignments(count, len(self.contacts))
+        chosen = np.full((len(number), len(each), count, 2), MOST_DEVIATION)
+        chosen[:, np.arange(len(each))[:, None], each] = far[:, each, string]
+        best = np.argmin((chosen**2).sum((2, 3)), 1)
+        return chosen[number, best].reshape(*contacts.shape[:-1], 2 * count)
+
     def force_deviations(self, force: float) -> Floats:
         """Return how far a force [N] is from that of each string, in standard deviations."""
         return np.log(max(force, LEAST_FORCE) / self.forces) / FORCE_STD
+
+
+@lru_cache
+def _assignments(plucks: int, strings: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the ways to assign plucks to strings in order: indices, each (ways, pairs)."""
+    pairs = min(plucks, strings)
+    ways = [
+        (each, string)
+        for each in combinations(range(plucks), pairs)
+        for string in combinations(range(strings), pairs)
+    ]
+    each, string = np.array(ways, np.intp).reshape(len(ways), 2, pairs).transpose(1, 0, 2)
+    return each, string
 
 
 def expected(rig: Rig) -> Expected:

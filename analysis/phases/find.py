@@ -13,7 +13,8 @@ from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
 from sautereau.analysis.phases.expected import expected
 from sautereau.analysis.phases.found import Fit, HeldString, Phases, line_through, measured
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
-from sautereau.analysis.phases.signals import LEFT, Signals, rows_of, signals_of, way_down
+from sautereau.analysis.phases.rows import rows_of
+from sautereau.analysis.phases.signals import LEFT, Signals, signals_of, way_down
 from sautereau.analysis.remark import divided
 from sautereau.daq.signals.calibration import median, robust_std
 from sautereau.rig.schema import Rig

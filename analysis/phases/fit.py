@@ -13,7 +13,7 @@ import numpy as np
 
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.signals import Rows
+from sautereau.analysis.phases.rows import Rows
 from sautereau.trajectory.motion import Floats
 
 INERTIA_STD = 0.25

@@ -23,6 +23,29 @@ FAIR = 15e-3
 
 
 @dataclass(frozen=True)
+class Growth:
+    """A stretch over which the load grows with the rise, and then collapses."""
+
+    contact: float
+    """s after the trigger."""
+    release: float
+    """s after the trigger."""
+    force: float
+    """N at the finger, by which the load collapses."""
+    significance: float
+    """(chi2 without it - chi2) / (n (1 + d^2)), with the variance n of the residuals around it, and
+    its deviation d from the rig in instants and force, in standard deviations."""
+    contact_std: float = 0.0
+    """s, standard uncertainty; not evaluated for a further growth."""
+    release_std: float = 0.0
+    """s, the same."""
+    noise: float = 0.0
+    """Variance of the residuals around it, of sums over a third of it, over that of `NOISE`."""
+    exchange_std: float = 0.0
+    """s, further standard uncertainty of a contact that may belong to another string's release."""
+
+
+@dataclass(frozen=True)
 class HeldString:
     """One pluck; times in s after the trigger."""
 

@@ -15,11 +15,11 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.expected import CLIMB_STD, CONTACT_STD, expected
 from sautereau.analysis.phases.find import phases_in
-from sautereau.analysis.phases.found import Fit, Phases
+from sautereau.analysis.phases.found import Fit, Growth, Phases
 from sautereau.analysis.phases.plucks import LEAST_FALL_GAIN, Found, find_plucks
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
-from sautereau.analysis.phases.search import Growth
-from sautereau.analysis.phases.signals import Signals, rows_of, signals_of
+from sautereau.analysis.phases.rows import rows_of
+from sautereau.analysis.phases.signals import Signals, signals_of
 from sautereau.rig.schema import Rig
 
 CONTACT_PART = 0.02

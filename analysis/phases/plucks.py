@@ -5,20 +5,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sautereau.analysis.phases.compliant import (
+from sautereau.analysis.phases.compliant.event import refine_event, resolved
+from sautereau.analysis.phases.compliant.plucks import (
     CONTACT_PART,
     LEAST_STD,
     RELEASE_PART,
     SIGNIFICANT,
     compliant_plucks,
 )
+from sautereau.analysis.phases.compliant.search import NOISE, Searched
 from sautereau.analysis.phases.contact import Contact, find_contact
-from sautereau.analysis.phases.event import refine_event, resolved
 from sautereau.analysis.phases.expected import Expected, expected
-from sautereau.analysis.phases.found import FAIR, GOOD, RIGID, Fit
+from sautereau.analysis.phases.found import FAIR, GOOD, RIGID, Fit, Growth
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
-from sautereau.analysis.phases.search import NOISE, Growth, Searched
-from sautereau.analysis.phases.signals import Rows, Signals, rows_of
+from sautereau.analysis.phases.rows import Rows, rows_of
+from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.phases.unexplained import unexplained
 from sautereau.rig.schema import Rig
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.phases.levenberg import orthonormal
-from sautereau.analysis.phases.signals import BRIDGED, Rows, Signals, rows_of
+from sautereau.analysis.phases.rows import BRIDGED, Rows, rows_of
+from sautereau.analysis.phases.signals import Signals
 from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
 

@@ -1,19 +1,10 @@
-"""The signals of a press for finding phases, with flagged samples interpolated, and the load.
-
-The load is the finger force minus inertia on the way down, in rows with known noise. The finger
-force F at its arm p accelerates the key's inertia I against the load s of all other forces:
-s p = F p - I a''. With the vibrometer's velocity v = l a', s is the derivative of the integral
-Q = int F dt - I v / (l p). Differences of its means over blocks of samples are s with a triangular
-weight. This needs no derivative of the velocity, and the noise is known: white from the force,
-differenced white noise from the velocity.
-"""
+"""The signals of a press for finding phases, with flagged samples interpolated."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.drift import departure
@@ -46,22 +37,10 @@ LARGEST = {"force": 1e4, "velocity": 1e3}
 """N and m/s, limits of the samples; beyond them the sums of a fit lose all digits."""
 SPIKE = 12.0
 """Height of a spike in standard deviations."""
-ROWS = 800
-"""Largest number of rows of a way down."""
-LEAST_ROWS = 8
-"""Fewest rows for a fit."""
 LEAST_STEP = 80e-6
 """s, shortest row; in shorter ones the noise of the velocity exceeds the load."""
-BRIDGE = 0.5e-3
-"""s, on either side of a drop-out, of the means between which the acceleration is interpolated."""
-BRIDGED = 0.03
-"""N, noise of a row with flagged velocity."""
-HIDDEN = 10.0
-"""N, noise of a row with flagged force."""
 ASSUMED_FALL = 0.3
 """Dimensionless, relative uncertainty of a fall at release in one signal alone."""
-FACTOR, SOLVE = get_lapack_funcs(("pbtrf", "tbtrs"))
-"""LAPACK's Cholesky factorisation of a banded matrix, and the triangular solve."""
 
 
 @dataclass(frozen=True)
@@ -251,113 +230,3 @@ def _without_spikes(force: Floats, noise: float) -> Floats:
     bridged = force.copy()
     bridged[out] = (force[out - 3] + force[out + 3]) / 2
     return bridged
-
-
-@dataclass(frozen=True)
-class Rows:
-    """The load on the key over time; arrays of shape (n,)."""
-
-    time: Floats
-    """s after the trigger."""
-    step: float
-    """s, from row to row."""
-    load: Floats
-    """N at the finger."""
-    rise: Floats
-    """m, of the jack."""
-    speed: Floats
-    """m/s, of the jack."""
-    inertia: Floats
-    """N, subtracted inertia."""
-    variance: Floats
-    """N^2, of each row's load."""
-    covariance: Floats
-    """N^2, with the next row's; shape (n - 1,)."""
-
-    def whitener(self) -> "Whitener":
-        """Return the transformation of this noise to white noise of variance 1."""
-        return Whitener(self.variance, self.covariance)
-
-
-NO_ROWS = Rows(*[np.zeros(0), 0.0, *[np.zeros(0)] * 6])
-"""Rows without samples."""
-
-
-class Whitener:
-    """Maps columns whose noise has a tridiagonal covariance to columns with white noise."""
-
-    def __init__(self, variance: Floats, covariance: Floats):
-        band = np.zeros((2, len(variance)))
-        band[0], band[1, :-1] = variance, covariance
-        self._factor, _ = FACTOR(band, lower=1)
-
-    def __call__(self, columns: Floats, first: int = 0) -> Floats:
-        """Return columns, shape (n - first,) or (n - first, k), in units of their noise.
-
-        They start with a row before which they are 0.
-        """
-        found, _ = SOLVE(self._factor[:, first:], columns, uplo="L")
-        return found
-
-
-def rows_of(
-    signals: Signals, first: int, last: int, n: int | None = None, *, most: int = ROWS
-) -> Rows:
-    """Return the load over samples first to last - 1, one row for every n samples.
-
-    By default there are at most ``most`` rows, each at least `LEAST_STEP` long.
-    """
-    rate = signals.rate
-    n = max(1, -(-(last - first) // most), round(LEAST_STEP * rate)) if n is None else n
-    blocks = (last - first) // n
-    if blocks < LEAST_ROWS:
-        return NO_ROWS
-    last = first + blocks * n
-    weights = np.full(n, 1 / n)
-
-    def means(signal: Floats) -> Floats:
-        return signal[first:last].reshape(blocks, n) @ weights
-
-    def at_rows(signal: Floats) -> Floats:
-        each = means(signal)
-        return (each[1:] + each[:-1]) / 2
-
-    step = n / rate
-    no_force, no_velocity = (
-        at_rows(flags.astype(float)) > 0 if flags[first:last].any() else np.zeros(blocks - 1, bool)
-        for flags in (signals.no_force, signals.no_velocity)
-    )
-    inertia = signals.inertial * np.diff(means(signals.velocity)) / step
-    # Difference of block means of a running sum: late samples of a block, early ones of the next.
-    late = (np.arange(n) + 0.5) / n
-    parts = signals.force[first:last].reshape(blocks, n) @ np.stack([late, 1 - late], 1)
-    load = (parts[:-1, 0] + parts[1:, 1]) / n - inertia
-    if no_velocity.any() and not no_velocity.all():
-        bridged = _bridged(inertia, ~no_velocity, max(1, round(BRIDGE / step)))
-        load, inertia = load + inertia - bridged, bridged
-    # Sums of the squared weights of a row, late / n and (1 - late) / n, and of those it shares.
-    of_force = signals.force_noise**2 / n
-    of_velocity = (signals.inertial * signals.velocity_noise / step) ** 2 / n
-    # An interpolated velocity adds the error of the interpolation instead of its noise.
-    variance = of_force * (2 / 3 - 1 / (6 * n**2))
-    variance = variance + np.where(no_velocity, BRIDGED**2, 2 * of_velocity)
-    shared = of_force * (1 / 6 + 1 / (12 * n**2)) - of_velocity
-    alone = no_force | no_velocity
-    return Rows(
-        time=signals.time[first] + (np.arange(1, blocks) * n - 0.5) / rate,
-        step=step,
-        load=load,
-        rise=at_rows(signals.rise),
-        speed=at_rows(signals.speed),
-        inertia=inertia,
-        variance=variance + (HIDDEN * no_force) ** 2,
-        covariance=np.where(alone[1:] | alone[:-1], 0.0, shared),
-    )
-
-
-def _bridged(signal: Floats, good: NDArray[np.bool_], width: int) -> Floats:
-    """Return a signal with lines over bad rows, between means of `width` rows on either side."""
-    kernel, place = np.ones(2 * width + 1), np.arange(len(signal))
-    weight = np.convolve(good, kernel)[width:-width]
-    means = np.convolve(signal * good, kernel)[width:-width] / np.maximum(weight, 1)
-    return np.where(good, signal, np.interp(place, place[good], means[good]))

@@ -5,9 +5,9 @@ from scipy.ndimage import uniform_filter1d
 
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.fit import KeyAndString
+from sautereau.analysis.phases.found import Growth
 from sautereau.analysis.phases.release import NO_RELEASE
-from sautereau.analysis.phases.search import Growth
-from sautereau.analysis.phases.signals import Rows
+from sautereau.analysis.phases.rows import Rows
 
 PARTS = 100
 """Duration of the way down over the time for which the residuals are averaged."""

@@ -8,7 +8,7 @@ from sautereau.analysis.figures.phases import phases_figure
 from sautereau.analysis.loading.first_press import first_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.release import find_falls
-from sautereau.analysis.phases.signals import Rows
+from sautereau.analysis.phases.rows import Rows
 from sautereau.analysis.summary.press import press_summary
 from tests.budget import slow
 from tests.plots import texts

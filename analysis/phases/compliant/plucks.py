@@ -2,21 +2,21 @@
 
 import math
 from dataclasses import replace
-from itertools import permutations
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from sautereau.analysis.phases.compliant.event import refine_event
+from sautereau.analysis.phases.compliant.exchange import exchange_stds, with_better_contacts
+from sautereau.analysis.phases.compliant.saw_teeth import SawTeeth
+from sautereau.analysis.phases.compliant.search import Searched, row_noise, search
+from sautereau.analysis.phases.compliant.slow import Slow
 from sautereau.analysis.phases.contact import Contact
-from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.expected import Expected
-from sautereau.analysis.phases.found import FAIR
+from sautereau.analysis.phases.found import FAIR, Growth
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.saw_teeth import EXCHANGE_TOLERANCE, SawTeeth, Solved
-from sautereau.analysis.phases.search import Growth, Searched, row_noise, search
-from sautereau.analysis.phases.signals import BRIDGED, Signals
-from sautereau.analysis.phases.slow import Slow
-from sautereau.trajectory.motion import Floats
+from sautereau.analysis.phases.rows import BRIDGED
+from sautereau.analysis.phases.signals import Signals
 
 HIGH = 0.9
 """Fraction of the full rise of the jack above which the key may reach its front felt: a felt is
@@ -70,8 +70,6 @@ CHANGE = 0.5
 """Part of the change of a contact by these weights that is added to its standard uncertainty."""
 AROUND = 25
 """Number of rows over which this rms is taken."""
-LEAST_HELD = 2.5
-"""Least distance of a contact from its release where a fit starts, in widths of the smoothing."""
 LEAST_HIDDEN = 3 * BRIDGED
 """N, least force of a pluck whose release lies in a drop-out, where the inertia is interpolated."""
 CERTAIN_IF_HIDDEN = 1000.0
@@ -193,10 +191,10 @@ def _with_releases(
     noise = row_noise(searched.residual)
     fit = SawTeeth(slow, searched.compliance, noise, strings, known)
     start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
-    plucks, solved = _with_better_contacts(fit, *fit.refined(start)[:2])
+    plucks, solved = with_better_contacts(fit, *fit.refined(start)[:2])
     exchange, first = np.zeros(len(plucks)), plucks[:, 0]
     if (plucks[1:, 0] < plucks[:-1, 1]).any():
-        exchange = fit.exchange_stds(plucks, max(fit.noises(plucks, solved)))
+        exchange = exchange_stds(fit, plucks, max(fit.noises(plucks, solved)))
     if not exchange.any():
         square = uniform_filter1d((solved.row_residuals / fit.weight) ** 2, AROUND, mode="nearest")
         error = UNEXPLAINED * np.sqrt(np.maximum(square, 0.0))
@@ -209,27 +207,3 @@ def _with_releases(
         replace(g, contact=contact, contact_std=std, exchange_std=other)
         for g, contact, std, other in contacts
     )
-
-
-def _with_better_contacts(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
-    """Return plucks and their fit, or much better ones with other contacts.
-
-    The sum of strings that are held at once has several minima. So further fits start from the
-    contacts of the rig, assigned to the releases in every order.
-    """
-    rig = np.interp(fit.strings.contacts, fit.rise, fit.slow.hops)
-    if not 1 < len(plucks) <= len(rig):
-        return plucks, solved
-    variance, releases = max(fit.noises(plucks, solved)), plucks[:, 1]
-    latest = releases - LEAST_HELD * fit.slow.width
-    starts = [
-        np.column_stack([np.minimum(order, latest), releases])
-        for order in permutations(rig, len(plucks))
-    ]
-    best = fit.refined(plucks, variance)
-    least = best[2] / EXCHANGE_TOLERANCE
-    for start in starts:
-        other = fit.refined(start, variance)
-        if other[2] < least and (other[1].forces > 0).all():
-            best, least = other, other[2]
-    return best[:2]

@@ -7,16 +7,13 @@ rig.
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sautereau.analysis.phases.compliant.slow import TERMS, Slow
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.fit import HUM_STD, hum_at
 from sautereau.analysis.phases.levenberg import minimise, orthonormal
-from sautereau.analysis.phases.slow import TERMS, Slow
 from sautereau.trajectory.motion import Floats
 
 LEVEL_STD = 10.0
@@ -40,14 +37,10 @@ LOSS_STD = 2.5e-4
 contact and release together."""
 SHARP_STD = 9e-7
 """N s^2, prior standard deviation of the second derivative."""
-MOST_DEVIATION = 4.0
-"""Bound of these deviations in standard deviations, as a rig may be of another instrument."""
 LONGEST = 4e-3
 """s, longest step of a refinement."""
 CONVERGED = 3e-4
 """Relative decrease of chi2 at which a refinement ends."""
-EXCHANGE_TOLERANCE = 1.1
-"""Ratio of two chi2 up to which the contacts of both fits count as equally good."""
 SMALL = 0.2e-3
 """s, of a difference quotient."""
 
@@ -82,7 +75,7 @@ class SawTeeth:
     """Fits of saw-teeth to the load for one compliance.
 
     Args:
-        compliance: s^2, k of `sautereau.analysis.phases.slow`.
+        compliance: s^2, k of `sautereau.analysis.phases.compliant.slow`.
         noise: N, of a row; it weights the priors.
         releases: s, of the plucks with their standard uncertainties, shape (plucks, 2), where they
             are known from elsewhere.
@@ -202,10 +195,7 @@ class SawTeeth:
         return self.compliance - factor * TERMS["F2"]
 
     def rig_deviations(self, plucks: Floats) -> Floats:
-        """Return the deviations of plucks from the rig, in standard deviations.
-
-        They are those of contacts, and of rises from contact to release. Each is bounded by
-        `MOST_DEVIATION`, which is also the deviation of a pluck for which the rig has no string.
+        """Return the deviations of plucks from the rig (`Expected.deviations`).
 
         Args:
             plucks: s, contacts and releases, shape (..., plucks, 2).
@@ -213,18 +203,8 @@ class SawTeeth:
         Returns:
             Shape (..., 2 plucks).
         """
-        strings, count = self.strings, plucks.shape[-2]
-        each_set = plucks.reshape(math.prod(plucks.shape[:-2]), count, 2)
-        rise = np.interp(each_set, self.slow.hops, self.rise)
-        number = np.arange(len(rise))
-        rise = rise[number[:, None], np.argsort(rise[..., 0], axis=1)]
-        far = strings.place_deviations(rise[..., 0], rise[..., 1] - rise[..., 0])
-        far /= np.sqrt(1 + far**2 / MOST_DEVIATION**2)
-        each, string = _assignments(count, len(strings.contacts))
-        chosen = np.full((len(number), len(each), count, 2), MOST_DEVIATION)
-        chosen[:, np.arange(len(each))[:, None], each] = far[:, each, string]
-        best = np.argmin((chosen**2).sum((2, 3)), 1)
-        return chosen[number, best].reshape(*plucks.shape[:-2], 2 * count)
+        contacts, releases = np.moveaxis(np.interp(plucks, self.slow.hops, self.rise), -1, 0)
+        return self.strings.deviations(contacts, releases)
 
     def _deviations(self, plucks: Floats) -> Floats:
         """Return `rig_deviations`, and the same of releases from those that are known."""
@@ -309,59 +289,6 @@ class SawTeeth:
         found = minimise(start, evaluate, slopes, permitted, bounded, LONGEST, CONVERGED)
         self._refined[key] = found.state.reshape(-1, 2), found.found, found.chi2
         return self._refined[key]
-
-    def exchange_stds(self, plucks: Floats, variance: float) -> Floats:
-        """Return the standard uncertainties of contacts that may belong to each other's release.
-
-        Where strings are held at once and their contacts fit about as well when they are exchanged,
-        each contact is one of two instants, and the uncertainty is half their distance.
-
-        Args:
-            plucks: s, refined contacts and releases in order of release, shape (plucks, 2).
-            variance: N^2, as for `refined`.
-
-        Returns:
-            s, shape (plucks,); 0 for contacts that belong to their release.
-        """
-        found = np.zeros(len(plucks))
-        limit = EXCHANGE_TOLERANCE * self.refined(plucks, variance)[2]
-        for i, j in combinations(range(len(plucks)), 2):
-            exchanged = plucks.copy()
-            exchanged[[i, j], 0] = plucks[[j, i], 0]
-            if (np.diff(exchanged) <= self.slow.width).any():
-                continue
-            other, _, chi2 = self.refined(exchanged, variance)
-            if chi2 < limit:
-                half = np.abs(other[[i, j], 0] - plucks[[i, j], 0]) / 2
-                found[[i, j]] = np.maximum(found[[i, j]], half)
-        return found
-
-    def in_order(self, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
-        """Return the plucks with contacts in the order of releases, if that fits about as well.
-
-        The sum of two saw-teeth hardly changes if their contacts are exchanged.
-        """
-        order = np.argsort(plucks[:, 1])
-        swapped = plucks.copy()
-        swapped[order, 0] = np.sort(plucks[:, 0])
-        if (swapped == plucks).all():
-            return plucks, solved
-        other, fitted, _ = self.refined(swapped)
-        better = fitted.chi2 < EXCHANGE_TOLERANCE * solved.chi2
-        return (other, fitted) if better else (plucks, solved)
-
-
-@lru_cache
-def _assignments(plucks: int, strings: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the ways to assign plucks to strings in order: indices, each (ways, pairs)."""
-    pairs = min(plucks, strings)
-    ways = [
-        (each, string)
-        for each in combinations(range(plucks), pairs)
-        for string in combinations(range(strings), pairs)
-    ]
-    each, string = np.array(ways, np.intp).reshape(len(ways), 2, pairs).transpose(1, 0, 2)
-    return each, string
 
 
 def noise_around(left: Floats, first: int, last: int) -> float:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.analysis.phases.compliant.saw_teeth import SawTeeth, Solved
 from sautereau.analysis.phases.expected import CLIMB_STD, CONTACT_STD, LEAST_CLIMB, Expected
-from sautereau.analysis.phases.saw_teeth import SawTeeth, Solved
 from sautereau.trajectory.motion import Floats
 
 LEAST_RISE = 0.25e-3

@@ -10,10 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.phases.expected import Expected
-from sautereau.analysis.phases.pairs import APART, LEAST_RISE, pair_gains
-from sautereau.analysis.phases.saw_teeth import MOST_DEVIATION, SawTeeth, Solved, noise_around
-from sautereau.analysis.phases.slow import MOST_COMPLIANT, Slow
+from sautereau.analysis.phases.compliant.exchange import in_order
+from sautereau.analysis.phases.compliant.pairs import APART, LEAST_RISE, pair_gains
+from sautereau.analysis.phases.compliant.saw_teeth import (
+    SawTeeth,
+    Solved,
+    noise_around,
+)
+from sautereau.analysis.phases.compliant.slow import MOST_COMPLIANT, Slow
+from sautereau.analysis.phases.expected import MOST_DEVIATION, Expected
+from sautereau.analysis.phases.found import Growth
 from sautereau.trajectory.motion import Floats
 
 NOISE = 0.015
@@ -46,29 +52,6 @@ QUICK = 1
 
 
 @dataclass(frozen=True)
-class Growth:
-    """A stretch over which the load grows with the rise, and then collapses."""
-
-    contact: float
-    """s after the trigger."""
-    release: float
-    """s after the trigger."""
-    force: float
-    """N at the finger, by which the load collapses."""
-    significance: float
-    """(chi2 without it - chi2) / (n (1 + d^2)), with the variance n of the residuals around it, and
-    its deviation d from the rig in instants and force, in standard deviations."""
-    contact_std: float = 0.0
-    """s, standard uncertainty; not evaluated for a further growth."""
-    release_std: float = 0.0
-    """s, the same."""
-    noise: float = 0.0
-    """Variance of the residuals around it, of sums over a third of it, over that of `NOISE`."""
-    exchange_std: float = 0.0
-    """s, further standard uncertainty of a contact that may belong to another string's release."""
-
-
-@dataclass(frozen=True)
 class Searched:
     """The result of a search."""
 
@@ -77,7 +60,7 @@ class Searched:
     further: Growth | None
     """The next one, for which the rig has no string."""
     compliance: float
-    """s^2, k of `sautereau.analysis.phases.slow`."""
+    """s^2, k of `sautereau.analysis.phases.compliant.slow`."""
     residual: float
     """N, rms of the load that is not explained."""
     moved: float = 0.0
@@ -145,7 +128,7 @@ class _Search:
             found, fitted = sets[-1]
             first = best = None
             for plucks, solved, _ in self._refined_trials(found, fitted):
-                trial = fit.in_order(plucks, solved)
+                trial = in_order(fit, plucks, solved)
                 first = first or trial
                 if self._significance(*trial, -1, found, fitted) > 0:
                     best = trial

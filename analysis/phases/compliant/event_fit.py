@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from sautereau.analysis.phases.compliant.response import Orders, Poles, Response, curves, pole
 from sautereau.analysis.phases.levenberg import minimise, orthonormal
-from sautereau.analysis.phases.response import Orders, Poles, Response, curves, pole
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 

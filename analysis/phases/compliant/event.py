@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from sautereau.analysis.phases.event_fit import EventFit, Fitted
+from sautereau.analysis.phases.compliant.event_fit import EventFit, Fitted
+from sautereau.analysis.phases.compliant.response import Orders
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.response import Orders
 from sautereau.analysis.phases.signals import FORCE_FLOOR, VELOCITY_FLOOR, Signals
 
 BEFORE = 4e-3
