@@ -17,13 +17,14 @@ class Interrupts:
 
     It acts in the main thread only, which handles signals. A signal without a handler keeps its
     default action. At the end a delayed signal is raised as `KeyboardInterrupt`, unless an error is
-    being raised already.
+    being raised already. If it ends in another thread, as when that one frees a generator which was
+    never closed, the handlers cannot be replaced, and pass on every signal.
     """
 
     def __init__(self) -> None:
         self._before: dict[int, Callable[[int, FrameType | None], object]] = {}
         self._last = -PAUSE
-        self._holding = self._waited = False
+        self._holding = self._waited = self._ended = False
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
@@ -40,14 +41,16 @@ class Interrupts:
         self._holding = True
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
+        self._ended = True
+        if threading.current_thread() is threading.main_thread():
+            for number, handler in self._before.items():
+                signal.signal(number, handler)
         if self._waited and kind is None:
             raise KeyboardInterrupt
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         now = time.monotonic()
-        if self._holding or now < self._last + PAUSE:
+        if not self._ended and (self._holding or now < self._last + PAUSE):
             self._waited = True
             return
         self._last = now

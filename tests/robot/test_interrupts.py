@@ -2,6 +2,7 @@
 
 import signal
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -41,3 +42,16 @@ def test_another_thread_handles_none():
     thread = threading.Thread(target=enter)
     thread.start()
     thread.join()
+
+
+def test_one_that_ended_in_another_thread_delays_none():
+    before = signal.getsignal(signal.SIGINT)
+    left_open = Interrupts().__enter__()
+    try:
+        left_open.hold()
+        with ThreadPoolExecutor(1) as pool:
+            pool.submit(left_open.__exit__, None).result()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)

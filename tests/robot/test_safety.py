@@ -262,9 +262,7 @@ def test_disconnect_does_not_hide_an_earlier_error(bench, lines):
     lost = [(sent, OSError("gone")) for sent, _ in [lines.stop[0], *lines.abort]]
     controller, _ = bench(lines.connect, lines.on, lost)
     controller.connect()
-    with pytest.raises(ZeroDivisionError) as caught:  # noqa: PT012
-        power = controller.powered()
-        power.__enter__()
+    with pytest.raises(ZeroDivisionError) as caught, controller.powered():  # noqa: PT012
         try:
             raise ZeroDivisionError
         finally:
