@@ -92,8 +92,7 @@ class Expected:
         contact, release = (
             rises.reshape(order.shape)[number[:, None], order] for rises in (contacts, releases)
         )
-        far = self.place_deviations(contact, release - contact)
-        far /= np.sqrt(1 + far**2 / MOST_DEVIATION**2)
+        far = limited(self.place_deviations(contact, release - contact))
         each, string = _assignments(count, len(self.contacts))
         chosen = np.full((len(number), len(each), count, 2), MOST_DEVIATION)
         chosen[:, np.arange(len(each))[:, None], each] = far[:, each, string]
@@ -103,6 +102,11 @@ class Expected:
     def force_deviations(self, force: float) -> Floats:
         """Return how far a force [N] is from that of each string, in standard deviations."""
         return np.log(max(force, LEAST_FORCE) / self.forces) / FORCE_STD
+
+
+def limited(deviations: Floats) -> Floats:
+    """Return deviations limited smoothly to `MOST_DEVIATION`."""
+    return deviations / np.sqrt(1 + deviations**2 / MOST_DEVIATION**2)
 
 
 @lru_cache

@@ -68,8 +68,14 @@ def make_inputs(server: CommandServer, folder: Path) -> None:
     volts = np.stack([one.volts[channel.name] for channel in one.rig.daq.channels])
     rest = np.repeat(volts[:, :1], round(0.2 * one.rate), 1)
     several = np.concatenate([rest, *[volts, rest] * PRESSES], 1)
-    known = {"session": one.session, "rate": one.rate, "t0_ns": one.t0_ns}
-    write_recording(folder / "long.mcap", one.rig, several, **known)
+    write_recording(
+        folder / "long.mcap",
+        one.rig,
+        several,
+        session=one.session,
+        rate=one.rate,
+        t0_ns=one.t0_ns,
+    )
 
 
 def presses_once(folder: Path, n: int | None) -> None:

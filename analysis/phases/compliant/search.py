@@ -18,7 +18,7 @@ from sautereau.analysis.phases.compliant.saw_teeth import (
     noise_around,
 )
 from sautereau.analysis.phases.compliant.slow import MOST_COMPLIANT, Slow
-from sautereau.analysis.phases.expected import MOST_DEVIATION, Expected
+from sautereau.analysis.phases.expected import Expected, limited
 from sautereau.analysis.phases.found import Growth
 from sautereau.trajectory.motion import Floats
 
@@ -198,8 +198,8 @@ class _Search:
         deviations = float(
             np.sum(fit.rig_deviations(plucks) ** 2) - np.sum(fit.rig_deviations(others) ** 2)
         )
-        off = np.abs(fit.strings.force_deviations(float(forces[i]))).min()
-        deviations = max(0.0, deviations) + off**2 / (1 + off**2 / MOST_DEVIATION**2)
+        of_force = limited(np.abs(fit.strings.force_deviations(float(forces[i])))).min()
+        deviations = max(0.0, deviations) + float(of_force) ** 2
         gain = (without.chi2 - solved.chi2) / noise / (1 + deviations)
         climbed = np.diff(np.interp(pluck, slow.hops, fit.rise))[0]
         near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
