@@ -86,15 +86,19 @@ class Channel(Section):
 
     @property
     def lag(self) -> float:
-        """s, of the signal behind a slow motion: `delay`, `input_delay`, the low-pass's own.
+        """s, of the signal behind a slow motion: `delay`, `input_delay`, the low-pass's own."""
+        return self.delay + self.input_delay + self.low_pass_delay
+
+    @property
+    def low_pass_delay(self) -> float:
+        """s, of a slow motion in the low-pass; 0 if `delay` includes it.
 
         A Butterworth filter of order n delays low frequencies by 1 / (w sin(pi / 2n)).
         """
-        delay = self.delay + self.input_delay
         if not self.low_pass_order:
-            return delay
+            return 0.0
         corner = 2 * math.pi * self.low_pass
-        return delay + 1 / (corner * math.sin(math.pi / (2 * self.low_pass_order)))
+        return 1 / (corner * math.sin(math.pi / (2 * self.low_pass_order)))
 
 
 class Tls(Section):

@@ -194,10 +194,11 @@ def _with_modes(
 ) -> Release:
     """Return a release, fitted with the modes that it excites if a step does not explain it.
 
-    This is so where its residuals exceed those at the contact, where nothing rings.
+    This is so where its residuals exceed those at the contact, where nothing rings, and where a
+    slow low-pass makes a curve of the step.
     """
     least = min(RINGING, max(STEP, noise)) if resolved(signals, release.time) else RINGING
-    if release.noise < least:
+    if release.noise < least and not any(signals.low_passes):
         return release
     found = refine_event(signals, release.time, NEAR, release.fall, *ends)
     # The residuals of both signals, unlike those of the load, contain the inertia of a rigid key.

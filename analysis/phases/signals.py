@@ -10,6 +10,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.drift import departure
 from sautereau.analysis.loading.press import UNITS, Press, Signal, columns_of
 from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.phases.low_pass import LowPass, slow_low_pass
 from sautereau.daq.signals.calibration import white_noise
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
@@ -73,6 +74,8 @@ class Signals:
     """Where the force is flagged."""
     no_velocity: NDArray[np.bool_]
     """Where the velocity is flagged."""
+    low_passes: tuple[LowPass | None, ...] = ()
+    """Of the sensors of force and velocity, where they are slow."""
     missing: Signal | None = None
     """The signal that was not recorded: its samples are assumed (`_assumed`)."""
     fall_std: float = 0.0
@@ -136,6 +139,7 @@ def signals_of(press: Press) -> Signals:
         instant_std=math.hypot(1 / rate / math.sqrt(12), _lag_std(press.rig)),
         no_force=no_force,
         no_velocity=no_velocity,
+        low_passes=tuple(slow_low_pass(press.rig.daq.channel(q)) for q in ("force", "velocity")),
         missing=press.missing,
         fall_std=ASSUMED_FALL if press.missing else 0.0,
     )

@@ -116,7 +116,7 @@ class EventFit:
 
         self._expected, self._stds = near - near[0], stds
         at = means(signals.time) - near[0]
-        self._response = Response(at, samples / signals.rate, degree)
+        self._response = Response(at, samples / signals.rate, degree, signals.low_passes)
         starts = [0]
         for start in np.searchsorted(at, LATE):
             if start - starts[-1] >= BLOCK and n - start >= BLOCK:

@@ -5,16 +5,18 @@ laser and the transducer show the step of the string's force, convolved with the
 these. The response is a sum of exponentials exp(p t) with poles p, which are found together with
 the instant of the event. Since all these parts have inertia, neither the signals nor their slopes
 jump at the event: the signals begin with t^2. Only the velocity of a key with a jack on a hard
-cloth begins with t.
+cloth begins with t. What the event excites is then filtered by the sensors' low-passes.
 """
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.analysis.phases.low_pass import LowPass
 from sautereau.trajectory.motion import Floats
 
 Poles = NDArray[np.complex128]
@@ -43,11 +45,15 @@ class Response:
     """s, length of a block."""
     degree: int = 2
     """Of the polynomial that continues from before the events."""
+    low_passes: tuple[LowPass | None, ...] = ()
+    """Of the signals, one for each if any has one."""
 
     @cached_property
     def _ends(self) -> Floats:
-        """s, of the blocks, shape (n + 1,)."""
-        return np.append(self.time - self.step / 2, self.time[-1] + self.step / 2)
+        """s, of the blocks, and of those that the filters need after them; shape (n + ... + 1,)."""
+        ahead = max((each.ahead(self.step) for each in self.low_passes if each), default=0)
+        later = self.time[-1] + self.step * (np.arange(ahead + 1) + 0.5)
+        return np.append(self.time - self.step / 2, later)
 
     @cached_property
     def _polynomial(self) -> Floats:
@@ -92,8 +98,7 @@ class Response:
             curve = SCALE * (powers >= order) * (t / SCALE) ** (powers + 1) / (powers + 1)
             mode = _without(order + 1, waves, poles * t) / poles
             each.append(np.concatenate([curve, _pairs(mode)], -1))
-        ends: Floats = np.stack(each, -3)
-        return np.diff(ends, axis=-2) / self.step
+        return self._means(np.stack(each, -3))
 
     def slopes(self, instants: Floats, poles: Poles, orders: Orders) -> tuple[Floats, Poles, Poles]:
         """Return the derivatives of the columns of events, and of ringing from before.
@@ -117,13 +122,32 @@ class Response:
             by_instant.append(np.concatenate([curve, _pairs(mode)], -1))
             by_pole.append((t * mode - _without(order + 1, waves, poles * t) / poles) / poles)
         early = (self.time - self.time[0])[:, None]
-        instant_ends: Floats = np.stack(by_instant, -3)
-        pole_ends: Poles = np.stack(by_pole, -3)
         return (
-            -np.diff(instant_ends, axis=-2) / self.step,
-            np.diff(pole_ends, axis=-2) / self.step,
+            -self._means(np.stack(by_instant, -3)),
+            self._means(np.stack(by_pole, -3)),
             early * np.exp(early * poles),
         )
+
+    def _means(self, ends: NDArray[Any]) -> NDArray[Any]:
+        """Return filtered means over the blocks of columns whose integrals are given at the ends.
+
+        Args:
+            ends: Shape (..., orders, ends, columns).
+
+        Returns:
+            Shape (..., orders or signals, n, columns).
+        """
+        means = np.diff(ends, axis=-2) / self.step
+        if not any(self.low_passes):
+            return means
+        n = len(self.time)
+        each = []
+        for number, low_pass in enumerate(self.low_passes):
+            signal = means[..., min(number, means.shape[-3] - 1), :, :]
+            if low_pass:
+                signal = low_pass.filtered(signal, self.step, n)
+            each.append(signal[..., :n, :])
+        return np.stack(each, -3)
 
 
 def curves(orders: Orders) -> int:
