@@ -95,7 +95,7 @@ def tap_response(recordings: Sequence[tuple[Floats, Floats]], rate: float) -> Ta
     Raises:
         AnalysisError: There are too few taps.
     """
-    from scipy.signal import coherence, csd, welch
+    from scipy.signal import csd, welch
 
     count = round(LENGTH * rate)
     found = [tap for force, velocity in recordings for tap in _taps(force, velocity, rate)]
@@ -110,11 +110,12 @@ def tap_response(recordings: Sequence[tuple[Floats, Floats]], rate: float) -> Ta
     force, velocity = (np.concatenate(part) for part in zip(*records, strict=True))
     options = {"fs": rate, "window": "boxcar", "nperseg": count, "noverlap": 0, "detrend": False}
     frequency, cross = csd(force, velocity, **options)
-    power = welch(force, **options)[1]
-    _, coherent = coherence(force, velocity, **options)
-    mobility = cast("NDArray[np.complex128]", cross / np.maximum(power, 1e-300))
     part = (frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.4 * rate))
-    frequency, mobility, coherent = frequency[part], mobility[part], np.asarray(coherent)[part]
+    frequency, cross = frequency[part], cross[part]
+    # A frequency without any force, or without any velocity, has no response and no coherence.
+    power, moved = (np.maximum(welch(x, **options)[1][part], 1e-300) for x in (force, velocity))
+    mobility = cast("NDArray[np.complex128]", cross / power)
+    coherent = np.minimum(np.abs(cross) ** 2 / power / moved, 1.0)  # Exceeds 1 by rounding.
     modes = _modes(frequency, mobility, coherent, len(records))
     return TapResponse(len(records), cut, float(frequency[-1]), modes)
 

@@ -46,3 +46,18 @@ def test_a_tap_that_the_end_of_a_recording_cuts_off_is_counted_and_not_used():
 def _until(end, recording):
     """Return force and velocity up to a time [s]."""
     return tuple(part[: round(end * RATE)] for part in recording)
+
+
+def test_equal_taps_without_noise_and_without_force_at_some_frequencies():
+    """A pair of equal samples has no force at all at the Nyquist frequency: 0 / 0."""
+    force, velocity = np.zeros(round(TAPS * 0.4 * RATE)), np.zeros(round(TAPS * 0.4 * RATE))
+    time = np.arange(round(0.2 * RATE)) / RATE
+    ringing = 1e-2 * np.exp(-100 * time) * np.sin(2 * np.pi * 300 * time)
+    for k in range(TAPS):
+        start = round((0.05 + 0.4 * k) * RATE)
+        force[start : start + 2] = 1.0
+        velocity[start : start + len(ringing)] = ringing
+    response = tap_response([(force, velocity)], RATE)
+    assert response.taps == TAPS
+    (mode,) = response.modes
+    assert mode.frequency == pytest.approx(300, rel=0.02)

@@ -82,7 +82,7 @@ def test_all_steps_in_their_order(bench, capsys):
     assert setup("all", str(file), yes=True, simulation=simulation, output=Output(json=True)) == 0
     steps = json.loads(capsys.readouterr().out)["steps"]
     assert list(steps) == [
-        "port", "controller", "home", "encoders", "contact", "touch", "tap", "dry-run",
+        "port", "controller", "verify", "home", "encoders", "contact", "touch", "tap", "dry-run",
     ]  # fmt: skip
 
 
