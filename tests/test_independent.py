@@ -170,20 +170,25 @@ def test_the_files_are_readable(tmp_path):
 
 @pytest.mark.slow
 def test_events_converge_with_the_step():
-    """The second order, and a median error below 0.5 us at the step that presses are made with."""
+    """Order 2 for most events, and below 0.5 us in the median at the step of the presses.
+
+    Where a damped contact closes within a step (a finger with a gap to the key, a jack back on its
+    cloth), its force jumps, and the order of the events after it is 1.
+    """
     rng = np.random.default_rng(11)
     errors = []
     for conditions in [random_conditions(rng) for _ in range(10)]:
         found = []
-        for step in (2.5e-6, 1.25e-6, 0.3125e-6):
-            finer = replace(conditions, step=step, encoder=1e-13, servo_period=391 * 2.5e-6)
+        for step in (10e-6, 2.5e-6, 1.25e-6, 0.3125e-6):
+            finer = replace(conditions, step=step, encoder=1e-13, servo_period=98 * 10e-6)
             plucks, _ = plucks_of(simulate(finer)[0].events, 0.0)
-            found.append(np.array([(each.contact, each.release) for each in plucks]))
-        errors.append([np.max(np.abs(each - found[2]), initial=0.0) for each in found[:2]])
-    coarse, fine = np.transpose(errors)
-    assert np.median(coarse) < 0.5e-6
-    assert np.max(coarse) < 5e-6
-    assert np.sum(fine) < 0.4 * np.sum(coarse)
+            found.append(np.array([(each.contact, each.release) for each in plucks]).ravel())
+        errors.append(np.abs(np.array(found[:-1]) - found[-1]))
+    rough, used, fine = np.concatenate(errors, axis=1)
+    assert np.median(used) < 0.5e-6
+    assert np.max(used) < 5e-6
+    assert np.median(np.log(rough / np.maximum(fine, 1e-12)) / np.log(8)) > 1.7
+    assert np.sum(fine) < np.sum(rough) / 8
 
 
 @pytest.mark.slow
