@@ -53,9 +53,10 @@ class Figure:
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit not in ("", "1") else ""
+        ratio = f"{self.value / self.reference:.3g}" if self.reference else "-"
         return (
             f"| {self.what} | {self.value:.4g}{unit} | {self.against}: {self.reference:.4g}{unit}"
-            f" | {self.value / self.reference:.3g}{' MISSED' * self.missed} |"
+            f" | {ratio}{' MISSED' * self.missed} |"
         )
 
 

@@ -150,7 +150,7 @@ def _peer() -> list[Figure]:
         start = time.process_time()
         found = find_phases(press)
         then = time.process_time()
-        contact, release = _by_ruptures(press, found)
+        contact, release = by_ruptures(press, found, 2)
         seconds = [seconds[0] + then - start, seconds[1] + time.process_time() - then]
         held = found.plucks[0]
         ours.append(_errors(truth, held.contact, held.release))
@@ -165,8 +165,8 @@ def _peer() -> list[Figure]:
     return [*figures, Figure("phases of a press", mine, "ms", "ruptures", peer)]
 
 
-def _by_ruptures(press: Press, found: Phases) -> tuple[float, float]:
-    """Return the two changes of a piecewise line that `ruptures` finds on the way down [s].
+def by_ruptures(press: Press, found: Phases, changes: int) -> list[float]:
+    """Return the changes of a piecewise line that `ruptures` finds on the way down [s].
 
     It is given their number and the range of the way down; its search is exact.
     """
@@ -178,8 +178,8 @@ def _by_ruptures(press: Press, found: Phases) -> tuple[float, float]:
     rows = int(inside.sum()) // n
     at, force = (signal[inside][: rows * n].reshape(rows, n).mean(1) for signal in (at, force))
     signal = np.column_stack([force, np.ones(rows), np.arange(rows)])
-    first, second, _ = ruptures.Dynp(model="linear", jump=1, min_size=3).fit(signal).predict(2)
-    return float(at[first]), float(at[second])
+    ends = ruptures.Dynp(model="linear", jump=1, min_size=3).fit(signal).predict(changes)
+    return at[ends[:-1]].tolist()
 
 
 def _errors(truth: Truth, contact: float, release: float) -> tuple[float, float]:
