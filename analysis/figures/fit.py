@@ -9,6 +9,7 @@ from sautereau.analysis.figures.palette import BEFORE, DASHES, MEASURED, OTHER, 
 from sautereau.analysis.identify.combinations import IDENTIFIABLE
 from sautereau.analysis.identify.fit import Fit
 from sautereau.analysis.identify.identified import Estimate, Identified
+from sautereau.analysis.identify.parameters import values_of_rig
 from sautereau.analysis.summary.text import counted
 
 
@@ -38,8 +39,7 @@ def fit_figure(fitted: Fit, found: Identified, simulated: bool) -> Figure:
 def _forces(top, below, fitted: Fit) -> None:
     """Draw the first press's force and its models, and the residual of every press."""
     dynamics, noise = fitted.problem.dynamics, fitted.problem.whitenings
-    start = np.array([p.start for p in dynamics.free])
-    before, _ = dynamics.residuals(start)
+    before, _ = dynamics.residuals(values_of_rig(dynamics.rig, dynamics.free))
     after, _ = dynamics.residuals(fitted.values)
     press = dynamics.presses[0]
     time = press.time * 1e3

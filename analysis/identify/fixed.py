@@ -16,14 +16,18 @@ from sautereau.analysis.identify.fit import DEPENDENT, Fit
 from sautereau.analysis.identify.hidden import assumed_std
 from sautereau.analysis.identify.parameter_names import (
     CONTACT,
-    ENDS,
     FORCE,
     MODULUS,
     NAMES,
     STIFFNESS,
     VELOCITY_GAIN,
 )
-from sautereau.analysis.identify.parameters import unit_of_parameter, value_of, with_parameters
+from sautereau.analysis.identify.parameters import (
+    bounds_of,
+    unit_of_parameter,
+    value_of,
+    with_parameters,
+)
 from sautereau.analysis.identify.problem import Problem
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.identify.whitening import white
@@ -172,7 +176,9 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
         if name in MEASURED:
             continue
         step, reduction = freed(*_beside(dynamics, name, value))
-        low, high = ENDS.get(name, (0.0, np.inf))
+        low, high = bounds_of(dynamics.rig, name)
+        if low == high:
+            high = np.inf
         # An impossible value is not the cause. A linear step may be too long, however.
         if reduction > SUGGESTED and low <= value + step <= high + (high - low):
             found.append(Suggestion(name, unit, reduction, min(value + step, high)))

@@ -24,7 +24,7 @@ from sautereau.analysis.identify.fixed import (
 )
 from sautereau.analysis.identify.measurements import Information, Measurement
 from sautereau.analysis.identify.parameter_names import CONTACT, FRICTION, INERTIA
-from sautereau.analysis.identify.parameters import Prior, with_parameters
+from sautereau.analysis.identify.parameters import Prior, value_of, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.quality import Quality, quality
 from sautereau.analysis.identify.residuals import InverseDynamics
@@ -49,8 +49,8 @@ class Estimate:
     name: str
     unit: str
     value: float
-    start: float
-    """Value at which the fit started, usually the rig's."""
+    rig_value: float
+    """Value of the rig; 0 for an offset."""
     std: float | None
     """Standard uncertainty from data and prior; None if undetermined."""
     low: float | None
@@ -195,8 +195,9 @@ def evaluate(fitted: Fit) -> Identified:
 def _with_found_friction(fitted: Fit, stds: Floats) -> Fit:
     """Return the fit; the plectrum's friction is no longer hidden if it differs from the rig's."""
     dynamics = fitted.problem.dynamics
+    rig_value = value_of(dynamics.rig, FRICTION)
     for number, (parameter, value) in enumerate(zip(dynamics.free, fitted.values, strict=True)):
-        differs = abs(value - parameter.start) >= SIGNIFICANT * stds[number]
+        differs = abs(value - rig_value) >= SIGNIFICANT * stds[number]
         if parameter.name == FRICTION and parameter.hidden and differs:
             free = list(dynamics.free)
             free[number] = replace(parameter, hidden=False)
@@ -257,7 +258,7 @@ def _estimate(
         name=parameter.name,
         unit=parameter.unit,
         value=value,
-        start=parameter.start,
+        rig_value=value_of(found.dynamics.rig, parameter.name),
         std=std if np.isfinite(std) else None,
         low=value - INTERVAL * std if interval else None,
         high=value + INTERVAL * std if interval else None,

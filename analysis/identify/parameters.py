@@ -5,6 +5,8 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.parameter_names import (
     ENDS,
@@ -19,6 +21,7 @@ from sautereau.analysis.identify.parameter_names import (
 from sautereau.rig.faults import fault_list, unit_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity
+from sautereau.trajectory.motion import Floats
 
 FACTOR = 10.0
 """Ratio of a bound to the rig's value if the rig file assumes no range."""
@@ -163,6 +166,11 @@ def value_of(rig: Rig, name: str) -> float:
     return 0.0 if section == "offset" else float(getattr(getattr(rig, section), field))
 
 
+def values_of_rig(rig: Rig, free: Sequence[Parameter]) -> Floats:
+    """Return the values [SI] of parameters in the rig; the prior's mean of the hidden ones."""
+    return np.array([p.mean if p.hidden else value_of(rig, p.name) for p in free], float)
+
+
 def unit_of_parameter(name: str) -> str:
     """Return a parameter's SI unit; empty for a ratio."""
     known = {STIFFNESS: "N*m**2", TIME: "s", FORCE: "N"}
@@ -205,7 +213,7 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
 def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Parameter:
     """Return a parameter with its bounds; add contradictions to `faults`."""
     value, unit = value_of(rig, name), unit_of_parameter(name)
-    low, high = ENDS.get(name) or rig.assumed.get(name) or _around(rig, name, value)
+    low, high = bounds_of(rig, name)
     low = low if prior.low is None else prior.low
     high = high if prior.high is None else prior.high
     if prior.mean is not None and prior.std is not None:
@@ -227,7 +235,11 @@ def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Paramete
     return Parameter(name, unit, value, low, high, prior.mean, prior.std)
 
 
-def _around(rig: Rig, name: str, value: float) -> tuple[float, float]:
+def bounds_of(rig: Rig, name: str) -> tuple[float, float]:
+    """Return the bounds [SI] of a parameter without a prior; both are 0 if nothing is known."""
+    if known := ENDS.get(name) or rig.assumed.get(name):
+        return known
+    value = value_of(rig, name)
     if name == STIFFNESS and MODULUS in rig.assumed:
         ratio = rig.plectrum.bending_stiffness / rig.plectrum.youngs_modulus
         low, high = rig.assumed[MODULUS]

@@ -150,7 +150,7 @@ def _table(found: Identified) -> list[str]:
 def _estimate_cells(estimate: Estimate) -> tuple[str, ...]:
     """Return name, value, standard uncertainty, unit and the rig's own value."""
     spread = "undetermined" if estimate.std is None else f"+- {estimate.std:.2g}"
-    rig = f"(rig: {estimate.start:.5g})"
+    rig = f"(rig: {estimate.rig_value:.5g})"
     return estimate.name, f"{estimate.value:.5g}", spread, _unit(estimate.unit), rig
 
 

@@ -52,7 +52,7 @@ class Fit(Shown):
         """Each parameter with value, uncertainty and 95 % interval, SI."""
         import pandas as pd
 
-        columns = ["name", "unit", "value", "std", "low", "high", "start"]
+        columns = ["name", "unit", "value", "std", "low", "high", "rig_value"]
         columns += ["at_bound", "identifiable"]
         rows = [[getattr(e, name) for name in columns] for e in self.found.estimates]
         return pd.DataFrame(rows, columns=columns).set_index("name")

@@ -99,6 +99,15 @@ def test_plectrum_inertia_and_friction_are_identified_from_two_noisy_presses(fou
     assert not found.warnings
 
 
+def test_a_fit_that_starts_elsewhere_reports_the_values_of_the_rig(made, rig):
+    """As the fit of a compliant key, which starts from that of a rigid one."""
+    problem = made.problem
+    moved = [replace(p, start=(p.start + p.high) / 2) for p in problem.dynamics.free]
+    elsewhere = replace(problem, dynamics=problem.dynamics.with_free(moved))
+    for estimate in evaluate(replace(made, problem=elsewhere)).estimates:
+        assert estimate.rig_value == value_of(rig, estimate.name)
+
+
 def test_the_slope_error_falls_from_tens_of_per_cent_to_under_three(two, found, rig):
     pressed, phases = two
     speeds = list(map(jack_speed, pressed, phases))

@@ -10,6 +10,7 @@ from benchmarks.identify import FREE, RESULTS, one_factor_case
 from sautereau.analysis.identify.elastic import Bending, Mode, noise_gain
 from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.identify.observed import SUBSTEPS
+from sautereau.analysis.identify.parameters import value_of
 
 ARM, INERTIA = 0.17, 8e-4
 
@@ -67,6 +68,7 @@ def test_plectrum_and_inertia_are_identified_on_a_compliant_key(name, frequency)
     assert found.modes
     assert min(abs(mode.frequency / frequency - 1) for mode in found.modes) < 0.1
     for estimate in found.estimates:
+        assert estimate.rig_value == value_of(pressed[0].rig, estimate.name)
         if estimate.name in RESULTS:
             # Three presses do not determine the plectrum to 5 %.
             assert estimate.name == "key.inertia" or not estimate.identifiable
