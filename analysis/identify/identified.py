@@ -118,6 +118,24 @@ class Identified:
     warnings: tuple[str, ...]
 
 
+    @property
+    def contact_warning(self) -> str | None:
+        """Warning of results for a string on the mid-line, which no instrument has; or None.
+
+        The wrong place may leave no residual.
+        """
+        if self.rig.plectrum.contact != "mid-line" or any(s.name == CONTACT for s in self.suggested):
+            return None
+        effects = next((s.effects for s in self.sensitivity if s.name == CONTACT), {})
+        changes = [f"{n} by {100 * e:+.0f} %" for n, e in effects.items() if abs(e) > IDENTIFIABLE]
+        if not changes:
+            return None
+        return (
+            f'{CONTACT} is "mid-line" in the rig, as in the paper\'s equations, but on an instrument'
+            f' the string lies on the surface; "surface" would change {", ".join(changes)}'
+        )
+
+
 def identify(
     presses: Sequence[Press],
     phases: Sequence[Phases],

@@ -65,8 +65,12 @@ class Fit(Shown):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about doubtful results."""
-        mixed = f"fitted together, although the presses differ in {', '.join(self.mixed)}"
-        return (*self.found.warnings, *([mixed] * bool(self.mixed)))
+        more = []
+        if self.mixed:
+            more.append(f"fitted together, although the presses differ in {', '.join(self.mixed)}")
+        if not self.simulated and self.found.contact_warning:
+            more.append(self.found.contact_warning)
+        return (*self.found.warnings, *more)
 
     def document(self, profiles: "Sequence[Profile]" = ()) -> dict[str, Any]:
         """Return the fit as JSON; SI units."""

@@ -108,6 +108,13 @@ def test_a_fit_that_starts_elsewhere_reports_the_values_of_the_rig(made, rig):
         assert estimate.rig_value == value_of(rig, estimate.name)
 
 
+def test_results_for_a_string_on_the_mid_line_state_what_the_surface_would_change(found):
+    """The friction of the plectrum imitates the surface, so that no residual may show it."""
+    assert "plectrum.overlap by" in found.contact_warning
+    surface = with_values(found.rig, {"plectrum.contact": "surface"})
+    assert replace(found, rig=surface).contact_warning is None
+
+
 def test_the_slope_error_falls_from_tens_of_per_cent_to_under_three(two, found, rig):
     pressed, phases = two
     speeds = list(map(jack_speed, pressed, phases))

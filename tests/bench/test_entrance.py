@@ -42,6 +42,8 @@ def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     assert fit.identifiable == {"plectrum.overlap": True}
     assert st.Rig("fit.toml").values.plectrum.overlap == pytest.approx(0.3e-3, rel=0.02)
     assert fit.mixed == ()
+    assert '"mid-line"' not in str(fit)  # true of the stand-in
+    assert '"mid-line"' in str(replace(fit, simulated=False))
     other = replace(session[1].info, started="2020-01-01", session="another")
     session[1].__dict__["analysed"] = replace(session[1].analysed, session=other)
     mixed = session.identify(["plectrum.overlap"], starts=1)
