@@ -117,22 +117,23 @@ class Identified:
     """Fixed numbers that should be freed, the best first; empty if the model fits."""
     warnings: tuple[str, ...]
 
-
     @property
     def contact_warning(self) -> str | None:
         """Warning of results for a string on the mid-line, which no instrument has; or None.
 
         The wrong place may leave no residual.
         """
-        if self.rig.plectrum.contact != "mid-line" or any(s.name == CONTACT for s in self.suggested):
+        suggested = any(s.name == CONTACT for s in self.suggested)
+        if self.rig.plectrum.contact != "mid-line" or suggested:
             return None
         effects = next((s.effects for s in self.sensitivity if s.name == CONTACT), {})
         changes = [f"{n} by {100 * e:+.0f} %" for n, e in effects.items() if abs(e) > IDENTIFIABLE]
         if not changes:
             return None
         return (
-            f'{CONTACT} is "mid-line" in the rig, as in the paper\'s equations, but on an instrument'
-            f' the string lies on the surface; "surface" would change {", ".join(changes)}'
+            f'{CONTACT} is "mid-line" in the rig, as in the paper\'s equations, but on an'
+            f' instrument the string lies on the surface; "surface" would change'
+            f" {', '.join(changes)}"
         )
 
 
