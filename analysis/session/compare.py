@@ -4,8 +4,9 @@ Each press is predicted for the speed that its jack had while the string was hel
 loses 10 to 30 % of its speed then, and the key's inertia, slowed down, pushes in its place.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,6 +21,8 @@ from sautereau.trajectory.motion import Floats
 
 MANY = 20
 """Smallest number of presses for a bootstrap interval. For fewer presses Student's t is better."""
+NORMAL = 1.96
+"""Half width of a 95 % interval, in standard uncertainties."""
 RESAMPLES = 9999
 """Number of samples of a bootstrap."""
 
@@ -39,7 +42,11 @@ class Mean:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The paper's three statements as model errors [1], (model - measured) / measured."""
+    """The paper's three statements as model errors [1], (model - measured) / measured.
+
+    Their intervals contain the variation from press to press, and errors that all presses share:
+    the gains of the sensors, and the standard uncertainties of contact and release.
+    """
 
     presses: int
     """Presses with a pluck."""
@@ -51,11 +58,16 @@ class Comparison:
     """Error of the pluck duration."""
 
 
-def compare(phases: Sequence[Phases], predictions: Sequence[Prediction]) -> Comparison:
+def compare(
+    phases: Sequence[Phases],
+    predictions: Sequence[Prediction],
+    gains: Mapping[str, float] | None = None,
+) -> Comparison:
     """Compare the first pluck of repeated presses with predictions.
 
     Args:
         predictions: Prediction of each press for the measured speed of its jack.
+        gains: Relative standard uncertainties of features (`gain_stds`); 0 where missing.
 
     Raises:
         AnalysisError: No press has a pluck to compare.
@@ -67,13 +79,42 @@ def compare(phases: Sequence[Phases], predictions: Sequence[Prediction]) -> Comp
             " check the forces, and the string and plectrum of that key"
         )
     predicted = [(h, *predicted_features(p)) for h, p in held]
+    gains = gains or {}
+    instants = [math.hypot(h.contact_std, h.release_std) / h.pluck_duration for h, _ in held]
+
+    def error(ratios: Sequence[float], *stds: float) -> Mean:
+        return _with_shared(mean_of([ratio - 1 for ratio in ratios]), math.hypot(*stds))
+
     return Comparison(
         presses=len(held),
-        slope_error=mean_of([slope / h.force_slope - 1 for h, slope, _ in predicted]),
-        magnitude_error=mean_of(
-            [rise / (h.release_force - h.contact_force) - 1 for h, _, rise in predicted]
+        slope_error=error(
+            [slope / h.force_slope for h, slope, _ in predicted], gains.get("force_slope", 0.0)
         ),
-        duration_error=mean_of([p.pluck_duration / h.pluck_duration - 1 for h, p in held]),
+        magnitude_error=error(
+            [rise / (h.release_force - h.contact_force) for h, _, rise in predicted],
+            gains.get("release_force", 0.0),
+        ),
+        # The model is given the measured speed.
+        duration_error=error(
+            [p.pluck_duration / h.pluck_duration for h, p in held],
+            gains.get("held_speed", 0.0),
+            float(np.mean(instants)),
+        ),
+    )
+
+
+def _with_shared(error: Mean, std: float) -> Mean:
+    """Return a model error whose interval contains an error that all presses share.
+
+    Args:
+        std: Its standard uncertainty over the measured value.
+    """
+    if error.low is None or error.high is None:
+        return error
+    half = NORMAL * std * (1 + error.value)
+    low, high = error.value - error.low, error.high - error.value
+    return replace(
+        error, low=error.value - math.hypot(low, half), high=error.value + math.hypot(high, half)
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import Prediction, predict
+from sautereau.analysis.press.features import gain_stds
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.compare import Comparison, compare, predicted_means
 from sautereau.analysis.session.pooled import PooledFeature, pooled_features
@@ -164,7 +165,7 @@ def _condition(
         each = [predict(rig or own, level, speed=press.speed) for press in known]
         plucked = [p for press, p in zip(known, each, strict=True) if press.speed]
         prediction = plucked[0] if plucked else predict(rig or own, level)
-        comparison = compare([press.phases for press in known], each)
+        comparison = compare([press.phases for press in known], each, gain_stds(own))
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:
         warnings.append(f"no comparison with the model: {error}")

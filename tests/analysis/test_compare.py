@@ -97,6 +97,21 @@ def test_mean_and_interval_of_three(prediction):
     assert found.magnitude_error.high == pytest.approx(0.2 + half, rel=1e-6)
 
 
+def test_errors_that_all_presses_share_widen_the_intervals(prediction):
+    """Equal presses: only gains, and the instants' 10 us each, are uncertain."""
+    equal = [phases_of(prediction, slope=0.1, rise=0.2, duration=0.05)] * 4
+    gains = {"force_slope": 0.02, "release_force": 0.01, "held_speed": 0.005}
+    found = compare(equal, [prediction] * 4, gains)
+    instants = np.hypot(1e-5, 1e-5) / equal[0].plucks[0].pluck_duration
+    for error, std in (
+        (found.slope_error, 0.02),
+        (found.magnitude_error, 0.01),
+        (found.duration_error, np.hypot(0.005, instants)),
+    ):
+        half = 1.96 * std * (1 + error.value)
+        assert (error.low, error.high) == pytest.approx((error.value - half, error.value + half))
+
+
 def test_presses_without_a_pluck_do_not_count(prediction):
     found = compare([MUTE, phases_of(prediction, slope=0.1), MUTE], [prediction] * 3)
     assert found.presses == 1
