@@ -76,6 +76,12 @@ class Whitener:
         found, _ = SOLVE(self._factor[:, first:], columns, uplo="L")
         return found
 
+    def undone(self, white: Floats) -> Floats:
+        """Return a column, shape (n,), from one in units of its noise."""
+        found = self._factor[0] * white
+        found[1:] += self._factor[1, :-1] * white[:-1]
+        return found
+
 
 def rows_of(
     signals: Signals, first: int, last: int, n: int | None = None, *, most: int = ROWS
