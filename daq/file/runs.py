@@ -15,6 +15,8 @@ from sautereau.rig.faults import fault_list
 
 MOST_RUNS = 10_000
 """Limit for one channel."""
+ROOM = 50_000
+"""Samples of each channel for which a file that is held completely has room from the start."""
 
 
 class Clock(NamedTuple):
@@ -121,7 +123,8 @@ class Runs:
         if not runs or first > runs[-1].stop:
             if len(runs) == MOST_RUNS:
                 raise RecordingError(f"{names} has more than the limit of {MOST_RUNS} gaps")
-            room = self._size // layout.size if self._size and self._complete and not runs else 0
+            all_of_it = self._size and self._complete and not runs
+            room = max(ROOM, self._size // layout.size) if all_of_it else 0
             runs.append(_Run(first, len(layout.names), room))
         if first < runs[-1].stop:
             raise RecordingError(
