@@ -28,6 +28,9 @@ EDGE = 0.01
 """Largest probability at an end of the last grid, over that of the best instant."""
 COARSE = 0.65
 """Least standard deviation over the spacing of the last grid."""
+FREEDOM = 23.0
+"""Degrees of freedom of the noise of sums over blocks (`fit.BLOCKS`), to which a wrong contact adds
+its chi2."""
 SAME = 0.1
 """Largest relative change of the noise in the last grid."""
 FIRST_GRID = 21
@@ -97,7 +100,7 @@ def find_contact(
             continue
         if std < COARSE * float(times[1] - times[0]):
             middle, std, lowest = _vertex(times, score)
-            noise = max(1.0, noise * lowest / float(score.min()))
+            noise = max(1.0, noise * (1 - (float(score.min()) - lowest) / FREEDOM))
         elif abs(noise / assumed - 1) < SAME:
             break
         reach = WIDE * std

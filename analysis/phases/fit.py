@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
@@ -47,6 +48,8 @@ RIDGE = 1e-9
 """Regularisation of the equations for a string without force."""
 LEAST_RISE = 1e-6
 """m, least rise from contact to release."""
+CHOLESKY, INVERSE = get_lapack_funcs(("potrf", "trtri"))
+"""LAPACK's Cholesky factorisation, and the inverse of a triangular matrix."""
 INERTIA = 4
 """Index of the column of the inertia."""
 
@@ -160,7 +163,10 @@ class KeyAndString:
             gram[INERTIA, INERTIA] += noise * self._slowed**2
             right[INERTIA] += noise * self._slowed * self._fall
             square += noise * self._fall**2
-        inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(gram)).T, dtype=float)
+        factor, failed = CHOLESKY(gram, lower=1)
+        if failed:
+            raise np.linalg.LinAlgError("the equations of the key have no solution")
+        inverse = INVERSE(factor, lower=1)[0].T
         along = right @ inverse
         found = self._keys[noise, inertia, falls] = inverse, along, float(square - along @ along)
         return found

@@ -196,14 +196,15 @@ class _Fall:
         from_step = self._tau[first:] - instants[:, None]
         # A row is the mean load over a sample; in the sample of the fall, the step counts in part.
         part = np.minimum(np.maximum(from_step + 0.5, 0.0), 1.0)
-        columns = np.stack([part, part * from_step / self.span], 1)
-        flat = self._white(columns.reshape(-1, columns.shape[-1]).T, first)
-        white = flat.T.reshape(columns.shape)
-        by_base = white @ self._base[first:]
-        of_step, of_bend = (white @ self._target[first:]).T
+        from_step *= part / self.span
+        white = self._white(np.concatenate([part, from_step]).T, first).T
+        of_step, of_bend = (white @ self._target[first:]).reshape(2, -1)
         # Solution of the normal equations of a step and a bend, without the parabola's part.
-        own = white @ white.transpose(0, 2, 1) - by_base @ by_base.transpose(0, 2, 1)
-        both, square_step, square_bend = own[:, 0, 1], own[:, 0, 0] + RIDGE, own[:, 1, 1] + RIDGE
+        by_base = white @ self._base[first:]
+        columns = np.concatenate([white, by_base], 1).reshape(2, len(instants), -1)
+        sign = np.append(np.ones(white.shape[1]), -np.ones(by_base.shape[1]))
+        both = columns[0] * columns[1] @ sign
+        square_step, square_bend = columns**2 @ sign + RIDGE
         determinant = square_step * square_bend - both**2
         fall = (square_bend * of_step - both * of_bend) / determinant
         slope = (square_step * of_bend - both * of_step) / determinant

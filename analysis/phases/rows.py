@@ -7,7 +7,9 @@ triangular weight. This needs no derivative of the velocity, and the noise is kn
 force, differenced white noise from the velocity.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,23 +42,31 @@ class Rows:
     """s, from row to row."""
     load: Floats
     """N at the finger."""
-    rise: Floats
-    """m, of the jack."""
-    speed: Floats
-    """m/s, of the jack."""
     inertia: Floats
     """N, subtracted inertia."""
     variance: Floats
     """N^2, of each row's load."""
     covariance: Floats
     """N^2, with the next row's; shape (n - 1,)."""
+    jack: Callable[[str], Floats]
+    """Returns `rise` or `speed`."""
+
+    @cached_property
+    def rise(self) -> Floats:
+        """m, of the jack."""
+        return self.jack("rise")
+
+    @cached_property
+    def speed(self) -> Floats:
+        """m/s, of the jack."""
+        return self.jack("speed")
 
     def whitener(self) -> "Whitener":
         """Return the transformation of this noise to white noise of variance 1."""
         return Whitener(self.variance, self.covariance)
 
 
-NO_ROWS = Rows(*[np.zeros(0), 0.0, *[np.zeros(0)] * 6])
+NO_ROWS = Rows(np.zeros(0), 0.0, *[np.zeros(0)] * 4, lambda _: np.zeros(0))
 """Rows without samples."""
 
 
@@ -130,11 +140,10 @@ def rows_of(
         time=signals.time[first] + (np.arange(1, blocks) * n - 0.5) / rate,
         step=step,
         load=load,
-        rise=at_rows(signals.rise),
-        speed=at_rows(signals.speed),
         inertia=inertia,
         variance=variance + (HIDDEN * no_force) ** 2,
         covariance=np.where(alone[1:] | alone[:-1], 0.0, shared),
+        jack=lambda name: at_rows(getattr(signals, name)),
     )
 
 

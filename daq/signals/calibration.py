@@ -196,7 +196,7 @@ def undelayed(signal: Signal, lag: float, corner: float = 0.0, rate: float = 1.0
         halves = np.minimum(first + 1 + ends, rows - ends)
         windows = flat[ends[:, None] + np.arange(WIDTH)]
         if step:
-            sums = blocks.sum(1)
+            sums = blocks @ np.ones(WIDTH)
             before = np.cumsum(sums) - sums + (signal[:begin].sum() - signal[:1].sum() / 2)
             products += step * before[:-1, None]
             block, place = np.divmod(ends, WIDTH)
