@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.phases.levenberg import orthonormal
 from sautereau.analysis.phases.rows import BRIDGED, Rows, rows_of
 from sautereau.analysis.phases.signals import Signals
 from sautereau.daq.signals.calibration import robust_std
@@ -185,9 +184,10 @@ class _Fall:
         self._tau, self._white = tau, rows.whitener()
         self.span = float(np.abs(tau).max())
         u = tau / self.span
-        self._base, _ = orthonormal(self._white(np.stack([np.ones_like(u), u, u**2], 1)))
-        load = self._white(rows.load)
-        self._target = load - self._base @ (self._base.T @ load)
+        columns = np.array([np.ones_like(u), u, u**2, rows.load]).T
+        base, factor = np.linalg.qr(self._white(columns))
+        self._base, self._target = base[:, :3].copy(), base[:, 3] * factor[3, 3]
+        self._free = float(factor[3, 3] ** 2)
 
     def at(self, instants: Floats) -> _Steps:
         """Return the fits with a step at each instant [samples]."""
@@ -208,9 +208,8 @@ class _Fall:
         determinant = square_step * square_bend - both**2
         fall = (square_bend * of_step - both * of_bend) / determinant
         slope = (square_step * of_bend - both * of_step) / determinant
-        free = float(self._target @ self._target)
-        chi2 = free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
-        bent = free - float((of_bend**2 / square_bend).max())
+        chi2 = self._free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
+        bent = self._free - float((of_bend**2 / square_bend).max())
         return _Steps(chi2, fall, np.sqrt(square_bend / determinant), bent)
 
 

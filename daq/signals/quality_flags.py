@@ -135,13 +135,15 @@ def _saturated(
     """Return where a noisy signal is flat, away from zero and below the end of the range."""
     if noise < LEAST_NOISE * largest or len(volts) < FLAT:
         return []
+    least, level = FLAT_NOISE * noise, FLAT_LEVEL * largest
     # A flat stretch contains four samples of which the first has an index divisible by four.
-    fours, least = volts[: len(volts) // 4 * 4].reshape(-1, 4), FLAT_NOISE * noise
-    pairs = np.flatnonzero(np.abs(fours[:, 1] - fours[:, 0]) < least)
-    if not (np.abs(np.diff(fours[pairs])) < least).all(1).any():
+    fours = volts[: len(volts) // 4 * 4].reshape(-1, 4)
+    some = fours[np.abs(fours[:, 1]) > level]
+    some = some[np.abs(some[:, 1] - some[:, 0]) < least]
+    if not (np.abs(np.diff(some)) < least).all(1).any():
         return []
     flat = np.abs(np.diff(volts)) < least
-    flat &= magnitude[1:] > FLAT_LEVEL * largest
+    flat &= magnitude[1:] > level
     flat &= ~(known[1:] | known[:-1])
     found = [(start, stop + 1) for start, stop in runs_of(flat) if stop + 1 - start >= FLAT]
     if not found:
