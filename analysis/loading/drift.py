@@ -176,7 +176,9 @@ def without_drift(
     between = slice(*(int(t * rate) for t in middles))
     moved = velocity[between]
     size = max(1, round(BLOCK * rate))
-    deflection = np.cumsum(np.add.reduceat(moved, np.arange(0, len(moved), size)))
+    whole = len(moved) // size * size
+    blocks = moved[:whole].reshape(-1, size) @ np.ones(size)
+    deflection = np.cumsum(np.append(blocks, moved[whole:].sum()))
     end = float(deflection[-1] - (moved[0] + moved[-1]) / 2) / rate  # by trapezia
     largest = max(float(deflection.max()), -float(deflection.min())) / rate
     duration = middles[1] - middles[0]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sautereau.analysis.phases.levenberg import orthonormal
 from sautereau.analysis.phases.rows import BRIDGED, Rows, rows_of
 from sautereau.analysis.phases.signals import Signals
 from sautereau.daq.signals.calibration import robust_std
@@ -184,10 +185,10 @@ class _Fall:
         self._tau, self._white = tau, rows.whitener()
         self.span = float(np.abs(tau).max())
         u = tau / self.span
-        columns = np.array([np.ones_like(u), u, u**2, rows.load]).T
-        base, factor = np.linalg.qr(self._white(columns))
-        self._base, self._target = base[:, :3].copy(), base[:, 3] * factor[3, 3]
-        self._free = float(factor[3, 3] ** 2)
+        white = self._white(np.array([np.ones_like(u), u, u**2, rows.load]).T)
+        self._base, _ = orthonormal(white[:, :3])
+        self._target = white[:, 3] - self._base @ (self._base.T @ white[:, 3])
+        self._free = float(self._target @ self._target)
 
     def at(self, instants: Floats) -> _Steps:
         """Return the fits with a step at each instant [samples]."""
@@ -201,10 +202,10 @@ class _Fall:
         of_step, of_bend = (white @ self._target[first:]).reshape(2, -1)
         # Solution of the normal equations of a step and a bend, without the parabola's part.
         by_base = white @ self._base[first:]
-        columns = np.concatenate([white, by_base], 1).reshape(2, len(instants), -1)
-        sign = np.append(np.ones(white.shape[1]), -np.ones(by_base.shape[1]))
-        both = columns[0] * columns[1] @ sign
-        square_step, square_bend = columns**2 @ sign + RIDGE
+        own = (white * white).sum(1) - (by_base * by_base).sum(1) + RIDGE
+        square_step, square_bend = own.reshape(2, -1)
+        n = len(instants)
+        both = (white[:n] * white[n:]).sum(1) - (by_base[:n] * by_base[n:]).sum(1)
         determinant = square_step * square_bend - both**2
         fall = (square_bend * of_step - both * of_bend) / determinant
         slope = (square_step * of_bend - both * of_step) / determinant

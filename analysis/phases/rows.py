@@ -9,7 +9,7 @@ force, differenced white noise from the velocity.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +106,7 @@ def rows_of(
     if blocks < LEAST_ROWS:
         return NO_ROWS
     last = first + blocks * n
-    weights = np.full(n, 1 / n)
+    weights, sides = _weights(n)
 
     def means(signal: Floats) -> Floats:
         return signal[first:last].reshape(blocks, n) @ weights
@@ -120,10 +120,10 @@ def rows_of(
         at_rows(flags.astype(float)) > 0 if flags[first:last].any() else np.zeros(blocks - 1, bool)
         for flags in (signals.no_force, signals.no_velocity)
     )
-    inertia = signals.inertial * np.diff(means(signals.velocity)) / step
+    moved = means(signals.velocity)
+    inertia = (moved[1:] - moved[:-1]) * (signals.inertial / step)
     # Difference of block means of a running sum: late samples of a block, early ones of the next.
-    late = (np.arange(n) + 0.5) / n
-    parts = signals.force[first:last].reshape(blocks, n) @ np.stack([late, 1 - late], 1)
+    parts = signals.force[first:last].reshape(blocks, n) @ sides
     load = (parts[:-1, 0] + parts[1:, 1]) / n - inertia
     if no_velocity.any() and not no_velocity.all():
         bridged = _bridged(inertia, ~no_velocity, max(1, round(BRIDGE / step)))
@@ -145,6 +145,13 @@ def rows_of(
         covariance=np.where(alone[1:] | alone[:-1], 0.0, shared),
         jack=lambda name: at_rows(getattr(signals, name)),
     )
+
+
+@lru_cache(maxsize=32)
+def _weights(n: int) -> tuple[Floats, Floats]:
+    """Return the weights of a mean of n samples, and of late and early samples, shape (n, 2)."""
+    late = (np.arange(n) + 0.5) / n
+    return np.full(n, 1 / n), np.stack([late, 1 - late], 1)
 
 
 def _bridged(signal: Floats, good: NDArray[np.bool_], width: int) -> Floats:
