@@ -85,7 +85,8 @@ def find_contact(
     fit = KeyAndString(strings, rest, held, release, before)
     low, high = before[0], float(held.time[-2])
     times, noise = np.linspace(low, high, FIRST_GRID), 1.0
-    middle, *_ = _vertex(times, fit.at(times, noise).chi2)
+    found = fit.at(times, noise)
+    middle, std, _ = _vertex(times, found.chi2)
     reach = CLOSER * float(times[1] - times[0])
     for _ in range(ZOOMS):
         times = np.linspace(max(low, middle - reach), min(high, middle + reach), GRID)

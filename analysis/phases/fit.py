@@ -129,9 +129,8 @@ class KeyAndString:
         """
         # There is no string in the rows before the first instant.
         first = max(0, int((times[0] - self._held.time[0]) / self._held.step) - 1)
-        line, (square, cube) = self._line(times, first)
-        bare = np.concatenate([line, square, cube])
-        string = self._white(bare.T, first).T.reshape(BENDS, len(times), -1).swapaxes(0, 1)
+        string = self._white(self._bare(times, first).T, first).T
+        string = string.reshape(BENDS, len(times), -1).swapaxes(0, 1)
         found, inertia = self._fits(string, noise, None)
         bound = _beyond(inertia)
         return found if bound is None else self._fits(string, noise, bound)[0]
@@ -171,22 +170,21 @@ class KeyAndString:
         found = self._keys[noise, inertia, falls] = inverse, along, float(square - along @ along)
         return found
 
-    def _line(self, times: Floats, first: int) -> tuple[Floats, tuple[Floats, Floats]]:
-        """Return the string's expected column from a row on, and the bends, (instants, rows)."""
+    def _bare(self, times: Floats, first: int) -> Floats:
+        """Return the string's columns from a row on, shape (BENDS instants, rows)."""
         held = self._held
         at = np.interp(times, *self._path)[:, None]
         line = np.maximum(held.rise[first:] - at, 0.0)
         # The mean of a row over the bend is larger than the bend; it affects the two adjacent rows.
         moved = np.interp(times, held.time, held.speed)[:, None] * held.step
-        away = np.abs(np.arange(first, len(held.time)) - ((times - held.time[0]) / held.step)[:, None])
-        near = np.maximum(1 - away, 0.0)
+        place = (times[:, None] - held.time[0]) / held.step
+        near = np.maximum(1 - np.abs(np.arange(first, len(held.time)) - place), 0.0)
         line += moved / 6 * near * near * near
         line /= np.maximum(held.rise[-1] - at, np.maximum(moved, LEAST_RISE))
         square = line * (line - 1)
         cube = square * (line - 0.5)
         quadratic, cubic = self._expected
-        line += quadratic * square + cubic * cube
-        return line, (square, cube)
+        return np.concatenate([line + quadratic * square + cubic * cube, square, cube])
 
     def _fits(
         self, string: Floats, noise: float, inertia: float | None

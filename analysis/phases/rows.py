@@ -66,7 +66,8 @@ class Rows:
         return Whitener(self.variance, self.covariance)
 
 
-NO_ROWS = Rows(np.zeros(0), 0.0, *[np.zeros(0)] * 4, lambda _: np.zeros(0))
+_NONE = np.zeros(0)
+NO_ROWS = Rows(_NONE, 0.0, _NONE, _NONE, _NONE, _NONE, lambda _: _NONE)
 """Rows without samples."""
 
 

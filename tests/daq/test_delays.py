@@ -69,8 +69,8 @@ def test_what_is_no_number_spoils_what_is_near_it_alone(bad, at):
 @pytest.mark.parametrize("lag", [0.1, 3.3, 15.2, 16.7, 32.5, 90.25])
 def test_a_high_pass_is_inverted_before_the_delay(n, lag):
     signal = np.random.default_rng(0).standard_normal(n)
-    found = undelayed(signal, lag, 50.0, RATE)
-    np.testing.assert_allclose(found, undelayed(undo_high_pass(signal, 50.0, RATE), lag), atol=1e-11)
+    expected = undelayed(undo_high_pass(signal, 50.0, RATE), lag)
+    np.testing.assert_allclose(undelayed(signal, lag, 50.0, RATE), expected, atol=1e-11)
 
 
 def test_integer_delays_keep_the_samples():
