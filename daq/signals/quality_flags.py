@@ -138,9 +138,8 @@ def _saturated(
     least, level = FLAT_NOISE * noise, FLAT_LEVEL * largest
     # A flat stretch contains four samples of which the first has an index divisible by four.
     fours = volts[: len(volts) // 4 * 4].reshape(-1, 4)
-    some = fours[np.abs(fours[:, 1]) > level]
-    some = some[np.abs(some[:, 1] - some[:, 0]) < least]
-    if not (np.abs(np.diff(some)) < least).all(1).any():
+    pairs = (np.abs(fours[:, 1] - fours[:, 0]) < least) & (np.abs(fours[:, 1]) > level)
+    if not (np.abs(np.diff(fours[np.flatnonzero(pairs)])) < least).all(1).any():
         return []
     flat = np.abs(np.diff(volts)) < least
     flat &= magnitude[1:] > level
