@@ -58,17 +58,12 @@ def undo_high_pass(values: Signal, corner: float, rate: float) -> Signal:
     y = np.asarray(values, dtype=float)
     if corner <= 0 or y.size == 0:
         return y.copy()
-    step = _step(corner, rate)
+    step = 2 * math.tan(math.pi * corner / rate)
     found = np.cumsum(y)
     found -= y[0] / 2
     found *= step
     found += (1 - step / 2) * y  # half of the last sample is not in the integral
     return found
-
-
-def _step(corner: float, rate: float) -> float:
-    """Return w / rate of `undo_high_pass`."""
-    return 2 * math.tan(math.pi * corner / rate)
 
 
 def restored(volts: Signal, channel: Channel, rate: float, early: int = 0) -> Signal:
@@ -82,7 +77,8 @@ def restored(volts: Signal, channel: Channel, rate: float, early: int = 0) -> Si
     Returns:
         In ``channel.unit``, as of `undelayed`.
     """
-    return undelayed(to_si(volts, channel), channel.lag * rate + early, channel.high_pass, rate)
+    values = undo_high_pass(to_si(volts, channel), channel.high_pass, rate)
+    return undelayed(values, channel.lag * rate + early)
 
 
 def white_noise(signal: Signal, longest: int = 1) -> float:
@@ -152,8 +148,8 @@ def calibration_warning(channel: Channel, on: date) -> str | None:
     return None
 
 
-def undelayed(signal: Signal, lag: float, corner: float = 0.0, rate: float = 1.0) -> Signal:
-    """Return a signal with its delay compensated, without extrapolation; its high-pass inverted.
+def undelayed(signal: Signal, lag: float) -> Signal:
+    """Return a signal with its delay compensated, without extrapolation.
 
     Values between samples are those of Lagrange's polynomial through `HALF_WIDTH` samples on
     either side: a sine is reproduced to 1e-8 of its amplitude up to 0.2 of the sampling rate, to
@@ -164,8 +160,6 @@ def undelayed(signal: Signal, lag: float, corner: float = 0.0, rate: float = 1.0
     Args:
         signal: Shape (n,), in any unit.
         lag: Delay in samples, integer or not, not negative.
-        corner: Corner frequency of the high-pass (`undo_high_pass`), Hz; 0 without one.
-        rate: Sampling rate, Hz.
 
     Returns:
         Shape (n - lag rounded up,) or empty; sample k is the signal at k + lag.
@@ -175,15 +169,14 @@ def undelayed(signal: Signal, lag: float, corner: float = 0.0, rate: float = 1.0
     if part > 1 - INTEGER_TOLERANCE:
         first, part = first + 1, 0.0
     if part < INTEGER_TOLERANCE:
-        return undo_high_pass(signal, corner, rate)[first:]
-    rows, step = max(0, len(signal) - first - 1), _step(corner, rate)
+        return signal[first:].copy()
+    rows = max(0, len(signal) - first - 1)
     # Row k starts HALF_WIDTH - 1 samples before the sample that precedes value k WIDTH.
     blocks = np.zeros((-(-rows // WIDTH) + 1, WIDTH))
     flat, missing = blocks.reshape(-1), max(0, HALF_WIDTH - 1 - first)
-    begin = max(0, first - HALF_WIDTH + 1)
-    taps = signal[begin:]
+    taps = signal[max(0, first - HALF_WIDTH + 1) :]
     flat[missing : missing + len(taps)] = taps
-    near, far = _products(part, step)
+    near, far = _products(part)
     with np.errstate(over="ignore", invalid="ignore"):  # samples may be any double
         products = blocks[:-1] @ near
         products += blocks[1:] @ far
@@ -195,31 +188,19 @@ def undelayed(signal: Signal, lag: float, corner: float = 0.0, rate: float = 1.0
         )
         halves = np.minimum(first + 1 + ends, rows - ends)
         windows = flat[ends[:, None] + np.arange(WIDTH)]
-        if step:
-            sums = blocks @ np.ones(WIDTH)
-            before = np.cumsum(sums) - sums + (signal[:begin].sum() - signal[:1].sum() / 2)
-            products += step * before[:-1, None]
-            block, place = np.divmod(ends, WIDTH)
-            of_block = (blocks[block] * (np.arange(WIDTH) < place[:, None])).sum(1)
-            integral = np.cumsum(windows, 1) + (before[block] + of_block)[:, None]
-            windows = step * integral + (1 - step / 2) * windows
         found[ends] = (windows * _shortened(part)[halves]).sum(1)
     return found
 
 
 @cache
-def _products(part: float, step: float) -> tuple[Signal, Signal]:
+def _products(part: float) -> tuple[Signal, Signal]:
     """Return the matrices that give a row of values: for its own samples, for the next row's.
 
-    Matrix products are several times as fast as a correlation. They also contain ``step`` times the
-    integral from the start of the row on.
+    Matrix products are several times as fast as a correlation.
     """
     weights, index = _lagrange(part, HALF_WIDTH), np.arange(WIDTH)
     shift = index[:, None] - index
-    near, far = np.where(shift >= 0, weights[shift], 0.0), np.where(shift < 0, weights[shift], 0.0)
-    later = step * (shift <= 0)
-    own = (1 - step / 2) * near + later @ near + step * far.sum(0)
-    return own, (1 - step / 2) * far + later @ far
+    return np.where(shift >= 0, weights[shift], 0.0), np.where(shift < 0, weights[shift], 0.0)
 
 
 @cache

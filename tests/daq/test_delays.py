@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sautereau.daq.signals.calibration import HALF_WIDTH, WIDTH, undelayed, undo_high_pass
+from sautereau.daq.signals.calibration import HALF_WIDTH, WIDTH, undelayed
 
 RATE = 51_200.0
 
@@ -63,14 +63,6 @@ def test_what_is_no_number_spoils_what_is_near_it_alone(bad, at):
     np.testing.assert_allclose(found[far], expected[far], rtol=0, atol=1e-12)
     near = np.abs(np.arange(len(found)) + 3.3 - at) < 1
     assert not np.any(np.abs(found[near]) < 1e300)
-
-
-@pytest.mark.parametrize("n", [0, 1, 17, 32, 33, 100, 3000])
-@pytest.mark.parametrize("lag", [0.1, 3.3, 15.2, 16.7, 32.5, 90.25])
-def test_a_high_pass_is_inverted_before_the_delay(n, lag):
-    signal = np.random.default_rng(0).standard_normal(n)
-    expected = undelayed(undo_high_pass(signal, 50.0, RATE), lag)
-    np.testing.assert_allclose(undelayed(signal, lag, 50.0, RATE), expected, atol=1e-11)
 
 
 def test_integer_delays_keep_the_samples():
