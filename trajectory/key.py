@@ -17,7 +17,7 @@ def jack_law(key: Key, angle: ArrayLike) -> tuple[Floats, Floats]:
 
     The rise is b tan a + hb (1/cos a - 1); its derivative is b + (hb + rise) tan a.
     """
-    half = np.tan(np.asarray(angle, dtype=float) / 2)
+    half = np.tan(0.5 * np.asarray(angle, dtype=float))
     tangent = 2 * half / (1 - half * half)
     rise = tangent * (key.jack_arm + key.jack_surface_height * half)
     return rise, key.jack_arm + (key.jack_surface_height + rise) * tangent

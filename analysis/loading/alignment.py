@@ -24,7 +24,7 @@ from scipy.optimize import fminbound
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import columns_of
-from sautereau.daq.signals.calibration import correct, undelayed
+from sautereau.daq.signals.calibration import restored
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.key import jack_motion, key_under_fingertip
@@ -74,9 +74,8 @@ def find_start(
     channel = rig.daq.channel("velocity")
     if channel is None:
         raise AnalysisError("alignment: the rig has no velocity channel")
-    lag = channel.lag * rate
-    early = ceil(max(0.0, -lag))
-    speed = undelayed(correct(velocity, channel, rate), lag + early)
+    early = ceil(max(0.0, -channel.lag * rate))
+    speed = restored(velocity, channel, rate, early)
     rise = columns_of(rig.key, speed, np.zeros_like(speed), rate)[4]
     clock = first + early / rate + np.arange(len(rise)) / rate
     kept = (times - latest >= clock[0]) & (times + latest <= clock[-1])

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.daq.signals.calibration import correct, undelayed
+from sautereau.daq.signals.calibration import restored
 from sautereau.daq.signals.quality_flags import QualityFlag
 from sautereau.rig.acquisition import Channel
 from sautereau.trajectory.motion import Floats
@@ -48,8 +48,7 @@ def without_delay(
         rate: Hz.
         early: Further delay to compensate, in samples.
     """
-    lag = channel.lag * rate + early
-    recorded = undelayed(correct(volts, channel, rate), lag)
+    recorded = restored(volts, channel, rate, early)
     if not lost.any() or lost.all():
         return recorded
     place = np.arange(len(volts))
@@ -57,5 +56,5 @@ def without_delay(
     # A value lies between two samples, or on the first of them.
     beside = lost.copy()
     beside[:-1] |= lost[1:]
-    beside = beside[int(lag) :][: len(recorded)]
-    return np.where(beside, recorded, undelayed(correct(bridged, channel, rate), lag))
+    beside = beside[int(channel.lag * rate + early) :][: len(recorded)]
+    return np.where(beside, recorded, restored(bridged, channel, rate, early))

@@ -176,7 +176,9 @@ def without_drift(
     between = slice(*(int(t * rate) for t in middles))
     moved = velocity[between]
     size = max(1, round(BLOCK * rate))
-    deflection = np.cumsum(np.add.reduceat(moved, np.arange(0, len(moved), size)))
+    whole = len(moved) // size * size
+    blocks = moved[:whole].reshape(-1, size) @ np.ones(size)
+    deflection = np.cumsum(np.append(blocks, moved[whole:].sum()))
     end = float(deflection[-1] - (moved[0] + moved[-1]) / 2) / rate  # by trapezia
     largest = max(float(deflection.max()), -float(deflection.min())) / rate
     duration = middles[1] - middles[0]
@@ -195,7 +197,8 @@ def without_drift(
         said.append(Remark(text))
     matrix, values = np.array(rows), np.array(seen)
     weights = 1 / np.array(stds)
-    fitted = np.linalg.lstsq(matrix * weights[:, None], values * weights, rcond=None)[0]
+    weighted = matrix * weights[:, None]
+    fitted = np.linalg.solve(weighted.T @ weighted, weighted.T @ (values * weights))
     line = float(fitted[0]), float(fitted[1])
     if np.abs((matrix @ fitted - values) * weights).max() > CONSISTENT:
         line = end / duration, 0.0

@@ -257,16 +257,15 @@ def columns_of(key: Key, velocity: Floats, force: Floats, rate: float) -> Floats
     """
     columns = np.empty((len(UNITS), len(velocity)))
     columns[0], columns[1] = velocity, force
-    integral = np.cumsum(velocity)
-    integral -= velocity[0] / 2
+    angle, deflection = columns[2], np.cumsum(velocity, out=columns[3])
+    deflection -= 0.5 * (velocity + velocity[:1])  # by trapezia
+    deflection *= 1 / rate
+    np.multiply(deflection, 1 / key.laser_arm, out=angle)
     for first in range(0, len(velocity), STRETCH):
         rows = slice(first, first + STRETCH)
-        moved, spin = velocity[rows], velocity[rows] / key.laser_arm
-        deflection = (integral[rows] - moved / 2) / rate  # by trapezia
-        angle = deflection / key.laser_arm
-        columns[2, rows], columns[3, rows] = angle, deflection
-        columns[4, rows], slope = jack_law(key, angle)
-        np.multiply(slope, spin, out=columns[5, rows])
+        columns[4, rows], columns[5, rows] = jack_law(key, angle[rows])
+    columns[5] *= velocity
+    columns[5] *= 1 / key.laser_arm
     return columns
 
 

@@ -11,24 +11,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.phases.expected import Expected
-from sautereau.analysis.phases.fit import ContactFits, KeyAndString
+from sautereau.analysis.phases.fit import KeyAndString
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.rows import Rows
 from sautereau.trajectory.motion import Floats
 
-ZOOMS = 3
+ZOOMS = 6
 """Largest number of refinements of a grid."""
-CLOSER = 1.2
-"""Half-width of a refined grid in spacings of the grid before."""
+CLOSER = 0.6
+"""Half-width of the second grid in spacings of the first."""
 LEAST_CURVATURE = 1e-12
 """Smallest curvature of chi2; it replaces smaller and negative values."""
-FINE = 3.0
-"""A grid with a spacing below this number of standard deviations is not refined further."""
 WIDE = 4.5
 """Half-width of the last grid in standard deviations."""
-EDGE = 0.03
+EDGE = 0.01
 """Largest probability at an end of the last grid, over that of the best instant."""
-FIRST_GRID = 31
+COARSE = 0.65
+"""Least standard deviation over the spacing of the last grid."""
+FREEDOM = 23.0
+"""Degrees of freedom of the noise of sums over blocks (`fit.BLOCKS`), to which a wrong contact adds
+its chi2."""
+SAME = 0.1
+"""Largest relative change of the noise in the last grid."""
+FIRST_GRID = 21
 """Instants of the first grid; enough to resolve the bend at the contact."""
 GRID = 11
 """Instants of all other grids."""
@@ -79,20 +84,27 @@ def find_contact(
         return None
     fit = KeyAndString(strings, rest, held, release, before)
     low, high = before[0], float(held.time[-2])
-    found, middle, std, noise = _sharpest(fit, low, high)
-    reach = WIDE * std
+    times, noise = np.linspace(low, high, FIRST_GRID), 1.0
+    found = fit.at(times, noise)
+    middle, std, _ = _vertex(times, found.chi2)
+    reach = CLOSER * float(times[1] - times[0])
     for _ in range(ZOOMS):
         times = np.linspace(max(low, middle - reach), min(high, middle + reach), GRID)
         found = fit.at(times, noise)
-        noise = max(1.0, found.noise)
+        assumed, noise = noise, max(1.0, found.noise)
         score = found.chi2 / noise
         chance = np.exp((score.min() - score) / 2)
         middle = float(times @ chance / chance.sum())
         std = math.sqrt(float((times - middle) ** 2 @ chance / chance.sum()))
-        wider = max(chance[0] * (times[0] > low), chance[-1] * (times[-1] < high)) > EDGE
-        if not wider and std > (times[1] - times[0]) / 2:
+        if max(chance[0] * (times[0] > low), chance[-1] * (times[-1] < high)) > EDGE:
+            reach = min(high - low, 3 * reach)
+            continue
+        if std < COARSE * float(times[1] - times[0]):
+            middle, std, lowest = _vertex(times, score)
+            noise = max(1.0, noise * (1 - (float(score.min()) - lowest) / FREEDOM))
+        elif abs(noise / assumed - 1) < SAME:
             break
-        reach = min(high - low, 3 * reach) if wider else reach / 4
+        reach = WIDE * std
     best = int(np.argmin(found.chi2))
     gain = (fit.free(noise) - float(found.chi2[best])) / noise
     # A common delay of both channels shifts the contact as well.
@@ -100,36 +112,15 @@ def find_contact(
     return Contact(middle, std, gain, float(found.at_release[best]), noise, found.residual)
 
 
-def _sharpest(
-    fit: KeyAndString, low: float, high: float
-) -> tuple[ContactFits, float, float, float]:
-    """Return the fits around the best instant, the instant [s], its uncertainty [s], the noise.
+def _vertex(times: Floats, score: Floats) -> tuple[float, float, float]:
+    """Return the vertex of the parabola around the best instant [s], its uncertainty, its score.
 
-    On a coarse grid the residuals still contain much of the string's force, so the noise is used
-    only once the spacing is comparable with the uncertainty.
+    Where the score, chi2 over the noise, is smallest at an end of the grid, the vertex is that end.
     """
-    times = np.linspace(low, high, FIRST_GRID)
-    found = fit.at(times, 1.0)
-    middle, std, noise = _vertex(times, found)
-    for _ in range(ZOOMS):
-        best, reach = int(np.argmin(found.chi2)), CLOSER * float(times[1] - times[0])
-        times = np.linspace(max(low, times[best] - reach), min(high, times[best] + reach), GRID)
-        found = fit.at(times, 1.0)
-        middle, std, noise = _vertex(times, found)
-        if times[1] - times[0] < FINE * std:
-            break
-    return found, middle, std, noise
-
-
-def _vertex(times: Floats, found: ContactFits) -> tuple[float, float, float]:
-    """Return the vertex of the parabola around the best instant [s], its uncertainty, the noise.
-
-    Where chi2 is smallest at an end of the grid, the vertex is that end.
-    """
-    best, spacing = int(np.argmin(found.chi2)), float(times[1] - times[0])
+    best, spacing = int(np.argmin(score)), float(times[1] - times[0])
     inner = min(max(best, 1), len(times) - 2)
-    before, at, after = found.chi2[inner - 1 : inner + 2].tolist()
+    before, at, after = score[inner - 1 : inner + 2].tolist()
     curvature = max(before - 2 * at + after, LEAST_CURVATURE)
-    off = spacing * (before - after) / (2 * curvature) if best == inner else 0.0
-    noise = max(1.0, found.noise)
-    return float(times[best]) + off, spacing * math.sqrt(2 * noise / curvature), noise
+    off = (before - after) / (2 * curvature) if best == inner else 0.0
+    lowest = float(score[best]) - curvature * off**2 / 2
+    return float(times[best]) + spacing * off, spacing * math.sqrt(2 / curvature), lowest

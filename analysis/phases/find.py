@@ -10,17 +10,16 @@ from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import checks
 from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
-from sautereau.analysis.phases.expected import expected
+from sautereau.analysis.phases.expected import Expected, expected
 from sautereau.analysis.phases.found import Fit, HeldString, Phases, line_through, measured
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.signals import LEFT, Signals, signals_of, way_down
 from sautereau.analysis.remark import divided
 from sautereau.daq.signals.calibration import median, robust_std
-from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-Finder = Callable[[Rig, Signals, int, int], Found]
+Finder = Callable[[Expected, Signals, int, int], Found]
 """Finds the plucks of a rig's strings between two samples, as `find_plucks` does."""
 FULL_SPEED = 0.95
 """Dimensionless, fraction of the median speed above which the jack neither starts nor stops."""
@@ -78,10 +77,10 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         return Phases(
             float(time[begin]), float(time[end]), (), mean, None, None, (warning,), peak_force=peak
         )
-    by_hand = read_by_hand(press.path)
+    by_hand, strings = read_by_hand(press.path), expected(press.rig)
     if by_hand is None:
         try:
-            found = find(press.rig, signals, begin, end)
+            found = find(strings, signals, begin, end)
         except np.linalg.LinAlgError as error:
             raise AnalysisError(
                 f"recording {press.path}: the fit of its phases has no solution ({error}): samples"
@@ -104,7 +103,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         released_speed = _mean(speed, time, plucks[0].release, after)
     steady = float(time[begin + np.argmax(speed[begin:] >= FULL_SPEED * speed[settled].mean())])
     start, bottom = float(-offset / slope), float(time[end])
-    strings, contacts = expected(press.rig), [contact for contact, _ in found.plucks]
+    contacts = [contact for contact, _ in found.plucks]
     said = [
         *checks.about_end(signals, begin),
         *checks.about_instants(plucks, contacts, steady, signals.missing),

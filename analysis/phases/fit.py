@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
@@ -47,6 +48,8 @@ RIDGE = 1e-9
 """Regularisation of the equations for a string without force."""
 LEAST_RISE = 1e-6
 """m, least rise from contact to release."""
+CHOLESKY, INVERSE = get_lapack_funcs(("potrf", "trtri"))
+"""LAPACK's Cholesky factorisation, and the inverse of a triangular matrix."""
 INERTIA = 4
 """Index of the column of the inertia."""
 
@@ -89,8 +92,7 @@ class KeyAndString:
         self._held, n = held, len(rest.time)
         base, self._prior = _base(strings, rest, held)
         self._white = held.whitener()
-        self._bare_key = base[n:]
-        self._key, load = self._white(self._bare_key), self._white(held.load)
+        self._key, load = self._white(base[n:]), self._white(held.load)
         self._load = load
         self._gram, self._right = self._key.T @ self._key, self._key.T @ load
         self._square = float(load @ load)
@@ -115,9 +117,8 @@ class KeyAndString:
     def without_string(self) -> tuple[float, Floats]:
         """Return a free key's variance of residuals over the noise, and the residuals [N]."""
         inverse, along, _ = self._key_alone(1.0, None, False)
-        factors = inverse @ along
-        left = self._load - self._key @ factors
-        return float(left @ left) / len(left), self._held.load - self._bare_key @ factors
+        left = self._load - self._key @ (inverse @ along)
+        return float(left @ left) / len(left), self._white.undone(left)
 
     def at(self, times: Floats, noise: float) -> ContactFits:
         """Return the fits for instants of contact [s].
@@ -127,12 +128,12 @@ class KeyAndString:
             noise: Variance of the noise over that of the rows.
         """
         # There is no string in the rows before the first instant.
-        first = max(0, int((times.min() - self._held.time[0]) / self._held.step) - 1)
-        bare = self._bare(times, first)
-        string = self._white(bare.reshape(-1, bare.shape[-1]).T, first).T.reshape(bare.shape)
-        found, inertia = self._fits(bare, string, noise, None)
+        first = max(0, int((times[0] - self._held.time[0]) / self._held.step) - 1)
+        string = self._white(self._bare(times, first).T, first).T
+        string = string.reshape(BENDS, len(times), -1).swapaxes(0, 1)
+        found, inertia = self._fits(string, noise, None)
         bound = _beyond(inertia)
-        return found if bound is None else self._fits(bare, string, noise, bound)[0]
+        return found if bound is None else self._fits(string, noise, bound)[0]
 
     def _key_alone(
         self, noise: float, inertia: float | None, falls: bool
@@ -161,50 +162,44 @@ class KeyAndString:
             gram[INERTIA, INERTIA] += noise * self._slowed**2
             right[INERTIA] += noise * self._slowed * self._fall
             square += noise * self._fall**2
-        inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(gram)).T, dtype=float)
+        factor, failed = CHOLESKY(gram, lower=1)
+        if failed:
+            raise np.linalg.LinAlgError("the equations of the key have no solution")
+        inverse = INVERSE(factor, lower=1)[0].T
         along = right @ inverse
         found = self._keys[noise, inertia, falls] = inverse, along, float(square - along @ along)
         return found
 
     def _bare(self, times: Floats, first: int) -> Floats:
-        """Return the string's columns from a row on, shape (instants, BENDS, rows)."""
-        held, n = self._held, len(times)
-        at = np.interp(times, *self._path)
-        columns = np.empty((n, BENDS, len(held.time) - first))
-        line, square, cube = columns[:, 0], columns[:, 1], columns[:, 2]
-        np.maximum(held.rise[first:] - at[:, None], 0.0, out=line)
+        """Return the string's columns from a row on, shape (BENDS instants, rows)."""
+        held = self._held
+        at = np.interp(times, *self._path)[:, None]
+        line = np.maximum(held.rise[first:] - at, 0.0)
         # The mean of a row over the bend is larger than the bend; it affects the two adjacent rows.
-        speed = np.interp(times, held.time, held.speed)
-        above = speed * held.step / 6
-        place = ((times - held.time[0]) / held.step)[:, None]
-        row = np.minimum(np.maximum(place.astype(int), 0), len(held.time) - 2)
-        beside = np.concatenate([row, row + 1], 1)
-        line[np.arange(n)[:, None], beside - first] += (
-            above[:, None] * np.maximum(1 - np.abs(place - beside), 0.0) ** 3
-        )
-        line /= np.maximum(held.rise[-1] - at, np.maximum(speed * held.step, LEAST_RISE))[:, None]
-        np.multiply(line, line - 1, out=square)
-        np.multiply(square, line - 0.5, out=cube)
+        moved = np.interp(times, held.time, held.speed)[:, None] * held.step
+        place = (times[:, None] - held.time[0]) / held.step
+        near = np.maximum(1 - np.abs(np.arange(first, len(held.time)) - place), 0.0)
+        line += moved / 6 * near * near * near
+        line /= np.maximum(held.rise[-1] - at, np.maximum(moved, LEAST_RISE))
+        square = line * (line - 1)
+        cube = square * (line - 0.5)
         quadratic, cubic = self._expected
-        line += quadratic * square + cubic * cube
-        return columns
+        return np.concatenate([line + quadratic * square + cubic * cube, square, cube])
 
     def _fits(
-        self, bare: Floats, string: Floats, noise: float, inertia: float | None
+        self, string: Floats, noise: float, inertia: float | None
     ) -> tuple[ContactFits, float]:
         """Return the fits, and the relative error of the inertia in the best one.
 
         Args:
-            bare: The string's columns in the last rows, shape (instants, BENDS, last rows).
-            string: The same in units of the noise.
+            string: The string's columns in the last rows, in units of the noise, shape
+                (instants, BENDS, last rows).
             noise: As in `at`.
             inertia: As in `_key_alone`.
         """
         inverse, along, square = self._key_alone(noise, inertia, True)
-        last = slice(-bare.shape[-1], None)
-        flat = string.reshape(-1, bare.shape[-1])
-        mixed = (flat @ self._key[last]).reshape(*bare.shape[:2], -1)
-        load = (flat @ self._load[last]).reshape(bare.shape[:2])
+        last = slice(-string.shape[-1], None)
+        mixed, load = string @ self._key[last], string @ self._load[last]
         # The row of the fall at release: the complete force of the string, and the inertia's part.
         mixed[:, 0, INERTIA] += noise * self._slowed / self._fall_std
         load[:, 0] += noise * self._fall / self._fall_std
@@ -220,8 +215,7 @@ class KeyAndString:
         left = self._load - self._key @ of_key
         left[last] -= factors[best] @ string[best]
         inflation = _inflation(left, len(self._prior) + BENDS)
-        unexplained = self._held.load - self._bare_key @ of_key
-        unexplained[last] -= factors[best] @ bare[best]
+        unexplained = self._white.undone(left)
         rms = math.sqrt(float(unexplained @ unexplained) / len(unexplained))
         found = ContactFits(chi2, np.asarray(factors[:, 0], dtype=float), inflation, rms)
         return found, float(of_key[INERTIA])

@@ -13,14 +13,13 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact
-from sautereau.analysis.phases.expected import CLIMB_STD, CONTACT_STD, expected
+from sautereau.analysis.phases.expected import CLIMB_STD, CONTACT_STD, Expected
 from sautereau.analysis.phases.find import phases_in
 from sautereau.analysis.phases.found import Fit, Growth, Phases
 from sautereau.analysis.phases.plucks import LEAST_FALL_GAIN, Found, find_plucks
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
 from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.signals import Signals, signals_of
-from sautereau.rig.schema import Rig
 
 CONTACT_PART = 0.02
 """Standard uncertainty of a contact in the force alone, over the pluck's duration, since the speed
@@ -89,9 +88,9 @@ def find_partial_phases(press: Press) -> Phases:
     return replace(found, warnings=(said, *found.warnings), fit=fit)
 
 
-def _in_force(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
+def _in_force(strings: Expected, signals: Signals, begin: int, end: int) -> Found:
     """Return the plucks in the force alone; arguments as of `find_plucks`."""
-    found = find_plucks(rig, signals, begin, end)
+    found = find_plucks(strings, signals, begin, end)
     least = LEAST_FRACTION * float(np.ptp(signals.force[begin:end]))
     slight = [Growth(c.time, r.time, r.fall, c.gain) for c, r in found.plucks if not r.fall > least]
     wider = [
@@ -105,9 +104,9 @@ def _in_force(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
     return replace(found, plucks=wider, further=(*found.further, *slight))
 
 
-def _in_velocity(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
+def _in_velocity(strings: Expected, signals: Signals, begin: int, end: int) -> Found:
     """Return the plucks in the velocity alone; arguments as of `find_plucks`."""
-    rows, strings = rows_of(signals, begin, end), expected(rig)
+    rows = rows_of(signals, begin, end)
     falls = [refine(signals, float(rows.time[fall]), rows.step) for fall in find_falls(rows)]
     falls = [f for f in falls if f.gain > LEAST_FALL_GAIN and f.fall > LEAST_FALL]
     rise = np.maximum.accumulate(signals.rise[begin : end + 1])

@@ -15,13 +15,12 @@ from sautereau.analysis.phases.compliant.plucks import (
 )
 from sautereau.analysis.phases.compliant.search import NOISE, Searched
 from sautereau.analysis.phases.contact import Contact, find_contact
-from sautereau.analysis.phases.expected import Expected, expected
+from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR, GOOD, RIGID, Fit, Growth
 from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
 from sautereau.analysis.phases.rows import Rows, rows_of
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.phases.unexplained import unexplained
-from sautereau.rig.schema import Rig
 
 STILL = 3e-4
 """Dimensionless, fraction of the full rise below which the jack is at rest."""
@@ -80,7 +79,7 @@ class Found:
     """Where the load climbs and collapses without a pluck that was found."""
 
 
-def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
+def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Found:
     """Return the plucks on the way down, in order of time.
 
     The load of a rigid key is tried first. Where the key bends or rings, its residuals exceed the
@@ -93,7 +92,7 @@ def find_plucks(rig: Rig, signals: Signals, begin: int, end: int) -> Found:
         begin: Sample at which the jack leaves rest.
         end: Sample at which it reaches its top.
     """
-    rows, strings = rows_of(signals, begin, end), expected(rig)
+    rows = rows_of(signals, begin, end)
     if not len(rows.time):
         return Found([], Fit("rigid", 1.0))
     first, last = _rest(signals, begin)

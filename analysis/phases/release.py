@@ -185,9 +185,10 @@ class _Fall:
         self._tau, self._white = tau, rows.whitener()
         self.span = float(np.abs(tau).max())
         u = tau / self.span
-        self._base, _ = orthonormal(self._white(np.stack([np.ones_like(u), u, u**2], 1)))
-        load = self._white(rows.load)
-        self._target = load - self._base @ (self._base.T @ load)
+        white = self._white(np.array([np.ones_like(u), u, u**2, rows.load]).T)
+        self._base, _ = orthonormal(white[:, :3])
+        self._target = white[:, 3] - self._base @ (self._base.T @ white[:, 3])
+        self._free = float(self._target @ self._target)
 
     def at(self, instants: Floats) -> _Steps:
         """Return the fits with a step at each instant [samples]."""
@@ -196,20 +197,20 @@ class _Fall:
         from_step = self._tau[first:] - instants[:, None]
         # A row is the mean load over a sample; in the sample of the fall, the step counts in part.
         part = np.minimum(np.maximum(from_step + 0.5, 0.0), 1.0)
-        columns = np.stack([part, part * from_step / self.span], 1)
-        flat = self._white(columns.reshape(-1, columns.shape[-1]).T, first)
-        white = flat.T.reshape(columns.shape)
-        by_base = white @ self._base[first:]
-        of_step, of_bend = (white @ self._target[first:]).T
+        from_step *= part / self.span
+        white = self._white(np.concatenate([part, from_step]).T, first).T
+        of_step, of_bend = (white @ self._target[first:]).reshape(2, -1)
         # Solution of the normal equations of a step and a bend, without the parabola's part.
-        own = white @ white.transpose(0, 2, 1) - by_base @ by_base.transpose(0, 2, 1)
-        both, square_step, square_bend = own[:, 0, 1], own[:, 0, 0] + RIDGE, own[:, 1, 1] + RIDGE
+        by_base = white @ self._base[first:]
+        own = (white * white).sum(1) - (by_base * by_base).sum(1) + RIDGE
+        square_step, square_bend = own.reshape(2, -1)
+        n = len(instants)
+        both = (white[:n] * white[n:]).sum(1) - (by_base[:n] * by_base[n:]).sum(1)
         determinant = square_step * square_bend - both**2
         fall = (square_bend * of_step - both * of_bend) / determinant
         slope = (square_step * of_bend - both * of_step) / determinant
-        free = float(self._target @ self._target)
-        chi2 = free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
-        bent = free - float((of_bend**2 / square_bend).max())
+        chi2 = self._free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
+        bent = self._free - float((of_bend**2 / square_bend).max())
         return _Steps(chi2, fall, np.sqrt(square_bend / determinant), bent)
 
 

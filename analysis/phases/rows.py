@@ -7,7 +7,9 @@ triangular weight. This needs no derivative of the velocity, and the noise is kn
 force, differenced white noise from the velocity.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,23 +42,32 @@ class Rows:
     """s, from row to row."""
     load: Floats
     """N at the finger."""
-    rise: Floats
-    """m, of the jack."""
-    speed: Floats
-    """m/s, of the jack."""
     inertia: Floats
     """N, subtracted inertia."""
     variance: Floats
     """N^2, of each row's load."""
     covariance: Floats
     """N^2, with the next row's; shape (n - 1,)."""
+    jack: Callable[[str], Floats]
+    """Returns `rise` or `speed`."""
+
+    @cached_property
+    def rise(self) -> Floats:
+        """m, of the jack."""
+        return self.jack("rise")
+
+    @cached_property
+    def speed(self) -> Floats:
+        """m/s, of the jack."""
+        return self.jack("speed")
 
     def whitener(self) -> "Whitener":
         """Return the transformation of this noise to white noise of variance 1."""
         return Whitener(self.variance, self.covariance)
 
 
-NO_ROWS = Rows(*[np.zeros(0), 0.0, *[np.zeros(0)] * 6])
+_NONE = np.zeros(0)
+NO_ROWS = Rows(_NONE, 0.0, _NONE, _NONE, _NONE, _NONE, lambda _: _NONE)
 """Rows without samples."""
 
 
@@ -76,6 +87,12 @@ class Whitener:
         found, _ = SOLVE(self._factor[:, first:], columns, uplo="L")
         return found
 
+    def undone(self, white: Floats) -> Floats:
+        """Return a column, shape (n,), from one in units of its noise."""
+        found = self._factor[0] * white
+        found[1:] += self._factor[1, :-1] * white[:-1]
+        return found
+
 
 def rows_of(
     signals: Signals, first: int, last: int, n: int | None = None, *, most: int = ROWS
@@ -90,7 +107,7 @@ def rows_of(
     if blocks < LEAST_ROWS:
         return NO_ROWS
     last = first + blocks * n
-    weights = np.full(n, 1 / n)
+    weights, sides = _weights(n)
 
     def means(signal: Floats) -> Floats:
         return signal[first:last].reshape(blocks, n) @ weights
@@ -104,10 +121,10 @@ def rows_of(
         at_rows(flags.astype(float)) > 0 if flags[first:last].any() else np.zeros(blocks - 1, bool)
         for flags in (signals.no_force, signals.no_velocity)
     )
-    inertia = signals.inertial * np.diff(means(signals.velocity)) / step
+    moved = means(signals.velocity)
+    inertia = (moved[1:] - moved[:-1]) * (signals.inertial / step)
     # Difference of block means of a running sum: late samples of a block, early ones of the next.
-    late = (np.arange(n) + 0.5) / n
-    parts = signals.force[first:last].reshape(blocks, n) @ np.stack([late, 1 - late], 1)
+    parts = signals.force[first:last].reshape(blocks, n) @ sides
     load = (parts[:-1, 0] + parts[1:, 1]) / n - inertia
     if no_velocity.any() and not no_velocity.all():
         bridged = _bridged(inertia, ~no_velocity, max(1, round(BRIDGE / step)))
@@ -124,12 +141,18 @@ def rows_of(
         time=signals.time[first] + (np.arange(1, blocks) * n - 0.5) / rate,
         step=step,
         load=load,
-        rise=at_rows(signals.rise),
-        speed=at_rows(signals.speed),
         inertia=inertia,
         variance=variance + (HIDDEN * no_force) ** 2,
         covariance=np.where(alone[1:] | alone[:-1], 0.0, shared),
+        jack=lambda name: at_rows(getattr(signals, name)),
     )
+
+
+@lru_cache(maxsize=32)
+def _weights(n: int) -> tuple[Floats, Floats]:
+    """Return the weights of a mean of n samples, and of late and early samples, shape (n, 2)."""
+    late = (np.arange(n) + 0.5) / n
+    return np.full(n, 1 / n), np.stack([late, 1 - late], 1)
 
 
 def _bridged(signal: Floats, good: NDArray[np.bool_], width: int) -> Floats:

@@ -11,7 +11,7 @@ from sautereau.daq.convert.document import SIMULATED, volts_name
 from sautereau.daq.file.counts import TYPES
 from sautereau.daq.file.recorded import Recorded, Signal
 from sautereau.daq.file.samples import TOPIC, layout_from_metadata
-from sautereau.daq.signals.calibration import correct, undelayed
+from sautereau.daq.signals.calibration import restored
 from sautereau.rig.acquisition import Channel
 
 TIME = "time [s]"
@@ -62,9 +62,9 @@ def columns_of(recorded: Recorded, raw: bool) -> Iterator[Column]:
 
 def si_values(channel: Channel, volts: Signal, rate: float) -> Column:
     """Return the SI values of a channel at the times of the rows that have one."""
-    n, lag = len(volts), channel.lag * rate
-    early = min(n, ceil(max(0.0, -lag) - 1e-9))
-    values = undelayed(correct(volts, channel, rate), lag + early)[: n - early]
+    n = len(volts)
+    early = min(n, ceil(max(0.0, -channel.lag * rate) - 1e-9))
+    values = restored(volts, channel, rate, early)[: n - early]
     what = (
         f"scaled by {channel.scale!r} {channel.unit}/V, AC coupling of {channel.high_pass!r} Hz"
         f" inverted, delay of {channel.lag!r} s compensated"

@@ -12,16 +12,14 @@ from mcap.exceptions import McapError
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import MOST_UNPACKED, unpacked
 from sautereau.daq.file.container.records import (
-    CHANNEL,
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
     MESSAGE,
     Opcode,
     Record,
+    read_channel,
     read_metadata,
     records_within,
-    text_within,
-    texts_within,
 )
 from sautereau.daq.file.descriptors import FIELDS, LOG
 from sautereau.daq.file.integrity import FOREIGN, IndexedChunk
@@ -202,9 +200,7 @@ class Contents:
                 f"its definitions exceed the limit of {LARGEST_DEFINITIONS} bytes; {FOREIGN}"
             )
         if opcode == Opcode.CHANNEL:
-            topic, at = text_within(body, CHANNEL.size)
-            _, at = text_within(body, at)  # encoding of its messages
-            self._define(CHANNEL.unpack_from(body)[0], topic, texts_within(body, at))
+            self._define(*read_channel(body))
             return
         record = read_metadata(body)
         if self.metadata.get(record.name) == record.metadata:
@@ -215,12 +211,14 @@ class Contents:
                 self._define(*channel_from_json(topic, text))
 
     def _define(self, number: int, topic: str, metadata: dict[str, str]) -> None:
+        if self._topics.get(number) == topic and self.channels.get(topic) == metadata:
+            return  # it is in the Metadata and in a record of its own
         self._topics[number] = topic
         if topic.startswith(VIEWED):
             self._counted.add(number)
         if topic == TOPIC:
             self._layouts[topic] = layout_from_metadata(metadata)
-        self.channels[topic] = metadata
+        self.channels[topic] = dict(metadata)
 
     def _read_message(self, topic: str, data: memoryview) -> None:
         if topic == "/events":

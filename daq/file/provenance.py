@@ -4,7 +4,7 @@ import base64
 import json
 import platform
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 
 from mcap.records import Channel, Schema
@@ -92,8 +92,11 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
             writer.add_metadata(name, values)
 
 
+@lru_cache(maxsize=64)
 def channel_from_json(topic: str, text: str) -> tuple[int, str, dict[str, str]]:
     """Return number, topic and metadata of a channel from its entry in the record `channels`.
+
+    The last ones are kept, as by `read_metadata`.
 
     Raises:
         ValueError: It is not such an entry.

@@ -250,7 +250,8 @@ class Stretch:
     @property
     def time(self) -> Signal:
         """Time of each sample after the trigger, s; negative before it."""
-        return (self.first_sample + np.arange(self.n_samples)) / self.rate
+        first = self.first_sample
+        return np.arange(first, first + self.n_samples, dtype=float) / self.rate
 
 
 @dataclass(frozen=True)

@@ -59,25 +59,26 @@ def undo_high_pass(values: Signal, corner: float, rate: float) -> Signal:
     if corner <= 0 or y.size == 0:
         return y.copy()
     step = 2 * math.tan(math.pi * corner / rate)
-    restored = np.cumsum(y)
-    restored -= y[0] / 2
-    restored *= step
-    restored += (1 - step / 2) * y  # half of the last sample is not in the integral
-    return restored
+    found = np.cumsum(y)
+    found -= y[0] / 2
+    found *= step
+    found += (1 - step / 2) * y  # half of the last sample is not in the integral
+    return found
 
 
-def correct(volts: Signal, channel: Channel, rate: float) -> Signal:
-    """Convert raw volts to SI values and invert the AC coupling.
+def restored(volts: Signal, channel: Channel, rate: float, early: int = 0) -> Signal:
+    """Convert raw volts to SI values, with AC coupling inverted and delay compensated.
 
     Args:
         volts: Raw volts, shape (n_samples,), V, starting at rest.
         rate: Sampling rate, Hz.
+        early: Further delay to compensate, in samples.
 
     Returns:
-        Shape (n_samples,), in ``channel.unit``; the delay is not compensated, see
-        `undelayed`.
+        In ``channel.unit``, as of `undelayed`.
     """
-    return undo_high_pass(to_si(volts, channel), channel.high_pass, rate)
+    values = undo_high_pass(to_si(volts, channel), channel.high_pass, rate)
+    return undelayed(values, channel.lag * rate + early)
 
 
 def white_noise(signal: Signal, longest: int = 1) -> float:
@@ -113,7 +114,8 @@ def _second_difference(signal: Signal, block: int) -> float:
         if block > 1:
             signal = signal[: n * block].reshape(n, block) @ np.full(block, 1 / block)
         second = signal[2::step] - 2 * signal[1:-1:step] + signal[: n - 2 : step]
-        second = second[np.isfinite(second)]
+        if not math.isfinite(second.sum()):
+            second = second[np.isfinite(second)]
     if not len(second):
         return 0.0
     # Of a motion, only its acceleration within two samples contributes to the second differences.

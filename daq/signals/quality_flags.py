@@ -135,9 +135,14 @@ def _saturated(
     """Return where a noisy signal is flat, away from zero and below the end of the range."""
     if noise < LEAST_NOISE * largest or len(volts) < FLAT:
         return []
-    steps = np.diff(volts)
-    flat = np.abs(steps, out=steps) < FLAT_NOISE * noise
-    flat &= magnitude[1:] > FLAT_LEVEL * largest
+    least, level = FLAT_NOISE * noise, FLAT_LEVEL * largest
+    # A flat stretch contains four samples of which the first has an index divisible by four.
+    fours = volts[: len(volts) // 4 * 4].reshape(-1, 4)
+    pairs = (np.abs(fours[:, 1] - fours[:, 0]) < least) & (np.abs(fours[:, 1]) > level)
+    if not (np.abs(np.diff(fours[np.flatnonzero(pairs)])) < least).all(1).any():
+        return []
+    flat = np.abs(np.diff(volts)) < least
+    flat &= magnitude[1:] > level
     flat &= ~(known[1:] | known[:-1])
     found = [(start, stop + 1) for start, stop in runs_of(flat) if stop + 1 - start >= FLAT]
     if not found:

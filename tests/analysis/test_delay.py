@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.loading.delay import lost_samples, without_delay
-from sautereau.daq.signals.calibration import correct, undelayed
+from sautereau.daq.signals.calibration import restored
 from sautereau.daq.signals.quality_flags import QualityFlag
 
 RATE = 10e3
@@ -29,8 +29,8 @@ def test_a_drop_out_in_a_ramp_changes_only_the_values_beside_it(paper, delay, ea
     assert np.flatnonzero(lost).tolist() == list(range(800, 806))
     found = without_delay(volts, lost, channel, RATE, early)
     lag = channel.lag * RATE + early
-    expected = undelayed(correct(true, channel, RATE), lag)
-    recorded = undelayed(correct(volts, channel, RATE), lag)
+    expected = restored(true, channel, RATE, early)
+    recorded = restored(volts, channel, RATE, early)
     beside = slice(800 - int(np.ceil(lag)), 806 - int(lag))
     apart = np.ones(len(found), bool)
     apart[beside] = False
@@ -42,6 +42,6 @@ def test_a_drop_out_in_a_ramp_changes_only_the_values_beside_it(paper, delay, ea
 def test_a_recording_that_is_one_drop_out_stays_as_it_was_recorded(paper):
     channel = paper.daq.channel("velocity")
     volts = np.random.default_rng(2).normal(size=500)
-    recorded = undelayed(correct(volts, channel, RATE), channel.lag * RATE)
+    recorded = restored(volts, channel, RATE)
     found = without_delay(volts, np.ones(500, bool), channel, RATE, 0)
     np.testing.assert_array_equal(found, recorded)

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from sautereau.analysis.loading.drift import find_rests, force_at_rest, without_drift
-from sautereau.daq.signals.calibration import correct, undelayed
+from sautereau.daq.signals.calibration import restored
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import SensorChain
@@ -38,7 +38,7 @@ def deflection(velocity):
 
 
 def held(volts, returns=True, channel=VELOCITY, tolerance=0.0):
-    velocity = undelayed(correct(volts, channel, RATE), channel.lag * RATE)
+    velocity = restored(volts, channel, RATE)
     rests = find_rests(velocity, RATE)
     return without_drift(velocity, rests, RATE, 0.0, channel.high_pass, returns, tolerance)
 
@@ -52,7 +52,7 @@ def test_the_deflection_drifts_by_less_than_5_um(offset):
         velocity, drift, warnings = held(volts)
         truth = deflection(motion(np.arange(len(velocity)) / RATE))
         worst = max(worst, np.abs(deflection(velocity) - truth).max())
-        alone = undelayed(correct(volts, VELOCITY, RATE), VELOCITY.lag * RATE)
+        alone = restored(volts, VELOCITY, RATE)
         unheld = max(unheld, np.abs(deflection(alone) - truth).max())
         assert warnings == []
         assert abs(drift.closure) < 5e-6
@@ -75,7 +75,7 @@ def test_the_deflection_of_a_key_that_stays_down_is_kept(returns):
 def test_without_a_rest_before_nothing_is_subtracted():
     volts = sampled()[2000:]
     velocity, drift, (warning,) = held(volts)
-    alone = undelayed(correct(volts, VELOCITY, RATE), VELOCITY.lag * RATE)
+    alone = restored(volts, VELOCITY, RATE)
     assert np.array_equal(velocity, alone)
     assert drift.before is None
     assert drift.velocity == drift.deflection == 0

@@ -325,7 +325,7 @@ def test_a_load_falls_at_a_release_and_not_at_a_contact(contact, release):
     held = (row >= contact) & (row < release)
     load = np.where(held, (row - contact) / (release - contact), 0.0)
     load += np.random.default_rng(0).normal(0, 1e-3, 400)
-    found = find_falls(Rows(row * 1e-4, 1e-4, load, zero, zero, zero, zero, zero[1:]))
+    found = find_falls(Rows(row * 1e-4, 1e-4, load, zero, zero, zero[1:], lambda _: zero))
     assert np.abs(np.array(found) - release).tolist() == pytest.approx([0], abs=2)
 
 

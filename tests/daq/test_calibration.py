@@ -9,7 +9,7 @@ from scipy import signal
 
 from sautereau.daq.signals.calibration import (
     calibration_warning,
-    correct,
+    restored,
     to_volts,
     undo_high_pass,
     white_noise,
@@ -29,7 +29,8 @@ def test_droop_of_a_step_is_undone(velocity, corner):
     """A step through the high-pass is exp(-w t); the step itself must come back."""
     t = np.arange(int(0.5 * RATE)) / RATE
     step = np.exp(-2 * math.pi * corner * t)
-    found = correct(to_volts(step, velocity), with_high_pass(velocity, corner), RATE)
+    undelayed = velocity.model_copy(update={"delay": 0.0, "low_pass": 0.0, "high_pass": corner})
+    found = restored(to_volts(step, velocity), undelayed, RATE)
     np.testing.assert_allclose(found, 1.0, atol=1e-9)
 
 

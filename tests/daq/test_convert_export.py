@@ -12,7 +12,7 @@ from sautereau.daq.convert.export import ENDING, export
 from sautereau.daq.convert.targets import targets
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.signals.calibration import correct
+from sautereau.daq.signals.calibration import to_si, undo_high_pass
 from tests.recordings import write_recording
 
 
@@ -47,7 +47,8 @@ def test_si_values_stand_beside_them_with_their_lag_taken_back(tmp_path, recordi
     velocity = found["velocity [m/s]"]
     assert velocity.isna().sum() == 57
     assert velocity[: 5000 - 57].notna().all()
-    felt = correct(read_recording(recording).volts["velocity"], paper.daq.channels[0], 51_200.0)
+    seen = to_si(read_recording(recording).volts["velocity"], paper.daq.channels[0])
+    felt = undo_high_pass(seen, paper.daq.channels[0].high_pass, 51_200.0)
     spectrum, expected = (np.abs(np.fft.rfft(x)[5:1000]) for x in (velocity[:4900], felt[56:4956]))
     assert np.median(spectrum / expected) == pytest.approx(1, rel=0.01)
     assert found["force [N]"].isna().sum() == 1

@@ -18,7 +18,7 @@ from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Block, Joints
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.signals.calibration import correct
+from sautereau.daq.signals.calibration import to_si, undo_high_pass
 from tests.recordings import write_recording
 
 RATE = 51_203.277
@@ -172,7 +172,7 @@ def test_xarray_has_si_values_motion_and_units(recording, paper):
     assert np.array_equal(raw["force"], was.volts["force"])
     assert np.array_equal(raw["time"], was.time)
     # The delay is compensated: the value at t is what the sensor gave a delay later.
-    seen = correct(was.volts["velocity"], velocity, RATE)
+    seen = undo_high_pass(to_si(was.volts["velocity"], velocity), velocity.high_pass, RATE)
     t, smooth = found["time"].to_numpy()[500:900], np.ones(200) / 200
     late = np.interp(t + velocity.lag, was.time, np.convolve(seen, smooth, "same"))
     averaged = np.convolve(found["velocity"], smooth, "same")[500:900]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sautereau.daq.signals.calibration import correct
+from sautereau.daq.signals.calibration import to_si, undo_high_pass
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.parts import Transducer
 from sautereau.sim_backend.physics.observation import observe
@@ -206,7 +206,7 @@ def test_what_the_chain_droops_the_correction_restores(channel, corner):
     volts = sensor.volts(0, 25_600)
     time = np.arange(25_600) / RATE
     expected = course(time)
-    restored = correct(volts, sensor.channel, RATE)
+    restored = undo_high_pass(to_si(volts, sensor.channel), sensor.channel.high_pass, RATE)
     assert np.abs(volts * channel.scale - expected).max() > 0.1 * expected.max()
     np.testing.assert_allclose(restored, expected, atol=2e-3 * expected.max())
 

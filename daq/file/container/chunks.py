@@ -3,6 +3,7 @@
 import mmap
 import re
 import struct
+import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -49,6 +50,16 @@ _RECORD = re.compile(
     + rb")",
     re.DOTALL,
 )
+
+
+class _OfThread(threading.local):
+    """The context of zstd of each thread: making it takes an eighth of the time of a press."""
+
+    def __init__(self) -> None:
+        self.unpack = zstandard.ZstdDecompressor().decompress
+
+
+_OF_THREAD = _OfThread()
 
 
 def unpacked(records: Iterable[Record]) -> Iterator[Unpacked]:
@@ -116,7 +127,7 @@ def _unzstd(packed: memoryview, size: int) -> bytes:
     try:
         if zstandard.frame_content_size(packed) != size:
             raise DamageError("a chunk's content has another size than its record says")
-        return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+        return _OF_THREAD.unpack(packed, max_output_size=size)
     except zstandard.ZstdError as error:
         raise DamageError(f"a chunk cannot be unpacked: {error}") from error
 

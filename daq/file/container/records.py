@@ -124,6 +124,18 @@ def texts_within(body: bytes, at: int) -> dict[str, str]:
     return texts
 
 
+@lru_cache(maxsize=64)
+def read_channel(body: bytes) -> tuple[int, str, dict[str, str]]:
+    """Return number, topic and metadata of a Channel record; the last ones are kept, as below.
+
+    Raises:
+        ValueError, struct.error: It is invalid.
+    """
+    topic, at = text_within(body, CHANNEL.size)
+    _, at = text_within(body, at)  # encoding of its messages
+    return CHANNEL.unpack_from(body)[0], topic, texts_within(body, at)
+
+
 def with_checksum(name: str, data: dict[str, str]) -> dict[str, str]:
     """Return the entries of a Metadata record with a checksum, since MCAP gives it none."""
     return data | {_CRC: f"{_checksum(name, data):08x}"}

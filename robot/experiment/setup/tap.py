@@ -8,7 +8,7 @@ import numpy as np
 
 from sautereau.analysis.transient.tap import TapResponse, tap_response
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.signals.calibration import correct, undelayed
+from sautereau.daq.signals.calibration import restored
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity
@@ -89,8 +89,7 @@ def _signals(daq: Daq, volts: Mapping[str, Floats], of: str) -> tuple[Floats, Fl
             raise RobotError(
                 f"setup tap: {of} has no channel of {quantity}; add it to daq.channels"
             )
-        signal = correct(volts[channel.name], channel, daq.sample_rate)
-        found.append(undelayed(signal, channel.lag * daq.sample_rate))
+        found.append(restored(volts[channel.name], channel, daq.sample_rate))
     count = min(map(len, found))
     return found[0][:count], found[1][:count]
 
