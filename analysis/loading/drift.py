@@ -197,8 +197,7 @@ def without_drift(
         said.append(Remark(text))
     matrix, values = np.array(rows), np.array(seen)
     weights = 1 / np.array(stds)
-    weighted = matrix * weights[:, None]
-    fitted = np.linalg.solve(weighted.T @ weighted, weighted.T @ (values * weights))
+    fitted = np.linalg.lstsq(matrix * weights[:, None], values * weights, rcond=None)[0]
     line = float(fitted[0]), float(fitted[1])
     if np.abs((matrix @ fitted - values) * weights).max() > CONSISTENT:
         line = end / duration, 0.0
