@@ -12,14 +12,20 @@ def targets(files: list[Path], extension: str, out: Path | None) -> list[tuple[P
 
     Args:
         extension: File extension of the files to write, without the dot.
-        out: File to write, or folder: one that exists, or for several files a name without file
-            extension; None for the folder of each file.
+        out: File to write, or folder: one that exists, or a name without file extension; None for
+            the folder of each file.
 
     Raises:
-        RecordingError: Several files would be converted to the same file.
+        RecordingError: Several files would be converted to the same file, or the file to write has
+            another file extension.
     """
     pairs = []
-    is_folder = out is not None and (out.is_dir() or (len(files) > 1 and not out.suffix))
+    is_folder = out is not None and (out.is_dir() or not out.suffix)
+    if out and not is_folder and out.suffix.lower() != f".{extension}":
+        raise RecordingError(
+            f"{out}: the file to write has the file extension {out.suffix}; use .{extension}, or"
+            " give a folder that exists"
+        )
     for file in files:
         name = f"{file.stem}.{extension}"
         pairs.append((file, out / name if out and is_folder else out or file.with_name(name)))

@@ -109,9 +109,10 @@ def export(
     Parameters
     ----------
     to
-        Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json.
+        Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json or NAME.wav.json.
     out
-        File to write, or folder for several. Default: beside each recording.
+        File to write, with the file extension of the format, or folder. A name without file
+        extension is a folder. Default: beside each recording.
     raw
         Write raw volts only, without values in SI units.
     """
