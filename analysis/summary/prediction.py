@@ -54,8 +54,8 @@ def prediction_lines(rig: Rig, found: Prediction) -> list[str]:
         *lines,
         f"finger: {_shown('release_force', found.release_force)},"
         f" {_shown('peak_force', found.peak_force)}, {_shown('work', found.work)}",
-        f"{QUANTITIES['v_osc'].label}: {found.v_osc:.4g} m/s (all modes),"
-        f" {first_mode:.3g} m/s (first mode only)",
+        f"{QUANTITIES['v_osc'].label}: {found.v_osc:.4g} m/s (all modes);"
+        f" largest velocity of the first mode alone: {first_mode:.3g} m/s",
     ]
 
 
