@@ -4,6 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.errors import UsageError
 from sautereau.rig.faults import fault_list
 
 
@@ -16,13 +17,13 @@ def targets(files: list[Path], extension: str, out: Path | None) -> list[tuple[P
             the folder of each file.
 
     Raises:
-        RecordingError: Several files would be converted to the same file, or the file to write has
-            another file extension.
+        RecordingError: Several files would be converted to the same file.
+        UsageError: The file to write has the file extension of another format.
     """
     pairs = []
     is_folder = out is not None and (out.is_dir() or not out.suffix)
     if out and not is_folder and out.suffix.lower() != f".{extension}":
-        raise RecordingError(
+        raise UsageError(
             f"{out}: the file to write has the file extension {out.suffix}; use .{extension}, or"
             " give a folder that exists"
         )

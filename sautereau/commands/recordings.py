@@ -122,6 +122,9 @@ def export(
     from sautereau.entrance.each import each
     from sautereau.entrance.session import open
 
+    if raw and to == "urdf":
+        return output.fail("--raw: a URDF contains no samples; omit it", 2)
+
     def convert(pair: tuple[Path, Path]) -> list[Path]:
         file, target = pair
         if to == "urdf":

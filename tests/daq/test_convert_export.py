@@ -14,6 +14,7 @@ from sautereau.daq.convert.targets import targets
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.signals.calibration import correct
+from sautereau.rig.errors import UsageError
 from tests.recordings import write_recording
 
 
@@ -130,7 +131,7 @@ def test_a_name_without_extension_is_a_folder_also_for_one_file(tmp_path):
 
 @pytest.mark.parametrize("name", ["a.parquet", "a.mcap", "a.v2"])
 def test_a_file_is_not_written_with_the_extension_of_another_format(tmp_path, name):
-    with pytest.raises(RecordingError, match=r"use \.csv"):
+    with pytest.raises(UsageError, match=r"use \.csv"):
         targets([Path("a.mcap")], "csv", tmp_path / name)
 
 
