@@ -59,9 +59,9 @@ class Channel(Section):
     calibrated: date | None = None
     """Date of the calibration."""
     quantity: Annotated[str, NameIn(MEASURED)]
-    """Measured quantity: `velocity`, `displacement` or `acceleration` of the key's front, positive
-    downwards; `force` of the finger on the key, positive when it presses; `sound_pressure`;
-    `voltage`; or a quantity of another package."""
+    """Measured quantity: `velocity`, `displacement` or `acceleration` of the key at the laser spot
+    (`key.laser_arm`), positive downwards; `force` of the finger on the key, positive when it
+    presses; `sound_pressure`; `voltage`; or a quantity of another package."""
     scale: Annotated[float, UnitBy("quantity", MEASURED.names, _scale_unit)] = Field(gt=0)
     """Scale of the sensor: measured quantity per volt."""
 

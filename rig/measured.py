@@ -33,8 +33,8 @@ class MeasuredQuantity:
 VELOCITY = MeasuredQuantity(
     "velocity",
     "m/s",
-    "velocity of the key's front, under the vibrometer's laser",
-    "the key's front moves down",
+    "velocity of the key at the vibrometer's laser spot",
+    "the key moves down at the spot",
     "25 mm/s/V",
 )
 FORCE = MeasuredQuantity(
@@ -47,15 +47,15 @@ FORCE = MeasuredQuantity(
 DISPLACEMENT = MeasuredQuantity(
     "displacement",
     "m",
-    "displacement of the key's front, under the sensor's spot, from its rest",
-    "the key's front is below its rest",
+    "displacement of the key at the sensor's spot, from its rest",
+    "the key is below its rest at the spot",
     "1 mm/V",
 )
 ACCELERATION = MeasuredQuantity(
     "acceleration",
     "m/s**2",
-    "acceleration of the key's front, where the laser points",
-    "the key's front accelerates downwards",
+    "acceleration of the key at the laser spot",
+    "the key accelerates downwards at the spot",
     "98.1 m/s^2/V",
 )
 SOUND_PRESSURE = MeasuredQuantity(

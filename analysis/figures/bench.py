@@ -134,9 +134,7 @@ def _legend(axes, rig: Rig) -> None:
             0.03 + 0.5 * column, 0.95, "\n".join(part), va="top", linespacing=1.7, fontsize=10
         )
     if any("*" in row for row in rows):
-        axes.text(
-            0.03, 0.02, "* assumed in the rig file, without a source", fontsize=9, color=METAL
-        )
+        axes.text(0.03, 0.02, "* assumed in the rig file", fontsize=9, color=METAL)
 
 
 def _length_text(rig: Rig, name: str, text: str) -> str:

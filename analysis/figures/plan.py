@@ -72,17 +72,17 @@ def _poses(axes, rig: Rig, trajectory: Trajectory) -> None:
 
 
 def _path(axes, trajectory: Trajectory) -> None:
-    """Draw the path of the fingertip's centre, from its side, and the tilt along it."""
+    """Draw the path of the fingertip's centre, its slide on the key, and the tilt along it."""
     bottom = _moments(trajectory)[2]
     tip = (trajectory.fingertip.position[: bottom + 1] - trajectory.fingertip.position[0]) * 1e3
-    axes.plot(-tip[:, 1], tip[:, 0], color=FIRST, label="position along the key (mm)")
+    axes.plot(-tip[:, 1], tip[:, 0], color=FIRST, label="horizontal position (mm)")
     axes.plot(
         -tip[:, 1], np.degrees(trajectory.tilt[: bottom + 1]), color=SECOND, label="tilt (deg)"
     )
     if trajectory.slide.any():
         slide = trajectory.slide[: bottom + 1] * 1e3
         axes.plot(-tip[:, 1], slide, color=KEY, label="slide on the key (mm)")
-    axes.set(xlabel="depth of the fingertip (mm)", ylabel="fingertip: position (mm), tilt (deg)")
+    axes.set(xlabel="depth of the fingertip (mm)", ylabel="fingertip: path (mm), tilt (deg)")
     axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize=8)
 

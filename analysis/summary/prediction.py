@@ -15,7 +15,8 @@ def prediction_summary(rig: Rig, found: Prediction) -> dict[str, Any]:
     names = ("contact", "release", "pluck_duration", "release_force", "plectrum_force",
              "release_lift", "release_angle", "peak_force", "work", "v_osc")  # fmt: skip
     state = found.choirs[0].released_string  # at a fold a speed is infinite, and None here
-    of_choir = ("contact", "release", "plectrum_force", "release_lift", "work")
+    of_choir = ("contact", "release", "pluck_duration", "plectrum_force", "release_lift",
+                "release_angle", "work")  # fmt: skip
     return {
         **part_of(found, *names),
         "v_osc_first_mode": first_mode_release_speed(rig.string, found.release_lift),
@@ -50,12 +51,13 @@ def prediction_lines(rig: Rig, found: Prediction) -> list[str]:
                 for quantity in ("plectrum_force", "release_lift", "release_angle")
             ),
         ]
+    first = " of string 1" * (len(found.choirs) > 1)
     return [
         *lines,
-        f"finger: {_shown('release_force', found.release_force)},"
+        f"finger: {_shown('release_force', found.release_force)}{first},"
         f" {_shown('peak_force', found.peak_force)}, {_shown('work', found.work)}",
-        f"{QUANTITIES['v_osc'].label}: {found.v_osc:.4g} m/s (all modes),"
-        f" {first_mode:.3g} m/s (first mode only)",
+        f"{QUANTITIES['v_osc'].label}{first}: {found.v_osc:.4g} m/s (all modes);"
+        f" largest velocity of the first mode alone: {first_mode:.3g} m/s",
     ]
 
 

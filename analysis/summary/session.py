@@ -47,19 +47,19 @@ def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str, bool]]
         "path_accuracy": (f"{found.path_accuracy * 1e6:.3g} um", "", True),
         "velocity_accuracy": (f"{100 * found.velocity_accuracy:+.3f} %", "", True),
         "velocity_repeatability": (
-            f"{100 * spread.value:.3f} %",
-            f"{100 * spread.low:.3f} % to {100 * spread.high:.3f} %",
+            f"{100 * spread.value:.3g} %",
+            f"{100 * spread.low:.3g} % to {100 * spread.high:.3g} %",
             True,
         ),
-        "velocity_fluctuation": (f"{100 * found.velocity_fluctuation:.3f} %", "", True),
+        "velocity_fluctuation": (f"{100 * found.velocity_fluctuation:.3g} %", "", True),
         "rise_drift": (
             f"{rise.value * 1e6:+.3g} um per press",
             f"{rise.low * 1e6:+.3g} um to {rise.high * 1e6:+.3g} um",
             rise.significant,
         ),
         "speed_drift": (
-            f"{100 * speed.value:+.3f} % per press",
-            f"{100 * speed.low:+.3f} % to {100 * speed.high:+.3f} %",
+            f"{100 * speed.value:+.3g} % per press",
+            f"{100 * speed.low:+.3g} % to {100 * speed.high:+.3g} %",
             speed.significant,
         ),
     }

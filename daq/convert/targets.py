@@ -4,6 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.errors import UsageError
 from sautereau.rig.faults import fault_list
 
 
@@ -12,14 +13,20 @@ def targets(files: list[Path], extension: str, out: Path | None) -> list[tuple[P
 
     Args:
         extension: File extension of the files to write, without the dot.
-        out: File to write, or folder: one that exists, or for several files a name without file
-            extension; None for the folder of each file.
+        out: File to write, or folder: one that exists, or a name without file extension; None for
+            the folder of each file.
 
     Raises:
         RecordingError: Several files would be converted to the same file.
+        UsageError: The file to write has the file extension of another format.
     """
     pairs = []
-    is_folder = out is not None and (out.is_dir() or (len(files) > 1 and not out.suffix))
+    is_folder = out is not None and (out.is_dir() or not out.suffix)
+    if out and not is_folder and out.suffix.lower() != f".{extension}":
+        raise UsageError(
+            f"{out}: the file to write has the file extension {out.suffix}; use .{extension}, or"
+            " give a folder that exists"
+        )
     for file in files:
         name = f"{file.stem}.{extension}"
         pairs.append((file, out / name if out and is_folder else out or file.with_name(name)))

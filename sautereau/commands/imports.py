@@ -45,7 +45,7 @@ def import_(
     rig
         Path of a rig file, or name of a packaged one, with the calibrations of the sensors.
     out
-        Recording to write, or folder for several files.
+        Recording to write (NAME.mcap), or folder. A name without file extension is a folder.
     notes
         Operator's notes, saved in the recording.
     profile

@@ -80,6 +80,8 @@ def mount(
     from sautereau.trajectory.mount.find import find_mount, mount_map
     from sautereau.trajectory.mount.locate import locate_base
 
+    if trust_homing and touches is None:
+        return output.fail("--trust-homing: it concerns --touches FILE, which is missing", 2)
     bench = common.load_rig(rig)
     result: dict[str, Any] = {}
     lines = []

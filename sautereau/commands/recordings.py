@@ -109,9 +109,10 @@ def export(
     Parameters
     ----------
     to
-        Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json.
+        Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json or NAME.wav.json.
     out
-        File to write, or folder for several. Default: beside each recording.
+        File to write, with the file extension of the format, or folder. A name without file
+        extension is a folder. Default: beside each recording.
     raw
         Write raw volts only, without values in SI units.
     """
@@ -120,6 +121,9 @@ def export(
     from sautereau.daq.convert.targets import targets
     from sautereau.entrance.each import each
     from sautereau.entrance.session import open
+
+    if raw and to == "urdf":
+        return output.fail("--raw: a URDF contains no samples; omit it", 2)
 
     def convert(pair: tuple[Path, Path]) -> list[Path]:
         file, target = pair

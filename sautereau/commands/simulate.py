@@ -73,6 +73,11 @@ def trade(
     from sautereau.sim_backend.trade import stability as stability_map
     from sautereau.sim_backend.trade.study import run_trade
 
+    if stability and (plot or fresh):
+        return output.fail(
+            "--stability: its result is a table, and always measured; omit --plot and --fresh",
+            2,
+        )
     bench, simulated = rig_and_scene(rig, scene)
     if stability:
         with output.progress("mapping the stability"):

@@ -19,6 +19,8 @@ HEADS = (
 SIMPLER = 2.0
 """Dimensionless speed over that of the scene's own models, from which simpler ones are
 recommended: they save no computing in the engine, but may in a modal string."""
+MARGIN = 0.1
+"""Fraction of a speed below which measured speeds count as equal."""
 LEAST = 1e-10
 """s, error at which a point without one is drawn, for the axis is logarithmic."""
 
@@ -149,7 +151,10 @@ def trade_text(trade: Trade) -> list[str]:
         for p in (trade.points[i] for i in order)
         if p.failed
     ]
-    lines.append("* Pareto-optimal: no other is both faster and more accurate")
+    lines.append(
+        "* Pareto-optimal: no other is both faster and more accurate; speeds that differ by less"
+        f" than {100 * MARGIN:.0f} % count as equal"
+    )
     requested = f"{trade.requested * 1e6:.3g} us"
     if trade.recommended is None:
         lines.append(f"none is accurate to {requested}: use the first of the table")
@@ -199,7 +204,7 @@ def trade_figure(trade: Trade) -> Figure:
         xlim=_limits(speeds or [1.0]),
         ylim=_limits([*errors, trade.requested]),
         xlabel="simulated over real time (1)",
-        ylabel="largest error of an event (s)",
+        ylabel=f"largest error of an event (s), smaller ones at {LEAST:g} s",
         title=f"{trade.scene or 'scene'}\n{trade.machine}",
     )
     best = _coordinates([trade.points[i] for i in trade.pareto])

@@ -24,7 +24,7 @@ from sautereau.sim_backend.physics.observation import Observation, drive_of, err
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.refinement import stepped
-from sautereau.sim_backend.trade.results import Point, Trade, pareto_front, recommended
+from sautereau.sim_backend.trade.results import MARGIN, Point, Trade, pareto_front, recommended
 from sautereau.sim_backend.trade.select import best_models
 
 STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "exact": (1, 2, 4, 8, 16)}
@@ -35,8 +35,6 @@ ITERATIONS = (1, 3, 30, 100)
 """Iterations of the rigid bodies' solver that are tried, beside the scene's own, with `MIDDLE`
 steps per sample."""
 MIDDLE = 8
-MARGIN = 0.1
-"""Fraction of a speed below which measured speeds count as equal."""
 RUNS = (3, 99)
 """Least and largest number of runs whose median speed counts."""
 ENOUGH = 0.3

@@ -23,6 +23,18 @@ def test_a_good_plan_says_that_every_check_holds(hold):
         assert word in said
 
 
+def test_a_finger_that_does_not_slide_is_not_drawn_sliding():
+    """With `hold = "point"` the fingertip moves horizontally, with the key, and not along it."""
+    for hold in ("point", "normal"):
+        rig = with_values(load_rig(), {"press.hold": hold})
+        draft = draft_press(rig)
+        path = plan_figure(rig, draft, None).axes[1]
+        along = [line for line in path.lines if "on the key" in str(line.get_label())]
+        assert bool(along) == bool(draft.slide.any()) == (hold == "normal")
+        for line in path.lines:
+            assert "along the key" not in str(line.get_label())
+
+
 def test_a_refused_plan_says_which_checks_fail():
     rig = with_values(load_rig(), {"key.dip": "7 mm", "arm.upper_limits": ["-30 deg", "-10 deg"]})
     figure = plan_figure(rig, draft_press(rig), None)

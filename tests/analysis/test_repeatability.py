@@ -1,5 +1,6 @@
 """Repeatability of presses whose spread and drift are known."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
-from sautereau.analysis.session.repeatability import repeatability
+from sautereau.analysis.session.repeatability import Spread, Trend, repeatability
+from sautereau.analysis.summary.session import repeatability_lines
 from sautereau.trajectory.timing import press_law
 from tests.presses import with_data
 
@@ -50,6 +52,18 @@ def test_known_offsets_and_speeds(paper, law):
     found = repeatability(presses(paper, law, np.zeros(4), speeds), law)
     assert found.velocity_repeatability.value == pytest.approx(3 * speeds.std(ddof=1), rel=1e-6)
     assert found.velocity_accuracy == pytest.approx(speeds.mean() - 1, rel=1e-4)
+
+
+def test_a_small_spread_and_drift_keep_their_digits(paper, law):
+    """With three decimals the drift and both ends of its interval were -0.001 %."""
+    found = replace(
+        repeatability(presses(paper, law, np.zeros(3), np.ones(3)), law),
+        velocity_repeatability=Spread(1.2e-5, 0.6e-5, 7.5e-5),
+        speed_drift=Trend(-0.9e-5, -1.3e-5, -0.5e-5),
+    )
+    said = "\n".join(repeatability_lines(found))
+    assert "0.0012 % (95 %: 0.0006 % to 0.0075 %)" in said
+    assert "-0.0009 % per press (95 %: -0.0013 % to -0.0005 %)" in said
 
 
 def test_a_slow_press_is_less_accurate(paper, law):

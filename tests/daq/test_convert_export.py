@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ from sautereau.daq.convert.targets import targets
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.signals.calibration import to_si, undo_high_pass
+from sautereau.rig.errors import UsageError
 from tests.recordings import write_recording
 
 
@@ -121,6 +123,17 @@ def test_targets(tmp_path):
     assert targets(files[:1], "csv", tmp_path / "x.csv") == [(files[0], tmp_path / "x.csv")]
     with pytest.raises(RecordingError, match=r"x\.csv: 2 files would be converted to it"):
         targets(files, "csv", tmp_path / "x.csv")
+
+
+def test_a_name_without_extension_is_a_folder_also_for_one_file(tmp_path):
+    file = Path("a.mcap")
+    assert targets([file], "csv", tmp_path / "out") == [(file, tmp_path / "out" / "a.csv")]
+
+
+@pytest.mark.parametrize("name", ["a.parquet", "a.mcap", "a.v2"])
+def test_a_file_is_not_written_with_the_extension_of_another_format(tmp_path, name):
+    with pytest.raises(UsageError, match=r"use \.csv"):
+        targets([Path("a.mcap")], "csv", tmp_path / name)
 
 
 def test_targets_that_are_given_twice_are_all_named(tmp_path):

@@ -174,6 +174,11 @@ def test_without_a_cache_it_is_only_slower(monkeypatch, tmp_path):
     assert stored_trade(load_rig(), load_scene("pluck")) is None
 
 
+def test_the_text_says_that_close_speeds_count_as_equal():
+    """Otherwise a point that no other dominates would be unmarked without a reason."""
+    assert "less than 10 % count as equal" in "\n".join(trade_text(made(POINT)))
+
+
 def test_speeds_within_the_margin_count_as_equal():
     assert pareto_front([1.0, 2.0], [10.0, 10.5], 0.1) == [0]
     assert pareto_front([1.0, 2.0], [10.0, 11.5], 0.1) == [0, 1]
