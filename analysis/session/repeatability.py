@@ -65,7 +65,7 @@ class Repeatability:
 
 
 def repeatability(presses: Sequence[Press], law: PressLaw) -> Repeatability:
-    """Compare presses of one plan with each other.
+    """Compare presses of one plan with each other, each from the start of its motion.
 
     Raises:
         AnalysisError: There are fewer than `LEAST`, or one does not cover the cruise.
@@ -98,20 +98,25 @@ def repeatability(presses: Sequence[Press], law: PressLaw) -> Repeatability:
 
 
 def _check(presses: Sequence[Press], time: Floats) -> None:
-    short = [
-        f"{p.path} ends at {p.time[-1]:.4g} s"
-        for p in presses
-        if p.time[0] > time[0] or p.time[-1] < time[-1]
-    ]
+    short = []
+    for press in presses:
+        first, last = press.time[[0, -1]] - _start(press)
+        if first > time[0] or last < time[-1]:
+            short.append(f"{press.path} ends at {last:.4g} s")
     if short:
         raise AnalysisError(
-            f"the cruise lasts from {time[0]:.4g} to {time[-1]:.4g} s after the trigger, but"
-            f" {', '.join(short)}; exclude these presses, or record for longer"
+            f"the cruise lasts from {time[0]:.4g} to {time[-1]:.4g} s after the start of the"
+            f" motion, but {', '.join(short)}; exclude these presses, or record for longer"
         )
 
 
+def _start(press: Press) -> float:
+    """Return the start of a press's motion, from which its plan counts, in its own time [s]."""
+    return press.motion.time if press.motion else 0.0
+
+
 def _at(press: Press, column: str, time: Floats) -> Floats:
-    return np.interp(time, press.time, press.samples[column])
+    return np.interp(time + _start(press), press.time, press.samples[column])
 
 
 def _smooth_speed(press: Press, time: Floats) -> Floats:

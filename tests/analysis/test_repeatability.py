@@ -10,6 +10,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.session.repeatability import Spread, Trend, repeatability
 from sautereau.analysis.summary.session import repeatability_lines
+from sautereau.daq.file.recorded import Event
 from sautereau.trajectory.timing import press_law
 from tests.presses import with_data
 
@@ -39,6 +40,18 @@ def test_equal_presses_have_no_spread(paper, law):
     assert found.velocity_repeatability.value == pytest.approx(0, abs=1e-12)
     assert abs(found.velocity_accuracy) < 1e-6
     assert not found.rise_drift.significant
+
+
+def test_a_motion_that_starts_after_the_trigger_is_on_the_planned_path(paper, law):
+    """At 0.072 m/s each millisecond would count as 72 um."""
+    late = []
+    for press, start in zip(
+        presses(paper, law, np.zeros(3), np.ones(3)), (0.4e-3, 0.5e-3, 1.4e-3), strict=True
+    ):
+        late.append(replace(press, time=press.time + start, motion=Event(start, "motion", "")))
+    found = repeatability(late, law)
+    assert found.path_accuracy < 1e-8
+    assert found.path_repeatability < 1e-8
 
 
 def test_known_offsets_and_speeds(paper, law):
