@@ -13,6 +13,7 @@ from sautereau.analysis.session.analysed import jack_speed
 from sautereau.analysis.session.compare import (
     Mean,
     compare,
+    held_steps,
     mean_of,
     pluck_features,
     predicted_features,
@@ -21,6 +22,7 @@ from sautereau.analysis.session.compare import (
 from sautereau.analysis.session.pooled import pooled_features
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.scene import load_scene
+from tests.analysis.test_choirs import choir
 from tests.budget import slow
 
 
@@ -116,6 +118,23 @@ def test_presses_without_a_pluck_do_not_count(prediction):
     found = compare([MUTE, phases_of(prediction, slope=0.1), MUTE], [prediction] * 3)
     assert found.presses == 1
     assert found.slope_error.value == pytest.approx(0.1, rel=1e-12)
+
+
+def test_the_first_pluck_is_that_of_the_string_released_first(paper):
+    """Which need not be the rig's first choir: here the second plectrum is higher."""
+    lower = choir(paper, stagger=-0.8e-3, overlap=0.2e-3)
+    found = predict(paper.model_copy(update={"more_choirs": (lower,)}))
+    first = found.in_time[0]
+    assert first is found.choirs[1]
+    slope, rise = predicted_features(found, first)
+    duration = first.pluck_duration
+    held = HeldString(0.04, 0.04 + duration, 1e-5, 1e-5, 0.3, 0.3 + rise, rise, slope)
+    compared = compare([Phases(0.01, 0.2, (held,), 0.072, 0.07, 0.072, ())], [found])
+    for error in (compared.slope_error, compared.magnitude_error, compared.duration_error):
+        assert error.value == pytest.approx(0.0, abs=1e-12)
+    deflection, force = found.from_contact(0.0)
+    assert deflection[0] == pytest.approx(0.0, abs=5e-6)
+    assert force[-1] == pytest.approx(found.finger_force[held_steps(first)][-1], rel=0.01)
 
 
 @pytest.mark.parametrize("phases", [[], [MUTE], [MUTE, MUTE]])
