@@ -187,23 +187,27 @@ def _resampled(values: Floats) -> tuple[float, float]:
 
 
 def predicted_means(
-    rows: Sequence[Row], rig: Rig, predictions: Sequence[Prediction]
+    rows: Sequence[Row], rig: Rig, predictions: Sequence[Sequence[Prediction]]
 ) -> dict[str, float]:
     """Return the model's features of repeated presses, each the mean over the presses that have it.
 
     Args:
-        predictions: Prediction of each press for the measured speed of its jack.
+        predictions: Of each press, a prediction for each pluck, for the speed that the jack had
+            until its release. Plucks without a prediction are not compared.
 
     Returns:
         By the columns of `sautereau.analysis.press.features`, pluck by pluck, SI; those of
         `COMPARED` that both have.
     """
-    each = [[pluck_features(rig, p, c) for c in p.in_time] for p in predictions]
+    each = [
+        [pluck_features(rig, p, p.in_time[k]) for k, p in enumerate(own) if k < len(p.in_time)]
+        for own in predictions
+    ]
     found = {}
-    for number in range(len(each[0]) if each else 0):
+    for number in range(max(map(len, each), default=0)):
         for name in COMPARED:
             key = column(name, number + 1)
-            both = zip(rows, each, strict=True)
+            both = [(row, own) for row, own in zip(rows, each, strict=True) if number < len(own)]
             values = [own[number][name] for row, own in both if isinstance(row.get(key), float)]
             if values:
                 found[key] = float(np.mean(values))

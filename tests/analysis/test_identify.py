@@ -17,7 +17,7 @@ from sautereau.analysis.identify.parameters import Prior, rig_values, value_of, 
 from sautereau.analysis.identify.profile import profile
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.session.analysed import jack_speed
+from sautereau.analysis.session.analysed import jack_speeds
 from sautereau.analysis.session.compare import compare
 from sautereau.analysis.summary.fit import fit_lines, fit_summary
 from sautereau.rig.load import load_rig, with_values
@@ -117,7 +117,7 @@ def test_results_for_a_string_on_the_mid_line_state_what_the_surface_would_chang
 
 def test_the_slope_error_falls_from_tens_of_per_cent_to_under_three(two, found, rig):
     pressed, phases = two
-    speeds = list(map(jack_speed, pressed, phases))
+    speeds = [jack_speeds(*each)[0] for each in zip(pressed, phases, strict=True)]
     before, after = (
         compare(phases, [predict(r, speed=speed) for speed in speeds]).slope_error.value
         for r in (rig, found.rig)
