@@ -15,6 +15,7 @@ from sautereau.analysis.identify.identified import evaluate, identify
 from sautereau.analysis.identify.observed import observed
 from sautereau.analysis.identify.parameters import Prior, rig_values, value_of, with_parameters
 from sautereau.analysis.identify.profile import profile
+from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.session.analysed import jack_speeds
@@ -106,6 +107,20 @@ def test_a_fit_that_starts_elsewhere_reports_the_values_of_the_rig(made, rig):
     elsewhere = replace(problem, dynamics=problem.dynamics.with_free(moved))
     for estimate in evaluate(replace(made, problem=elsewhere)).estimates:
         assert estimate.rig_value == value_of(rig, estimate.name)
+
+
+def test_the_residual_before_is_that_of_the_rig_and_of_the_fitted_samples(made):
+    """As on a compliant key, whose fit starts elsewhere and ends with the first release."""
+    problem = made.problem
+    whole = problem.dynamics
+    moved = [replace(p, start=(p.start + p.high) / 2) for p in whole.free]
+    cut, _ = before_release(whole.presses)
+    before = [
+        fit(InverseDynamics(whole.rig, free, cut, whole.level), 1).residual_before
+        for free in (whole.free, moved)
+    ]
+    assert before[1] == pytest.approx(before[0], rel=0.05)
+    assert before[0] != pytest.approx(made.residual_before, rel=0.2)
 
 
 def test_results_for_a_string_on_the_mid_line_state_what_the_surface_would_change(found):
