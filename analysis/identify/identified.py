@@ -295,9 +295,10 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
         if estimate.at_bound:
             p = by_name[estimate.name]
             found.append(
-                f"{p.name}: the fit reached a bound at {estimate.value:.4g} {p.unit}, of"
-                f" {p.low:.4g} to {p.high:.4g} {p.unit}; widen the range by a prior, or look for"
-                " other errors in the rig"
+                f"{p.name}: the fit reached a bound at"
+                f" {f'{estimate.value:.4g} {p.unit}'.strip()}, of"
+                f" {f'{p.low:.4g} to {p.high:.4g} {p.unit}'.strip()}; widen the range by a prior,"
+                " or look for other errors in the rig"
             )
     if thrown := sum(press.thrown for press in dynamics.presses):
         found.append(

@@ -375,6 +375,7 @@ def test_the_intervals_contain_the_calibrations_and_the_table_shows_each(two, fo
     text = "\n".join(fit_lines(found, every=True))
     assert "offset.velocity_gain" in text
     assert "plectrum.contact" in text
+    assert "(* its standard uncertainty)" in " ".join(text.split())
     assert set(fit_summary(found)["sensitivity"]) == set(table)
 
 
