@@ -21,7 +21,9 @@ from sautereau.analysis.phases import find_phases
 from sautereau.analysis.session.analysed import jack_speeds
 from sautereau.analysis.session.compare import compare
 from sautereau.analysis.summary.fit import fit_lines, fit_summary
+from sautereau.entrance.fit import Fit
 from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.text import rig_text
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
 from tests.presses import with_data
@@ -158,6 +160,23 @@ def test_a_picture_shows_every_part(made, found):
     assert "SIMULATED" in figure.get_suptitle()
     labels = {label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]}
     assert {"recorded", "model before", "model fitted"} <= labels
+
+
+def test_every_written_value_has_its_source_and_without_values_nothing_is_written(
+    made, found, rig, tmp_path
+):
+    """Also a value that the rig states without a source."""
+    plain = rig.model_copy(update={"sources": {}, "assumed": {}})
+    fitted = Fit(plain, True, (), made, found)
+    written, edited, none = (tmp_path / name for name in ("new.toml", "old.toml", "none.toml"))
+    edited.write_text(rig_text(plain))
+    for path in (written, edited):
+        fitted.write(path)
+        sources = load_rig(path).sources
+        assert {"plectrum.overlap", "key.inertia"} <= set(sources) == set(fitted.values)
+        assert all(text.startswith("identified from SIMULATED ") for text in sources.values())
+    replace(fitted, found=replace(found, estimates=())).write(none)
+    assert not none.exists()
 
 
 @pytest.mark.slow
