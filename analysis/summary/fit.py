@@ -162,10 +162,14 @@ def _needed_lines(estimate: Estimate) -> list[str]:
     def spread(std: float) -> str:
         return f"+- {std:.2g} {_unit(estimate.unit)}".strip()
 
+    prior = ""
+    if estimate.std is not None and estimate.std < estimate.needed:
+        unaided = "undetermined" if estimate.unaided is None else spread(estimate.unaided)
+        prior = f", and without its own prior it is {unaided}"
     helps = [f"at best {spread(m.std)} if you {m.what}" for m in estimate.measurements]
     return [
         f"{estimate.name} is not identifiable from these recordings:"
-        f" {spread(estimate.needed)} is needed",
+        f" {spread(estimate.needed)} is needed{prior}",
         *(f"  {each}" for each in helps or ["no single measurement would change this"]),
     ]
 

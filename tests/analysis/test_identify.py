@@ -219,6 +219,10 @@ def test_a_prior_determines_what_the_data_do_not(two, true):
     assert estimate.value == pytest.approx(6e-3, rel=1e-3)
     assert estimate.std == pytest.approx(1e-3, rel=1e-3)
     assert not estimate.identifiable
+    assert estimate.unaided is None
+    certain = replace(estimate, std=estimate.needed / 2)
+    text = " ".join(fit_lines(replace(found, estimates=(certain,))))
+    assert "is needed, and without its own prior it is undetermined" in text
 
 
 def test_a_parameter_at_a_bound_gives_a_warning(two):
