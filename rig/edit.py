@@ -58,7 +58,9 @@ class Edit:
             ) from error
 
 
-def edit_rig(path: str | Path, values: Mapping[str, TomlValue], source: str = "") -> Edit:
+def edit_rig(
+    path: str | Path, values: Mapping[str, TomlValue], source: str = "", *, every: bool = False
+) -> Edit:
     """Put values into the text of a rig file.
 
     A value written as a table keeps its table without the assumed range, since it is now known.
@@ -69,17 +71,26 @@ def edit_rig(path: str | Path, values: Mapping[str, TomlValue], source: str = ""
         values: TOML values by dotted key, such as ``{"arm.base_x": "-274.9 mm"}``; an entry of
             a list is named by its index.
         source: Origin of the values; written into every value that is a table.
+        every: Make tables of the other values, so that all have their source.
 
     Raises:
         RigError: The file cannot be read, a key does not exist, or the new rig is not valid.
     """
     path = Path(path)
     before = _read(path)
-    return Edit(path, before, edited_text(before, str(path), path.parent, values, source))
+    return Edit(
+        path, before, edited_text(before, str(path), path.parent, values, source, every=every)
+    )
 
 
 def edited_text(
-    text: str, origin: str, folder: Path, values: Mapping[str, TomlValue], source: str = ""
+    text: str,
+    origin: str,
+    folder: Path,
+    values: Mapping[str, TomlValue],
+    source: str = "",
+    *,
+    every: bool = False,
 ) -> str:
     """Return the text of a rig file with new values; see `edit_rig`.
 
@@ -95,7 +106,7 @@ def edited_text(
     faults = []
     for dotted, value in values.items():
         try:
-            _put(document, in_file.get(dotted, dotted).split("."), value, source)
+            _put(document, in_file.get(dotted, dotted).split("."), value, source, every)
         except (KeyError, IndexError, TypeError, ValueError):
             faults.append(f"{dotted}: unknown quantity{near_miss(dotted, list(model_keys(Rig)))}")
     if faults:
@@ -105,7 +116,7 @@ def edited_text(
     return after
 
 
-def _put(node: Any, keys: list[str], value: TomlValue, source: str) -> None:
+def _put(node: Any, keys: list[str], value: TomlValue, source: str, every: bool) -> None:
     """Set the value at a key of the document; only the last part of the key may be new."""
     *parents, last = keys
     for key in parents:
@@ -118,6 +129,10 @@ def _put(node: Any, keys: list[str], value: TomlValue, source: str) -> None:
         known = tomlkit.inline_table()
         known.update({key: kept for key, kept in old.items() if key != "assumed"})
         known.update({"value": value} | ({"source": source} if source else {}))
+        node[index] = known
+    elif every and source and isinstance(node, dict):
+        known = tomlkit.inline_table()
+        known.update({"value": value, "source": source})
         node[index] = known
     else:
         item = tomlkit.item(value)

@@ -256,8 +256,12 @@ def _exponents(
 def _means(
     values: Floats, found: Components, groups: NDArray[np.intp], subgroups: NDArray[np.intp]
 ) -> list[Spread]:
-    """Return the geometric mean of each group; its sessions are weighted by inverse variance."""
-    from scipy.stats import norm
+    """Return the geometric mean of each group; its sessions are weighted by inverse variance.
+
+    The interval is Student's, with the degrees of freedom of the spread that counts most: of the
+    sessions if they differ, otherwise of the presses.
+    """
+    from scipy.stats import t
 
     counts = np.bincount(subgroups)
     between = found.subgroup.value if found.subgroup else 0.0
@@ -267,7 +271,8 @@ def _means(
     parents[subgroups] = groups
     total = np.bincount(parents, weights)
     centre = np.bincount(parents, weights * means) / total
-    reach = float(norm.ppf((1 + COVERAGE) / 2)) / np.sqrt(total)
+    free = len(counts) - len(total) if between else len(values) - len(counts)
+    reach = float(t.ppf((1 + COVERAGE) / 2, free)) / np.sqrt(total)
     ends = np.exp([centre, centre - reach, centre + reach])
     return [Spread(*map(float, column)) for column in ends.T]
 

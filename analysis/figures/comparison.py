@@ -107,7 +107,7 @@ def _over_time(top, below, sets: Sequence[_Set], prediction: Prediction) -> None
     press, phases = sets[0][0][0], sets[0][1][0]
     start, drawn = phases.start, np.ones(len(prediction.time), bool)
     if phases.plucks:  # a prediction for a measured speed holds while the string is held
-        start = phases.plucks[0].contact - prediction.contact
+        start = phases.plucks[0].contact - prediction.in_time[0].contact
         drawn = prediction.near_pluck(BESIDE)
     model, deflection = (prediction.time[drawn] + start) * 1e3, prediction.deflection[drawn] * 1e3
     top.plot(model, deflection, color=PREDICTED, ls="--", label="predicted")

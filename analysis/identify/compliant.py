@@ -75,7 +75,7 @@ def fit_presses(
     """
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
     best = fit(dynamics, starts, robust, free_offset=FORCE in names)
-    good, before = quality(best), best.residual_before
+    good = quality(best)
     stiff = refined(best, robust) if good.quiet else None
     # The noise at rest may hide modes, but it does not repeat as their residual does.
     if stiff and not quality(stiff).repeats:
@@ -91,7 +91,7 @@ def fit_presses(
         best, good = fitted, found
     if stiff and not modes_of(_named(best)):
         return stiff
-    return replace(refined(best, robust), residual_before=before)
+    return refined(best, robust)
 
 
 def _named(fitted: Fit) -> dict[str, float]:

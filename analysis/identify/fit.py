@@ -11,7 +11,7 @@ from sautereau.analysis.identify.excluded import coupled_force
 from sautereau.analysis.identify.hidden import BOUND_STDS, delay_std, hidden_parameters
 from sautereau.analysis.identify.observed import BACK, FREE, HELD, MIN_INSTANTS, observed
 from sautereau.analysis.identify.parameter_names import MODE, TIME, TIME_RANGE
-from sautereau.analysis.identify.parameters import Parameter, Prior, parameters
+from sautereau.analysis.identify.parameters import Parameter, Prior, parameters, values_of_rig
 from sautereau.analysis.identify.problem import COARSE, TOLERANCE, Problem, minimise
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.identify.whitening import FLOOR, Whitening, autocovariance, white, whitening
@@ -35,12 +35,18 @@ class Fit:
     problem: Problem
     values: Floats
     """Values of all parameters, including the hidden ones, SI."""
-    residual_before: float
-    """N, RMS force residual with the values of the rig."""
     free_offset: bool
     """Whether the zero of each force was fitted."""
     moved: Floats | None = None
     """Change of the scaled values by whitening, for a compliant key; None for a rigid key."""
+
+    @property
+    def residual_before(self) -> float:
+        """RMS force residual of the fitted samples with the values of the rig [N]."""
+        dynamics = self.problem.dynamics
+        forces, _ = dynamics.residuals(values_of_rig(dynamics.rig, dynamics.free))
+        noise = self.problem.whitenings
+        return rms([f - w.trend(f) for f, w in zip(forces, noise, strict=True)])
 
     @property
     def excess(self) -> float:
@@ -106,7 +112,6 @@ def fit(
     # Correlated residuals get less weight relative to the priors.
     size = spread(dynamics, before, free_offset) * np.sqrt(DEPENDENT)
     noise = white(dynamics, size, free_offset)
-    residual_before = rms([f - w.trend(f) for f, w in zip(before, noise, strict=True)])
     tried = _starts(free, starts)
     factor = scatter(rises)
     found = [
@@ -114,7 +119,7 @@ def fit(
         for start in tracked(tried)
     ]
     _, values = min(found, key=lambda pair: pair[0])
-    return Fit(problem_at(dynamics, values, noise, factor), values, residual_before, free_offset)
+    return Fit(problem_at(dynamics, values, noise, factor), values, free_offset)
 
 
 def refined(fitted: Fit, robust: bool = False) -> Fit:

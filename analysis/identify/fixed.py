@@ -62,10 +62,11 @@ class Sensitivity:
     value: float
     """SI; for `plectrum.contact` 1 is the surface and 0 the mid-line."""
     change: float
-    """SI; the standard uncertainty if the rig assumes a range, otherwise 1 % of the value; 1 for
+    """SI; the standard uncertainty if it has one, otherwise 1 % of the value; 1 for
     `plectrum.contact`."""
     stated: bool
-    """Whether the rig states this uncertainty."""
+    """Whether the change is its standard uncertainty: of a range that the rig assumes, of a
+    calibration, or of a hidden parameter."""
     effects: dict[str, float]
     """Resulting change of each result, divided by the result's scale."""
 

@@ -64,6 +64,8 @@ class Estimate:
     `IDENTIFIABLE`."""
     needed: float
     """Standard uncertainty below which it is identifiable."""
+    unaided: float | None
+    """Standard uncertainty without its own prior, compared with `needed`; None if undetermined."""
     measurements: tuple[Measurement, ...]
     """What would reduce its uncertainty most, the best first; empty if it is identifiable."""
 
@@ -272,7 +274,8 @@ def _estimate(
     room = AT_BOUND * (parameter.high - parameter.low)
     std = relative_std * scale
     interval = np.isfinite(std) and fits
-    identifiable = known.std(number) < IDENTIFIABLE
+    unaided = known.std(number)
+    identifiable = unaided < IDENTIFIABLE
     return Estimate(
         name=parameter.name,
         unit=parameter.unit,
@@ -284,6 +287,7 @@ def _estimate(
         at_bound=min(value - parameter.low, parameter.high - value) <= room,
         identifiable=identifiable,
         needed=IDENTIFIABLE * scale,
+        unaided=unaided * scale if np.isfinite(unaided) else None,
         measurements=() if identifiable else known.measurements(number, scale),
     )
 
@@ -295,9 +299,10 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
         if estimate.at_bound:
             p = by_name[estimate.name]
             found.append(
-                f"{p.name}: the fit reached a bound at {estimate.value:.4g} {p.unit}, of"
-                f" {p.low:.4g} to {p.high:.4g} {p.unit}; widen the range by a prior, or look for"
-                " other errors in the rig"
+                f"{p.name}: the fit reached a bound at"
+                f" {f'{estimate.value:.4g} {p.unit}'.strip()}, of"
+                f" {f'{p.low:.4g} to {p.high:.4g} {p.unit}'.strip()}; widen the range by a prior,"
+                " or look for other errors in the rig"
             )
     if thrown := sum(press.thrown for press in dynamics.presses):
         found.append(

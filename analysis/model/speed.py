@@ -34,6 +34,15 @@ class JackSpeed:
             np.interp(rise, self.rise, self.acceleration),
         )
 
+    def followed_by(self, later: Self) -> Self:
+        """Return this speed, and beyond its last rise a later one."""
+        beyond = later.rise > self.rise[-1]
+        return type(self)(
+            np.concatenate([self.rise, later.rise[beyond]]),
+            np.concatenate([self.speed, later.speed[beyond]]),
+            np.concatenate([self.acceleration, later.acceleration[beyond]]),
+        )
+
     def time(self, rise: Floats) -> Floats:
         """Return the times [s] of increasing rises [m], the first of which is at 0 s."""
         slowness = 1 / self.at(rise)[0]

@@ -1,6 +1,8 @@
 """One press of a session, analysed once for every table, plot and comparison."""
 
 from dataclasses import dataclass, replace
+from functools import reduce
+from itertools import pairwise
 from pathlib import Path
 from typing import Self
 
@@ -9,7 +11,7 @@ import numpy as np
 from sautereau.analysis.loading.first_press import first_press
 from sautereau.analysis.loading.press import Press, partial_press_of, press_of
 from sautereau.analysis.model.speed import JackSpeed
-from sautereau.analysis.phases import Phases, find_phases
+from sautereau.analysis.phases import HeldString, Phases, find_phases
 from sautereau.analysis.phases.one_signal import find_partial_phases
 from sautereau.analysis.press.features import Row, features
 from sautereau.daq.file.reading import read_recording
@@ -25,6 +27,8 @@ LEAST = 20
 """Smallest number of samples for that polynomial."""
 INSTANTS = 100
 """Number of instants at which the speed is taken from it."""
+SHORT = 0.25
+"""Least time of a polynomial beside others, divided by the pluck duration."""
 BESIDE = 1e-3
 """Time before and after the cruise whose samples are kept (s)."""
 
@@ -38,8 +42,13 @@ class AnalysedPress:
     session: SessionInfo
     features: Row
     """SI units, as `sautereau.analysis.press.features` defines them."""
-    speed: JackSpeed | None
-    """Speed of the first jack while its string was held; None without a pluck."""
+    speeds: tuple[JackSpeed, ...]
+    """Speed of the first jack until the release of each pluck: `jack_speeds`."""
+
+    @property
+    def speed(self) -> JackSpeed | None:
+        """Speed of the first jack until the first release; None if unknown."""
+        return self.speeds[0] if self.speeds else None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -77,8 +86,8 @@ def analyse_recording(recorded: Recorded) -> AnalysedPress:
 
 
 def _analysed(press: Press, phases: Phases, session: SessionInfo) -> AnalysedPress:
-    found, speed = features(press, phases), jack_speed(press, phases)
-    return AnalysedPress(press, phases, session, found, speed)
+    found, speeds = features(press, phases), jack_speeds(press, phases)
+    return AnalysedPress(press, phases, session, found, speeds)
 
 
 def analyse_file(path: Path) -> AnalysedPress:
@@ -107,25 +116,52 @@ def analyse_partial(path: Path) -> AnalysedPress:
     return _analysed(press, find_partial_phases(press), recorded.session)
 
 
-def jack_speed(press: Press, phases: Phases) -> JackSpeed | None:
-    """Return the speed of the first jack while its string was held; None without a pluck,
-    or without both signals.
+def jack_speeds(press: Press, phases: Phases) -> tuple[JackSpeed, ...]:
+    """Return the speed of the first jack until the release of each pluck; empty without both
+    signals.
 
-    It is that of a polynomial of degree `DEGREE` through the rise over time.
+    It is that of polynomials of degree `DEGREE` through the rise over time, from one contact or
+    release to the next. If the jack stops or turns, or is recorded in too few samples, that pluck
+    and all later ones have none.
 
     Args:
-        press: The recording, at least its `jack_rise` from contact to release.
+        press: The recording, at least its `jack_rise` from contact to the last release.
     """
-    if not phases.plucks or press.missing:
-        return None
-    held = phases.plucks[0]
-    start = held.contact - BEFORE * held.pluck_duration
-    rows = press.between(start, held.release)
+    found: list[JackSpeed] = []
+    for held in () if press.missing else phases.plucks:
+        edges = _edges(phases, held)
+        pieces = [_through(press, *ends) for ends in pairwise(edges)]
+        known = [piece for piece in pieces if piece is not None and np.all(piece.speed > 0)]
+        if len(known) < len(pieces):
+            break
+        found.append(reduce(JackSpeed.followed_by, known))
+    return tuple(found)
+
+
+def _edges(phases: Phases, held: HeldString) -> list[float]:
+    """Return the instants [s] between which the jack moves smoothly, until the release of a pluck.
+
+    The force on the key bends at each contact and drops at each release. Of instants that are close
+    together, one is an edge.
+    """
+    first = phases.plucks[0]
+    edges = [first.contact - BEFORE * first.pluck_duration]
+    least = SHORT * held.pluck_duration
+    inside = (t for each in phases.plucks for t in (each.contact, each.release))
+    for instant in sorted(inside):
+        # The first contact bends the force least.
+        if instant > first.contact and instant - edges[-1] >= least <= held.release - instant:
+            edges.append(instant)
+    return [*edges, held.release]
+
+
+def _through(press: Press, start: float, stop: float) -> JackSpeed | None:
+    """Return the speed of a polynomial through the rise between two instants [s]; None if there are
+    too few samples."""
+    rows = press.between(start, stop)
     seen, rise = press.time[rows], press.samples["jack_rise"][rows]
     if len(rise) < LEAST:
         return None
     through = np.polynomial.Polynomial.fit(seen, rise, DEGREE)
     time = np.linspace(seen[0], seen[-1], INSTANTS)
-    speed = through.deriv()(time)
-    # A jack that stops or turns has no speed as a function of its rise.
-    return JackSpeed(through(time), speed, through.deriv(2)(time)) if np.all(speed > 0) else None
+    return JackSpeed(through(time), through.deriv()(time), through.deriv(2)(time))

@@ -65,6 +65,8 @@ def compare(
 ) -> Comparison:
     """Compare the first pluck of repeated presses with predictions.
 
+    The first pluck is the one that is released first, in the recording as in the prediction.
+
     Args:
         predictions: Prediction of each press for the measured speed of its jack.
         gains: Relative standard uncertainties of features (`gain_stds`); 0 where missing.
@@ -72,15 +74,16 @@ def compare(
     Raises:
         AnalysisError: No press has a pluck to compare.
     """
-    held = [(f.plucks[0], p) for f, p in zip(phases, predictions, strict=True) if f.plucks]
+    both = zip(phases, predictions, strict=True)
+    held = [(f.plucks[0], p, p.in_time[0]) for f, p in both if f.plucks]
     if not held:
         raise AnalysisError(
             f"none of the {len(phases)} presses has a pluck, so there is nothing to compare;"
             " check the forces, and the string and plectrum of that key"
         )
-    predicted = [(h, *predicted_features(p)) for h, p in held]
+    predicted = [(h, *predicted_features(p, first)) for h, p, first in held]
     gains = gains or {}
-    instants = [math.hypot(h.contact_std, h.release_std) / h.pluck_duration for h, _ in held]
+    instants = [math.hypot(h.contact_std, h.release_std) / h.pluck_duration for h, _, _ in held]
 
     def error(ratios: Sequence[float], *stds: float) -> Mean:
         return _with_shared(mean_of([ratio - 1 for ratio in ratios]), math.hypot(*stds))
@@ -96,7 +99,7 @@ def compare(
         ),
         # The model is given the measured speed.
         duration_error=error(
-            [p.pluck_duration / h.pluck_duration for h, p in held],
+            [first.pluck_duration / h.pluck_duration for h, _, first in held],
             gains.get("held_speed", 0.0),
             float(np.mean(instants)),
         ),
@@ -126,7 +129,7 @@ def predicted_features(
     They are computed as the phases compute them from a recording.
 
     Args:
-        choir: Whose string; None for the first.
+        choir: Whose string; None for that of the rig's first choir.
     """
     held = held_steps(prediction if choir is None else choir)
     force, deflection = prediction.finger_force[held], prediction.deflection[held]
@@ -184,26 +187,27 @@ def _resampled(values: Floats) -> tuple[float, float]:
 
 
 def predicted_means(
-    rows: Sequence[Row], rig: Rig, predictions: Sequence[Prediction]
+    rows: Sequence[Row], rig: Rig, predictions: Sequence[Sequence[Prediction]]
 ) -> dict[str, float]:
     """Return the model's features of repeated presses, each the mean over the presses that have it.
 
     Args:
-        predictions: Prediction of each press for the measured speed of its jack.
+        predictions: Of each press, a prediction for each pluck, for the speed that the jack had
+            until its release. Plucks without a prediction are not compared.
 
     Returns:
         By the columns of `sautereau.analysis.press.features`, pluck by pluck, SI; those of
         `COMPARED` that both have.
     """
     each = [
-        [pluck_features(rig, p, c) for c in sorted(p.choirs, key=lambda choir: choir.release)]
-        for p in predictions
+        [pluck_features(rig, p, p.in_time[k]) for k, p in enumerate(own) if k < len(p.in_time)]
+        for own in predictions
     ]
     found = {}
-    for number in range(len(each[0]) if each else 0):
+    for number in range(max(map(len, each), default=0)):
         for name in COMPARED:
             key = column(name, number + 1)
-            both = zip(rows, each, strict=True)
+            both = [(row, own) for row, own in zip(rows, each, strict=True) if number < len(own)]
             values = [own[number][name] for row, own in both if isinstance(row.get(key), float)]
             if values:
                 found[key] = float(np.mean(values))

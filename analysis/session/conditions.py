@@ -162,10 +162,14 @@ def _condition(
     if sessions > 1:
         warnings.append(f"presses of {sessions} sessions of one day are pooled")
     try:
-        each = [predict(rig or own, level, speed=press.speed) for press in known]
-        plucked = [p for press, p in zip(known, each, strict=True) if press.speed]
+        each = [
+            [predict(rig or own, level, speed=speed) for speed in press.speeds or (None,)]
+            for press in known
+        ]
+        plucked = [p[0] for press, p in zip(known, each, strict=True) if press.speeds]
         prediction = plucked[0] if plucked else predict(rig or own, level)
-        comparison = compare([press.phases for press in known], each, gain_stds(own))
+        firsts = [p[0] for p in each]
+        comparison = compare([press.phases for press in known], firsts, gain_stds(own))
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:
         warnings.append(f"no comparison with the model: {error}")

@@ -135,7 +135,7 @@ def _table(found: Identified) -> list[str]:
     """Return the effects of fixed numbers and calibrations, a line each."""
     lines = [
         "change in % of each result by a change of a number that is not a result"
-        " (* stated in the rig):"
+        " (* its standard uncertainty):"
     ]
     for first in range(0, len(found.estimates), TOGETHER):
         names = [e.name for e in found.estimates[first : first + TOGETHER]]
@@ -158,11 +158,18 @@ def _needed_lines(estimate: Estimate) -> list[str]:
     """Return what would make a parameter identifiable; nothing if it is."""
     if estimate.identifiable:
         return []
-    unit = _unit(estimate.unit)
-    helps = [f"at best +- {m.std:.2g} {unit} if you {m.what}" for m in estimate.measurements]
+
+    def spread(std: float) -> str:
+        return f"+- {std:.2g} {_unit(estimate.unit)}".strip()
+
+    prior = ""
+    if estimate.std is not None and estimate.std < estimate.needed:
+        unaided = "undetermined" if estimate.unaided is None else spread(estimate.unaided)
+        prior = f", and without its own prior it is {unaided}"
+    helps = [f"at best {spread(m.std)} if you {m.what}" for m in estimate.measurements]
     return [
         f"{estimate.name} is not identifiable from these recordings:"
-        f" +- {estimate.needed:.2g} {unit} is needed",
+        f" {spread(estimate.needed)} is needed{prior}",
         *(f"  {each}" for each in helps or ["no single measurement would change this"]),
     ]
 

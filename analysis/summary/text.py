@@ -9,6 +9,8 @@ SOME_SIMULATED = "SIMULATED: at least one of these presses is simulated"
 """First line of the text on presses of which any was made on a stand-in."""
 WIDTH = 80
 """Columns of the narrowest usual terminal, to which texts are wrapped."""
+EMPTY = 12
+"""Fewest spaces at the start of a line that are an empty first column of a table."""
 NAMED = 3
 """Largest number of names that are listed before a text that applies to all of them."""
 _PLURALS = {"press": "presses", "plectrum": "plectra"}
@@ -74,7 +76,8 @@ def wrapped(text: str) -> str:
 
 def _wrapped_line(line: str) -> str:
     gaps = [gap.end() for gap in re.finditer(r"(?<=\S) {2,}", line)]
-    if len(line) <= WIDTH or len(gaps) > 1 or len(line.split()) <= 2:
+    empty = len(line) - len(line.lstrip()) >= EMPTY
+    if len(line) <= WIDTH or empty or len(gaps) > 1 or len(line.split()) <= 2:
         return line
     indent = gaps[0] if gaps else len(line) - len(line.lstrip()) + 2
     return textwrap.fill(

@@ -139,8 +139,9 @@ def identify(
     profile
         Also compute 95 % intervals by profile likelihood. This takes longer.
     out
-        Write the identifiable values to this rig file if the model fits. A new file gets all other
-        values from the recordings; with --force an existing file keeps its other values.
+        Write the identifiable values to this rig file, if there are any and the model fits. A new
+        file gets all other values from the recordings; with --force an existing file keeps its
+        other values.
     """
     from sautereau.analysis.identify.parameters import check_names, read_prior
     from sautereau.rig.progress import tracked
@@ -162,6 +163,7 @@ def identify(
         fit.plot().savefig(plot, dpi=120)
     if out:
         fit.write(out)
-        result |= {"rig": str(out), "written": fit.values}
-        lines.append(f"rig:     {out}, with {', '.join(fit.values) or 'nothing new'}")
+        result |= {"rig": str(out) if fit.values else None, "written": fit.values}
+        written = f"{out}, with {', '.join(fit.values)}" if fit.values else "nothing was written"
+        lines.append(f"rig:     {written}")
     return output.answer(result, lines, plot)

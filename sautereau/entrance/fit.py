@@ -91,15 +91,21 @@ class Fit(Shown):
     @cached_property
     def rig(self) -> Rig:
         """The recordings' rig with `values`, which have this fit as their source."""
-        text = edited_text(rig_text(self.nominal), "fit", Path(), self.values, self._source)
+        nominal = rig_text(self.nominal)
+        text = edited_text(nominal, "fit", Path(), self.values, self._source, every=True)
         return Rig(parse_rig(text))
 
     def write(self, path: Path) -> None:
-        """Write `values` into a rig file and keep its other values; a new file is that of `rig`."""
-        if not path.exists():
+        """Write `values` into a rig file and keep its other values; a new file is that of `rig`.
+
+        Without `values` nothing is written.
+        """
+        if not self.values:
+            return
+        if path.exists():
+            edit_rig(path, self.values, self._source, every=True).save()
+        else:
             self.rig.save(path)
-        elif self.values:
-            edit_rig(path, self.values, self._source).save()
 
     @property
     def _source(self) -> str:

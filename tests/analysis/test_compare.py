@@ -1,18 +1,23 @@
 """Comparison with presses that differ from the prediction by known amounts."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from benchmarks.simulated import simulated_press
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.model.speed import JackSpeed
 from sautereau.analysis.phases import HeldString, Phases, find_phases
 from sautereau.analysis.press.features import COMPARED
-from sautereau.analysis.session.analysed import jack_speed
+from sautereau.analysis.session.analysed import jack_speeds
 from sautereau.analysis.session.compare import (
     Mean,
     compare,
+    held_steps,
     mean_of,
     pluck_features,
     predicted_features,
@@ -21,6 +26,7 @@ from sautereau.analysis.session.compare import (
 from sautereau.analysis.session.pooled import pooled_features
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.scene import load_scene
+from tests.analysis.test_choirs import choir
 from tests.budget import slow
 
 
@@ -44,12 +50,51 @@ def test_a_compliant_arm_is_no_model_error(speed):
     rig, scene = with_values(load_rig(), values), load_scene("paper")
     press, _ = simulated_press(rig, scene.model_copy(update={"step": 50e-6}), 1)
     phases = find_phases(press)
-    found = compare([phases], [predict(press.rig, speed=jack_speed(press, phases))])
+    found = compare([phases], [predict(press.rig, speed=jack_speeds(press, phases)[0])])
     assert abs(found.duration_error.value) < 3e-3
     assert abs(found.slope_error.value) < 0.015
     before = compare([phases], [predict(press.rig)])
     assert abs(before.duration_error.value) > 0.03
-    assert jack_speed(press, MUTE) is None
+    assert jack_speeds(press, MUTE) == ()
+
+
+def test_every_pluck_is_predicted_for_the_speed_until_its_own_release(paper):
+    """Here the jack rises at 0.06 m/s until the first release, and at 0.1 m/s from then on."""
+    rig = paper.model_copy(update={"more_choirs": (choir(paper, stagger=0.9e-3),)})
+    first, second = predict(rig).in_time
+    rises = [paper.press.jack_speed * t for t in (first.contact, first.release)]
+    rises += [paper.press.jack_speed * t for t in (second.contact, second.release)]
+
+    def instant(rise):
+        return min(rise, rises[1]) / 0.06 + max(0.0, rise - rises[1]) / 0.1
+
+    time = np.arange(0.0, 0.15, 2e-5)
+    rise = np.minimum(0.06 * time, rises[1]) + 0.1 * np.maximum(0, time - instant(rises[1]))
+    samples = {"jack_rise": rise}
+    press = Press(Path("a"), rig, True, time, samples, 5e4)
+    held = [
+        HeldString(instant(rises[k]), instant(rises[k + 1]), 1e-5, 1e-5, 0.1, 0.9, 0.8, 1e3)
+        for k in (0, 2)
+    ]
+    phases = Phases(0.0, 0.15, tuple(held), 0.06, 0.06, 0.1, ())
+    each = [predict(rig, speed=speed) for speed in jack_speeds(press, phases)]
+    rows = [{"pluck_duration": 0.0, "pluck_duration_2": 0.0}]
+    found = predicted_means(rows, rig, [each])
+    assert found["pluck_duration"] == pytest.approx(held[0].pluck_duration, rel=1e-3)
+    assert found["pluck_duration_2"] == pytest.approx(held[1].pluck_duration, rel=2e-3)
+    stopped = replace(press, samples={"jack_rise": np.minimum(rise, rises[1])})
+    assert len(jack_speeds(stopped, phases)) == 1
+
+
+def test_the_acceleration_changes_at_the_contact_of_another_string(paper):
+    """The jack slows down by 2 m/s^2 from the second contact on."""
+    time = np.arange(0.0, 0.1, 2e-5)
+    rise = 0.07 * time - np.maximum(0.0, time - 0.05) ** 2
+    press = Press(Path("a"), paper, True, time, {"jack_rise": rise}, 5e4)
+    held = [HeldString(0.03, 0.06, 1e-5, 1e-5, 0.1, 0.9, 0.8, 1e3)]
+    held += [HeldString(0.05, 0.08, 1e-5, 1e-5, 0.1, 0.9, 0.8, 1e3)]
+    speed, _ = jack_speeds(press, Phases(0.0, 0.15, tuple(held), 0.07, 0.07, 0.07, ()))
+    assert speed.at(np.interp([0.0301, 0.0599], time, rise))[1] == pytest.approx([0, -2], abs=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -118,6 +163,23 @@ def test_presses_without_a_pluck_do_not_count(prediction):
     assert found.slope_error.value == pytest.approx(0.1, rel=1e-12)
 
 
+def test_the_first_pluck_is_that_of_the_string_released_first(paper):
+    """Which need not be the rig's first choir: here the second plectrum is higher."""
+    lower = choir(paper, stagger=-0.8e-3, overlap=0.2e-3)
+    found = predict(paper.model_copy(update={"more_choirs": (lower,)}))
+    first = found.in_time[0]
+    assert first is found.choirs[1]
+    slope, rise = predicted_features(found, first)
+    duration = first.pluck_duration
+    held = HeldString(0.04, 0.04 + duration, 1e-5, 1e-5, 0.3, 0.3 + rise, rise, slope)
+    compared = compare([Phases(0.01, 0.2, (held,), 0.072, 0.07, 0.072, ())], [found])
+    for error in (compared.slope_error, compared.magnitude_error, compared.duration_error):
+        assert error.value == pytest.approx(0.0, abs=1e-12)
+    deflection, force = found.from_contact(0.0)
+    assert deflection[0] == pytest.approx(0.0, abs=5e-6)
+    assert force[-1] == pytest.approx(found.finger_force[held_steps(first)][-1], rel=0.01)
+
+
 @pytest.mark.parametrize("phases", [[], [MUTE], [MUTE, MUTE]])
 def test_without_a_pluck_there_is_nothing_to_compare(prediction, phases):
     with pytest.raises(AnalysisError, match=f"none of the {len(phases)} presses has a pluck"):
@@ -149,7 +211,7 @@ def test_equal_presses_have_an_interval_of_zero_width(n):
 
 def pooled(rows, rig, predictions):
     """Return the features that are compared, by name."""
-    found = pooled_features(rows, predicted_means(rows, rig, predictions))
+    found = pooled_features(rows, predicted_means(rows, rig, [[p] for p in predictions]))
     return {feature.name: feature for feature in found if feature.predicted is not None}
 
 

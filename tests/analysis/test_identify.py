@@ -15,12 +15,15 @@ from sautereau.analysis.identify.identified import evaluate, identify
 from sautereau.analysis.identify.observed import observed
 from sautereau.analysis.identify.parameters import Prior, rig_values, value_of, with_parameters
 from sautereau.analysis.identify.profile import profile
+from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.session.analysed import jack_speed
+from sautereau.analysis.session.analysed import jack_speeds
 from sautereau.analysis.session.compare import compare
 from sautereau.analysis.summary.fit import fit_lines, fit_summary
+from sautereau.entrance.fit import Fit
 from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.text import rig_text
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
 from tests.presses import with_data
@@ -108,6 +111,20 @@ def test_a_fit_that_starts_elsewhere_reports_the_values_of_the_rig(made, rig):
         assert estimate.rig_value == value_of(rig, estimate.name)
 
 
+def test_the_residual_before_is_that_of_the_rig_and_of_the_fitted_samples(made):
+    """As on a compliant key, whose fit starts elsewhere and ends with the first release."""
+    problem = made.problem
+    whole = problem.dynamics
+    moved = [replace(p, start=(p.start + p.high) / 2) for p in whole.free]
+    cut, _ = before_release(whole.presses)
+    before = [
+        fit(InverseDynamics(whole.rig, free, cut, whole.level), 1).residual_before
+        for free in (whole.free, moved)
+    ]
+    assert before[1] == pytest.approx(before[0], rel=0.05)
+    assert before[0] != pytest.approx(made.residual_before, rel=0.2)
+
+
 def test_results_for_a_string_on_the_mid_line_state_what_the_surface_would_change(found):
     """The friction of the plectrum imitates the surface, so that no residual may show it."""
     assert "plectrum.overlap by" in found.contact_warning
@@ -117,7 +134,7 @@ def test_results_for_a_string_on_the_mid_line_state_what_the_surface_would_chang
 
 def test_the_slope_error_falls_from_tens_of_per_cent_to_under_three(two, found, rig):
     pressed, phases = two
-    speeds = list(map(jack_speed, pressed, phases))
+    speeds = [jack_speeds(*each)[0] for each in zip(pressed, phases, strict=True)]
     before, after = (
         compare(phases, [predict(r, speed=speed) for speed in speeds]).slope_error.value
         for r in (rig, found.rig)
@@ -143,6 +160,23 @@ def test_a_picture_shows_every_part(made, found):
     assert "SIMULATED" in figure.get_suptitle()
     labels = {label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]}
     assert {"recorded", "model before", "model fitted"} <= labels
+
+
+def test_every_written_value_has_its_source_and_without_values_nothing_is_written(
+    made, found, rig, tmp_path
+):
+    """Also a value that the rig states without a source."""
+    plain = rig.model_copy(update={"sources": {}, "assumed": {}})
+    fitted = Fit(plain, True, (), made, found)
+    written, edited, none = (tmp_path / name for name in ("new.toml", "old.toml", "none.toml"))
+    edited.write_text(rig_text(plain))
+    for path in (written, edited):
+        fitted.write(path)
+        sources = load_rig(path).sources
+        assert {"plectrum.overlap", "key.inertia"} <= set(sources) == set(fitted.values)
+        assert all(text.startswith("identified from SIMULATED ") for text in sources.values())
+    replace(fitted, found=replace(found, estimates=())).write(none)
+    assert not none.exists()
 
 
 @pytest.mark.slow
@@ -185,6 +219,10 @@ def test_a_prior_determines_what_the_data_do_not(two, true):
     assert estimate.value == pytest.approx(6e-3, rel=1e-3)
     assert estimate.std == pytest.approx(1e-3, rel=1e-3)
     assert not estimate.identifiable
+    assert estimate.unaided is None
+    certain = replace(estimate, std=estimate.needed / 2)
+    text = " ".join(fit_lines(replace(found, estimates=(certain,))))
+    assert "is needed, and without its own prior it is undetermined" in text
 
 
 def test_a_parameter_at_a_bound_gives_a_warning(two):
@@ -360,6 +398,7 @@ def test_the_intervals_contain_the_calibrations_and_the_table_shows_each(two, fo
     text = "\n".join(fit_lines(found, every=True))
     assert "offset.velocity_gain" in text
     assert "plectrum.contact" in text
+    assert "(* its standard uncertainty)" in " ".join(text.split())
     assert set(fit_summary(found)["sensitivity"]) == set(table)
 
 

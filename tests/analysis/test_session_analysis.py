@@ -71,7 +71,7 @@ def test_what_the_model_cannot_predict_is_not_compared(four):
     doubtful = replace(presses[1].phases, plucks=(replace(pluck, doubtful=True),))
     presses[1] = replace(presses[1], phases=doubtful)
     path = presses[2].press.path.with_name("stopped.mcap")
-    presses[2] = replace(presses[2], speed=None, press=replace(presses[2].press, path=path))
+    presses[2] = replace(presses[2], speeds=(), press=replace(presses[2].press, path=path))
     (condition,) = analyse(presses).conditions
     assert condition.comparison.presses == 3
     without = analyse([*presses[:2], presses[3]]).conditions[0]
@@ -86,7 +86,7 @@ def test_a_press_without_a_pluck_is_named_where_others_have_one(four):
     silent = replace(presses[1].phases, plucks=())
     path = presses[1].press.path.with_name("silent.mcap")
     press = replace(presses[1].press, path=path)
-    presses[1] = replace(presses[1], speed=None, press=press, phases=silent)
+    presses[1] = replace(presses[1], speeds=(), press=press, phases=silent)
     (condition,) = analyse(presses).conditions
     assert condition.comparison.presses == 3
     assert "not compared: silent.mcap: no pluck was found" in "\n".join(condition.warnings)

@@ -71,6 +71,20 @@ def test_known_exponents_are_recovered(found):
             assert 0 < exponent.std < 0.2
 
 
+def test_the_interval_of_a_mean_of_few_presses_covers_it_in_95_of_100():
+    """Of 2 plectra with 2 presses each; the normal distribution's intervals cover 80 of 100."""
+    covered = []
+    for seed in range(30):
+        rows = rows_of(2, 1, 2, seed, (0.01, 0.0, 0.3))
+        random = np.random.default_rng(1000 + seed)
+        for row in rows:
+            row |= {name: np.exp(random.normal(0, 0.01)) for name in FELT}
+        for plectrum in find_touch(campaign_of(rows)).plectra:
+            covered += [spread.low < 1 < spread.high for spread in plectrum.felt.values()]
+    assert len(covered) == 180
+    assert np.mean(covered) > 0.9
+
+
 def test_known_spreads_are_recovered(found):
     for felt in found.felt.values():
         for spread, true in zip((felt.press, felt.session, felt.unexplained), STDS, strict=True):

@@ -65,5 +65,6 @@ def test_prose_is_broken_at_spaces_and_tables_are_not():
     word, path = "word " * 20, "folder/" * 20
     assert wrapped(f"a: {word}").splitlines() == [f"a: {word[:74]}", f"  {word[75:].rstrip()}"]
     assert wrapped(f"label:   {word}").splitlines()[1].startswith(" " * 9 + "word")
-    for kept in (f"one  two  {word}", f"report: {path}", "", "  short"):
+    head = f"{'':40}odds ratio{'':30}false discovery"
+    for kept in (head, f"one  two  {word}", f"report: {path}", "", "  short"):
         assert wrapped(kept) == kept.rstrip() or wrapped(kept) == kept
