@@ -57,6 +57,8 @@ class Contact:
     """N, rms of the load that a rigid key and its string leave until the release."""
     exchange_std: float = 0.0
     """s, part of `std`: the contact may belong to the release of another string held at once."""
+    inertia: float = 0.0
+    """Relative error of the rig's inertia."""
 
 
 def find_contact(
@@ -109,7 +111,8 @@ def find_contact(
     gain = (fit.free(noise) - float(found.chi2[best])) / noise
     # A common delay of both channels shifts the contact as well.
     std = math.hypot(std, common_std)
-    return Contact(middle, std, gain, float(found.at_release[best]), noise, found.residual)
+    force = float(found.at_release[best])
+    return Contact(middle, std, gain, force, noise, found.residual, inertia=found.inertia)
 
 
 def _vertex(times: Floats, score: Floats) -> tuple[float, float, float]:

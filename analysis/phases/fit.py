@@ -66,6 +66,8 @@ class ContactFits:
     """Variance of the residuals of the best fit over the assumed noise."""
     residual: float
     """N, rms of the residuals of the best fit."""
+    inertia: float
+    """Relative error of the rig's inertia in the best fit."""
 
 
 class KeyAndString:
@@ -131,9 +133,9 @@ class KeyAndString:
         first = max(0, int((times[0] - self._held.time[0]) / self._held.step) - 1)
         string = self._white(self._bare(times, first).T, first).T
         string = string.reshape(BENDS, len(times), -1).swapaxes(0, 1)
-        found, inertia = self._fits(string, noise, None)
-        bound = _beyond(inertia)
-        return found if bound is None else self._fits(string, noise, bound)[0]
+        found = self._fits(string, noise, None)
+        bound = _beyond(found.inertia)
+        return found if bound is None else self._fits(string, noise, bound)
 
     def _key_alone(
         self, noise: float, inertia: float | None, falls: bool
@@ -186,10 +188,8 @@ class KeyAndString:
         quadratic, cubic = self._expected
         return np.concatenate([line + quadratic * square + cubic * cube, square, cube])
 
-    def _fits(
-        self, string: Floats, noise: float, inertia: float | None
-    ) -> tuple[ContactFits, float]:
-        """Return the fits, and the relative error of the inertia in the best one.
+    def _fits(self, string: Floats, noise: float, inertia: float | None) -> ContactFits:
+        """Return the fits.
 
         Args:
             string: The string's columns in the last rows, in units of the noise, shape
@@ -217,8 +217,8 @@ class KeyAndString:
         inflation = _inflation(left, len(self._prior) + BENDS)
         unexplained = self._white.undone(left)
         rms = math.sqrt(float(unexplained @ unexplained) / len(unexplained))
-        found = ContactFits(chi2, np.asarray(factors[:, 0], dtype=float), inflation, rms)
-        return found, float(of_key[INERTIA])
+        forces = np.asarray(factors[:, 0], dtype=float)
+        return ContactFits(chi2, forces, inflation, rms, float(of_key[INERTIA]))
 
 
 def _beyond(inertia: float) -> float | None:

@@ -166,6 +166,7 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         release_std=release.std,
         contact_force=float(force[max(0, first - m) : max(1, first)].mean()),
         release_force=before,
-        force_drop=release.fall,
+        # The fall was found with the rig's inertia.
+        force_drop=release.fall - contact.inertia * release.slowed,
         force_slope=float(travel @ force[first:last] / (travel @ travel)),
     )
