@@ -7,6 +7,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, Va
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.summary.text import counted
+from sautereau.rig.disk import read_limited, why_unreadable
 from sautereau.rig.quantities import QUANTITIES
 
 PATTERN = "fit*.json"
@@ -55,9 +56,11 @@ def read_fit(path: Path) -> Fit:
         AnalysisError: The file cannot be read, or was not written by `identify`.
     """
     try:
-        found = _Identified.model_validate_json(path.read_bytes())
+        found = _Identified.model_validate_json(read_limited(path))
     except OSError as error:
-        raise AnalysisError(f"fit {path}: cannot be read: {error.strerror}") from error
+        raise AnalysisError(
+            f"fit {path}: cannot be read: {why_unreadable(error)}; correct it, or move it away"
+        ) from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(map(str, first["loc"]))

@@ -1,7 +1,6 @@
 """Verification of a recording's checksums before anything of it is used."""
 
 import os
-import stat
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,6 +21,7 @@ from sautereau.daq.file.container.records import (
     Record,
 )
 from sautereau.daq.file.provenance import PROFILE
+from sautereau.rig.disk import open_regular
 
 _FOOTER = struct.Struct("<BQQQI")  # prefix, summary start, summary offset start, CRC
 _DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before
@@ -61,12 +61,9 @@ def opened(path: Path, *, damaged: bool = False) -> Iterator[BufferedReader]:
     """
     try:
         try:
-            mode = path.stat().st_mode
-            if stat.S_ISDIR(mode):
+            if path.is_dir():
                 raise RecordingError("it is a folder; give one of the .mcap files in it")
-            if not stat.S_ISREG(mode):
-                raise RecordingError("it is not a regular file; give an .mcap file")
-            with path.open("rb") as file:
+            with open_regular(path) as file:
                 if not damaged:
                     check_header(file)
                 yield file

@@ -167,7 +167,7 @@ def write_learned(
         "learned_for": _learned_for(rig, feed_forward),
     }
     try:
-        write_durably(path, json.dumps(document, indent=1, allow_nan=False) + "\n", new=True)
+        write_durably(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
     except OSError as error:
         raise RobotError(
             f"learned correction {path}: cannot be written: {error.strerror}; give another folder"

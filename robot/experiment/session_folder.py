@@ -231,7 +231,7 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
     path = folder / MANIFEST
     text = json.dumps({"version": VERSION} | vars(manifest), indent=1, allow_nan=False)
     try:
-        write_durably(path, text + "\n")
+        write_durably(path, text + "\n", replace=True)
     except OSError as error:
         raise RobotError(
             f"session {path}: cannot be written: {error.strerror}; give a folder that can be"
