@@ -99,9 +99,12 @@ def _opened(name: str, baud_rate: int, timeout: float) -> Port:
     scheme, separator, _ = name.partition("://")
     if separator and scheme not in SCHEMES:
         raise ValueError(f"{scheme}:// is not one of tcp, {', '.join(SCHEMES)}")
-    return serial.serial_for_url(
-        name, baudrate=baud_rate, timeout=timeout, write_timeout=timeout, exclusive=True
-    )
+    try:
+        return serial.serial_for_url(
+            name, baudrate=baud_rate, timeout=timeout, write_timeout=timeout, exclusive=True
+        )
+    except KeyError as error:  # loop:// raises it for an option that it does not know
+        raise ValueError(f"{name.partition('?')[2]!r} is not an option of {scheme}://") from error
 
 
 def port_errors() -> tuple[type[Exception], ...]:

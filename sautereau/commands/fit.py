@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED, counted, grouped
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, make_folders
+from sautereau.commands.output import FileOutput, make_folders, save_plot
 
 
 def phases(
@@ -56,7 +56,7 @@ def phases(
     elif remarks:
         lines.append(f"{counted(len(remarks), 'remark')}, listed by --verbose")
     if plot:
-        session.plot().savefig(plot, dpi=120)
+        save_plot(plot, session.plot())
     result = {"files": [p.document for p in session], "faults": texts}
     return output.answer(result, lines, plot, texts)
 
@@ -101,7 +101,7 @@ def compare(
         raise AnalysisError("\n".join(w for condition in conditions for w in condition.warnings))
     lines = [*([SOME_SIMULATED] * found.found.simulated), *found.lines()]
     if plot:
-        found.plot().savefig(plot, dpi=120)
+        save_plot(plot, found.plot())
     return output.answer(found.document, lines, plot)
 
 
@@ -160,7 +160,7 @@ def identify(
             profiles = [fit.profile(e.name) for e in tracked(fit.found.estimates)]
     result, lines = fit.document(profiles), fit.lines(profiles, every=output.verbose)
     if plot:
-        fit.plot().savefig(plot, dpi=120)
+        save_plot(plot, fit.plot())
     if out:
         fit.write(out)
         result |= {"rig": str(out) if fit.values else None, "written": fit.values}

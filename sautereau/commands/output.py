@@ -7,11 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
 from sautereau.analysis.summary.text import wrapped
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SCHEMA = 1
 """Version of the JSON that commands print; raised when a key changes its name or meaning."""
@@ -164,8 +167,12 @@ class FileOutput(Output):
         from sautereau.rig.errors import SautereauError
 
         given = [path for path in dict.fromkeys(paths) if path]
-        there = [path for path in given if _is_file(path)]
-        faults = [f"{p} is a folder; give the name of a file in it" for p in given if p.is_dir()]
+        there = [path for path in given if path.is_file() or path.is_symlink()]
+        faults = [
+            f"{p} is {'a folder' if p.is_dir() else 'not a regular file'}; give the name of a file"
+            for p in given
+            if p.exists() and not p.is_file()
+        ]
         folders = dict.fromkeys(path.parent for path in given)
         faults += [
             f"folder {folder}: {READ_ONLY}; give another folder"
@@ -202,6 +209,18 @@ def make_folders(*paths: Path | None) -> None:
         raise SautereauError("\n".join(faults))
 
 
+def save_plot(path: Path, figure: "Figure", dpi: int = 120) -> None:
+    """Write a plot in the format of the file extension.
+
+    Raises:
+        OSError: It cannot be written, or exists already; see `sautereau.rig.disk.new_file`.
+    """
+    from sautereau.rig.disk import new_file
+
+    with new_file(path) as file:
+        figure.savefig(file, format=path.suffix[1:].lower(), dpi=dpi)
+
+
 def _writable(folder: Path) -> bool:
     return os.access(folder, os.W_OK)
 
@@ -234,10 +253,6 @@ def end_output() -> None:
     nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, sys.stdout.fileno())
     os.close(nothing)
-
-
-def _is_file(path: Path) -> bool:
-    return path.is_file() or path.is_symlink()
 
 
 def json_text(result: dict[str, Any]) -> str:

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput
+from sautereau.commands.output import FileOutput, save_plot
 
 if TYPE_CHECKING:
     from sautereau.analysis.transient import Source
@@ -39,7 +39,7 @@ def transient(
     if plot:
         from sautereau.analysis.figures.transient import transient_figure
 
-        transient_figure(examined, found).savefig(plot, dpi=120)
+        save_plot(plot, transient_figure(examined, found))
     lines = transient_lines(examined, found)
     return output.answer(transient_summary(examined, found), lines, plot)
 
