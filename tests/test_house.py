@@ -102,7 +102,7 @@ def _other_ways(tree: ast.AST) -> Iterator[int]:
         if name in _READS or is_path or (name in _OPENS and _of_system(function)):
             yield node.lineno
         if name == "savefig" and "format" not in {word.arg for word in node.keywords}:
-            yield node.lineno  # to a path: a stream has no extension that tells the format
+            yield node.lineno  # to a path: a stream has no extension
 
 
 _MODES = {"r", "rb", "w", "wb", "x", "xb", "a", "ab", "r+b", "w+b", "x+b"}

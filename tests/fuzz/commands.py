@@ -1,4 +1,4 @@
-"""Whole commands: hostile options, and files that are missing, damaged, foreign, or no files."""
+"""Complete commands: hostile options, and files that are missing, damaged, foreign, or no files."""
 
 import contextlib
 import io
