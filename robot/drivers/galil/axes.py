@@ -18,6 +18,9 @@ from sautereau.robot.errors import (
 )
 from sautereau.trajectory.segments import Counts
 
+_ENDED = ("_SCA", "_SCB", f"_XQ{WATCH}", LEFT, FAULT)
+"""Stop codes and state of the program: why a motion, or the power, has ended."""
+
 
 class Axes(Connection):
     """Axes A and B, which turn joints 1 and 2."""
@@ -48,32 +51,61 @@ class Axes(Connection):
 
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than the stop codes ``normal``."""
-        *codes, watch, left, fault = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}", LEFT, FAULT)
+        codes, program = self._program_fault(self.line.read(*_ENDED))
+        stopped = [f"joint {j} {stop_reason(c)}" for j, c in enumerate(codes, 1) if c not in normal]
+        if program or stopped:
+            cause = program or f"{', '.join(stopped)}; remove the cause"
+            raise MotionFault(f"{what} broke off: {cause}, then home() again")
+
+    def check_ready(self, what: str) -> None:
+        """Refuse a motion unless motors, program and settings are as this driver left them.
+
+        Raises:
+            MotionFault: The motors are off, or another program runs in the controller.
+            SettingChanged: Lists the settings that differ.
+        """
+        names = ("_MOA", "_MOB", "_AB", SIGN, "TIME", *_ENDED)
+        off_a, off_b, abort, sign, now, *ended = self.line.read(*names)
+        codes, cause = self._program_fault(ended)
+        _, _, running, left, _ = ended
+        if not cause and (off_a or off_b):
+            seen = [f"joint {j} {stop_reason(c)}" for j, c in enumerate(codes, 1) if c in CAUSES]
+            seen += ["the abort input is active"] * (not abort)
+            no_reason = f"no reason in the stop codes {codes[0]:g} and {codes[1]:g}"
+            cause = f"the motors are off: {', '.join(seen) or no_reason}; remove the cause"
+        if cause:
+            raise MotionFault(f"{what} was not started: {cause}, then home() again")
+        if self._replaced(sign, left, running, now):
+            raise self._other_program("the motors are switched off")
+        self.settings.check()
+
+    def _program_fault(self, ended: list[float]) -> tuple[list[float], str]:
+        """Return the stop codes among the values of `_ENDED`, and what the program reports.
+
+        Its own watchdog, which counts down to 0, is told from another that has ended it.
+        """
+        *codes, running, left, fault = ended
         if fault == LIMIT:
-            raise MotionFault(
-                f"{what} broke off: {self._limits_reached()}; remove the cause, then home() again"
-            )
+            return codes, f"{self._limits_reached()}; remove the cause"
         if fault:
-            raise MotionFault(
-                f"{what} broke off: the controller refused a command of its program, with code"
-                f" {fault:g} (TC); look it up in the command reference, then home() again"
+            return codes, (
+                "the controller refused a command of its program, with code"
+                f" {fault:g} (TC); look it up in the command reference"
             )
-        tripped = watch < 0 or left <= 0  # it has, or is about to end after tripping
-        if tripped and not CAUSES.intersection(codes):
-            raise MotionFault(
-                f"{what} broke off: the controller's watchdog has switched the motors off,"
-                " because the host did not renew it for too long"
-                " (controller.watchdog_period); reduce the load on this machine, then home()"
-                " again"
+        if CAUSES.intersection(codes) and (running >= 0 or left <= 0):
+            return codes, ""
+        if left <= 0:  # it has switched off, or is about to
+            return codes, (
+                "the controller's watchdog has switched the motors off, because the host did not"
+                " renew it for too long (controller.watchdog_period); reduce the load on this"
+                " machine, and let nothing suspend it"
             )
-        if faults := [
-            f"joint {joint} {stop_reason(code)}"
-            for joint, code in enumerate(codes, 1)
-            if code not in normal
-        ]:
-            raise MotionFault(
-                f"{what} broke off: {', '.join(faults)}; remove the cause, then home() again"
+        if running < 0:
+            return codes, (
+                f"the controller's program was ended with {left:g} of {TICKS} counts of its"
+                " watchdog left; end the other program that uses the controller"
             )
+        return codes, ""
 
     def _limits_reached(self) -> str:
         """Name the joints that are at a limit switch or a software limit now."""
@@ -161,25 +193,39 @@ class Axes(Connection):
         """
         if self.silent:
             return
-        renewal = (f"MG {SIGN},{LEFT},_XQ{WATCH},TIME", f"{SIGN}=0", f"{LEFT}={TICKS}")
+        # Once at 0 it stays there, so that whoever asks later finds that it has tripped.
+        again = f"{LEFT}={TICKS}*({LEFT}>0)"
+        renewal = (f"MG {SIGN},{LEFT},_XQ{WATCH},TIME", f"{SIGN}=0", again)
         sign, left, running, now = self.line.numbers(*renewal, count=4, keep_waiting=keep_waiting)
+        replaced = self._replaced(sign, left, running, now)
+        if left <= 0:  # it has tripped; what waits for the motion reports that
+            self._watched = False
+        elif self._watched and replaced:
+            self.abort()
+            self.line.report(self._other_program("the motors were switched off"))
+
+    def _replaced(self, sign: float, left: float, running: float, now: float) -> bool:
+        """Return whether another program runs in the place of the watchdog.
+
+        Args:
+            sign: The signature that a program has written since the last renewal, 0 for none.
+            left: Counts that the watchdog has left.
+            running: Line that its thread executes, -1 for none.
+            now: Samples on the controller's clock.
+        """
         if sign == self._sign:
             self._signed = now
         unsigned = (now - self._signed) * self._settings.sample_period
         # Without pacing, the stand-in's program does not count; see docs/stand-in.md.
         late = unsigned >= self._settings.watchdog_period / 2 and "SIM" not in self.identity
-        replaced = running < 0 or (sign != self._sign and (left < TICKS or late))
-        if left <= 0:  # it has tripped; what waits for the motion reports that
-            self._watched = False
-        elif self._watched and replaced:
-            self.abort()
-            self.line.report(
-                MotionFault(
-                    f"controller on {self.line.name}: its watchdog was stopped or its program was"
-                    " replaced, so the motors were switched off; end the other program that uses"
-                    " the controller, then connect() again"
-                )
-            )
+        return running < 0 or (sign != self._sign and (left < TICKS or late))
+
+    def _other_program(self, so: str) -> MotionFault:
+        return MotionFault(
+            f"controller on {self.line.name}: its watchdog was stopped or its program was"
+            f" replaced, so {so}; end the other program that uses"
+            " the controller, then connect() again"
+        )
 
     def halt(self) -> None:
         """Decelerate to a standstill, motors on, without a torque from the program."""
