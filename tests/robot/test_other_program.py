@@ -108,9 +108,7 @@ def test_settings_changed_before_the_move_to_the_key(stand_in, send):
         ("0 0 1 77 5001 31 31 8 9 0", "its watchdog was stopped or its program was replaced"),
     ],
 )
-def test_motors_that_went_off_since_the_last_motion_are_reported_as_seen(
-    bench, lines, state, said
-):
+def test_motors_that_went_off_since_the_last_motion_are_reported_as_seen(bench, lines, state, said):
     sign = lines.ready[0][1].split()[3]
     answer = " ".join(f"{float(sign if word == 's' else word):.4f}" for word in state.split())
     asked = (lines.ready[0][0], f" {answer}\r\n:")
