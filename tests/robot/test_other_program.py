@@ -11,7 +11,7 @@ from sautereau.robot.experiment.monitor import Stage
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.controller_part import ControllerUnit
 from tests.presses import QUICK, mute_scene, press_on
-from tests.robot.motions import OFF
+from tests.robot.motions import OFF, fails
 
 CHANGES = {
     "KP 300,300": "KP of axis A (joint 1) is 300, set to 6; KP of axis B (joint 2) is 300, set to",
@@ -53,15 +53,11 @@ def send(stand_in):
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_changed_setting_is_named_with_axis_and_values_and_nothing_moves(stand_in, send, change):
-    with (
-        pytest.raises(SettingChanged, match=re.escape(CHANGES[change])) as caught,
-        GalilController(stand_in.rig) as controller,
-        controller.powered(),
-    ):
+    controller = GalilController(stand_in.rig)
+    with fails(controller, SettingChanged, re.escape(CHANGES[change]), OFF):
         at = controller.positions()
         send(change)
         controller.home()
-    assert OFF in str(caught.value)
     assert stand_in.bench.firmware.motors_on == (False, False)
     with GalilController(stand_in.rig) as controller:
         assert (controller.positions() == at).all()
@@ -85,11 +81,8 @@ def test_settings_are_read_before_each_motion_of_a_session(
 
 
 def test_settings_changed_before_the_move_to_the_key(stand_in, send):
-    with (
-        pytest.raises(SettingChanged, match="BL of axis B"),
-        GalilController(stand_in.rig) as controller,
-        controller.powered(),
-    ):
+    controller = GalilController(stand_in.rig)
+    with fails(controller, SettingChanged, "BL of axis B"):
         home = controller.home()
         controller.move_to(home, 10_000)
         send("BL -444444,-41666650")
@@ -113,8 +106,6 @@ def test_motors_that_went_off_since_the_last_motion_are_reported_as_seen(bench, 
     answer = " ".join(f"{float(sign if word == 's' else word):.4f}" for word in state.split())
     asked = (lines.ready[0][0], f" {answer}\r\n:")
     controller, _ = bench(lines.homed, [asked], lines.abort)
-    with pytest.raises(MotionFault, match=said) as caught, controller, controller.powered():
+    with fails(controller, MotionFault, said, OFF):
         controller.home()
         controller.move_to([1000, -501000], 100_000)
-    assert "_MOA" not in caught.value.args[0]
-    assert OFF in str(caught.value)
