@@ -124,7 +124,9 @@ class Recording:
             self._close(file)
             file.publish()
             return
-        if self._first is None:
+        if not self.part_path.exists():
+            error.add_note(f"{self.part_path} was removed, with the samples recorded before")
+        elif self._first is None:
             error.add_note(f"no sample was recorded; delete {self.part_path}")
         else:
             error.add_note(f"the samples recorded before are in {self.part_path}")

@@ -89,6 +89,44 @@ def test_the_log_holds_steps_commands_to_the_controller_and_errors(sautereau, ba
     assert "cannot be written" in sautereau("plan", "--log", log / "log").stderr
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
+@pytest.mark.parametrize("options", [("--json",), (), ("--quiet",)])
+def test_a_log_without_room_is_one_warning_beside_the_result(
+    sautereau, command_server, bare, rig_file, tmp_path, options
+):
+    """The press goes on, and its recording is complete."""
+    log, most = tmp_path / "press.log", 50_000_000
+    log.touch()
+    os.truncate(log, most)  # without a block of the disk
+    press = ("press", rig_file(), "--scene", bare, "--out", "out", "--log", log, *options)
+    done = command_server.run(*press, folder=tmp_path, largest_file=most)
+    assert done.returncode == 0
+    assert log.stat().st_size == most
+    assert (tmp_path / "out" / "press-0001.mcap").exists()
+    shown = done.stdout + done.stderr
+    assert shown.count("--log") == 1
+    assert "Traceback" not in shown
+    if options == ("--json",):
+        assert str(log) in json.loads(done.stdout)["warnings"][-1]
+        assert not done.stderr
+    failed = command_server.run("plan", "none", "--log", log, folder=tmp_path, largest_file=most)
+    assert failed.returncode == 1
+    assert "'none'" in failed.stderr.splitlines()[0]
+    assert failed.stderr.count("--log") == 1
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with a name are POSIX's")
+def test_a_log_is_a_regular_file(sautereau, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with open(os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK), "rb") as read:  # noqa: PTH123
+        for name, why in (("pipe", "not a regular"), ("/dev/full", "not a regular"), (".", "dir")):
+            refused = sautereau("plan", "--log", name)
+            assert (refused.returncode, refused.stdout) == (1, "")
+            assert why in refused.stderr
+        read.close()
+        assert "not a regular" in sautereau("plan", "--log", "pipe").stderr
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are POSIX's")
 def test_progress_has_a_label_and_an_estimate_on_a_terminal_only(monkeypatch, capfd):
     """Lines of results stay on standard output, also while a bar is shown."""
