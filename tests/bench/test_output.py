@@ -8,13 +8,15 @@ import sys
 from datetime import datetime
 from inspect import signature
 from io import BytesIO, TextIOWrapper
+from pathlib import Path
 
 import pytest
 
-from sautereau.commands.app import app
+from sautereau.commands.app import app, main
 from sautereau.commands.output import FileOutput, Output
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.progress import progress_to, tracked
+from sautereau.robot.errors import RobotError
 
 COMMANDS = [name for name in app if not name.startswith("-")]
 WRITES = {
@@ -235,3 +237,20 @@ def test_read_only_folders_are_refused_before_the_work(tmp_path, monkeypatch, co
     with pytest.raises(SautereauError, match="no permission to write into it"):
         app([command, *WRITES[command].split()], exit_on_error=False, print_error=False)
     assert {p.name for p in tmp_path.rglob("*")} == {"s", "press-0001.mcap"}
+
+
+def test_an_error_in_clearing_up_does_not_replace_the_first_one(monkeypatch, capsys):
+    def clear_up(**_):
+        try:
+            raise RobotError("the first cause")
+        finally:
+            (Path("/nowhere") / "file").unlink()
+
+    monkeypatch.setattr("sautereau.commands.app.app", clear_up)
+    monkeypatch.setattr(sys, "argv", ["sautereau"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 1
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == "sautereau: the first cause"
+    assert second.endswith("then: /nowhere/file: No such file or directory")

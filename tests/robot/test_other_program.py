@@ -95,6 +95,7 @@ def test_settings_changed_before_the_move_to_the_key(stand_in, send):
         ("1 1 1 s 9000 31 31 -1 0 0", "not started: the controller's watchdog has switched the mo"),
         ("1 1 1 0 9000 7 7 -1 6 0", "not started: .* program was ended with 6 of 10 counts"),
         ("1 1 0 s 9000 31 31 8 9 0", "the motors are off: the abort input is active; remove"),
+        ("1 1 1 s 9000 8 31 8 0 0", "watchdog has switched the motors off"),  # an old code
         ("1 1 1 s 9000 8 31 8 9 0", "off: joint 1 switched off by a following error over ER"),
         ("0 1 1 s 9000 31 31 8 9 0", "off: no reason in the stop codes 31 and 31"),
         ("1 1 1 s 9000 31 31 8 9 20", r"refused a command of its program, with code 20 \(TC\)"),

@@ -51,10 +51,13 @@ class Axes(Connection):
 
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than the stop codes ``normal``."""
-        codes, program = self._program_fault(self.line.read(*_ENDED))
+        *codes, running, left, fault = self.line.read(*_ENDED)
+        cause = self._refused(fault)
+        if not cause and not CAUSES.intersection(codes):
+            cause = _ended_program(running, left)
         stopped = [f"joint {j} {stop_reason(c)}" for j, c in enumerate(codes, 1) if c not in normal]
-        if program or stopped:
-            cause = program or f"{', '.join(stopped)}; remove the cause"
+        if cause or stopped:
+            cause = cause or f"{', '.join(stopped)}; remove the cause"
             raise MotionFault(f"{what} broke off: {cause}, then home() again")
 
     def check_ready(self, what: str) -> None:
@@ -65,9 +68,8 @@ class Axes(Connection):
             SettingChanged: Lists the settings that differ.
         """
         names = ("_MOA", "_MOB", "_AB", SIGN, "TIME", *_ENDED)
-        off_a, off_b, abort, sign, now, *ended = self.line.read(*names)
-        codes, cause = self._program_fault(ended)
-        _, _, running, left, _ = ended
+        off_a, off_b, abort, sign, now, *codes, running, left, fault = self.line.read(*names)
+        cause = self._refused(fault) or _ended_program(running, left)
         if not cause and (off_a or off_b):
             seen = [f"joint {j} {stop_reason(c)}" for j, c in enumerate(codes, 1) if c in CAUSES]
             seen += ["the abort input is active"] * (not abort)
@@ -79,33 +81,16 @@ class Axes(Connection):
             raise self._other_program("the motors are switched off")
         self.settings.check()
 
-    def _program_fault(self, ended: list[float]) -> tuple[list[float], str]:
-        """Return the stop codes among the values of `_ENDED`, and what the program reports.
-
-        Its own watchdog, which counts down to 0, is told from another that has ended it.
-        """
-        *codes, running, left, fault = ended
+    def _refused(self, fault: float) -> str:
+        """Return what the program in the controller reports of a limit or a refused command."""
         if fault == LIMIT:
-            return codes, f"{self._limits_reached()}; remove the cause"
+            return f"{self._limits_reached()}; remove the cause"
         if fault:
-            return codes, (
+            return (
                 "the controller refused a command of its program, with code"
                 f" {fault:g} (TC); look it up in the command reference"
             )
-        if CAUSES.intersection(codes) and (running >= 0 or left <= 0):
-            return codes, ""
-        if left <= 0:  # it has switched off, or is about to
-            return codes, (
-                "the controller's watchdog has switched the motors off, because the host did not"
-                " renew it for too long (controller.watchdog_period); reduce the load on this"
-                " machine, and let nothing suspend it"
-            )
-        if running < 0:
-            return codes, (
-                f"the controller's program was ended with {left:g} of {TICKS} counts of its"
-                " watchdog left; end the other program that uses the controller"
-            )
-        return codes, ""
+        return ""
 
     def _limits_reached(self) -> str:
         """Name the joints that are at a limit switch or a software limit now."""
@@ -241,3 +226,24 @@ class Axes(Connection):
         except (CommandRefused, GarbledAnswer):
             self.line.resynchronise()
             self.line.ask(*commands)
+
+
+def _ended_program(running: float, left: float) -> str:
+    """Return who has ended the program: its own watchdog, which counts down to 0, or another.
+
+    Args:
+        running: Line that its thread executes, -1 for none.
+        left: Counts that the watchdog has left.
+    """
+    if left <= 0:  # it has switched off, or is about to
+        return (
+            "the controller's watchdog has switched the motors off, because the host did not"
+            " renew it for too long (controller.watchdog_period); reduce the load on this"
+            " machine, and let nothing suspend it"
+        )
+    if running < 0:
+        return (
+            f"the controller's program was ended with {left:g} of {TICKS} counts of its"
+            " watchdog left; end the other program that uses the controller"
+        )
+    return ""
