@@ -25,7 +25,8 @@ class Taken(Exception):  # noqa: N818 - the name states what happened
 def locked(path: Path, purpose: str = "", *, shared: bool = False) -> Iterator[None]:
     """Hold a lock in the block; the operating system frees it when the process ends, however.
 
-    The lock's file stays. Beside it, a file with the extension `.owner` names this process.
+    Beside the lock's file, one with the extension `.owner` names this process. Both are removed at
+    the end; a killed process leaves them.
 
     Args:
         path: File of the lock.
@@ -63,9 +64,13 @@ def locked(path: Path, purpose: str = "", *, shared: bool = False) -> Iterator[N
         yield
     finally:
         _SHARED.pop(path, None)
-        with suppress(OSError):
-            owner.unlink(missing_ok=True)
+        for file in (owner, *([path] if os.name == "posix" else [])):
+            with suppress(OSError):
+                file.unlink(missing_ok=True)  # who waits for a removed lock takes a new one
         lock.release()
+        if os.name != "posix":  # there it cannot be removed while it is held
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
 
 
 def device_lock(*names: str) -> Path:

@@ -12,8 +12,7 @@ from sautereau.robot.drivers.serial_port import hold_port
 from sautereau.robot.errors import RobotError
 
 LOCK = ".session.lock"
-"""Locked by the operating system while a session runs, and free again when its process ends,
-however it ends; the file itself stays."""
+"""File of the lock, while a session runs."""
 
 
 @contextmanager
@@ -33,7 +32,7 @@ def only_session(folder: Path, rig: Rig | None = None) -> Iterator[None]:
     """
     with ExitStack() as stack:
         if not folder.exists():
-            stack.callback(_remove_unused, folder)
+            stack.callback(_remove_empty, folder)
         try:
             make_folder(folder)
             stack.enter_context(locked(folder / LOCK))
@@ -61,9 +60,6 @@ def only_session(folder: Path, rig: Rig | None = None) -> Iterator[None]:
             raise
 
 
-def _remove_unused(folder: Path) -> None:
-    """Remove a folder in which there is nothing but the lock."""
-    with suppress(OSError):
-        if {path.name for path in folder.iterdir()} <= {LOCK}:
-            (folder / LOCK).unlink(missing_ok=True)
-            folder.rmdir()
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):  # it is not empty, or gone
+        folder.rmdir()

@@ -30,7 +30,7 @@ class _ToTerminal(logging.Handler):
 
 
 class _ToFile(logging.StreamHandler[TextIO]):
-    """Appends to a log file; at the first error it ends, and the command goes on without it.
+    """Appends to a log file; at the first error it ends, and the command continues without it.
 
     Args:
         path: A regular file, or a new one.

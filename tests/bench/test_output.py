@@ -96,7 +96,7 @@ def test_the_log_holds_steps_commands_to_the_controller_and_errors(sautereau, ba
 def test_a_log_without_room_is_one_warning_beside_the_result(
     sautereau, command_server, bare, rig_file, tmp_path, options
 ):
-    """The press goes on, and its recording is complete."""
+    """The press continues, and its recording is complete."""
     log, most = tmp_path / "press.log", 50_000_000
     log.touch()
     os.truncate(log, most)  # without a block of the disk
