@@ -86,6 +86,10 @@ class Recording:
         return self._path.with_name(self._path.name + self._ending)
 
     @property
+    def _removed(self) -> str:
+        return f"{self.part_path} was removed, with the samples recorded before"
+
+    @property
     def t0_ns(self) -> int | None:
         """Date of the trigger by the host's clock, ns since 1970; None before the first block.
 
@@ -121,10 +125,17 @@ class Recording:
         if file is None:
             return
         if error is None:
-            self._close(file)
-            file.publish()
+            try:
+                self._close(file)
+                file.publish()
+            except RecordingError as fault:
+                if not (self.part_path.exists() or self._path.exists()):
+                    fault.add_note(self._removed)
+                raise
             return
-        if self._first is None:
+        if not self.part_path.exists():
+            error.add_note(self._removed)
+        elif self._first is None:
             error.add_note(f"no sample was recorded; delete {self.part_path}")
         else:
             error.add_note(f"the samples recorded before are in {self.part_path}")

@@ -20,6 +20,7 @@ from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.drawing import draw
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch, logged
 from sautereau.robot.experiment.motion_source import open_motion
+from sautereau.robot.experiment.plan_table import check_texts
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
 from sautereau.trajectory.segments import to_angles
@@ -43,6 +44,9 @@ class Item:
     """The operator's."""
     torques: TorqueTable | None = None
     """Added to those of the position loops; None for none."""
+
+    def __post_init__(self):
+        check_texts("press", {"notes": self.notes})
 
 
 @dataclass(frozen=True)
@@ -151,8 +155,8 @@ def _press(
     rig, trajectory = item.rig, item.trajectory
     watch(Stage("loading", "idle", number))
     controller.load(trajectory.segments, item.torques)
-    controller.arm()
     with open_motion(rig, controller, _duration(item)) as motion:
+        controller.arm()  # as late as possible: it checks that nobody has changed the controller
         acquisition = motion.source
         session = SessionInfo(
             press=number,

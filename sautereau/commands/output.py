@@ -22,6 +22,8 @@ ESTIMATED_OVER = 600.0
 """s, over which the speed is averaged that gives the time left."""
 READ_ONLY = "no permission to write into it"
 _GENERAL = Group("General options", sort_key=100)
+LATE_WARNINGS: list[str] = []
+"""Warnings of this command that its answer is to contain; the answer takes them."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -55,6 +57,10 @@ class Output:
         Returns:
             The exit status: 0, or 1 with faults.
         """
+        if LATE_WARNINGS and (self.json or not self.quiet):
+            result = result | {"warnings": [*result.get("warnings", ()), *LATE_WARNINGS]}
+            lines = [*lines, *(f"warning: {warning}" for warning in LATE_WARNINGS)]
+            LATE_WARNINGS.clear()
         if picture:
             result, lines = result | {"picture": str(picture)}, [*lines, f"picture: {picture}"]
         if self.json:
