@@ -24,6 +24,7 @@ from sautereau.analysis.loading.drift import (
     without_line,
 )
 from sautereau.analysis.remark import Remark, divided
+from sautereau.daq.file.recorded import UNCHECKED
 from sautereau.daq.signals.calibration import calibration_warning, median, to_si, white_noise
 from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
 from sautereau.rig.acquisition import Channel
@@ -191,6 +192,7 @@ def partial_press_of(recorded: "Recorded") -> Press:
         Remark(text)
         for text in (*map(str, recorded.gaps), *_calibrations(recorded, *channels.values()))
     ]
+    said += [] if recorded.checked else [Remark(UNCHECKED)]
     said += [Remark(text, doubt=False) for text in quality_warnings(marks)]
     if recorded.motion is not None:
         said += map(Remark, _coarse(rig))

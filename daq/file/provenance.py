@@ -29,6 +29,8 @@ from sautereau.rig.units import shown
 
 PROFILE = "sautereau"
 """Profile in the header of sautereau's MCAP files."""
+HEAD = ("channels", "rig", "software", "session", "schemas")
+"""Metadata records at the start of a recording."""
 COPIES = 2
 """Number of copies of the metadata: one survives damage to the other."""
 LIBRARIES = ("sautereau", "numpy", "scipy", "nidaqmx", "grpcio", "pyserial", "mcap", "protobuf")

@@ -12,7 +12,7 @@ from sautereau.daq.file.container.durable import PART, DurableFile
 from sautereau.daq.file.container.records import Opcode
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.integrity import opened
-from sautereau.daq.file.provenance import start_head
+from sautereau.daq.file.provenance import HEAD, start_head
 from sautereau.daq.file.recorded import Gap
 from sautereau.daq.file.survey import Survey, survey
 from sautereau.daq.file.verified import verified
@@ -20,8 +20,6 @@ from sautereau.rig.disk import hold
 
 ENDING = ".recovering.part"
 """Appended to the name of a recovered recording until it is complete."""
-HEAD = ("channels", "rig", "software", "session", "schemas")
-"""Metadata records at the start of a recording."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,10 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
             raise RecordingError("it is undamaged and needs no recovery; read it directly")
         clock = found.runs.clock
         if clock is None:
-            raise RecordingError("none of its samples is intact; press again")
+            raise RecordingError(
+                "it has no samples in chunks whose checksums match; use a copy of it, or press"
+                " again"
+            )
         damage = found.damage or "it is undamaged, but its press was aborted"
         target = DurableFile(out, ending=ENDING)
         try:
@@ -99,6 +100,11 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
     if lost:
         raise RecordingError(
             f"both copies of its metadata {', '.join(lost)} are damaged; use a copy of it"
+        )
+    if found.contents.renumbered:
+        raise RecordingError(
+            "another program has renumbered its topics, and the copies of its definitions have the"
+            " old numbers; recover the file that sautereau wrote"
         )
     try:
         start_head(writer, {key: metadata[key] for key in HEAD})

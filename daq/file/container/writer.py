@@ -24,7 +24,6 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
-from mcap.writer import LIBRARY_IDENTIFIER
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
@@ -36,6 +35,7 @@ from sautereau.daq.file.container.records import (
     CHUNK_SIZE,
     INDEX_OFFSET,
     LARGEST_CHUNK,
+    LIBRARY,
     MAGIC,
     MESSAGE,
     PREFIX,
@@ -100,7 +100,7 @@ class McapWriter:
     def start(self, profile: str, definitions: Sequence[Schema | Channel]) -> None:
         """Write the header; the definitions go into the first chunk and the summary."""
         self._definitions = list(definitions)
-        self._put(MAGIC + record_bytes(Header(profile, LIBRARY_IDENTIFIER)))
+        self._put(MAGIC + record_bytes(Header(profile, LIBRARY)))
         self._open.put(*map(record_bytes, self._definitions))
 
     def add_metadata(self, name: str, data: dict[str, str]) -> None:
