@@ -207,20 +207,19 @@ class Contents:
         """Store a Metadata or Channel record."""
         if opcode not in (Opcode.METADATA, Opcode.CHANNEL):
             return
-        self._definitions += len(body)
-        if self._definitions > LARGEST_DEFINITIONS:
-            raise RecordingError(
-                f"its definitions exceed the limit of {LARGEST_DEFINITIONS} bytes; {FOREIGN}"
-            )
         if opcode == Opcode.CHANNEL:
             number, topic, metadata = read_channel(body)
+            if number in self._declared and self._is(number, topic, metadata):
+                return  # it is repeated
+            self._limit_definitions(len(body))
             self.renumbered |= self._topics.get(number, topic) != topic
             self._declared.add(number)
             self._define(number, topic, metadata)
             return
         record = read_metadata(body)
         if self.metadata.get(record.name) == record.metadata:
-            return  # it is written at the start and at the end
+            return  # it is written twice
+        self._limit_definitions(len(body))
         self.metadata[record.name] = dict(record.metadata)
         if record.name == "channels":
             for topic, text in record.metadata.items():
@@ -230,8 +229,19 @@ class Contents:
                 else:
                     self._define(number, topic, metadata)
 
+    def _limit_definitions(self, size: int) -> None:
+        """Count the bytes of a definition that is not a copy, as the writer does."""
+        self._definitions += size
+        if self._definitions > LARGEST_DEFINITIONS:
+            raise RecordingError(
+                f"its definitions exceed the limit of {LARGEST_DEFINITIONS} bytes; {FOREIGN}"
+            )
+
+    def _is(self, number: int, topic: str, metadata: dict[str, str]) -> bool:
+        return self._topics.get(number) == topic and self.channels.get(topic) == metadata
+
     def _define(self, number: int, topic: str, metadata: dict[str, str]) -> None:
-        if self._topics.get(number) == topic and self.channels.get(topic) == metadata:
+        if self._is(number, topic, metadata):
             return  # it is in the Metadata and in a record of its own
         self._topics[number] = topic
         (self._counted.add if topic.startswith(VIEWED) else self._counted.discard)(number)

@@ -16,10 +16,17 @@ from pydantic import BaseModel, Field, FiniteFloat, JsonValue, ValidationError
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.rig.compared import comparable
-from sautereau.rig.disk import make_folder, read_limited, why_unreadable, write_durably
+from sautereau.rig.disk import (
+    TEXT_LIMIT,
+    make_folder,
+    read_limited,
+    why_unreadable,
+    write_durably,
+)
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document
 from sautereau.rig.renamed import current_key
+from sautereau.rig.units import shown
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.differences import check_same
 from sautereau.robot.experiment.plan import Plan, RigDocument
@@ -226,10 +233,22 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
     """Write a folder's manifest, so that it is always complete: the old one or the new one.
 
     Raises:
-        RobotError: It cannot be written.
+        RobotError: It cannot be written, or not be read again.
     """
     path = folder / MANIFEST
-    text = json.dumps({"version": VERSION} | vars(manifest), indent=1, allow_nan=False)
+    document = {"version": VERSION} | vars(manifest)
+    text = json.dumps(document, indent=1, allow_nan=False)
+    if len(text) >= TEXT_LIMIT:
+        raise RobotError(
+            f"session {path}: the plan has {len(text)} bytes, and the limit is {TEXT_LIMIT};"
+            " shorten the notes of its rows, or divide it into sessions"
+        )
+    try:
+        json.dumps(document, ensure_ascii=False).encode()
+    except UnicodeEncodeError as error:
+        raise RobotError(
+            f"session {path}: {shown(error.object[error.start :])} is not UTF-8; write it in UTF-8"
+        ) from error
     try:
         write_durably(path, text + "\n")
     except OSError as error:

@@ -100,9 +100,11 @@ def same(path, original):
     window = read_window(path, 0.3, 0.5)
     at = window.first_sample - BEGIN
     expected = before.volts["force"][at : at + window.n_samples]
-    assert window.n_samples == 10_240 and np.array_equal(window.volts["force"], expected)
+    assert window.n_samples == 10_240
+    assert np.array_equal(window.volts["force"], expected)
     described = describe(path)
-    assert described["damage"] is None and described["complete"]
+    assert described["damage"] is None
+    assert described["complete"]
     assert described["messages"] == describe(original)["messages"]
     with pytest.raises(RecordingError, match="undamaged"):
         recover(path)
@@ -198,7 +200,7 @@ def test_zstd_frames_that_were_written_as_streams(tmp_path, original, monkeypatc
 
 def test_another_order_of_the_samples_is_refused(tmp_path, original):
     path = rewrite(original, tmp_path / "again.mcap", reverse=True)
-    with pytest.raises(RecordingError, match="follow later ones.*mcap sort"):
+    with pytest.raises(RecordingError, match=r"follow later ones.*mcap sort"):
         read_recording(path)
 
 
@@ -219,7 +221,8 @@ def test_damage_is_found_and_the_rest_recovered(tmp_path, original, compression,
         read_recording(path)
     found = recover(path)
     described = describe(found.path)
-    assert described["missing"] and 0 < found.samples["force"] < N
+    assert described["missing"]
+    assert 0 < found.samples["force"] < N
     assert described["events"] == describe(original)["events"]
 
 
