@@ -20,31 +20,45 @@ def cell(*elements):
 def structures(*elements):
     """Return an array of structures with the fields `name` and `data`."""
     made = np.empty((1, len(elements)), [("name", object), ("data", object)])
-    made[0, :] = elements
+    for place, (name, data) in zip(made[0], elements, strict=True):
+        place["name"], place["data"] = name, data
     return made
 
 
-@pytest.mark.parametrize(
-    ("saved", "found"),
-    [
-        ({"r": {"t": T, "v": V}}, {"r.t": T, "r.v": V}),
-        ({"r": {"a": {"v": V}, "n": "x"}}, {"r.a.v": V}),
-        ({"c": structures(("a", T), ("b", V))}, {"c(1).data": T, "c(2).data": V}),
-        ({"c": structures(("a", T), ("b", V[:7]))}, {"c(1).data": T, "c(2).data": V[:7]}),
-        ({"r": {"c": structures(("a", T), ("b", V)), "t": T}},
-         {"r.c(1).data": T, "r.c(2).data": V, "r.t": T}),
-        ({"c": cell(V, T[:7])}, {"c(1)": V, "c(2)": T[:7]}),
-        ({"c": cell({"v": V}, {"v": T})}, {"c(1).v": V, "c(2).v": T}),
-        ({"c": cell("a", "bcd"), "v": V}, {"v": V}),
-        ({"m": np.column_stack([T, V])}, {"m(1)": T, "m(2)": V}),
-    ],
-)  # fmt: skip
-def test_matlab(tmp_path, saved, found):
-    savemat(tmp_path / "a.mat", saved)
+SAVED = {
+    "one": {"t": T, "v": V},
+    "nested": {"a": {"v": V}, "n": "x"},
+    "array": structures(("a", T), ("b", V[:7])),
+    "both": {"c": structures(("a", T), ("b", V)), "t": T},
+    "cell": cell(V, T[:7]),
+    "records": cell({"v": V}, {"v": T}),
+    "words": cell("a", "bcd"),
+    "matrix": np.column_stack([T, V]),
+}
+FOUND = {
+    "one.t": T,
+    "one.v": V,
+    "nested.a.v": V,
+    "array(1).data": T,
+    "array(2).data": V[:7],
+    "both.c(1).data": T,
+    "both.c(2).data": V,
+    "both.t": T,
+    "cell(1)": V,
+    "cell(2)": T[:7],
+    "records(1).v": V,
+    "records(2).v": T,
+    "matrix(1)": T,
+    "matrix(2)": V,
+}
+
+
+def test_matlab(tmp_path):
+    savemat(tmp_path / "a.mat", SAVED)
     source = open_mat(tmp_path / "a.mat")
-    assert set(source.names) == set(found)
-    read = source.read(list(found))
-    assert all(np.array_equal(read[name], found[name]) for name in found)
+    assert set(source.names) == set(FOUND)
+    read = source.read(list(FOUND))
+    assert all(np.array_equal(read[name], FOUND[name]) for name in FOUND)
 
 
 def test_records_of_numpy(tmp_path):
