@@ -206,10 +206,11 @@ def head(file: BufferedReader, end: int) -> tuple[list[Record], bool]:
         file.seek(at)
         opcode, length = PREFIX.unpack(file.read(PREFIX.size))
         if opcode == Opcode.METADATA and length <= LARGEST_DEFINITIONS:
-            found.append(Record(opcode, file.read(length)))
+            body = file.read(length)
+            found.append(Record(opcode, body))
             size += length
             with suppress(ValueError, struct.error):  # it is refused when it is read
-                missing.discard(text_within(found[-1].body, 0)[0])
+                missing.discard(text_within(body, 0)[0])
         late |= opcode in (Opcode.CHUNK, Opcode.MESSAGE)
         at += PREFIX.size + length
     return found, late

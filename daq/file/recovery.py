@@ -70,8 +70,8 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
         clock = found.runs.clock
         if clock is None:
             raise RecordingError(
-                "it has no samples in chunks whose checksums match; use a copy of it, or press"
-                " again"
+                "none of its samples is intact: no chunk with a matching checksum has any; use a"
+                " copy of it, or press again"
             )
         damage = found.damage or "it is undamaged, but its press was aborted"
         target = DurableFile(out, ending=ENDING)

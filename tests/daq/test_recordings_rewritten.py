@@ -230,7 +230,7 @@ def test_nothing_without_a_checksum_counts_as_intact(tmp_path, original):
     path = rewrite(original, tmp_path / "again.mcap", enable_crcs=False, enable_data_crcs=True)
     start, length = chunks(path)[2]
     corrupt(path, start + length // 2)
-    with pytest.raises(RecordingError, match="no samples in chunks whose checksums match"):
+    with pytest.raises(RecordingError, match="no chunk with a matching checksum"):
         recover(path)
 
 
