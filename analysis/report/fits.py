@@ -14,6 +14,14 @@ PATTERN = "fit*.json"
 """Names of their files in the session's folder."""
 
 
+VERDICTS = {
+    True: "",
+    False: "; the model does not fit",
+    None: "; whether the model fits is unknown",
+}
+"""Text about a fit by whether the model fits."""
+
+
 class _Estimate(BaseModel):
     model_config = ConfigDict(extra="ignore")
 
@@ -34,6 +42,7 @@ class _Identified(BaseModel):
     residual_before: FiniteFloat = Field(
         validation_alias=AliasChoices("residual_before", "rms_before")
     )
+    fits: bool | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -72,7 +81,7 @@ def read_fit(path: Path) -> Fit:
         path.name,
         f"fitted to {counted(len(found.presses), 'press')}, plectrum model {found.level};"
         f" {QUANTITIES['residual'].label}: {found.residual_before * 1e3:.3g} mN before the fit,"
-        f" {found.residual * 1e3:.3g} mN after",
+        f" {found.residual * 1e3:.3g} mN after{VERDICTS[found.fits]}",
         tuple(_row(name, estimate) for name, estimate in found.parameters.items()),
         found.warnings,
     )

@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel, JsonValue
 
+from sautereau.daq.file.provenance import check_recordable
 from sautereau.rig import disk
 from sautereau.rig.compared import comparable
 from sautereau.rig.faults import fault_list
@@ -51,6 +52,16 @@ class Plan:
             faults.append(f"a rest of {self.rest:g} s; give 0 s or more")
         if faults:
             raise RobotError(fault_list("session", faults))
+        for row in rows or ():
+            self.check(row)
+
+    def check(self, row: Row) -> None:
+        """Refuse a row whose recordings could not be read.
+
+        Raises:
+            RecordingError: As of `check_recordable`.
+        """
+        check_recordable(row.rig, row.notes, self.scene)
 
     @property
     def total(self) -> int | None:

@@ -35,10 +35,6 @@ class Row:
     line: int | None = None
     """Line of the table; None without a table."""
 
-    def __post_init__(self):
-        texts = {key: value for key, value in self.values.items() if isinstance(value, str)}
-        check_texts("session", {"notes": self.notes} | texts)
-
     @property
     def set_up(self) -> dict[str, str | int | float]:
         """Those of `values` that the operator must set on the instrument."""
@@ -51,26 +47,6 @@ class Row:
     def on(self, rig: Rig) -> Rig:
         """Return another bench, such as a stand-in's, with the `press` values of this row."""
         return rig.model_copy(update={"press": self.rig.press})
-
-
-def check_texts(who: str, texts: Mapping[str, str]) -> None:
-    """Refuse texts that no file can hold, before anything moves.
-
-    Raises:
-        RobotError: Lists each text with the character that is not Unicode.
-    """
-    faults = []
-    for name, text in texts.items():
-        try:
-            text.encode("utf-8")
-        except UnicodeEncodeError as error:
-            code = f"U+{ord(text[error.start]):04X}"
-            faults.append(
-                f"{name}: character {error.start + 1}, {code}, is a byte that is not UTF-8; write"
-                " it again"
-            )
-    if faults:
-        raise RobotError(fault_list(who, faults))
 
 
 def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tuple[Row, ...]:

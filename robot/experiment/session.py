@@ -20,7 +20,6 @@ from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.drawing import draw
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch, logged
 from sautereau.robot.experiment.motion_source import open_motion
-from sautereau.robot.experiment.plan_table import check_texts
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
 from sautereau.trajectory.segments import to_angles
@@ -44,9 +43,6 @@ class Item:
     """The operator's."""
     torques: TorqueTable | None = None
     """Added to those of the position loops; None for none."""
-
-    def __post_init__(self):
-        check_texts("press", {"notes": self.notes})
 
 
 @dataclass(frozen=True)
