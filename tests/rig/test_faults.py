@@ -219,7 +219,7 @@ def test_an_empty_file_lists_what_is_missing():
     ids=["cut off", "twice", "long number", "deep", "date", "control character"],
 )
 def test_text_that_is_no_toml(text):
-    with pytest.raises(RigError, match=r"rig: not valid TOML: .*; (correct|shorten)"):
+    with pytest.raises(RigError, match=r"rig: .*; (correct|shorten)"):
         parse_rig(text)
 
 

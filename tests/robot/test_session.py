@@ -20,7 +20,6 @@ from sautereau.robot.experiment.plan import Plan, to_set
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner
 from sautereau.robot.experiment.repeat import rows_of_recording
-from sautereau.robot.experiment.session import Item
 from sautereau.robot.experiment.session_folder import (
     MANIFEST,
     Manifest,
@@ -28,7 +27,6 @@ from sautereau.robot.experiment.session_folder import (
     read_manifest,
     write_manifest,
 )
-from sautereau.trajectory.press import plan_press
 from tests.presses import QUICK, mute_scene
 from tests.recordings import SESSION, write_recording
 from tests.robot.motions import OFF
@@ -156,11 +154,6 @@ def test_what_no_reader_would_read_is_refused_before_anything_is_written(tmp_pat
     """Bytes that are not UTF-8 on the command line arrive as such characters."""
     byte = b"ma\xeetre".decode("utf-8", "surrogateescape")
     for make, said in (
-        (lambda: Row(RIG, notes=byte), "notes: character 3, U[+]DCEE"),
-        (lambda: Row(RIG, values={"jack.mass": byte}), "jack.mass: character 3"),
-        (lambda: Item(RIG, plan_press(RIG), notes=byte), "notes: character 3"),
-        (lambda: SessionFolder(tmp_path / "a", Plan(RIG, (Row(RIG, notes="é" * 1_400_000),)),
-                               None, None), "8.41 MB, 8 MB at most; shorten the notes"),
         (lambda: SessionFolder(tmp_path / "a", Plan(RIG, (Row(RIG),)), 2**64, None), "seed"),
         (lambda: write_manifest(tmp_path, Manifest("id" * 101, "now", 3, {}, {})), "session"),
     ):  # fmt: skip
