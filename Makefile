@@ -27,12 +27,12 @@ links:
 press: $(VENV)/installed  ## three presses on the stand-in, compared with the model
 	$(BIN)/sautereau press --sim -n 3 --out $(OUT)/press
 
-test: export PYTHONDONTWRITEBYTECODE =  # dozens of processes import the same modules
+test test-all: export PYTHONDONTWRITEBYTECODE =  # dozens of processes import the same modules
 test: lint
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
 test-all: $(VENV)/peers lint
-	$(BIN)/python -m pytest -q -m "slow or not slow"
+	$(BIN)/python -m pytest -q -n auto --dist worksteal -m "slow or not slow"
 
 fuzz: $(VENV)/installed  ## an hour of hostile input to every format and protocol, counted
 	$(BIN)/python -m tests.fuzz --seconds 3600

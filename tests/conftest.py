@@ -24,6 +24,9 @@ from tests import budget  # noqa: F401 (it registers the profiles)
 from tests.forked import CommandServer
 from tests.pages import Page, read_page
 
+SLOW_TIMEOUT = 1800
+"""s, for studies of a minute or more, on machines that others use as well."""
+
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let hypothesis try many examples where slow tests are selected; collect garbage rarely."""
@@ -34,7 +37,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put last what compiled simulators run: one worker compiles them, while another one tests."""
+    """Put last what compiled simulators run: one worker compiles them, while another one tests.
+
+    Slow tests get a longer time, unless they have their own.
+    """
+    for item in items:
+        if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
+            item.add_marker(pytest.mark.timeout(SLOW_TIMEOUT))
     compiled = ("sim_backend", "analysis", "test_independent.py")
     root = Path(__file__).parent
     items.sort(key=lambda item: item.path.relative_to(root).parts[0] in compiled)

@@ -133,7 +133,8 @@ def serve(path: str) -> None:
         client, _ = listener.accept()
         if os.fork() == 0:
             listener.close()
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            for number in (signal.SIGTERM, signal.SIGHUP):  # which `nohup` ignores
+                signal.signal(number, signal.SIG_DFL)
             _command(client)
         client.close()
         running += 1

@@ -43,7 +43,6 @@ def scale_to_pluck(axes: Axes, press: Press, found: Phases, highest: float = 0.0
     axes.set_ylim(low - margin, high + margin)
     if before.any() and force[before].max() > high + margin:
         at = np.flatnonzero(before)[np.argmax(force[before])]
-        peak = min(force[at], np.inf if found.peak_force is None else found.peak_force)
-        text = f"peak {peak:.2g} N"
+        text = f"peak {force[at]:.2g} N"
         place = (time[at] * 1e3, high + margin)
         axes.annotate(text, place, (4, -6), textcoords="offset points", va="top")

@@ -1,5 +1,7 @@
 """Plot of touch: forces over the plectrum's stiffness, and the sources of their spread."""
 
+import textwrap
+
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -16,6 +18,8 @@ STYLES = {
     )
 }
 """Styles of values with error bars."""
+TITLE = 60
+"""Characters of a line above half of the figure, which fit in a font of fixed width as well."""
 SOURCES = ("press", "session", "plectrum", "unexplained")
 """Standard deviations of `sautereau.analysis.campaign.touch.Felt`."""
 
@@ -54,10 +58,8 @@ def _felt_over_stiffness(axes: Axes, found: Touch, name: str, felt: Felt) -> Non
         f"{column.removeprefix('plectrum_')}^{e.value:.2f} ({e.low:.2f} to {e.high:.2f})"
         for column, e in felt.exponents.items()
     )
-    axes.set_title(
-        QUANTITIES[name].label + (f", proportional to {exponents}" if exponents else ""),
-        fontsize=10,
-    )
+    title = QUANTITIES[name].label + (f", proportional to {exponents}" if exponents else "")
+    axes.set_title(textwrap.fill(title, TITLE), fontsize=10)
 
 
 def _sources(axes: Axes, found: Touch) -> None:

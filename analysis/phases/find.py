@@ -13,6 +13,7 @@ from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
 from sautereau.analysis.phases.compliant.slow import WIDTH
 from sautereau.analysis.phases.expected import Expected, expected
 from sautereau.analysis.phases.found import Fit, HeldString, Phases, line_through, measured
+from sautereau.analysis.phases.peak import peak_force
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.signals import LEFT, Signals, signals_of, way_down
@@ -59,13 +60,14 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     Raises:
         AnalysisError: As `find_phases`.
     """
-    down, peak = way_down(signals), float(signals.force.max(initial=0.0))
+    down, force = way_down(signals), press.samples.get("force", signals.force)
     if down is None:
         most = max(0.0, signals.rise.max(initial=0.0)) * 1e3
         warning = (
             f"the key did not move down: the jack rose by {most:.2g} mm at most;"
             " check the aim and the sign of the vibrometer"
         )
+        peak = peak_force(force, signals, ())
         return Phases(0.0, 0.0, (), 0.0, None, None, (warning,), peak_force=peak)
     begin, end = down
     time, speed = signals.time, signals.speed
@@ -74,7 +76,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
             f"the key moved for only {(end - begin) / press.rate * 1e3:.2g} ms of the recording,"
             " too short for finding phases; record for longer"
         )
-        mean = float(speed[begin : end + 1].mean())
+        mean, peak = float(speed[begin : end + 1].mean()), peak_force(force, signals, ())
         return Phases(
             float(time[begin]), float(time[end]), (), mean, None, None, (warning,), peak_force=peak
         )
@@ -127,7 +129,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         warnings=warnings,
         bottomed=_bottomed(signals, begin, plucks),
         returned=_returned(signals, end),
-        peak_force=peak,
+        peak_force=peak_force(force, signals, plucks),
         fit=found.fit,
         missed=tuple((growth.contact, growth.release) for growth in found.further),
         remarks=remarks,

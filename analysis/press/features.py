@@ -4,6 +4,7 @@ The work on a string and the deflection start at contact, where the paper aligns
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -106,6 +107,25 @@ def gain_stds(rig: Rig) -> dict[str, float]:
         # The finger's force and the key's inertia have parts in it that are unknown: at most this.
         stds["force_drop"] = max(gains.values())
     return stds
+
+
+def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
+    """Return the standard uncertainty of a column of one press, in its unit; None if unknown.
+
+    It is the fit's for instants and the pluck duration, and the calibration's for columns that are
+    proportional to a signal; the noise that remains in those shows in repeated presses.
+
+    Args:
+        row: Of `features`.
+        gains: Relative standard uncertainties of the press, of `gain_stds`.
+    """
+    (feature, pluck), value = split_column(name), row.get(name)
+    ends = ("contact", "release") if feature == "pluck_duration" else (feature,)
+    known = (row.get(column(f"{end}_std", pluck)) for end in ends)
+    stds = [std for std in known if isinstance(std, float)]
+    if len(stds) == len(ends):
+        return math.hypot(*stds)
+    return abs(value) * gains[feature] if isinstance(value, float) and feature in gains else None
 
 
 def work_along(travel: Floats, force: Floats) -> float:

@@ -116,7 +116,7 @@ def _data(contents: Contents, shown: dict[str, Any] | None) -> dict[str, Markup]
         "force-on-deflection": figures.force_on_deflection(contents),
     }
     if len(contents.presses) > 1:
-        drawn["over-session"] = figures.over_session(contents, tables.course(contents.presses))
+        drawn["over-session"] = figures.over_session(contents, tables.courses(contents.presses))
     data = {name: plot.to_json() for name, plot in drawn.items()}
     if shown:
         data["slow-motion"] = shown["data"]

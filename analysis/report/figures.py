@@ -20,6 +20,7 @@ from sautereau.analysis.report.contents import (
     Trace,
 )
 from sautereau.analysis.report.plot import Plot
+from sautereau.analysis.report.tables import Course
 from sautereau.rig.quantities import QUANTITIES
 
 COLOURS = SERIES
@@ -27,7 +28,7 @@ COLOURS = SERIES
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 """Dashes of presses with the same colour."""
 MODEL = "#5a6969"
-SHADES = ("rgba(120,120,120,0.04)", "rgba(230,159,0,0.22)", "rgba(86,180,233,0.18)")
+SHADES = ("rgba(120,120,120,0.08)", "rgba(230,159,0,0.22)", "rgba(86,180,233,0.18)")
 """Colours of the three phases."""
 HEIGHT = 240
 """Height of one row (px)."""
@@ -36,7 +37,7 @@ HEIGHT = 240
 def over_time(contents: Contents) -> Plot:
     """Draw deflection, speed and force of all presses over the time after the trigger."""
     titles = [_axis_title(column) for column in COLUMNS]
-    plot = Plot(titles, "time after the trigger (ms)", HEIGHT * len(COLUMNS), spacing=0.03)
+    plot = Plot(titles, "time after the trigger (ms)", HEIGHT * len(COLUMNS))
     for index, condition in enumerate(contents.conditions):
         first = True
         for record in condition.presses:
@@ -82,22 +83,19 @@ def force_on_deflection(contents: Contents) -> Plot:
     return plot
 
 
-def over_session(contents: Contents, columns: Sequence[tuple[str, list[Any]]]) -> Plot:
-    """Draw a few features from press to press.
-
-    Args:
-        columns: Title of each axis, and a value or None for every press.
-    """
-    plot = Plot([label for label, _ in columns], "press", 190 * len(columns), spacing=0.06)
+def over_session(contents: Contents, columns: Sequence[Course]) -> Plot:
+    """Draw a few features from press to press, with their standard uncertainties."""
+    plot = Plot([column.title for column in columns], "press", 190 * len(columns))
     numbers = [record.number for record in contents.presses]
-    for row, (_, values) in enumerate(columns):
+    for row, column in enumerate(columns):
         plot.add(
             x=numbers,
-            y=values,
+            y=column.values,
+            error_y={"array": column.stds, "thickness": 1, "width": 3},
             mode="markers",
             marker={"color": COLOURS[0], "size": 7},
             showlegend=False,
-            hovertemplate="press %{x}: %{y:.6g}<extra></extra>",
+            hovertemplate="press %{x}: %{y:.6g} ± %{error_y.array:.2g}<extra></extra>",
             row=row,
         )
     plot.set_x(tick0=numbers[0], dtick=-(-len(numbers) // 10))  # integers

@@ -12,19 +12,25 @@ import numpy as np
 
 TEMPLATE = {"data": {"scatter": [{"type": "scatter"}]}}
 """Without a template, plotly.js uses its own style."""
+POWERS = {"exponentformat": "power"}
+"""Labels of ticks have powers of ten, and not prefixes without a unit, such as `50µ`."""
+TOP = 30
+"""px above the highest row: a line of text, which is its title."""
+BOTTOM = 50
+"""px below the lowest row: labels of ticks, and the title of the horizontal axis."""
 
 
 class Plot:
     """Rows of plots, one above another, over one horizontal axis."""
 
-    def __init__(self, titles: Sequence[str], below: str, height: int, spacing: float = 0.0):
+    def __init__(self, titles: Sequence[str], below: str, height: int):
         """Draw nothing yet.
 
         Args:
-            titles: Of the vertical axes, from the top.
+            titles: Of the vertical axes, from the top. They are above the rows, since plotly.js
+                moves no title beside an axis when a zoom makes the labels of ticks longer.
             below: Title of the horizontal axis, under the lowest row.
             height: px, of all rows.
-            spacing: Between two rows, dimensionless, fraction of the height.
         """
         self._traces: list[dict[str, Any]] = []
         self._layout: dict[str, Any] = {
@@ -32,24 +38,35 @@ class Plot:
             "shapes": [],
             "annotations": [],
             "height": height,
-            "margin": {"l": 70, "r": 20, "t": 30, "b": 50},
+            "margin": {"l": 50, "r": 20, "t": TOP, "b": BOTTOM},
             "paper_bgcolor": "rgba(0,0,0,0)",
             "plot_bgcolor": "rgba(0,0,0,0)",
             "hovermode": "closest",
             "dragmode": "zoom",
-            "legend": {"orientation": "h", "y": 1.08},
+            "legend": {
+                "orientation": "h",
+                "x": 0,
+                "y": 1 + TOP / (height - TOP - BOTTOM),
+                "yanchor": "bottom",
+            },
         }
         self._axes = [_axis(row) for row in range(len(titles))]
+        spacing = TOP / (height - TOP - BOTTOM)
         each = (1 - spacing * (len(titles) - 1)) / len(titles)
         for row, (axis, title) in enumerate(zip(self._axes, titles, strict=True), 1):
             bottom = (len(titles) - row) * (each + spacing)
             lowest = row == len(titles)
             above = {"matches": f"x{self._axes[-1]}", "showticklabels": False}
-            labelled = {"title": {"text": below}} if lowest else above
-            self._layout[f"xaxis{axis}"] = {"anchor": f"y{axis}", **labelled}
+            labelled = {"title": {"text": below}, "automargin": True} if lowest else above
+            self._layout[f"xaxis{axis}"] = {"anchor": f"y{axis}", **POWERS, **labelled}
             self._layout[f"yaxis{axis}"] = {
-                "anchor": f"x{axis}", "domain": [bottom, bottom + each], "title": {"text": title},
+                "anchor": f"x{axis}", "domain": [bottom, bottom + each], "automargin": True,
+                **POWERS,
             }  # fmt: skip
+            self._layout["annotations"].append({
+                "text": title, "font": {"size": 14}, "showarrow": False, "xref": "paper", "x": 0,
+                "xanchor": "left", "yref": f"y{axis} domain", "y": 1, "yanchor": "bottom",
+            })  # fmt: skip
 
     def add(self, x: Sequence[Any] | np.ndarray, y: Any, row: int = 0, **trace: Any) -> None:
         """Draw a trace of plotly in a row, counted from 0 at the top."""
@@ -57,19 +74,16 @@ class Plot:
         self._traces.append({"type": "scatter", "x": _packed(x), "y": _packed(y), **axes, **trace})
 
     def shade(self, start: float, stop: float, colour: str, name: str) -> None:
-        """Shade a part of the horizontal axis in all rows, with its name above them."""
+        """Shade a part of the horizontal axis in all rows, with its name in the legend."""
         self._layout["shapes"] += [
             {
                 "type": "rect", "layer": "below", "fillcolor": colour, "line": {"width": 0},
                 "xref": f"x{axis}", "x0": start, "x1": stop,
                 "yref": f"y{axis} domain", "y0": 0, "y1": 1,
+                "name": name, "legendgroup": name, "showlegend": axis == self._axes[0],
             }
             for axis in self._axes
         ]  # fmt: skip
-        self._layout["annotations"].append({
-            "text": name, "showarrow": False, "xref": "x", "x": (start + stop) / 2,
-            "yref": "y domain", "y": 1.0, "yanchor": "bottom",
-        })  # fmt: skip
 
     def set_x(self, **settings: Any) -> None:
         """Set the same of the horizontal axis of every row."""

@@ -1,9 +1,17 @@
 """The report's tables: features, repeatability and comparison, in readable units."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from sautereau.analysis.press.features import Row, column, split_column, title_of
+from sautereau.analysis.press.features import (
+    Row,
+    column,
+    gain_stds,
+    split_column,
+    std_of,
+    title_of,
+)
 from sautereau.analysis.report.contents import PressRecord
 from sautereau.analysis.session.compare import Comparison
 from sautereau.analysis.session.conditions import SessionAnalysis
@@ -99,9 +107,27 @@ def _title(name: str) -> str:
     return title_of(name).replace("uJ", "µJ")
 
 
-def course(presses: Sequence[PressRecord]) -> list[tuple[str, list[float | None]]]:
-    """Return the axis title and the values, press by press, of the features in `COURSE`."""
-    return [(_title(name), [_value(press.features, name) for press in presses]) for name in COURSE]
+@dataclass(frozen=True)
+class Course:
+    """A feature from press to press, in the displayed unit; None for a press without it."""
+
+    title: str
+    """Of its axis."""
+    values: list[float | None]
+    stds: list[float | None]
+    """Standard uncertainties of one press; None if unknown."""
+
+
+def courses(presses: Sequence[PressRecord]) -> list[Course]:
+    """Return the features in `COURSE` from press to press."""
+    found = []
+    for name in COURSE:
+        scale, _ = QUANTITIES[name].displayed
+        values = [_value(press.features, name) for press in presses]
+        stds = [std_of(press.features, name, gain_stds(press.press.rig)) for press in presses]
+        shown = [None if std is None else std * scale for std in stds]
+        found.append(Course(_title(name), values, shown))
+    return found
 
 
 def compared_rows(found: Sequence[PooledFeature]) -> list[tuple[str, ...]]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.features import UNITS, features, gain_stds
+from sautereau.analysis.press.features import UNITS, features, gain_stds, std_of
 from sautereau.rig.load import with_values
 
 
@@ -37,6 +37,17 @@ def test_the_numbers_are_those_of_the_press(found):
     assert row["held_work"] == pytest.approx((0.33 + 27 * 0.020 / 2) * travel, rel=0.02)
     assert row["press_work"] > row["held_work"]
     assert row["force_slope"] == pytest.approx(27 / (0.072 * lever), rel=0.02)
+
+
+def test_a_press_has_the_uncertainties_of_its_fit_and_of_its_sensors(found):
+    press, phases, row = found
+    gains, held = gain_stds(press.rig), phases.plucks[0]
+    both = math.hypot(held.contact_std, held.release_std)
+    assert std_of(row, "pluck_duration", gains) == pytest.approx(both)
+    assert std_of(row, "release", gains) == held.release_std
+    force = row["release_force"] * press.rig.daq.channel("force").gain_std
+    assert std_of(row, "release_force", gains) == pytest.approx(force)
+    assert std_of(row, "plucks", gains) is std_of({}, "release_force_2", gains) is None
 
 
 def test_wrong_gains_change_features_by_their_uncertainties(make_press, paper):

@@ -1,10 +1,15 @@
 """The colours of the plots, as readers with colour deficiencies see them."""
 
+import warnings
 from itertools import combinations
 
 import numpy as np
 import pytest
-from colorspacious import cspace_convert, deltaE
+
+with warnings.catch_warnings():
+    # Where the package was installed without its bytecode, Python compiles invalid escapes in it.
+    warnings.simplefilter("ignore")
+    from colorspacious import cspace_convert, deltaE
 
 from sautereau.analysis.figures.palette import DASHES, GROUPS, LEAST_DIFFERENCE, MARKERS, SERIES
 from sautereau.analysis.report import figures

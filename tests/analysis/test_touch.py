@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 
@@ -59,6 +60,18 @@ def campaign_of(rows):
 @pytest.fixture(scope="module")
 def found():
     return find_touch(campaign_of(rows_of()))
+
+
+@pytest.mark.parametrize("font", ["DejaVu Sans", "DejaVu Sans Mono"])
+def test_no_title_leaves_its_half_of_the_figure(found, font):
+    """Fonts that matplotlib brings along."""
+    with matplotlib.rc_context({"font.family": font}):
+        figure = touch_figure(found)
+        figure.canvas.draw()
+        width = figure.bbox.width
+        for place, axes in enumerate(figure.axes):
+            box = axes.title.get_window_extent()
+            assert place % 2 * width / 2 <= box.x0 < box.x1 <= (1 + place % 2) * width / 2
 
 
 def test_known_exponents_are_recovered(found):

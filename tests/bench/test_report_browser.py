@@ -33,10 +33,20 @@ OVERLAPS = """() => {
     if (wide > 2 && high > 3 && !e.contains(f) && !f.contains(e))
       overlaps.push([e.textContent, f.textContent, wide, high]);
   }));
-  return { texts: boxes.length, overlaps, wide: document.documentElement.scrollWidth };
+  const cut = boxes.filter(([e, r]) => {
+    const frame = e.closest(".plot, .picture svg")?.getBoundingClientRect();
+    return frame && (r.left < frame.left - 2 || r.right > frame.right + 2);
+  }).map(([e]) => e.textContent);
+  return { texts: boxes.length, overlaps, cut, wide: document.documentElement.scrollWidth };
 }"""
-"""Boxes of texts that overlap by more than 2 by 3 px, their number, and the page's width [px]."""
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+"""Boxes of texts that overlap by more than 2 by 3 px, their number, texts that leave their picture
+by more than 2 px, and the page's width [px]."""
+WIDE = "* { letter-spacing: 0.12em !important }"
+MONOSPACED = "* { font-family: monospace !important }"
+"""Styles of a reader whose fonts are wide, whichever are installed."""
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="Chromium is not installed; on Debian: `apt install chromium`"
+)
 
 
 @pytest.fixture(scope="module")
@@ -182,17 +192,58 @@ def brightness(page):
     return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3
 
 
-@pytest.mark.parametrize("schemes", [("light", "dark", "light"), slow(("dark", "light", "dark"))])
-def test_no_text_overlaps_another_and_nothing_is_cut(page, schemes):
-    for width, scheme in zip((1280, 800, 390), schemes, strict=True):
-        page.emulate_media(color_scheme=scheme)
-        page.set_viewport_size({"width": width, "height": 900})
-        until(page, lambda: page.evaluate(DRAWN))
-        found = page.evaluate(OVERLAPS)
-        assert found["texts"] > 100
-        assert found["overlaps"] == []
-        assert found["wide"] <= width
-    page.set_viewport_size({"width": 1200, "height": 900})
+EXTREME = ([1e-12, 2e-12, 3e-12, 5e-12], [1e9, -2e9, 3e9, 4e9], [1 + k * 1e-9 for k in range(4)])
+"""Values from press to press with many digits."""
+
+
+@pytest.mark.parametrize(
+    ("style", "schemes"),
+    [
+        (WIDE, ("light", "dark", "light")),
+        slow("", ("dark", "light", "dark")),
+        slow(MONOSPACED, ("light", "light", "dark")),
+    ],
+)
+def test_no_text_overlaps_another_and_nothing_is_cut(browser, session, style, schemes):
+    """With wide fonts, in every part of the plot over time, with values of many digits."""
+    path = session / "styled.html"
+    text = (session / "report.html").read_text(encoding="utf-8")
+    path.write_text(text.replace("</style>", style + "</style>", 1), encoding="utf-8")
+    with opened(browser, path) as page:
+        for width, scheme in zip((1280, 800, 390), schemes, strict=True):
+            page.emulate_media(color_scheme=scheme)
+            page.set_viewport_size({"width": width, "height": 900})
+            until(page, lambda: page.evaluate(DRAWN))
+            for button in (None, *page.locator("button[data-range]").all()):
+                if button:
+                    button.press("Enter")
+                check_layout(page, width)
+        page.evaluate("y => Plotly.restyle('over-session', { y }, [0, 1, 2])", EXTREME)
+        check_layout(page, width)
+
+
+def check_layout(page, width):
+    found = page.evaluate(OVERLAPS)
+    assert found["texts"] > 100
+    assert found["overlaps"] == []
+    assert found["cut"] == []
+    assert found["wide"] <= width
+
+
+def test_features_from_press_to_press_have_uncertainties(page):
+    """No axis spans less than they."""
+    drawn = page.evaluate(
+        "() => { const p = document.getElementById('over-session');"
+        " return p._fullData.map(t => [t.yaxis, t.error_y.array, t.y,"
+        " p._fullLayout[t.yaxis.replace('y', 'yaxis')].range]); }"
+    )
+    assert len({axis for axis, *_ in drawn}) == 3
+    for _, stds, values, (low, high) in drawn:
+        assert len(stds) == len(values) == PRESSES
+        for std, value in zip(stds, values, strict=True):
+            assert std > 0
+            assert low <= value - std
+            assert value + std <= high
 
 
 def test_the_theme_follows_the_system_and_the_button(page):
