@@ -66,7 +66,7 @@ class Bench:
         self._closing = threading.Event()
         self._last_motion = 0.0
         self._line = BadLine(self.scene.faults, seed, self.injection.past)
-        wiring = Wiring(self.rig, self.scene, seed, self._lock, paced)
+        wiring = Wiring(self.rig, self.scene, seed, self._lock, paced, lambda: self.passed)
         self.card = BenchCard(wiring, self.injection, lambda: self.world.time)
         self._powered_up = False
         given = {} if scene.controller is None else {"unit": scene.controller}
@@ -175,6 +175,11 @@ class Bench:
     def time(self) -> float:
         """Simulated time [s]."""
         return self.world.time
+
+    @property
+    def passed(self) -> float:
+        """Simulated time [s] that has passed by the real clock; inf if it is not paced."""
+        return self._clock.passed
 
     @property
     def busy(self) -> bool:
