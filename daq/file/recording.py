@@ -166,6 +166,13 @@ class Recording:
             self._write_held(file)
         file.sync_if_due()
 
+    def before_trigger(self) -> None:
+        """State that the trigger is still to come: no date of it is before this call.
+
+        Call it before the command that causes the trigger, or that starts the device.
+        """
+        self._trigger.not_before(self._monotonic())
+
     def write_plan(self, t: ArrayLike, q1: ArrayLike, q2: ArrayLike, jack_rise: ArrayLike) -> None:
         """Write the planned motion: arrays of shape (n,); s after the trigger, rad, rad, m."""
         self._series("Plan", t=t, q1=q1, q2=q2, jack_rise=jack_rise)

@@ -11,7 +11,7 @@ from sautereau.daq.errors import DaqError
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.source.connection import connect
-from sautereau.daq.source.counter import SampleCounter
+from sautereau.daq.source.counter import DATING, SampleCounter
 from sautereau.daq.source.driver_faults import NOT_YET_AVAILABLE, driver_errors
 from sautereau.daq.source.inputs import read_inputs, read_scaling
 from sautereau.daq.source.server_session import create_task
@@ -19,9 +19,6 @@ from sautereau.daq.source.source import InputSettings, SourceSettings
 from sautereau.daq.source.task import build_task, plan_task, trigger_terminal
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
-
-DATING = 0.25
-"""Duration in s, from the start, in which samples are counted to date the trigger."""
 
 
 class Acquisition:
@@ -161,7 +158,8 @@ class Acquisition:
         Returns when enough samples before the edge have been acquired.
         """
         with driver_errors(self._daq, "arming", self._options):
-            self._entered().start()
+            self._entered()
+            self._counter.start()
             if self._plan.before:
                 self._counter.await_pre_trigger()
 
@@ -183,12 +181,15 @@ class Acquisition:
         """
         daq, plan = self._daq, self._plan
         kind, read = self._reader()
-        counts, position = (), 0
-        if plan.before:
-            with driver_errors(daq, "waiting for the trigger", self._options):
+        position = 0
+        doing = "waiting for the trigger" if plan.before else "reading"
+        with driver_errors(daq, doing, self._options):
+            if plan.before:
                 counts = self._counter.await_all(self._longest_wait)
-            if not counts:
-                raise self._no_edge()
+            else:
+                counts = self._counter.await_first()
+        if plan.before and not counts:
+            raise self._no_edge()
         while plan.total is None or position < plan.total:
             n = daq.block if plan.total is None else min(daq.block, plan.total - position)
             samples = np.empty((len(daq.channels), n), kind)
@@ -196,7 +197,7 @@ class Acquisition:
                 count, late = self._read(read, samples)
                 if not plan.before:
                     dating = position < DATING * self._rate
-                    counts = (self._counter.count(position + count),) if dating else ()
+                    counts += (self._counter.count(),) if dating else ()
             if count:
                 yield Block(position - plan.before, samples[:, :count], counts, self._scaling)
             counts = ()

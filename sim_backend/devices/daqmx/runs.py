@@ -151,8 +151,12 @@ class SampledRun:
         """Samples of each channel acquired since the start, kept or not."""
         if not self._paced or self.trigger_time is None:
             return self._done
-        now = min(self._time, self._passed())
-        return max(0, min(self._done, self._converted(now - self.trigger_time)))
+        now = self._passed()
+        if now < self.trigger_time:
+            return 0
+        at_least = int(self._before is None)  # of the edge itself, whose motion comes with a tick
+        now = min(now, self._time) - self.trigger_time
+        return max(at_least, min(self._done, self._converted(now)))
 
     def _converted(self, elapsed: float) -> int:
         """Return how many samples are converted a time [s] after the first edge or the start."""
@@ -162,7 +166,7 @@ class SampledRun:
     def _readable(self) -> int:
         """Samples that can be read; of a pre-trigger acquisition none before it is complete."""
         if self._before is None:
-            return self.acquired
+            return min(self.acquired, self._done)
         complete = self._first is not None and self.acquired >= self._end
         return self._end - (self._first or 0) if complete else 0
 
