@@ -30,7 +30,7 @@ SETTLING = 2.0
 BUSY = 20.0
 """s of real time, in which a busy machine has computed any answer without faults."""
 TICK = 1e-3
-"""s, about a sample of the controller: the longest time by which the bench is ahead of real time."""
+"""s, about a sample of the controller: longest time by which the bench is ahead of real time."""
 LONGEST_WAIT = 60.0
 """s of simulated time that may pass before a command is carried out."""
 

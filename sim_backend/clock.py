@@ -12,8 +12,8 @@ from typing import Any
 SLICE = 2e-3
 """s of real time, after which the clock releases the lock to the other threads."""
 LATEST = 2e-4
-"""s, by which a paced clock may be late and catch up, for sleeping is not exact. Beyond it simulated
-time falls behind instead: a device that caught up would have samples before their time."""
+"""s, by which a paced clock may be late and catch up, for sleeping is not exact. If it is later,
+simulated time falls behind: a device that caught up would have samples before their time."""
 
 
 class FairLock:

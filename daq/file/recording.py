@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import FLUSH_PERIOD, PART, RecordingFile
 from sautereau.daq.file.counts import Scaling
+from sautereau.daq.file.limits import time_faults
 from sautereau.daq.file.log_order import LogOrder
 from sautereau.daq.file.provenance import write_head
 from sautereau.daq.file.recorded import Block, Event, Joints, SessionInfo, Signal
@@ -67,6 +69,8 @@ class Recording:
         self._rig = rig
         self._session = session
         self._rate = rig.daq.sample_rate if rate is None else rate
+        if faults := time_faults(0, self._rate):
+            raise RecordingError(f"recording {self._path}: {faults[0]}; give the device's rate")
         self._layout = sample_layout((channel.name for channel in rig.daq.channels), scaling)
         self._compress = scaling is None if compress is None else compress
         self._ending = ending
@@ -146,13 +150,23 @@ class Recording:
         The first block determines where the recording starts: at the trigger, or before it.
 
         Raises:
-            RecordingError: The block does not follow the last one, has the wrong shape or type,
-                or cannot be written.
+            RecordingError: The block does not follow the last one, has the wrong shape or type, or
+                cannot be written; or the device gave a number that is not finite: what precedes it
+                is written.
         """
-        file, samples, first = self._file(), block.samples, block.first_sample
+        self._file()
         self._refuse(block)
+        n = self._finite(block)
+        if n:
+            self._hold(replace(block, samples=block.samples[:, :n]))
+        if n < block.n_samples:
+            raise self._not_finite(block, n)
+
+    def _hold(self, block: Block) -> None:
+        """Add a block to the held samples, and write those that are due."""
+        file, samples = self._file(), block.samples
         if self._first is None:
-            self._first = self._next = first
+            self._first = self._next = block.first_sample
         if self._order.t0 is None:
             self._date(block)
         at, size, room = 0, samples.shape[1], self._held.shape[1]
@@ -233,6 +247,29 @@ class Recording:
                 f"recording {self._path}: a block starts at sample {first}, but the next sample is"
                 f" {self._next}; samples were lost or written twice: press again"
             )
+
+    def _finite(self, block: Block) -> int:
+        """Return how many samples precede the first one of a device that is not finite.
+
+        A recording with a given date holds samples of a file, which may be any doubles.
+        """
+        if self._given is not None or self._layout.scaling:
+            return block.n_samples
+        finite = np.isfinite(block.samples).all(axis=0)
+        return block.n_samples if finite.all() else int(finite.argmin())
+
+    def _not_finite(self, block: Block, n: int) -> RecordingError:
+        """Return the error of a block whose ``n``-th samples are not finite."""
+        values = block.samples[:, n].tolist()
+        named = zip(self._layout.names, values, strict=True)
+        listed = ", ".join(
+            f"{value} V of {name}" for name, value in named if not math.isfinite(value)
+        )
+        return RecordingError(
+            f"recording {self._path}: the device gave {listed} at sample {block.first_sample + n},"
+            f" not a finite number; the {block.n_samples - n} samples from there on are not"
+            " recorded: check device and driver, and press again"
+        )
 
     def _date(self, block: Block) -> None:
         """Narrow down the time of the trigger with the counts of a block and its arrival."""

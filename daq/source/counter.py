@@ -13,8 +13,8 @@ from sautereau.daq.source.task import TaskPlan
 PERIOD = 5e-3
 """Interval of polling while samples around the trigger are awaited, s."""
 DATING = 0.05
-"""Largest time in s between the trigger and a count that dates it: several polls. The clocks of host
-and device differ by about 50 ppm, in this time by less than a sample."""
+"""Largest time in s between the trigger and the counts that date it: several polls. The clocks of
+host and device differ by about 50 ppm, in this time by less than a sample."""
 
 
 class SampleCounter:
@@ -37,7 +37,7 @@ class SampleCounter:
         """Start the task."""
         asked = time.monotonic()
         self._task.start()
-        self._counts = [self.count() if self._plan.triggered else Counted(asked, math.inf, 0)]
+        self._counts = [Counted(asked, math.inf, 0)]
 
     def await_first(self) -> tuple[Counted, ...]:
         """Wait for the first sample after the edge, at most ``daq.trigger_timeout``.
@@ -52,11 +52,6 @@ class SampleCounter:
                 time.sleep(PERIOD)
             self._counts.append(found)
         return tuple(self._counts)
-
-    @property
-    def waits(self) -> bool:
-        """Whether no sample was acquired at the last count."""
-        return self._counts[-1].stop == 0
 
     def await_pre_trigger(self) -> None:
         """Wait until the samples before the edge are acquired.

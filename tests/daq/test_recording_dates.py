@@ -32,7 +32,7 @@ def test_times_do_not_drift(tmp_path, paper, session):
 
 @pytest.mark.parametrize("late", [0.0, 0.004])
 def test_counts_date_the_trigger(tmp_path, paper, session, late):
-    """Half of 0.2 ms between question and answer; if the device was late twice, it may always be."""
+    """Half of 0.2 ms between question and answer; a device that was late twice may always be."""
     seconds, path, rate = [0.0], tmp_path / "press.mcap", 51_200
     with Recording(
         path, paper, session=session, clock=lambda: T0, monotonic=lambda: seconds[0]
