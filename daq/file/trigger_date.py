@@ -23,9 +23,10 @@ class TriggerDate:
     Of each count, the next sample was not yet taken at the question: the trigger is not earlier
     than that. And the last one was taken before the answer: the trigger is not later. If time
     stands still for the device, or it counts late, the first statement of a count after the
-    trigger is false, and the second one of a count before it. The limits are therefore of counts
-    before and after the trigger, if there are both. If any two statements contradict each other,
-    what they differ by is added to the uncertainty on both sides.
+    trigger is false, and the second one of a count before it. So a count before the trigger limits
+    it below, and one after it above. Without a count before it, those after it limit it on both
+    sides. If limits contradict each other, what they differ by is added to the uncertainty on both
+    sides, for any other count may be false by as much.
     """
 
     def __init__(self, rate: float):
@@ -49,14 +50,14 @@ class TriggerDate:
         one, if no count gives an earliest time.
         """
         before = self._earliest(one for one in self._counts if one.stop <= 0)
-        after = self._earliest(one for one in self._counts if one.stop > 0)
-        latest = self._latest(self._counts)
-        limit = min(self._latest(one for one in self._counts if one.stop > 0), default=min(latest))
-        if not before and not after:
+        earliest = before or self._earliest(self._counts)
+        latest = self._latest(one for one in self._counts if one.stop > 0)
+        limit = min(latest or self._latest(self._counts))
+        if not earliest:
             return max(limit, self._cause), None
-        contradiction = max(0.0, max(*before, *after, self._cause) - min(latest))
-        possible = before or [time for time in after if time <= limit] or [limit]
-        first = min(max(*possible, self._cause), limit)
+        contradiction = max(0.0, max(*earliest, self._cause) - limit)
+        known = [time for time in (*earliest, self._cause) if -math.inf < time <= limit]
+        first = max(known, default=limit)
         std = (limit - first + 2 * contradiction) / math.sqrt(12)
         return max((first + limit) / 2, self._cause), std
 

@@ -14,11 +14,13 @@ class Answers(grpc.UnaryUnaryClientInterceptor):
         self.said = 0
         """Samples of each channel that this answer says were read."""
 
-    def intercept_unary_unary(self, continuation: Any, details: Any, request: Any) -> Any:
+    def intercept_unary_unary(
+        self, continuation: Any, client_call_details: Any, request: Any
+    ) -> Any:
         if not hasattr(request, "array_size_in_samps"):
-            return continuation(details, request)
+            return continuation(client_call_details, request)
         self.numbers = self.said = 0
-        call = continuation(details, request)
+        call = continuation(client_call_details, request)
         if call.exception() is None:
             answer = call.result()
             self.numbers, self.said = len(answer.read_array), answer.samps_per_chan_read

@@ -10,8 +10,9 @@ from sautereau.daq.file.trigger_date import Counted
 from sautereau.daq.source.driver_faults import NOT_DONE
 from sautereau.daq.source.task import TaskPlan
 
-PERIOD = 5e-3
-"""Interval of polling while samples around the trigger are awaited, s."""
+PERIOD = 2e-3
+"""Interval of polling while samples around the trigger are awaited, s: a start trigger lies between
+two polls."""
 DATING = 0.05
 """Largest time in s between the trigger and the counts that date it: several polls. The clocks of
 host and device differ by about 50 ppm, in this time by less than a sample."""
