@@ -70,6 +70,8 @@ class SampledRun:
         self.unwired = False
         """Whether nothing is wired to the terminal of its trigger."""
         self._before = setup.before
+        self._edge = math.inf
+        """s, simulated, of the last edge."""
         self._first: int | None = None
         """Number of the first sample kept; None until the edge that decides it."""
         self._fault: RunFault | None = None
@@ -154,9 +156,11 @@ class SampledRun:
         now = self._passed()
         if now < self.trigger_time:
             return 0
-        at_least = int(self._before is None)  # of the edge itself, whose motion comes with a tick
+        least = 0
+        if self._first is not None and now >= self._edge:  # whose sample is computed with a tick
+            least = self._first + (self._before or 0) + 1
         now = min(now, self._time) - self.trigger_time
-        return max(at_least, min(self._done, self._converted(now)))
+        return max(least, min(self._done, self._converted(now)))
 
     def _converted(self, elapsed: float) -> int:
         """Return how many samples are converted a time [s] after the first edge or the start."""
@@ -180,10 +184,13 @@ class SampledRun:
             return
         if self.trigger_time is not None:
             edge = math.ceil((time - self.trigger_time) * self.rate * (1 - 1e-12))
+            if self._paced:  # its time may have stood still, with the sample of this time taken
+                edge = max(edge, self._done)
+            self._edge = time
             if edge >= (self._before or 0):
                 self._keep(edge - (self._before or 0), fault)
             return
-        self.trigger_time = time
+        self.trigger_time = self._edge = time
         if self._before is None:
             self._keep(0, fault)
         else:
@@ -208,7 +215,7 @@ class SampledRun:
             self._end = self._done  # as the driver: unread samples are not overwritten
         if self._first is None and len(self._fed) == HELD:
             self._compute(self._done)
-            self._drop(self._done - (self._before or 0))
+            self._drop(self._done - 1 - (self._before or 0))  # an edge now is at the last one
 
     def wait_for(self, n: int, timeout: float | None) -> int:
         """Return the number of readable samples, after waiting for n of them or timeout [s]."""
