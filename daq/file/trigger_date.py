@@ -21,12 +21,12 @@ class TriggerDate:
     """The time of the trigger as counts narrow it down.
 
     Of each count, the next sample was not yet taken at the question: the trigger is not earlier
-    than that. And the last one was taken before the answer: the trigger is not later. If time
-    stands still for the device, or it counts late, the first statement of a count after the
-    trigger is false, and the second one of a count before it. So a count before the trigger limits
-    it below, and one after it above. Without a count before it, those after it limit it on both
-    sides. If limits contradict each other, what they differ by is added to the uncertainty on both
-    sides, for any other count may be false by as much.
+    than that. And the last one was taken before the answer: the trigger is not later. If time stops
+    for the device, or it counts late, the first statement of a count after the trigger is false,
+    and the second one of a count before it. So a count before the trigger limits it below, and one
+    after it above. Without a count before it, those after it limit it on both sides. If limits
+    contradict each other, what they differ by is added to the uncertainty on both sides, for any
+    other count may be false by as much.
     """
 
     def __init__(self, rate: float):

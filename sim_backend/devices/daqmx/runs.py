@@ -184,7 +184,7 @@ class SampledRun:
             return
         if self.trigger_time is not None:
             edge = math.ceil((time - self.trigger_time) * self.rate * (1 - 1e-12))
-            if self._paced:  # its time may have stood still, with the sample of this time taken
+            if self._paced:  # its time may have stopped, with the sample of this time taken
                 edge = max(edge, self._done)
             self._edge = time
             if edge >= (self._before or 0):
