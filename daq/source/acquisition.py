@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
-from sautereau.daq.source.answers import Answers
 from sautereau.daq.source.connection import connect
 from sautereau.daq.source.counter import DATING, SampleCounter
 from sautereau.daq.source.driver_faults import NOT_YET_AVAILABLE, driver_errors
@@ -20,6 +19,9 @@ from sautereau.daq.source.source import InputSettings, SourceSettings
 from sautereau.daq.source.task import build_task, plan_task, trigger_terminal
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
+
+if TYPE_CHECKING:
+    from sautereau.daq.source.answers import Answers
 
 
 class Acquisition:
