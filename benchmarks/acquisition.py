@@ -8,9 +8,11 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +20,18 @@ import numpy as np
 from benchmarks.figures import Figure, check, median_time
 from benchmarks.recording import SIXTEEN, sixteen
 from sautereau.rig.acquisition import Daq
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.motion import Floats
 
 DURATION = 10.0
 """Duration of the acquisition in real time, s; the cost does not depend on it."""
+EDGES = 100
+"""Edges that are dated."""
 PERIOD = 2048
 """Samples after which the card's signal repeats."""
 
@@ -80,7 +86,8 @@ def run() -> list[Figure]:
     """Return the client's CPU load, and the time to connect and close for a press."""
     with served() as address:
         rig = sixteen(load_rig()).replaced({"daq.address": address, "daq.block": PERIOD})
-        return [*_continuous(rig), _dated(rig), _overhead(rig.daq)]
+        figures = [*_continuous(rig), _dated(rig), _overhead(rig.daq)]
+    return [*figures, *_edges(0.0), *_edges(0.05)]
 
 
 def _continuous(rig: Rig) -> list[Figure]:
@@ -127,6 +134,56 @@ def _dated(rig: Rig) -> Figure:
     return Figure(
         "date of the first sample, uncertainty", statistics.median(stds) * 1e3, "ms", "limit", 1.0
     )
+
+
+def _edges(before: float) -> Iterator[Figure]:
+    """Date the edges of the stand-in in real time, with ``before`` s of samples before them."""
+    from sautereau.daq.file.reading import read_recording
+    from sautereau.daq.file.recorded import SessionInfo
+    from sautereau.daq.file.recording import Recording
+    from sautereau.daq.source.acquisition import Acquisition
+
+    found: list[tuple[float, float]] = []
+    wanted = with_values(load_rig(), {"daq.pre_trigger": f"{before} s"})
+    with (
+        StandIn(wanted, load_scene("ideal"), paced=True) as stand_in,
+        tempfile.TemporaryDirectory() as folder,
+    ):
+        rig, bench, raised = stand_in.rig, stand_in.bench, bench_edges(stand_in)
+        output = rig.controller.trigger_output
+        session = SessionInfo(1, datetime.now(UTC).isoformat(), True, "", "")
+        for number in range(EDGES):
+            bench.receive(f"CB {output}\r".encode())
+            path = Path(folder) / f"{number}.mcap"
+            with (
+                Acquisition(rig.daq, 0.1) as source,
+                Recording(path, rig, session=session, scaling=source.scaling) as recording,
+            ):
+                source.start()
+                threading.Timer(0.1, bench.receive, [f"SB {output}\r".encode()]).start()
+                for block in source.blocks():
+                    recording.write_block(block)
+            read = read_recording(path)
+            found.append((abs(read.t0_ns / 1e9 - raised[-1]), read.t0_std or math.inf))
+    what = f"date of {EDGES} edges with {before:g} s before them:"
+    inside = sum(error <= 1.96 * std for error, std in found) / EDGES * 100
+    check(inside >= 95, f"{what} {inside:g} % are within their stated 95 %")
+    median = statistics.median(error for error, _ in found) * 1e3
+    yield Figure(f"{what} median error", median, "ms", "limit", 2.0)
+
+
+def bench_edges(stand_in: StandIn) -> list[float]:
+    """Return a list that receives the dates of a stand-in's edges, s since 1970."""
+    card, dates = stand_in.bench.card, list[float]()
+    edge = card.edge
+
+    def note(delay: float = 0.0, *, falling: bool = False) -> None:
+        now, before = time.time() + delay, len(card.starts)
+        edge(delay, falling=falling)
+        dates.extend([now] * (len(card.starts) - before))
+
+    card.edge = note
+    return dates
 
 
 def _overhead(daq: Daq) -> Figure:

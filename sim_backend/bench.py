@@ -29,6 +29,8 @@ SETTLING = 2.0
 """s, for which simulated time advances after a motion, so that the arm comes to rest."""
 BUSY = 20.0
 """s of real time, in which a busy machine has computed any answer without faults."""
+TICK = 1e-3
+"""s, about a sample of the controller: longest time by which the bench is ahead of real time."""
 LONGEST_WAIT = 60.0
 """s of simulated time that may pass before a command is carried out."""
 
@@ -66,7 +68,7 @@ class Bench:
         self._closing = threading.Event()
         self._last_motion = 0.0
         self._line = BadLine(self.scene.faults, seed, self.injection.past)
-        wiring = Wiring(self.rig, self.scene, seed, self._lock, paced)
+        wiring = Wiring(self.rig, self.scene, seed, self._lock, paced, lambda: self.passed)
         self.card = BenchCard(wiring, self.injection, lambda: self.world.time)
         self._powered_up = False
         given = {} if scene.controller is None else {"unit": scene.controller}
@@ -107,6 +109,8 @@ class Bench:
                 )
             if self.failure is not None:
                 raise PortGone
+            if data and self.paced:  # a tick is computed ahead: wait until its time has passed
+                time.sleep(min(max(0.0, self.time - self.passed), TICK))
             receive = self.firmware.receive
             if letter != SERIAL:
                 receive = partial(self._networked.receive, letter=letter)
@@ -175,6 +179,11 @@ class Bench:
     def time(self) -> float:
         """Simulated time [s]."""
         return self.world.time
+
+    @property
+    def passed(self) -> float:
+        """Simulated time [s] that has passed by the real clock; inf if it is not paced."""
+        return self._clock.passed
 
     @property
     def busy(self) -> bool:

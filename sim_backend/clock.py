@@ -3,6 +3,7 @@
 Simulated time advances while the bench is busy, at full speed or paced.
 """
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -10,6 +11,9 @@ from typing import Any
 
 SLICE = 2e-3
 """s of real time, after which the clock releases the lock to the other threads."""
+LATEST = 2e-4
+"""s, by which a paced clock may be late and catch up, for sleeping is not exact. If it is later,
+simulated time falls behind: a device that caught up would have samples before their time."""
 
 
 class FairLock:
@@ -57,7 +61,16 @@ class Clock:
         self._bench, self._lock, self._paced = bench, lock, paced
         self._on_failure = on_failure
         self._stopping = False
+        self._ahead = 0.0
         self._thread = threading.Thread(target=self._run, name="stand-in clock", daemon=True)
+
+    @property
+    def passed(self) -> float:
+        """Simulated time [s] that has passed by the real clock; inf if it is not paced.
+
+        A paced tick is computed when its time begins, so that the bench is ahead of it.
+        """
+        return time.monotonic() - self._ahead if self._paced else math.inf
 
     def __enter__(self) -> "Clock":
         self._thread.start()
@@ -70,15 +83,16 @@ class Clock:
         self._thread.join()
 
     def _run(self) -> None:
-        bench, ahead = self._bench, 0.0
+        bench = self._bench
         while True:
             with self._lock:
                 idle = not bench.busy
                 self._lock.wait_for(lambda: bench.busy or self._stopping)
                 if self._stopping:
                     return
-                if idle:
-                    ahead = time.monotonic() - bench.time
+                late = time.monotonic() - self._ahead - bench.time
+                if idle or late > LATEST:
+                    self._ahead += late
                 try:
                     self._advance()
                 except Exception as error:  # noqa: BLE001 - reported by the bench's next call
@@ -86,7 +100,7 @@ class Clock:
                     self._on_failure(error)
                 self._lock.notify_all()
             # Outside the lock, and long enough for waiting threads to run.
-            time.sleep(max(0.0, ahead + bench.time - time.monotonic()) if self._paced else 0)
+            time.sleep(max(0.0, bench.time - self.passed) if self._paced else 0)
 
     def _advance(self) -> None:
         """Do one sample if paced; else as many as `SLICE` allows while no thread waits."""

@@ -8,6 +8,7 @@ from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import MAGIC, Opcode
 from sautereau.daq.file.contents import Contents
 from sautereau.daq.file.integrity import has_data_crc, head, indexed, opened, records, size_of
+from sautereau.daq.file.limits import FARTHEST_SAMPLE, FARTHEST_TIME
 from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch
 from sautereau.daq.file.runs import Runs
 from sautereau.daq.file.verified import verified, verifying
@@ -132,14 +133,25 @@ def stream(path: str | Path, seconds: float) -> Iterator[Stretch]:
         size = size_of(file)
         contents, runs, names, n = Contents(size), Runs(size=size), list[str](), 1
         for layout, block in contents.blocks(verified(file)):
+            runs.add(layout, block)  # which refuses a rate that is none
             if not names:
                 names = [channel.name for channel in contents.rig().daq.channels]
-                n = max(1, round(seconds * block.rate))
-            runs.add(layout, block)
+                n = max(1, min(round(seconds * block.rate), FARTHEST_SAMPLE))
             while layout.names[-1] == names[-1] and (found := runs.take(names, n, ended=False)):
                 yield found
         while found := runs.take(names, n, ended=True):
             yield found
+
+
+def _window(path: str | Path, start: float, stop: float) -> str:
+    """Return the name of a window, for messages; refuse one that no recording can have."""
+    window = f"the window from {start:g} s to {stop:g} s"
+    if not all(abs(time) <= FARTHEST_TIME for time in (start, stop)):  # NaN too
+        raise RecordingError(
+            f"recording {path}: {window}: give times within FARTHEST_TIME = {FARTHEST_TIME:g} s"
+            " before and after the trigger"
+        )
+    return window
 
 
 def read_window(path: str | Path, start: float, stop: float) -> Stretch:
@@ -151,7 +163,7 @@ def read_window(path: str | Path, start: float, stop: float) -> Stretch:
         RecordingError: The window reaches beyond the recording or spans a gap, or as
             `read_recording`.
     """
-    window = f"the window from {start:g} s to {stop:g} s"
+    window = _window(path, start, stop)
     with opened(Path(path)) as file:
         definitions, chunks = indexed(file)
         contents, runs = Contents(size_of(file)), Runs(size=size_of(file))

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -171,13 +172,23 @@ class Recording:
         The first block determines where the recording starts: at the trigger, or before it.
 
         Raises:
-            RecordingError: The block does not follow the last one, has the wrong shape or type,
-                or cannot be written.
+            RecordingError: The block does not follow the last one, has the wrong shape or type, or
+                cannot be written; or the device gave a number that is not finite: what precedes it
+                is written.
         """
-        file, samples, first = self._file(), block.samples, block.first_sample
+        self._file()
         self._refuse(block)
+        n = self._finite(block)
+        if n:
+            self._hold(replace(block, samples=block.samples[:, :n]))
+        if n < block.n_samples:
+            raise self._not_finite(block, n)
+
+    def _hold(self, block: Block) -> None:
+        """Add a block to the held samples, and write those that are due."""
+        file, samples = self._file(), block.samples
         if self._first is None:
-            self._first = self._next = first
+            self._first = self._next = block.first_sample
         if self._order.t0 is None:
             self._date(block)
         at, size, room = 0, samples.shape[1], self._held.shape[1]
@@ -190,6 +201,13 @@ class Recording:
         if self._fill > self._order.margin and file.flush_due:
             self._write_held(file)
         file.sync_if_due()
+
+    def before_trigger(self) -> None:
+        """State that the trigger is still to come: no date of it is before this call.
+
+        Call it before the command that causes the trigger, or that starts the device.
+        """
+        self._trigger.not_before(self._monotonic())
 
     def write_plan(self, t: ArrayLike, q1: ArrayLike, q2: ArrayLike, jack_rise: ArrayLike) -> None:
         """Write the planned motion: arrays of shape (n,); s after the trigger, rad, rad, m."""
@@ -259,6 +277,29 @@ class Recording:
             )
         t0 = self._order.t0
         self._refuse_faults(time_faults(t0 or 0, self._rate, first, first + shape[1]))
+
+    def _finite(self, block: Block) -> int:
+        """Return how many samples precede the first one of a device that is not finite.
+
+        A recording with a given date holds samples of a file, which may be any doubles.
+        """
+        if self._given is not None or self._layout.scaling:
+            return block.n_samples
+        finite = np.isfinite(block.samples).all(axis=0)
+        return block.n_samples if finite.all() else int(finite.argmin())
+
+    def _not_finite(self, block: Block, n: int) -> RecordingError:
+        """Return the error of a block whose ``n``-th samples are not finite."""
+        values = block.samples[:, n].tolist()
+        named = zip(self._layout.names, values, strict=True)
+        listed = ", ".join(
+            f"{value} V of {name}" for name, value in named if not math.isfinite(value)
+        )
+        return RecordingError(
+            f"recording {self._path}: the device gave {listed} at sample {block.first_sample + n},"
+            f" not a finite number; the {block.n_samples - n} samples from there on are not"
+            " recorded: check device and driver, and press again"
+        )
 
     def _date(self, block: Block) -> None:
         """Narrow down the time of the trigger with the counts of a block and its arrival."""

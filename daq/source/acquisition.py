@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from sautereau.daq.errors import DaqError
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.source.connection import connect
-from sautereau.daq.source.counter import SampleCounter
+from sautereau.daq.source.counter import DATING, SampleCounter
 from sautereau.daq.source.driver_faults import NOT_YET_AVAILABLE, driver_errors
 from sautereau.daq.source.inputs import read_inputs, read_scaling
 from sautereau.daq.source.server_session import create_task
@@ -20,8 +20,8 @@ from sautereau.daq.source.task import build_task, plan_task, trigger_terminal
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 
-DATING = 0.25
-"""Duration in s, from the start, in which samples are counted to date the trigger."""
+if TYPE_CHECKING:
+    from sautereau.daq.source.answers import Answers
 
 
 class Acquisition:
@@ -49,6 +49,7 @@ class Acquisition:
         self._plan = plan_task(daq, duration_s, triggered)
         self._stack = ExitStack()
         self._options: Any = None
+        self._answers: Answers | None = None
         self._task: Any = None
         self._counter: SampleCounter
         self._rate = daq.sample_rate
@@ -101,7 +102,8 @@ class Acquisition:
 
         daq, plan = self._daq, self._plan
         try:
-            self._options = self._stack.enter_context(connect(daq, self._longest_wait))
+            connection = connect(daq, self._longest_wait)
+            self._options, self._answers = self._stack.enter_context(connection)
             with driver_errors(daq, "setting up the task", self._options):
                 if plan.triggered:
                     self._trigger = trigger_terminal(daq, self._options)
@@ -161,7 +163,8 @@ class Acquisition:
         Returns when enough samples before the edge have been acquired.
         """
         with driver_errors(self._daq, "arming", self._options):
-            self._entered().start()
+            self._entered()
+            self._counter.start()
             if self._plan.before:
                 self._counter.await_pre_trigger()
 
@@ -183,26 +186,33 @@ class Acquisition:
         """
         daq, plan = self._daq, self._plan
         kind, read = self._reader()
-        counts, position = (), 0
-        if plan.before:
-            with driver_errors(daq, "waiting for the trigger", self._options):
+        position = 0
+        doing = "waiting for the trigger" if plan.before else "reading"
+        with driver_errors(daq, doing, self._options):
+            if plan.before:
                 counts = self._counter.await_all(self._longest_wait)
-            if not counts:
-                raise self._no_edge()
+            else:
+                counts = self._counter.await_first()
+        if plan.before and not counts:
+            raise self._no_edge()
         while plan.total is None or position < plan.total:
             n = daq.block if plan.total is None else min(daq.block, plan.total - position)
-            samples = np.empty((len(daq.channels), n), kind)
+            # A driver that fills it less than it says leaves what no recording accepts.
+            samples = np.full((len(daq.channels), n), np.nan if kind == "float64" else 0, kind)
             with driver_errors(daq, "reading", self._options):
-                count, late = self._read(read, samples)
-                if not plan.before:
+                count, fault = self._read(read, samples)
+                if not plan.before and fault is None:
                     dating = position < DATING * self._rate
-                    counts = (self._counter.count(position + count),) if dating else ()
+                    counts += (self._counter.count(),) if dating else ()
             if count:
                 yield Block(position - plan.before, samples[:, :count], counts, self._scaling)
             counts = ()
             position += count
-            if late is not None:
-                raise self._too_late(position, n) from late
+            if fault is not None:
+                if getattr(fault, "error_code", None) == NOT_YET_AVAILABLE:
+                    raise self._too_late(position, n) from fault
+                with driver_errors(daq, "reading", self._options):
+                    raise fault
             if plan.total is None:
                 self._check_position(position)
 
@@ -223,21 +233,36 @@ class Acquisition:
     def _read(
         self, read: Callable[..., int], samples: NDArray[Any]
     ) -> tuple[int, Exception | None]:
-        """Fill ``samples``; return how many were read, and the error if not all were."""
+        """Fill ``samples``; return how many of each channel have arrived, and why not all."""
         from nidaqmx.errors import DaqReadError
 
-        n = samples.shape[1]
+        (k, n), fault, answers = samples.shape, None, self._answers
         try:
             count = read(samples, n, timeout=self._daq.trigger_timeout)
         except DaqReadError as error:
-            if error.error_code != NOT_YET_AVAILABLE:
+            count, fault = error.samps_per_chan_read, error
+        except AssertionError:  # of the client's library: more numbers than requested
+            if answers is None or answers.numbers <= samples.size:
                 raise
-            return error.samps_per_chan_read, error
-        if count != n:
-            raise DaqError(
+            count = answers.said
+        numbers = samples.size if answers is None else answers.numbers
+        if fault is not None and numbers == count == 0:
+            return 0, fault
+        # As with the driver, a partial read keeps the layout of a complete one. With another number
+        # of numbers it is unknown which of them are whose.
+        if numbers != samples.size or not 0 <= count <= n:
+            code = "" if fault is None else f" with error {fault.error_code}"
+            return 0, DaqError(
+                f"DAQ device {self._daq.device}: an answer{code} to a read of {n} samples of {k}"
+                f" channels says that {count} of each were read, and has {numbers} numbers instead"
+                f" of {samples.size}; none of them is recorded: update NI's gRPC device server and"
+                " its driver, and press again"
+            )
+        if count < n and fault is None:
+            fault = DaqError(
                 f"DAQ device {self._daq.device}: a read of {n} samples gave {count}; press again"
             )
-        return count, None
+        return count, fault
 
     def _too_late(self, count: int, n: int) -> DaqError:
         daq = self._daq

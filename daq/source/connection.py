@@ -14,6 +14,8 @@ from sautereau.rig.disk import read_limited, why_unreadable
 if TYPE_CHECKING:
     import grpc
 
+    from sautereau.daq.source.answers import Answers
+
 CONNECT_DEADLINE = 2.0
 """Longest wait for the first answer of the gRPC server, s."""
 ANSWER_DEADLINE = 10.0
@@ -30,8 +32,10 @@ _HEALTH = "/grpc.health.v1.Health/Check"
 
 
 @contextmanager
-def connect(daq: Daq, longest_wait: float) -> Iterator[Any]:
-    """Yield the ``grpc_options`` for nidaqmx: None for the driver of this machine.
+def connect(daq: Daq, longest_wait: float) -> Iterator[tuple[Any, "Answers | None"]]:
+    """Yield the ``grpc_options`` for nidaqmx, and what counts the numbers that its server sends.
+
+    Both are None for the driver of this machine, which writes into the memory of this process.
 
     Args:
         longest_wait: Longest time for which a call may wait for samples, s.
@@ -41,14 +45,18 @@ def connect(daq: Daq, longest_wait: float) -> Iterator[Any]:
             cannot be read, or nothing answers at the address.
     """
     if not daq.address:
-        yield None
+        yield None, None
         return
     _must_be_safe(daq)
+    import grpc
     from nidaqmx import GrpcSessionOptions
 
+    from sautereau.daq.source.answers import Answers
+
+    answers = Answers()
     with _channel(daq, longest_wait + ANSWER_DEADLINE) as channel:
         _must_answer(daq, channel)
-        yield GrpcSessionOptions(channel, "")
+        yield GrpcSessionOptions(grpc.intercept_channel(channel, answers), ""), answers
 
 
 def _must_be_safe(daq: Daq) -> None:

@@ -70,6 +70,7 @@ def record(
         with Recording(
             path, rig, session=session, rate=acquisition.rate, scaling=acquisition.scaling
         ) as recording:
+            recording.before_trigger()
             acquisition.start()
             for block in acquisition.blocks():
                 count = block.first_sample + block.n_samples

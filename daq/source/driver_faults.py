@@ -6,15 +6,19 @@ from typing import Any
 
 from sautereau.daq.errors import DaqError
 from sautereau.rig.acquisition import Daq
+from sautereau.rig.tables import table_beside
 
-NO_SUCH_CHANNEL = -200170
-NO_SUCH_DEVICE = (-200220, -200324, -88705, -201003)
 NOT_YET_AVAILABLE = -200284
 NOT_DONE = -200560
-OVERRUN = (-200279, -200361, -200222)
-RESERVED = -50103
+KNOWN = {int(code): (what, how_to_fix) for code, what, how_to_fix in table_beside(__file__)}
+"""What a code of the driver means, by the names of `nidaqmx.error_codes`, and how to fix it. Names
+in braces are facts of the acquisition. Other codes are reported with the driver's own text."""
+INVALID = (ValueError, TypeError, AssertionError, LookupError, ArithmeticError)
+"""What nidaqmx raises about an answer that it cannot convert."""
 _NAMED = ("Property:", "Requested Value:", "Possible", "Maximum Value:", "Minimum Value:")
 """Lines of the driver's text on a value that is not supported."""
+_REPEATED = ("Status Code:", "Task Name:")
+"""Lines that the client's library adds to the driver's text."""
 
 
 @contextmanager
@@ -47,7 +51,7 @@ def driver_errors(daq: Daq, doing: str, options: Any = None) -> Iterator[None]:
             f"DAQ device {daq.device}: {_first_line(error)}, while {doing}; update the"
             " NI-DAQmx driver"
         ) from error
-    except ValueError as error:  # of the client library, about numbers in an answer
+    except INVALID as error:  # of the client library, about an answer
         raise DaqError(
             f"DAQ device {daq.device}: an answer while {doing} is invalid: {_first_line(error)};"
             f" check that a DAQmx device server of NI answers at {daq.address or 'this machine'}"
@@ -55,34 +59,25 @@ def driver_errors(daq: Daq, doing: str, options: Any = None) -> Iterator[None]:
 
 
 def _driver_fault(daq: Daq, doing: str, error: Any, options: Any) -> str:
-    code = error.error_code
-    if code == NO_SUCH_CHANNEL:
-        terminals = ", ".join(f"{daq.device}/{channel.terminal}" for channel in daq.channels)
-        return (
-            f"DAQ device {daq.device}: one of the channels {terminals} does not exist on it"
-            f" ({code}); {_terminals(daq, options)}; set daq.channels.*.terminal to the wired ones"
-        )
-    if code in NO_SUCH_DEVICE:
-        return (
-            f"DAQ device {daq.device}: there is no such device ({code});"
-            f" {_devices(options)}; set daq.device to its name in NI MAX, or check that it is"
-            " plugged in"
-        )
-    if code in OVERRUN:
-        return (
-            f"DAQ device {daq.device}: samples were lost ({code}) because {daq.block} samples per"
-            f" read at {daq.sample_rate:g} Hz are not read fast enough; raise daq.block,"
-            " lower daq.sample_rate, or free the machine, and record again"
-        )
-    if code == RESERVED:
-        return (
-            f"DAQ device {daq.device}: another task or program holds it ({code}); end that one"
-            " and press again"
-        )
-    return (
-        f"DAQ device {daq.device}: the driver refused {doing} with {code}: {_named(error)};"
-        " correct the setting it names in the rig's daq section"
-    )
+    who, code = f"DAQ device {daq.device}: the driver ended {doing} with", error.error_code
+    if code not in KNOWN:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        text = " ".join(line for line in lines if not line.startswith(_REPEATED))
+        names = any(line.startswith(_NAMED) for line in lines)
+        fix = "; correct the setting it names in the rig's daq section" if names else ""
+        return f"{who} {code}: {text.rstrip('.')}{fix}"
+    what, fix = KNOWN[code]
+    facts = {
+        "channels": lambda: ", ".join(f"{daq.device}/{one.terminal}" for one in daq.channels),
+        "terminals": lambda: _terminals(daq, options),
+        "devices": lambda: _devices(options),
+        "block": lambda: str(daq.block),
+        "rate": lambda: f"{daq.sample_rate:g}",
+    }
+    for name, fact in facts.items():
+        if f"{{{name}}}" in what:
+            what = what.replace(f"{{{name}}}", fact())
+    return f"{who} {code}: {what}; {fix}"
 
 
 def _terminals(daq: Daq, options: Any) -> str:
@@ -106,12 +101,6 @@ def _devices(options: Any) -> str:
     except errors.Error as error:
         return f"the driver's devices could not be read ({_first_line(error)})"
     return f"the driver knows {', '.join(names) or 'no device'}"
-
-
-def _named(error: Exception) -> str:
-    """Return the first line, and those that name the property and its possible values."""
-    named = [line.strip() for line in str(error).splitlines() if line.strip().startswith(_NAMED)]
-    return ", ".join([_first_line(error), *named])
 
 
 def _first_line(error: Exception) -> str:

@@ -63,7 +63,7 @@ def read_inputs(task: Any, daq: Daq) -> tuple[InputSettings, ...]:
     faults = [
         fault
         for channel, actual in zip(daq.channels, settings, strict=True)
-        for fault in _differences(channel, actual)
+        for fault in _not_finite(actual) or _differences(channel, actual)
     ]
     if faults:
         raise DaqError("\n".join(f"DAQ device {daq.device}: {fault}" for fault in faults))
@@ -146,6 +146,16 @@ def _skew(task: Any) -> float:
         return 0.0
     rate = _optional(task.timing, "ai_conv_rate")
     return 1 / rate if rate else 0.0
+
+
+def _not_finite(actual: InputSettings) -> list[str]:
+    """Return which numbers of an input's answers are not finite."""
+    return [
+        f"input {actual.terminal} ({actual.name}): the driver gives {name} = {value}, which is not"
+        " a finite number; update the driver"
+        for name, value in vars(actual).items()
+        if isinstance(value, float) and not math.isfinite(value)
+    ]
 
 
 def _differences(channel: Channel, actual: InputSettings) -> list[str]:

@@ -141,7 +141,7 @@ def accepted_rate(rate: float, daq: Daq) -> float:
     Raises:
         DaqError: It is not.
     """
-    if abs(rate / daq.sample_rate - 1) > RATE_TOLERANCE:
+    if not abs(rate / daq.sample_rate - 1) <= RATE_TOLERANCE:  # it may be NaN
         raise DaqError(
             f"DAQ device {daq.device}: it runs at {rate:.9g} Hz instead of the requested"
             f" {daq.sample_rate:.9g} Hz; set daq.sample_rate to a rate that it supports"

@@ -171,7 +171,10 @@ def _press(
         with Recording(
             path, of_device, session=session, rate=acquisition.rate, scaling=acquisition.scaling
         ) as recording:
+            recording.before_trigger()
             motion.start()
+            if motion.triggered:
+                recording.before_trigger()  # the controller raises it
             watch(Stage("armed", "armed", number))
             controller.start()
             watch(Stage("moving", "reading", number))

@@ -70,8 +70,9 @@ def volts():
 def record(paper, session):
     """Write volts in blocks to a finished file and return its path."""
 
-    def write(path: Path, volts, block=1024, clock=lambda: 1_700_000_000_000_000_000):
-        return write_recording(path, paper, volts, block=block, session=session, clock=clock)
+    def write(path: Path, volts, block=1024, clock=lambda: 1_700_000_000_000_000_000, **options):
+        options |= {"block": block, "session": session, "clock": clock}
+        return write_recording(path, paper, volts, **options)
 
     return write
 

@@ -1,8 +1,5 @@
 """Continuous, around the trigger's edge, many channels, and the dry run, over the real nidaqmx."""
 
-import math
-import statistics
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +8,6 @@ import pytest
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.file.survey import describe
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.sim_backend.device_types import IDEAL
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS
@@ -83,76 +79,6 @@ def test_samples_before_the_edge_are_recorded_below_zero(card, rig, session, tmp
     found = read_recording(tmp_path / "a.mcap")
     assert found.first_sample == -2560
     assert np.array_equal(found.volts["force"], volts(0, 7680, 2)[1])
-
-
-class TimedRun:
-    """An acquisition in real time, whose edge comes ``LEAD`` s after it is started."""
-
-    LEAD = 0.12
-
-    def __init__(self, setup):
-        self._rate, before = setup.rate, setup.before or 0
-        lead = self.LEAD if before else 0.0
-        self._edge = math.ceil(lead * setup.rate)
-        self._end, self._before = self._edge - before + setup.n_samples, before
-        self._start = time.monotonic()
-        self.trigger_ns = time.time_ns() + round(self._edge / setup.rate * 1e9)
-
-    @property
-    def acquired(self):
-        return min(self._end, int((time.monotonic() - self._start) * self._rate) + 1)
-
-    def wait_for(self, n, timeout):
-        due = self._start + (self._end if self._before else n) / self._rate
-        time.sleep(min(max(0.0, due - time.monotonic()), timeout))
-        acquired = self.acquired
-        return acquired if not self._before else n * (acquired == self._end)
-
-    def read(self, first, n):
-        return volts(first, n, 2)
-
-    def stop(self):
-        pass
-
-
-@pytest.fixture
-def dated(card, rig, session):
-    """Record in real time; return the error of the trigger's date, s, and what was read."""
-
-    def make(path, before):
-        runs = []
-        card.start = lambda setup: runs.append(TimedRun(setup)) or runs[-1]
-        its = changed(rig, pre_trigger=before)
-        with (
-            Acquisition(its.daq, 0.3) as acquisition,
-            Recording(path, its, session=session) as made,
-        ):
-            acquisition.start()
-            for block in acquisition.blocks():
-                made.write_block(block)
-        found = read_recording(path)
-        assert found.t0_ns == made.t0_ns
-        return (found.t0_ns - runs[-1].trigger_ns) / 1e9, found
-
-    return make
-
-
-@pytest.mark.parametrize("before", [0.0, 0.05])
-def test_the_trigger_is_dated_by_counts_of_samples(dated, tmp_path, before):
-    """Within the stated uncertainty: half of the time in which the device answers."""
-    error, found = dated(tmp_path / "a.mcap", before)
-    assert found.t0_std is not None
-    assert 0 < found.t0_std < 0.1
-    assert abs(error) <= math.sqrt(3) * found.t0_std + 1e-4  # clocks are read one after the other
-    assert describe(tmp_path / "a.mcap")["t0_std"] == found.t0_std
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("before", [0.0, 0.05])
-def test_the_date_of_the_trigger_is_within_a_millisecond(dated, tmp_path, before):
-    """Over gRPC, as the median of nine: a busy computer may answer late once."""
-    errors = [abs(dated(tmp_path / f"{n}.mcap", before)[0]) for n in range(9)]
-    assert statistics.median(errors) < 1e-3
 
 
 def test_start_returns_when_the_samples_before_the_edge_are_there(card, rig):

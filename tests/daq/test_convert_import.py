@@ -85,7 +85,9 @@ def test_any_number_comes_back_from_any_table(tmp_path_factory, values):
     folder = tmp_path_factory.mktemp("any")
     written = np.nan_to_num(values, nan=1.5, posinf=np.inf, neginf=-np.inf)
     measured = replace(SESSION, simulated=False)
-    write_recording(folder / "press.mcap", load_rig("paper"), written, session=measured)
+    write_recording(
+        folder / "press.mcap", load_rig("paper"), written, session=measured, t0_ns=10**18
+    )
     first = read_recording(folder / "press.mcap")
     for to in ("parquet", "csv"):
         export(folder / "press.mcap", to, folder / f"table.{to}", raw=True)

@@ -44,7 +44,7 @@ def test_a_recording(tmp_path, record):
     volts = bits.view(np.float64)
     volts[np.isnan(volts)] = -0.0
     volts[:, :2] = np.inf, 5e-324
-    path = record(tmp_path / "press.mcap", volts, block=1000)
+    path = record(tmp_path / "press.mcap", volts, block=1000, t0_ns=1_700_000_000 * 10**9)
     found = by_mcap_core(path)
     assert found["digests"] == digests(*volts)
     assert found["counts"] == {"/daq": 3, "/preview": 565}

@@ -41,7 +41,7 @@ def test_any_bits_in_blocks_of_any_length_come_back(bits):
     together = np.concatenate(bits, axis=1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "press.mcap"
-        with Recording(path, PAPER, session=SESSION) as recording:
+        with Recording(path, PAPER, session=SESSION, t0_ns=T0) as recording:  # of a file
             for part in bits:
                 recording.write_block(Block(recording.n_samples, part.view(np.float64)))
         found = read_recording(path).volts

@@ -10,7 +10,7 @@ from mcap.records import Message
 from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recording import Block, Recording
-from sautereau.daq.file.trigger_date import Counted
+from sautereau.daq.file.trigger_date import Counted, TriggerDate
 from tests.daq.declared import records
 
 T0 = 1_700_000_000_000_000_000
@@ -32,7 +32,7 @@ def test_times_do_not_drift(tmp_path, paper, session):
 
 @pytest.mark.parametrize("late", [0.0, 0.004])
 def test_counts_date_the_trigger(tmp_path, paper, session, late):
-    """Half of 0.2 ms between question and answer, also if the device was late twice."""
+    """Half of 0.2 ms between question and answer; a device that was late twice may always be."""
     seconds, path, rate = [0.0], tmp_path / "press.mcap", 51_200
     with Recording(
         path, paper, session=session, clock=lambda: T0, monotonic=lambda: seconds[0]
@@ -46,7 +46,39 @@ def test_counts_date_the_trigger(tmp_path, paper, session, late):
             assert recording.t0_ns is not None
     found = read_recording(path)
     assert abs(found.t0_ns - T0) < 1000
-    assert found.t0_std == pytest.approx((2e-4 + 1 / rate) / math.sqrt(12), rel=1e-6)
+    width = 2e-4 + 1 / rate
+    contradiction = max(0.0, late - width)
+    std = (width + 2 * contradiction) / math.sqrt(12)
+    assert found.t0_std == pytest.approx(std, rel=1e-6)
+
+
+def found_by(*counts, cause=-math.inf):
+    """The date of the trigger by counts at 1 kHz: asked, answered, samples."""
+    date = TriggerDate(1000.0)
+    date.not_before(cause)
+    for count in counts:
+        date.add(Counted(*count))
+    return date.found()
+
+
+def test_counts_before_the_trigger_limit_it_although_the_device_counts_late():
+    """At 1.000 s, after 40 ms in which the device was silent, as any count after them."""
+    time, std = found_by((0.996, 0.997, -3), (1.045, 1.046, 1), (1.050, 1.051, 6))
+    assert abs(time - 1.0) <= 1.96 * std
+    assert time - math.sqrt(3) * std <= 0.999 + 1e-9
+
+
+@pytest.mark.parametrize("count", [(5.0, 5.001, 500), (-math.inf, 4.0, 1)])
+def test_no_date_is_before_the_command_that_caused_it(count):
+    """A device that counts faster than time passes contradicts it: the uncertainty is as large."""
+    time, std = found_by((4.8, 4.801, -100), count, cause=4.9)
+    assert time == 4.9
+    assert std > 0.3 / math.sqrt(12)
+
+
+def test_a_device_that_does_not_count_gives_no_uncertainty():
+    assert found_by((-math.inf, 7.0, 11), cause=6.5) == (6.99, None)
+    assert found_by((-math.inf, 7.0, 1001), cause=6.5) == (6.5, None)
 
 
 def test_without_counts_no_sample_is_taken_after_it_arrived(tmp_path, paper, session):

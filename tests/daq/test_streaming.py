@@ -88,6 +88,14 @@ def test_a_window_beyond_the_recording(long, start, stop):
     assert str(long) in str(caught.value)
 
 
+@pytest.mark.parametrize("time", [1e10, 1e308, float("inf"), float("nan")])
+def test_a_window_beyond_every_recording(long, time):
+    for window in ((0.0, time), (-time, 0.0), (time, time)):
+        with pytest.raises(RecordingError, match=r"FARTHEST_TIME = 9e\+09 s"):
+            read_window(long, *window)
+    assert next(stream(long, 1e300)).n_samples == N
+
+
 def test_a_window_over_a_gap(holed):
     with pytest.raises(RecordingError, match="samples are missing"):
         read_window(holed, 0.4, 0.7)

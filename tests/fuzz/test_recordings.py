@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.reading import read_parts, read_window
+from sautereau.daq.file.reading import read_parts, read_window, stream
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
 from tests.budget import slow
@@ -70,6 +70,7 @@ def without_id(text):
 
 CHANGES = {
     "rate": (with_field("/daq", 3, double(float("inf"))), "rate: inf Hz"),
+    "no rate": (with_field("/daq", 3, double(float("nan"))), "rate: nan Hz"),
     "slow": (with_field("/daq", 3, double(1e-300)), "beyond the dates of 64 bits"),
     "date": (with_field("/daq", 1, (1, struct.pack("<q", 2**63 - 1))), "dates of 64 bits"),
     "place": (with_field("/daq", 4, (1, struct.pack("<q", -(2**62)))), "FARTHEST_SAMPLE"),
@@ -96,6 +97,10 @@ def test_values_beyond_what_a_recording_holds(tmp_path, intact, name):
         read_parts(path)
     with pytest.raises(RecordingError):
         describe(path)
+    if words.startswith(("rate", "beyond", "dates", "FARTHEST")):
+        for read in (lambda: list(stream(path, 0.01)), lambda: read_window(path, 0.0, 0.01)):
+            with pytest.raises(RecordingError, match=words):
+                read()
 
 
 def test_a_plan_without_points_is_none(tmp_path, intact):

@@ -28,6 +28,8 @@ class RetriggeredRun(SampledRun):
 
     @property
     def waiting_for_time(self) -> bool:
+        if self._paced:
+            return super().waiting_for_time
         return bool(self._runs) and self._runs[-1].waiting_for_time and not self.over
 
     @property
@@ -53,7 +55,7 @@ class RetriggeredRun(SampledRun):
         if self._runs:
             self._runs[-1].feed(motions)
             before = (self._dropped_parts + len(self._runs) - 1) * self._length
-            self._done = min(self._end, before + self._runs[-1].acquired)
+            self._done = min(self._end, before + self._runs[-1]._done)
 
     def read(self, first: int, n: int) -> Floats:
         """Return samples first to first + n [V], shape (n_channels, n); drop earlier parts."""

@@ -16,6 +16,8 @@ from sautereau.sim_backend.sensors.chain import OpenInput, SensorChain
 from sautereau.sim_backend.sensors.simulated import SIMULATED, Source
 from sautereau.trajectory.motion import Floats
 
+HELD = 64
+"""Controller samples of motion held before the edge, to compute their samples and drop old ones."""
 AHEAD = 10_000
 """Samples by which simulated time may run ahead of the reader of a continuous acquisition."""
 
@@ -43,7 +45,9 @@ class Wiring:
     lock: FairLock
     """Guards the bench; notified whenever requested samples are complete."""
     paced: bool = False
-    """Whether simulated time follows real time: samples are acquired even if nobody reads them."""
+    """Whether simulated time follows real time: it passes as long as an acquisition runs."""
+    passed: Callable[[], float] = lambda: math.inf
+    """Simulated time by the real clock, s: samples of later times are not acquired yet."""
 
 
 class SampledRun:
@@ -66,12 +70,14 @@ class SampledRun:
         self.unwired = False
         """Whether nothing is wired to the terminal of its trigger."""
         self._before = setup.before
+        self._edge = math.inf
+        """s, simulated, of the last edge."""
         self._first: int | None = None
         """Number of the first sample kept; None until the edge that decides it."""
         self._fault: RunFault | None = None
         self._end = n_samples
         self._lock = wiring.lock
-        self._paced, self._buffer = wiring.paced, setup.buffer
+        self._paced, self._passed, self._buffer = wiring.paced, wiring.passed, setup.buffer
         wired = {channel.terminal: channel for channel in rig.daq.channels}
         lags = setup.lags or (0.0,) * len(setup.terminals)
         self._skew = max(0.0, *(-lag for lag in lags))
@@ -103,14 +109,17 @@ class SampledRun:
             self._parts.append((chain, simulated.source(rig)))
         self._fed: list[Motions] = []
         self._volts = np.empty((len(setup.terminals), 0))
+        self._time = 0.0
         self._computed = self._done = self._dropped = self._read_to = 0
         self._requested: list[int] = []
         self._goal = n_samples if n_samples < ENDLESS else 0
 
     @property
     def waiting_for_time(self) -> bool:
-        """Whether samples will be acquired as soon as simulated time advances."""
-        end = self._end if self._paced else min(self._end, self._goal + AHEAD)
+        """Whether it needs simulated time: for its samples, or paced because it is not over."""
+        if self._paced:
+            return not self._complete
+        end = min(self._end, self._goal + AHEAD)
         return self.trigger_time is not None and self._done < end and not self.stopped
 
     @property
@@ -126,8 +135,13 @@ class SampledRun:
 
     @property
     def over(self) -> bool:
-        """Whether no further sample will be acquired."""
+        """Whether no further sample will be computed."""
         return self.stopped or (self._first is not None and self._done >= self._end)
+
+    @property
+    def _complete(self) -> bool:
+        """Whether no further sample will be acquired."""
+        return self.stopped or (self.over and self.acquired >= self._done)
 
     @property
     def due(self) -> bool:
@@ -137,14 +151,27 @@ class SampledRun:
     @property
     def acquired(self) -> int:
         """Samples of each channel acquired since the start, kept or not."""
-        return self._done
+        if not self._paced or self.trigger_time is None:
+            return self._done
+        now = self._passed()
+        if now < self.trigger_time:
+            return 0
+        least = 0
+        if self._first is not None and now >= self._edge:  # whose sample is computed with a tick
+            least = self._first + (self._before or 0) + 1
+        now = min(now, self._time) - self.trigger_time
+        return max(least, min(self._done, self._converted(now)))
+
+    def _converted(self, elapsed: float) -> int:
+        """Return how many samples are converted a time [s] after the first edge or the start."""
+        return math.floor((elapsed - self._skew) * self.rate * (1 + 1e-12)) + 1
 
     @property
     def _readable(self) -> int:
         """Samples that can be read; of a pre-trigger acquisition none before it is complete."""
         if self._before is None:
-            return self._done
-        complete = self._first is not None and self._done >= self._end
+            return min(self.acquired, self._done)
+        complete = self._first is not None and self.acquired >= self._end
         return self._end - (self._first or 0) if complete else 0
 
     def trigger(self, time: float, fault: RunFault | None = None) -> None:
@@ -157,10 +184,13 @@ class SampledRun:
             return
         if self.trigger_time is not None:
             edge = math.ceil((time - self.trigger_time) * self.rate * (1 - 1e-12))
+            if self._paced:  # its time may have stopped, with the sample of this time taken
+                edge = max(edge, self._done)
+            self._edge = time
             if edge >= (self._before or 0):
                 self._keep(edge - (self._before or 0), fault)
             return
-        self.trigger_time = time
+        self.trigger_time = self._edge = time
         if self._before is None:
             self._keep(0, fault)
         else:
@@ -175,15 +205,17 @@ class SampledRun:
         """Store the motion of one controller sample."""
         if self.trigger_time is None or self.over:
             return
-        elapsed = float(motions.time[-1]) - self.trigger_time
-        if elapsed < 0:
+        self._time = float(motions.time[-1])
+        if self._time < self.trigger_time:
             return
         self._fed.append(motions)
-        converted = (elapsed - self._skew) * self.rate * (1 + 1e-12)
         last = ENDLESS if self._first is None else self._end
-        self._done = min(last, math.floor(converted) + 1)
+        self._done = min(last, self._converted(self._time - self.trigger_time))
         if self._paced and self._done - self._read_to > self._buffer:
             self._end = self._done  # as the driver: unread samples are not overwritten
+        if self._first is None and len(self._fed) == HELD:
+            self._compute(self._done)
+            self._drop(self._done - 1 - (self._before or 0))  # an edge now is at the last one
 
     def wait_for(self, n: int, timeout: float | None) -> int:
         """Return the number of readable samples, after waiting for n of them or timeout [s]."""
@@ -193,7 +225,7 @@ class SampledRun:
                 self._goal = n
                 self._lock.notify_all()
             try:
-                self._lock.wait_for(lambda: self._readable >= n or self.over, timeout)
+                self._lock.wait_for(lambda: self._readable >= n or self._complete, timeout)
             finally:
                 self._requested.remove(n)
             if self._fault is not None and self._done >= self._end and n > self._fault.sample:
@@ -212,9 +244,8 @@ class SampledRun:
             if stop > self._computed:
                 self._compute(stop)
             volts = self._volts[:, first - self._dropped : stop - self._dropped].copy()
-            if self.n_samples == ENDLESS and 2 * (first - self._dropped) > self._volts.shape[1]:
-                self._volts = self._volts[:, first - self._dropped :].copy()
-                self._dropped = first
+            if self.n_samples == ENDLESS:
+                self._drop(first)
             return volts
 
     def fail(self, error: Callable[[], Exception]) -> None:
@@ -241,6 +272,12 @@ class SampledRun:
         for row, chain in zip(self._volts, self._chains, strict=True):
             row[first - self._dropped : stop - self._dropped] = chain.volts(first, stop - first)
         self._computed = stop
+
+    def _drop(self, first: int) -> None:
+        """Drop the samples before one, if they are more than the rest."""
+        if 2 * (first - self._dropped) > self._volts.shape[1]:
+            self._volts = self._volts[:, first - self._dropped :].copy()
+            self._dropped = first
 
     def _feed_chains(self) -> None:
         """Pass the stored motion to the sensors."""
