@@ -145,7 +145,8 @@ def _read(
                 ) from None
             if name in names:
                 found[name].append(np.array(values))
-                empty[name] += [n + k for k, cell in enumerate(cells) if not cell]
+                if "" in cells:
+                    empty[name] += [n + k for k, cell in enumerate(cells) if not cell]
         n += len(batch)
     if doubt := numbers.doubt:
         sign = numbers.decimal

@@ -109,8 +109,7 @@ class _Fit:
     @property
     def order(self) -> tuple[int, ...]:
         """Return what makes one fit better than another."""
-        ends = self.start + self.length == len(self.table)
-        return self.pure and ends, self.length, self.pure, self.kinds.count("n"), -self.grouped
+        return self.length * self.kinds.count("n"), self.pure, -self.grouped
 
     @property
     def numbers(self) -> list[Cells]:
@@ -157,10 +156,14 @@ def find_layout(
     best = max(fits, key=lambda fit: fit.order)  # the first of equals
     rivals = [fit for fit in fits if fit.start == best.start and fit.pure and best.pure]
     found = [(fit, _described(fit, texts, encoding, bool(decimal))) for fit in rivals or [best]]
-    fitting = [(fit, layout) for fit, layout in found if {*columns} <= {*layout.names}]
+    # What is taken for names may be a title, and the columns are then called 1, 2 and so on.
+    fitting = [
+        (fit, layout)
+        for fit, layout in found
+        if {*columns} <= {*layout.names, *map(str, range(1, len(layout.names) + 1))}
+    ]
     best, layout = max(fitting or found, key=lambda one: one[0].order)
-    others = [fit for fit, _ in fitting if fit.length == best.length]
-    if differing := [fit for fit in others if fit.numbers != best.numbers]:
+    if differing := [fit for fit, _ in fitting if fit.numbers != best.numbers]:
         number, line = texts[best.start]
         readings = " or ".join(
             f"{' and '.join(fit.numbers[0])} with --decimal {fit.decimal or '.'}"
@@ -170,7 +173,7 @@ def find_layout(
             f"line {number}, {shown(line.strip())}, is {readings}; give one of them"
         )
     if skip is None:
-        _refuse_rows_above(best, texts)
+        _refuse_rows_above(best, layout.named is not None, texts)
     return layout
 
 
@@ -190,17 +193,32 @@ def _fit(lines: list[str], delimiter: str, decimal: str, first: int | None) -> _
     return _Fit(delimiter, decimal, table, start, length, merged, "".join(raw[run]).count("g"))
 
 
-def _refuse_rows_above(fit: _Fit, texts: list[tuple[int, str]]) -> None:
-    """Refuse a table with lines above it that look like its rows, or begin as they do."""
+def _refuse_rows_above(fit: _Fit, named: bool, texts: list[tuple[int, str]]) -> None:
+    """Refuse a table with lines above it that look like its rows, or begin as they do.
+
+    Without names, the line just above may also be a row whose first number is damaged.
+    """
     rows = ["".join(kind_of(cell, fit.decimal or ".") for cell in cells) for cells in fit.table]
-    for (number, line), kinds in zip(texts[: fit.start], rows, strict=False):
-        if _is_row(kinds, fit.kinds) or (kinds[0] in "ngt" and fit.kinds[0] in "nt"):
+    for k, ((number, line), kinds) in enumerate(zip(texts[: fit.start], rows, strict=False)):
+        damaged = k == fit.start - 1 and not named and not {"=", ":"} & set(fit.table[k][0])
+        if (
+            _is_row(kinds, fit.kinds)
+            or (kinds[0] in "ngt" and fit.kinds[0] in "nt")
+            or (damaged and _numbers_of(kinds, fit.kinds))
+        ):
             begin = texts[fit.start][0]
             raise RecordingError(
                 f"line {number}, {shown(line.strip())}, looks like a row, but the lines from there"
                 f" to line {begin}, where the rows begin, do not all; correct them or cut the file"
                 f" before them, or give --skip {begin - 1} if no row is above line {begin}"
             )
+
+
+def _numbers_of(kinds: str, pattern: str) -> int:
+    """Return how many numbers of a row a line has; 0 if it has another number of cells."""
+    kinds, pattern = kinds.rstrip(), pattern.rstrip()
+    same = len(kinds) == len(pattern)
+    return sum(a == b == "n" for a, b in zip(kinds, pattern, strict=True)) if same else 0
 
 
 def _longest_run(table: list[str]) -> tuple[int, int]:

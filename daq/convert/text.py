@@ -96,7 +96,7 @@ def cells_of(line: str, delimiter: str) -> list[str]:
     if '"' in line:
         quoted = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
         return [cell.strip() for cell in next(quoted, [])]
-    return [cell.strip() for cell in line.split(delimiter)]
+    return [*map(str.strip, line.split(delimiter))]
 
 
 def kind_of(cell: str, decimal: str) -> str:
