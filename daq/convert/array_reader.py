@@ -128,7 +128,8 @@ def _scaled(item: Any) -> np.ndarray:
             missing |= np.isin(values, item.attrs[key])
     for scale, offset in SCALED:
         if scale in item.attrs or offset in item.attrs:
-            factor, zero = (float(item.attrs.get(*one)) for one in ((scale, 1), (offset, 0)))
+            given = ((scale, 1), (offset, 0))
+            factor, zero = (np.asarray(item.attrs.get(*one), float).item() for one in given)
             values = values if (factor, zero) == (1, 0) else values * factor + zero
     return np.where(missing, np.nan, values) if missing.any() else values
 
@@ -136,8 +137,8 @@ def _scaled(item: Any) -> np.ndarray:
 def _unknown(item: Any) -> str:
     """Return what may change the meaning of a dataset's values in an unknown way."""
     names = {key for key in item.attrs if key.lower() in UNKNOWN}
-    pairs = [pair for pair in SCALED if any(key in item.attrs for key in pair)]
-    names |= {key for pair in pairs for key in pair if len(pairs) > 1}
+    pairs = [[key for key in pair if key in item.attrs] for pair in SCALED]
+    names |= {key for pair in pairs for key in pair if all(pairs)}
     names |= {key for key in BESIDE if key in item.parent}
     for key in (*MISSING, *(key for pair in SCALED for key in pair)):
         value = np.asarray(item.attrs.get(key, 0))

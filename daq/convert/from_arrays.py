@@ -134,8 +134,8 @@ def _source(
         for name in names:
             if unknown := given[name].get("unknown"):
                 raise RecordingError(
-                    f"column {name!r} has {unknown}, whose meaning is unknown; save the final"
-                    " values, without these"
+                    f"column {name!r} has {unknown}, whose meaning is unknown; write the final"
+                    " values to a file without these"
                 )
         return {name: columns[name].astype(np.float64) for name in names}
 

@@ -135,7 +135,7 @@ def _read(
             except NotANumberError as error:
                 line, cell = batch[error.at][0], error.cell
                 fault = (
-                    "has separators of thousands; save the file without them"
+                    "has separators of thousands; write the file without them"
                     if GROUPED.fullmatch(cell)
                     else "is not a number; give a column of numbers, and as times one of s or of"
                     " ISO 8601 dates, or --rate and no --time"
@@ -152,7 +152,7 @@ def _read(
         sign = numbers.decimal
         raise RecordingError(
             f"{doubt!r} can be {number_in(doubt, sign)!r} or {doubt.replace(sign, '')}, and no"
-            f" number in it shows which; give --decimal {sign!r}, or save it without separators of"
+            f" number in it shows which; give --decimal {sign!r}, or write it without separators of"
             " thousands"
         )
     for name in names:

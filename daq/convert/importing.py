@@ -13,7 +13,7 @@ from sautereau.daq.convert.formats import Columns, ImportSource, open_source, re
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.convert.plausible import doubts
 from sautereau.daq.convert.settings import ImportSettings, resolve_options
-from sautereau.daq.convert.times import PLAUSIBLE, UNIX, start_and_rate
+from sautereau.daq.convert.times import PLAUSIBLE, UNIX, own_axis, start_and_rate
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.limits import FARTHEST_SAMPLE, time_faults
 from sautereau.daq.file.recorded import Block, SessionInfo, Signal
@@ -202,6 +202,14 @@ def _time_axis(
         times = times * settings.time_unit
         start, rate, doubted = start_and_rate(times, settings.rate, settings.stated, source)
         warnings += doubted
+        for column in settings.columns:
+            own = own_axis(source, column.name, time)
+            if own and not np.array_equal(source.read([own])[own], data[time]):
+                raise RecordingError(
+                    f"column {column.name!r} has its own times in {own!r}, which differ from those"
+                    f" in {time!r}; import it separately with --time {own!r}, or give --rate and no"
+                    " --time"
+                )
     if rate is None:
         raise RecordingError("the sampling rate is missing; give --rate")
     if not PLAUSIBLE[0] <= rate <= PLAUSIBLE[1]:

@@ -155,6 +155,7 @@ def find_layout(
         )
     best = max(fits, key=lambda fit: fit.order)  # the first of equals
     rivals = [fit for fit in fits if fit.start == best.start and fit.pure and best.pure]
+    rivals += [fit for fit in fits if not best.pure and fit.order[:2] == best.order[:2]]
     found = [(fit, _described(fit, texts, encoding, bool(decimal))) for fit in rivals or [best]]
     # What is taken for names may be a title, and the columns are then called 1, 2 and so on.
     fitting = [
@@ -199,7 +200,7 @@ def _refuse_rows_above(fit: _Fit, named: bool, texts: list[tuple[int, str]]) -> 
     Without names, the line just above may also be a row whose first number is damaged.
     """
     rows = ["".join(kind_of(cell, fit.decimal or ".") for cell in cells) for cells in fit.table]
-    for k, ((number, line), kinds) in enumerate(zip(texts[: fit.start], rows, strict=False)):
+    for k, ((number, _), kinds) in enumerate(zip(texts[: fit.start], rows, strict=False)):
         damaged = k == fit.start - 1 and not named and not {"=", ":"} & set(fit.table[k][0])
         if (
             _is_row(kinds, fit.kinds)
@@ -207,10 +208,12 @@ def _refuse_rows_above(fit: _Fit, named: bool, texts: list[tuple[int, str]]) -> 
             or (damaged and _numbers_of(kinds, fit.kinds))
         ):
             begin = texts[fit.start][0]
+            bad = next(j for j in range(k, fit.start + 1) if not _is_row(rows[j], fit.kinds))
+            line, text = texts[bad]
             raise RecordingError(
-                f"line {number}, {shown(line.strip())}, looks like a row, but the lines from there"
-                f" to line {begin}, where the rows begin, do not all; correct them or cut the file"
-                f" before them, or give --skip {begin - 1} if no row is above line {begin}"
+                f"its rows seem to begin in line {number}, but line {line}, {shown(text.strip())},"
+                " is none; correct it or cut the file before it, or give"
+                f" --skip {begin - 1} if they begin in line {begin}"
             )
 
 

@@ -1,5 +1,7 @@
 """Start and sampling rate from a column of times, which must be even."""
 
+import re
+
 import numpy as np
 
 from sautereau.daq.convert.formats import ImportSource
@@ -94,6 +96,28 @@ def start_and_rate(
             f" by {100 * rounded / span:.1f} %; give the exact --rate"
         )
     return float(times[0]), rate, warnings
+
+
+def own_axis(source: ImportSource, column: str, time: str) -> str | None:
+    """Return the column of times of a column, if it has another one than this.
+
+    That is the one of the same name in its group, or the nearest one of this name before it, as in
+    `Time,A,Time,B` and `t1,v1,t2,v2`.
+    """
+    group, slash, _ = column.rpartition("/")
+    if slash:
+        own = f"{group}/{time.rpartition('/')[2]}"
+        return own if own in source.names and own != time else None
+    before = source.names[: source.names.index(column)]
+    alike = [
+        name for name in before if name == time or (_base(name) and _base(name) == _base(time))
+    ]
+    return alike[-1] if alike and alike[-1] != time else None
+
+
+def _base(name: str) -> str:
+    """Return a name without its unit and its number."""
+    return re.sub(r"[\s_]*\d*$", "", re.sub(r"\s*[(\[/].*", "", name))
 
 
 def _rounding(times: Signal) -> float:
