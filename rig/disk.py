@@ -1,12 +1,14 @@
-"""Durable writing, and reading of regular files of a limited size."""
+"""The one way out and the one way in: durable writing, and reading of limited regular files."""
 
 import errno
+import hashlib
 import os
 import secrets
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from io import BufferedReader
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,43 +17,67 @@ NEW = ".new"
 """File extension of what is being written."""
 TEXT_LIMIT = 8_000_000
 """Largest size of a file of text that is read: rig, scene, table, manifest; bytes."""
+_NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK, errno.EINVAL)
+"""Of `os.link` on disks without hard links: exFAT, FAT, and some network and user file systems."""
+_NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EBADF, errno.EISDIR)
+"""Of `os.fsync` of a folder, on file systems that flush their names on their own."""
+_FULL = {
+    errno.ENOSPC: "the disk is full; free some space",
+    errno.EFBIG: "the file has reached the size that the system allows; raise the limit",
+    getattr(errno, "EDQUOT", errno.ENOSPC): "the disk quota is used up; free some space",
+}
 
 
-def write_durably(path: Path, data: str | bytes, *, new: bool = False) -> None:
-    """Write a file so that, whatever happens, it is complete: the old one or the new one.
+@contextmanager
+def new_file(path: Path, *, replace: bool = False) -> Iterator[BinaryIO]:
+    """Yield a binary file to write; whatever happens, its name has complete content or the old one.
 
     The data go to a file with a random name beside it, are flushed to the disk, and get their
-    name at the end. A symbolic link at that name is replaced, not followed. A text keeps its line
-    ends; an existing file's permissions are kept. What a killed process has left beside it is
-    removed.
+    name when the block ends without an error; after an error the file is removed. A symbolic link
+    at that name is replaced, not followed. An existing file's permissions are kept. What a killed
+    process has left beside it is removed.
 
     Args:
-        new: Whether to refuse an existing file, unless it may be replaced (`replacing`).
+        replace: Whether to replace an existing file also outside `replacing`.
 
     Raises:
         OSError: It cannot be written, or exists already; then nothing has changed.
     """
-    content = data.encode("utf-8") if isinstance(data, str) else data
-    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{NEW}")
+    replace = replace or may_replace(path)
+    if not replace and os.path.lexists(path):
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
     try:
-        with beside.open("xb") as file:
-            if not hold(file) or not beside.exists():  # another writer removed it before
-                write_durably(path, data, new=new)
-                return
-            file.write(content)
+        file = _beside(path)
+    except OSError as error:
+        raise _named(error, path) from error
+    beside = Path(file.name)
+    try:
+        with file:
+            yield file
             file.flush()
             os.fsync(file.fileno())
             if os.name == "posix":  # while it is held: another writer removes what is not
-                _give_name(beside, path, new)
+                give_name(beside, path, replace=replace)
         if os.name != "posix":
-            _give_name(beside, path, new)
+            give_name(beside, path, replace=replace)
     except BaseException as error:
-        beside.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            error.filename = str(path)  # and not the random name
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.errno and error.filename in (None, str(beside)):
+            raise _named(error, path) from error
         raise
     _remove_left(path)
     sync_folder(path.parent)
+
+
+def write_durably(path: Path, data: str | bytes, *, replace: bool = False) -> None:
+    """Write a file as `new_file` does; a text keeps its line ends.
+
+    Raises:
+        OSError: It cannot be written, or exists already; then nothing has changed.
+    """
+    with new_file(path, replace=replace) as file:
+        file.write(data.encode("utf-8") if isinstance(data, str) else data)
 
 
 @contextmanager
@@ -69,14 +95,44 @@ def may_replace(path: Path) -> bool:
     return path.absolute() in _REPLACED.get()
 
 
-def _give_name(beside: Path, path: Path, new: bool) -> None:
-    if new and not may_replace(path):
-        os.link(beside, path)  # unlike a rename, this fails if the file exists
-        beside.unlink()
-    else:
+def give_name(beside: Path, path: Path, *, replace: bool = False) -> None:
+    """Give a file that is complete and flushed its name.
+
+    On disks without hard links, a file that another program creates in the same moment is
+    replaced.
+
+    Raises:
+        OSError: A file of that name exists, and neither ``replace`` nor `replacing` permits that.
+    """
+    if replace or may_replace(path):
         if path.is_file():
             beside.chmod(stat.S_IMODE(path.stat().st_mode))
         beside.replace(path)
+        return
+    try:
+        os.link(beside, path)  # unlike a rename, this fails if the file exists
+    except OSError as error:
+        if error.errno not in _NO_LINKS:
+            raise
+        if os.path.lexists(path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from error
+        beside.rename(path)
+    else:
+        beside.unlink()
+
+
+def _beside(path: Path) -> BinaryIO:
+    """Return a new file with a random name beside ``path``, which is held until it is closed."""
+    while True:
+        file = path.with_name(f".{path.name}.{secrets.token_hex(4)}{NEW}").open("x+b")
+        if hold(file) and os.path.lexists(file.name):
+            return file
+        file.close()  # another writer removed it before it was held
+
+
+def _named(error: OSError, path: Path) -> OSError:
+    """Return an error about ``path``, not about the random name beside it."""
+    return type(error)(error.errno, why_unwritable(error), str(path))
 
 
 def _remove_left(path: Path) -> None:
@@ -115,6 +171,9 @@ def sync_folder(folder: Path) -> None:
     entry = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(entry)
+    except OSError as error:
+        if error.errno not in _NO_SYNC:
+            raise
     finally:
         os.close(entry)
 
@@ -151,6 +210,45 @@ def why_unreadable(error: Exception) -> str:
     return getattr(error, "strerror", None) or str(error)
 
 
+def why_unwritable(error: OSError) -> str:
+    """Return the reason for a message that already names the file, and how to fix it if known."""
+    full = _FULL.get(error.errno) if error.errno is not None else None
+    return full or error.strerror or str(error)
+
+
+def as_text(path: str | Path) -> str:
+    """Return a path as a text that can be stored: bytes that are not UTF-8 are ``\\xff``."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """Open a regular file to read it; a device or a pipe is refused.
+
+    Raises:
+        OSError: It cannot be opened, or is not a regular file.
+    """
+    # Without O_NONBLOCK, opening a pipe that nobody writes to never returns.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    try:
+        entry = os.open(path, flags)
+    except ValueError as error:  # NUL in the path, or characters that no file name can have
+        raise OSError(errno.EINVAL, f"not the name of a file: {error}", str(path)) from error
+    if not stat.S_ISREG(os.fstat(entry).st_mode):
+        os.close(entry)
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    return os.fdopen(entry, "rb")
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a regular file of any size, in hexadecimal.
+
+    Raises:
+        OSError: As of `open_regular`.
+    """
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def read_limited(path: Path, most: int = TEXT_LIMIT) -> bytes:
     """Return the content of a regular file; a device, a pipe or a large file is not read.
 
@@ -160,13 +258,8 @@ def read_limited(path: Path, most: int = TEXT_LIMIT) -> bytes:
     Raises:
         OSError: It cannot be read, is not a regular file, or is larger.
     """
-    # Without O_NONBLOCK, opening a pipe that nobody writes to never returns.
-    entry = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    with os.fdopen(entry, "rb") as file:
-        found = os.fstat(entry)
-        if not stat.S_ISREG(found.st_mode):
-            raise OSError(errno.EINVAL, "not a regular file", str(path))
-        if found.st_size > most:
-            text = f"larger than the limit of {most / 1e6:g} MB"
-            raise OSError(errno.EFBIG, text, str(path))
-        return file.read(most)
+    with open_regular(path) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise OSError(errno.EFBIG, f"larger than the limit of {most / 1e6:g} MB", str(path))
+    return content

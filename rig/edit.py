@@ -50,11 +50,11 @@ class Edit:
                 " was written; check that change, then repeat this step"
             )
         try:
-            write_durably(self.path, self.after)
+            write_durably(self.path, self.after, replace=True)
         except OSError as error:
             raise RigError(
-                f"rig file {self.path}: cannot be written: {error.strerror}; change the"
-                " permissions of its folder, or free space on its disk"
+                f"rig file {self.path}: nothing was changed: {error.strerror}; check its"
+                " folder and disk"
             ) from error
 
 

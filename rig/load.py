@@ -3,8 +3,9 @@
 import copy
 import json
 import logging
+import sys
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -31,6 +32,9 @@ from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity
 
 _LOG = logging.getLogger(__name__)
+DEEPEST = 20
+"""Limit of the depth of tables and arrays in a file; those of a rig or a scene are 6 deep."""
+_TOO_DEEP = f"its tables or arrays are nested more than {DEEPEST} deep; shorten it"
 
 
 def load_rig(name: str | Path = "paper") -> Rig:
@@ -171,13 +175,30 @@ def rig_from_json(text: str) -> Rig:
 
 
 def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, Any]:
-    """Parse TOML; ``error_type`` is raised with the line of the fault."""
+    """Parse TOML; ``error_type`` is raised with the line of the fault.
+
+    Tables are nested at most `DEEPEST` deep, so that whoever uses them may recurse.
+    """
     try:
-        return tomllib.loads(text)
+        document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise error_type(f"{origin}: not valid TOML: {error}; correct that line") from error
-    except (ValueError, RecursionError) as error:  # numbers too long, arrays too deep
-        raise error_type(f"{origin}: not valid TOML: {error}; shorten it") from error
+    except ValueError as error:
+        most = sys.get_int_max_str_digits()
+        raise error_type(f"{origin}: a number has over {most} digits; shorten it") from error
+    except RecursionError as error:
+        raise error_type(f"{origin}: {_TOO_DEEP}") from error
+    level: list[Any] = [document]
+    for _ in range(DEEPEST):
+        level = [inner for node in level for inner in _inside(node)]
+    if level:
+        raise error_type(f"{origin}: {_TOO_DEEP}")
+    return document
+
+
+def _inside(node: Any) -> Iterable[Any]:
+    """Return what is directly inside a table or an array."""
+    return node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
 
 
 def current_document(document: dict[str, Any]) -> dict[str, Any]:

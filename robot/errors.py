@@ -2,6 +2,8 @@
 
 # ruff: noqa: N818 - the names state what happened
 
+from collections.abc import Iterable
+
 from sautereau.rig.errors import SautereauError
 
 
@@ -63,6 +65,17 @@ class UnsafeRequest(RobotError):
 
 class SettingNotTaken(RobotError):
     """The controller accepted a setting, and reads back another value."""
+
+
+class SettingChanged(SettingNotTaken):
+    """A setting that the controller had taken reads back another value before a motion."""
+
+    def __init__(self, controller: str, changes: Iterable[str]):
+        super().__init__(
+            f"controller on {controller}: before a motion its settings are not those of this"
+            f" driver: {'; '.join(changes)}; this driver has not changed them: end every other"
+            " program that uses the controller, then run the same command again"
+        )
 
 
 class MotionFault(RobotError):

@@ -111,7 +111,7 @@ def _serial(port: str) -> Finding:
     found = [p.device for p in comports()]
     if "://" in port:
         return Finding("controller", True, f"{port}, a URL: not checked")
-    if os.name == "nt":
+    if os.name == "nt" or "\0" in port:
         exists, allowed = port in found, True
     else:
         exists, allowed = Path(port).exists(), os.access(port, os.R_OK | os.W_OK)

@@ -1,9 +1,11 @@
 """Rules of the repository that the linters do not check."""
 
+import ast
 import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -56,3 +58,71 @@ def test_a_package_imports_only_what_it_needs():
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     for module, *brought in map(str.split, done.stdout.splitlines()):
         assert set(brought) <= allowed[module], module
+
+
+OTHER_WAYS = {
+    "rig/disk.py": "the one way",
+    "rig/tables.py": "a table of the package",
+    "rig/packaged.py": "rigs and scenes of the package",
+    "trajectory/urdf.py": "a template of the package",
+    "daq/file/descriptors.py": "schemas of the package",
+    "daq/file/container/durable.py": "a recording keeps the name NAME.part while it is written",
+    "analysis/report/build.py": "styles and scripts of the package",
+    "sim_backend/devices/galil/reference.py": "a table of the package",
+    "sim_backend/physics/exact/compile.py": "modules of the package",
+    "robot/drivers/galil/program.py": "the controller's program, of the package",
+    "sautereau/doctor.py": "measures the speed of a disk with a file that has no name",
+    "sautereau/commands/app.py": "the terminal, and the device that drops everything",
+    "sautereau/commands/output.py": "the device that drops everything",
+    "sautereau/commands/log.py": "a log is appended to",
+    "sim_backend/devices/daqmx/tdms_log.py": "the log that a client of the card asks for",
+}
+"""Files of the package that open files in another way than `rig.disk`, and why."""
+_READS = {"read_text", "read_bytes", "write_text", "write_bytes", "touch", "rename", "link_to"}
+_OPENS = {"open", "TemporaryFile", "NamedTemporaryFile", "mkstemp", "FileHandler", "fdopen"}
+
+
+def _other_ways(tree: ast.AST) -> Iterator[int]:
+    """Yield the lines with calls that read or write a file that is named by a path."""
+    own = {
+        name.asname or name.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("sautereau")
+        for name in node.names
+    }
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        function, arguments = node.func, [*node.args, *(word.value for word in node.keywords)]
+        name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+        if isinstance(function, ast.Name) and name in own:
+            continue
+        modes = {a.value for a in arguments if isinstance(a, ast.Constant)}
+        is_path = isinstance(function, ast.Attribute) and name == "open" and modes & _MODES
+        if name in _READS or is_path or (name in _OPENS and _of_system(function)):
+            yield node.lineno
+        if name == "savefig" and "format" not in {word.arg for word in node.keywords}:
+            yield node.lineno  # to a path: a stream has no extension
+
+
+_MODES = {"r", "rb", "w", "wb", "x", "xb", "a", "ab", "r+b", "w+b", "x+b"}
+
+
+def _of_system(function: ast.expr) -> bool:
+    """Return whether a function is Python's `open`, or of os, tempfile or logging."""
+    if isinstance(function, ast.Name):
+        return function.id in _OPENS
+    value = function.value if isinstance(function, ast.Attribute) else None
+    return isinstance(value, ast.Name) and value.id in ("os", "tempfile", "logging", "io")
+
+
+def test_files_are_read_and_written_in_one_way():
+    """A reader without limits, or a writer that follows links, would be a way around it."""
+    found = {
+        path.relative_to(ROOT).as_posix(): sorted(lines)
+        for folder in FOLDERS
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        if (lines := set(_other_ways(ast.parse(path.read_text(encoding="utf-8")))))
+    }
+    assert {name: lines for name, lines in found.items() if name not in OTHER_WAYS} == {}
+    assert sorted(set(OTHER_WAYS) - set(found)) == []

@@ -12,6 +12,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.press.features import UNITS as FEATURE_UNITS
 from sautereau.analysis.press.features import Row, split_column
 from sautereau.analysis.session.analysed import AnalysedPress, analyse_file
+from sautereau.rig.disk import as_text
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.schema import Rig
 
@@ -121,8 +122,15 @@ def read_row(folder: Path, source: Source) -> Row:
 
     Raises:
         sautereau.daq.errors.RecordingError: It is not a complete recording.
-        AnalysisError: It holds no press, or a feature is not a finite number.
+        AnalysisError: Its name or date cannot be stored, it holds no press, or a feature is not
+            finite.
     """
+    if (name := as_text(source.path)) != source.path:
+        raise AnalysisError(f"recording {name}: its name is not text in UTF-8; rename the file")
+    if abs(source.mtime) >= 2**63:  # the table holds it as int64
+        raise AnalysisError(
+            f"recording {name}: the date of its last change is not in 1678 to 2262; correct it"
+        )
     found = analyse_file(folder / source.path)
     of_file: Row = {"path": source.path, "size": source.size, "mtime": source.mtime}
     row = of_file | row_of(found, Path(source.path))

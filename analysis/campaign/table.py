@@ -117,7 +117,7 @@ class Campaign:
         file = io.BytesIO()
         pq.write_table(self.table.cast(schema), file, compression="zstd")
         make_folder(self.path.parent)
-        write_durably(self.path, file.getvalue())
+        write_durably(self.path, file.getvalue(), replace=True)
 
 
 def empty_campaign(path: Path, made_by: str) -> Campaign:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, BinaryIO, cast
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -16,6 +16,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.animation import animation_figure
 from sautereau.analysis.press.replay import Replay
 from sautereau.analysis.summary.text import counted
+from sautereau.rig.disk import make_folder, new_file
 from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
 
@@ -59,11 +60,13 @@ def animate(path: str | Path, scene: Replay) -> None:
 
     Raises:
         AnalysisError: The file extension is another, or ffmpeg is not installed.
+        OSError: The file exists already, or cannot be written.
     """
     path = Path(path)
     write = _writer(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write(path, scene)
+    make_folder(path.parent)
+    with new_file(path) as file:
+        write(file, scene)
 
 
 def pictures(scene: Replay, frames: Iterable[int]) -> Iterator[Image.Image]:
@@ -90,7 +93,7 @@ def _all_pictures(scene: Replay) -> Iterator[Image.Image]:
     return pictures(scene, tracked(range(len(scene.time))))
 
 
-def _writer(path: Path) -> Callable[[Path, Replay], None]:
+def _writer(path: Path) -> Callable[[BinaryIO, Replay], None]:
     """Return the function that writes files of this extension."""
     extension = path.suffix.lower()
     if extension == ".gif":
@@ -105,7 +108,7 @@ def _writer(path: Path) -> Callable[[Path, Replay], None]:
     return _write_mp4
 
 
-def _write_gif(path: Path, scene: Replay) -> None:
+def _write_gif(file: BinaryIO, scene: Replay) -> None:
     # One palette for all frames, so that unchanged pixels are stored once.
     sample = [np.asarray(p) for p in pictures(scene, range(0, len(scene.time), SAMPLED))]
     every = Image.fromarray(np.concatenate(sample))
@@ -114,16 +117,17 @@ def _write_gif(path: Path, scene: Replay) -> None:
         frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in _all_pictures(scene)
     )
     next(reduced).save(
-        path, save_all=True, append_images=reduced, duration=1000 / FRAME_RATE, loop=0
+        file, "GIF", save_all=True, append_images=reduced, duration=1000 / FRAME_RATE, loop=0
     )
 
 
-def _write_mp4(path: Path, scene: Replay) -> None:
+def _write_mp4(file: BinaryIO, scene: Replay) -> None:
     frames = _all_pictures(scene)
     first = next(frames)
     source = f"-f rawvideo -pix_fmt rgb24 -s {first.width}x{first.height} -r {FRAME_RATE} -i -"
     words = ["ffmpeg", "-loglevel", "error", "-y", *source.split(), "-pix_fmt", "yuv420p"]
-    command = [*words, str(path)]
+    # It opens the file again by its name, since it goes back to its beginning at the end.
+    command = [*words, "-f", "mp4", file.name]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as ffmpeg:
         pipe, errors = cast(IO[bytes], ffmpeg.stdin), cast(IO[bytes], ffmpeg.stderr)
         with suppress(BrokenPipeError):  # ffmpeg has stopped; its message follows
@@ -132,4 +136,4 @@ def _write_mp4(path: Path, scene: Replay) -> None:
             pipe.close()
         said = errors.read().decode(errors="replace").strip()
     if ffmpeg.returncode:
-        raise AnalysisError(f"{path}: ffmpeg failed: {said}; fix that, or write a .gif")
+        raise AnalysisError(f"ffmpeg failed: {said}; fix that, or write a .gif")

@@ -184,7 +184,8 @@ def evaluate(fitted: Fit) -> Identified:
     names, hidden_prior = [p.name for p in found.free], prior[found.nuisances]
     known = Information(names, rows, prior, np.abs(moved))
     estimates = [
-        _estimate(found, k, float(values[k]), float(stds[k]), known, fits=good.fits) for k in shown
+        _estimate(found, k, float(values[k]), float(stds[k]), known, fits=bool(good.fits))
+        for k in shown
     ]
     forces, rises = dynamics.residuals(values)
     offsets = [float(w.trend(f).mean()) for f, w in zip(forces, found.whitenings, strict=True)]

@@ -61,11 +61,12 @@ class Quality:
     offsets: dict[str, float]
     """Fitted errors of the calibrations, divided by their standard uncertainties."""
     quiet: bool
-    """Whether the noise at rest explains the residual without a string; True if it is unknown."""
+    """Whether the noise at rest explains the residual without a string. True if it is unknown:
+    nothing then speaks for further modes of the key; it is no sign that the model fits."""
     repeats: bool
     """Whether more of the residual repeats from press to press than noise explains."""
     reasons: tuple[str, ...]
-    """Why the model does not fit; empty if it does."""
+    """Why the model does not fit; empty if nothing speaks against it."""
 
     @property
     def scale(self) -> float:
@@ -74,9 +75,21 @@ class Quality:
         return min(value for value in known if value)
 
     @property
-    def fits(self) -> bool:
-        """Whether the model fits."""
-        return not self.reasons
+    def fits(self) -> bool | None:
+        """Whether the model fits; None if nothing speaks against it, but the noise is unknown."""
+        if self.reasons:
+            return False
+        return None if self.noise is None else True
+
+    @property
+    def verdict(self) -> str:
+        """The same as text."""
+        if self.fits is None:
+            return (
+                "whether the model fits is unknown: the recordings have no rest before or after the"
+                " press"
+            )
+        return "the model fits" if self.fits else "THE MODEL DOES NOT FIT"
 
 
 def quality(fitted: Fit) -> Quality:

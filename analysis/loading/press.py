@@ -24,6 +24,7 @@ from sautereau.analysis.loading.drift import (
     without_line,
 )
 from sautereau.analysis.remark import Remark, divided
+from sautereau.daq.file.recorded import UNCHECKED
 from sautereau.daq.signals.calibration import calibration_warning, median, to_si, white_noise
 from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
 from sautereau.rig.acquisition import Channel
@@ -44,6 +45,9 @@ SIGNALS: tuple[Signal, ...] = ("velocity", "force")
 """Those that a press has."""
 UNITS = {name: quantity.unit for name, quantity in SECTIONS["Samples of a press"].items()}
 """Unit of each column of a press."""
+LEAST_RATE = 500.0
+"""Hz, of the samples. At 512 Hz contact and release of presses of 0.07 m/s are uncertain by 1 ms
+and more, of 20 ms; at 256 Hz contacts were found 3 ms late, and at 200 Hz no pluck."""
 LEAST_ROWS = 16
 """Fewest rows of a press."""
 STRETCH = 16384
@@ -129,7 +133,7 @@ def load_press(path: str | Path) -> Press:
     Raises:
         daq.errors.RecordingError: The file is not a complete recording.
         MissingSignalError: It has no velocity or no force channel.
-        AnalysisError: Its rig has `[daq]` alone, or it is too short.
+        AnalysisError: As `partial_press_of`.
     """
     from sautereau.daq.file.reading import read_recording
 
@@ -141,7 +145,7 @@ def press_of(recorded: "Recorded") -> Press:
 
     Raises:
         MissingSignalError: It has no velocity or no force channel.
-        AnalysisError: Its rig has `[daq]` alone, or it is too short.
+        AnalysisError: As `partial_press_of`.
     """
     channels = _channels(recorded)
     for missing in (name for name in SIGNALS if name not in channels):
@@ -158,22 +162,11 @@ def partial_press_of(recorded: "Recorded") -> Press:
     """Return the press of a recording that may lack the force or the velocity.
 
     Raises:
-        AnalysisError: Its rig has `[daq]` alone, it has neither, or it is too short.
+        AnalysisError: Its rig has `[daq]` alone, it has neither, it is too short, or its rate is
+            below `LEAST_RATE`.
     """
-    path = recorded.path
-    if recorded.rig.daq_only:
-        raise AnalysisError(
-            f"recording {path}: its rig file had [daq] alone, so that its key and string are"
-            " unknown; `sautereau export` it, and `sautereau import --rig` it with a rig file that"
-            " describes them"
-        )
-    rig, rate = recorded.rig, recorded.rate
-    channels = _channels(recorded)
-    if not channels:
-        raise AnalysisError(
-            f"recording {path}: it has no force and no velocity channel; add one with quantity ="
-            " 'force' or 'velocity' to the rig's [[daq.channels]]"
-        )
+    channels = _analysable(recorded)
+    path, rig, rate = recorded.path, recorded.rig, recorded.rate
     lags = [channel.lag for channel in channels.values()]
     # An input sampled later than the first has a negative lag: its first row lies before its data.
     early = ceil(max(0.0, -min(lags)) * rate - 1e-9)
@@ -191,6 +184,7 @@ def partial_press_of(recorded: "Recorded") -> Press:
         Remark(text)
         for text in (*map(str, recorded.gaps), *_calibrations(recorded, *channels.values()))
     ]
+    said += [] if recorded.checked else [Remark(UNCHECKED)]
     said += [Remark(text, doubt=False) for text in quality_warnings(marks)]
     if recorded.motion is not None:
         said += map(Remark, _coarse(rig))
@@ -273,6 +267,34 @@ def _channels(recorded: "Recorded") -> dict[Signal, Channel]:
     """Return the channels of the signals that the recording has."""
     of = recorded.rig.daq.channel
     return {name: channel for name in SIGNALS if (channel := of(name))}
+
+
+def _analysable(recorded: "Recorded") -> dict[Signal, Channel]:
+    """Return the channels of the signals of a recording that can be analysed.
+
+    Raises:
+        AnalysisError: As `partial_press_of`.
+    """
+    path = recorded.path
+    if recorded.rig.daq_only:
+        raise AnalysisError(
+            f"recording {path}: its rig file had [daq] alone, so that its key and string are"
+            " unknown; `sautereau export` it, and `sautereau import --rig` it with a rig file that"
+            " describes them"
+        )
+    if recorded.rate < LEAST_RATE:
+        raise AnalysisError(
+            f"recording {path}: it is sampled at {recorded.rate:.6g} Hz; contact and release are"
+            f" found from LEAST_RATE = {LEAST_RATE:g} Hz on; record at a higher rate, or `sautereau"
+            " export` it for other analyses"
+        )
+    channels = _channels(recorded)
+    if not channels:
+        raise AnalysisError(
+            f"recording {path}: it has no force and no velocity channel; add one with quantity ="
+            " 'force' or 'velocity' to the rig's [[daq.channels]]"
+        )
+    return channels
 
 
 def _rows(recorded: "Recorded", longest: float, early: int) -> int:

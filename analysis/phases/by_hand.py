@@ -1,7 +1,6 @@
 """Contact and release set by hand, in a small file beside the recording."""
 
 import re
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,8 @@ from sautereau.analysis.phases.found import line_through
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.signals import Signals
-from sautereau.rig.disk import read_text, write_durably
+from sautereau.rig.disk import read_text, why_unreadable, write_durably
+from sautereau.rig.load import read_toml
 from sautereau.rig.units import parse_quantity
 
 NAMES = ("contact", "contact_std", "release", "release_std")
@@ -55,7 +55,8 @@ def write_by_hand(recording: Path, texts: list[str]) -> None:
         "\n[[plucks]]\n" + "".join(f'{name} = "{value}"\n' for name, value in table.items())
         for table in tables
     ]
-    write_durably(path_by_hand(recording), HEAD + ("".join(lines) or "plucks = []\n"))
+    text = HEAD + ("".join(lines) or "plucks = []\n")
+    write_durably(path_by_hand(recording), text, replace=True)
 
 
 def read_by_hand(recording: Path) -> list[Pluck] | None:
@@ -68,10 +69,11 @@ def read_by_hand(recording: Path) -> list[Pluck] | None:
     if not path.is_file():
         return None
     try:
-        tables = tomllib.loads(read_text(path))["plucks"]
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, KeyError) as error:
+        tables = read_toml(read_text(path), str(path), AnalysisError)["plucks"]
+    except (OSError, UnicodeDecodeError, KeyError) as error:
         raise AnalysisError(
-            f"{path}: it holds no plucks ({error}); correct it, or delete it to find them again"
+            f"{path}: it holds no plucks ({why_unreadable(error)}); correct it, or delete it to"
+            " find them again"
         ) from error
     return _plucks(tables, str(path))
 

@@ -184,7 +184,8 @@ def about_instants(
         stds = {"release": held.release_std}
         if not (early or exchanged):
             stds = {"contact": held.contact_std} | stds
-        large = [f"{name} {std * 1e3:.2g} ms" for name, std in stds.items() if std > LARGE]
+        # An uncertainty that is not a number is not within the limit either.
+        large = [f"{name} {std * 1e3:.2g} ms" for name, std in stds.items() if not std <= LARGE]
         if large and not missing:
             fix = "check the noise of the force and the sampling rate, and plot the phases"
             if hidden:

@@ -10,6 +10,7 @@ from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import checks
 from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
+from sautereau.analysis.phases.compliant.slow import WIDTH
 from sautereau.analysis.phases.expected import Expected, expected
 from sautereau.analysis.phases.found import Fit, HeldString, Phases, line_through, measured
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
@@ -24,7 +25,7 @@ Finder = Callable[[Expected, Signals, int, int], Found]
 FULL_SPEED = 0.95
 """Dimensionless, fraction of the median speed above which the jack neither starts nor stops."""
 LEAST_SAMPLES = 16
-"""Fewest samples of a way down."""
+"""Fewest samples of a way down, which is also longer than the spline that smooths it."""
 FELT = 0.1
 """N, least rise of the load at the front felt."""
 FELT_SIGNIFICANCE = 6.0
@@ -68,7 +69,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         return Phases(0.0, 0.0, (), 0.0, None, None, (warning,), peak_force=peak)
     begin, end = down
     time, speed = signals.time, signals.speed
-    if end - begin < LEAST_SAMPLES:
+    if end - begin < max(LEAST_SAMPLES, WIDTH * press.rate):
         warning = (
             f"the key moved for only {(end - begin) / press.rate * 1e3:.2g} ms of the recording,"
             " too short for finding phases; record for longer"

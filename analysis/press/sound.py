@@ -14,6 +14,7 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.press.strings import QUALITY, stilled, vibrating_strings
+from sautereau.rig.disk import make_folder, new_file
 from sautereau.rig.schema import Rig
 
 SAMPLE_RATE = 48_000
@@ -104,12 +105,14 @@ def write_sound(path: str | Path, sound: Sound) -> None:
 
     Raises:
         AnalysisError: The file extension is not .wav.
+        OSError: The file exists already, or cannot be written.
     """
     from scipy.io import wavfile
 
     path = Path(path)
     if path.suffix.lower() != ".wav":
         raise AnalysisError(f"{path}: sounds are written as WAV only; use the file extension .wav")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     samples = np.round(sound.force / sound.full_scale * np.iinfo(np.int16).max)
-    wavfile.write(path, SAMPLE_RATE, samples.astype(np.int16))
+    with new_file(path) as file:
+        wavfile.write(file, SAMPLE_RATE, samples.astype(np.int16))

@@ -1,6 +1,5 @@
 """Contents of a report: every press of a session, analysed, and decimated for the plots."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from sautereau.analysis.session.analysed import AnalysedPress, analyse_recording
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis, analyse
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Event, Recorded
+from sautereau.rig.disk import digest
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
@@ -143,7 +143,7 @@ def _record(number: int, recorded: Recorded, whole: AnalysedPress, points: int) 
     return PressRecord(
         **vars(whole.light()),
         number=number,
-        digest=hashlib.sha256(recorded.path.read_bytes()).hexdigest(),
+        digest=digest(recorded.path),
         software=recorded.software,
         events=recorded.events,
         traces=traces,

@@ -7,10 +7,19 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, Va
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.summary.text import counted
+from sautereau.rig.disk import read_limited, why_unreadable
 from sautereau.rig.quantities import QUANTITIES
 
 PATTERN = "fit*.json"
 """Names of their files in the session's folder."""
+
+
+VERDICTS = {
+    True: "",
+    False: "; the model does not fit",
+    None: "; whether the model fits is unknown",
+}
+"""Text about a fit by whether the model fits."""
 
 
 class _Estimate(BaseModel):
@@ -33,6 +42,7 @@ class _Identified(BaseModel):
     residual_before: FiniteFloat = Field(
         validation_alias=AliasChoices("residual_before", "rms_before")
     )
+    fits: bool | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -55,9 +65,11 @@ def read_fit(path: Path) -> Fit:
         AnalysisError: The file cannot be read, or was not written by `identify`.
     """
     try:
-        found = _Identified.model_validate_json(path.read_bytes())
+        found = _Identified.model_validate_json(read_limited(path))
     except OSError as error:
-        raise AnalysisError(f"fit {path}: cannot be read: {error.strerror}") from error
+        raise AnalysisError(
+            f"fit {path}: cannot be read: {why_unreadable(error)}; correct it, or move it away"
+        ) from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(map(str, first["loc"]))
@@ -69,7 +81,7 @@ def read_fit(path: Path) -> Fit:
         path.name,
         f"fitted to {counted(len(found.presses), 'press')}, plectrum model {found.level};"
         f" {QUANTITIES['residual'].label}: {found.residual_before * 1e3:.3g} mN before the fit,"
-        f" {found.residual * 1e3:.3g} mN after",
+        f" {found.residual * 1e3:.3g} mN after{VERDICTS[found.fits]}",
         tuple(_row(name, estimate) for name, estimate in found.parameters.items()),
         found.warnings,
     )

@@ -115,8 +115,7 @@ def _quality_line(good: Quality) -> str:
         parts.append(f"{good.held_residual * 1e3:.3g} mN while it is held")
     if good.noise is not None:
         parts.append(f"{good.noise * 1e3:.3g} mN of noise at rest")
-    verdict = "the model fits" if good.fits else "THE MODEL DOES NOT FIT"
-    return f"{verdict}: residual {', '.join(parts)}"
+    return f"{good.verdict}{': ' if good.noise is not None else '; '}residual {', '.join(parts)}"
 
 
 def _suggestion_line(suggestion: Suggestion) -> str:

@@ -6,6 +6,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 
 from sautereau.analysis.summary.text import counted
+from sautereau.daq.file.recorded import UNCHECKED
 from sautereau.daq.file.survey import Description
 
 _NO_VALUES = ("what", "unit", "rate", "type", "channels", "channel")
@@ -33,6 +34,8 @@ def _facts(found: Description) -> Iterator[tuple[str, str]]:
     yield "file", f"{found['size'] / 1e3:.4g} kB, {'' if found['complete'] else 'in'}complete"
     if found["damage"]:
         yield "damage", found["damage"]
+    if not found["checked"]:
+        yield "checksums", UNCHECKED
     if found["recovered"]:
         yield "recovered", f"from {found['recovered']['from']}; {found['recovered']['damage']}"
     yield "rig", found["rig"]

@@ -71,12 +71,25 @@ def read_mat(path: str, most: int) -> Found:
 
 
 def flat(values: Mapping[str, Any], prefix: str, depth: int) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the arrays of numbers in nested structures, by their paths with dots."""
+    """Yield the arrays of numbers in nested structures, by their paths with dots.
+
+    Elements of arrays of structures and of cells are counted from 1: ``channels(2).data``.
+    """
     for name, value in values.items():
-        if isinstance(value, Mapping) and depth:
-            yield from flat(value, f"{prefix}{name}.", depth - 1)
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
+        array = isinstance(value, np.ndarray)
+        if array and value.dtype.kind in "fiu":
             yield prefix + name, value
+        elif not depth:
+            continue
+        elif isinstance(value, Mapping):
+            yield from flat(value, f"{prefix}{name}.", depth - 1)
+        elif array and value.dtype.names:
+            fields = {field: value[field] for field in value.dtype.names}
+            yield from flat(fields, f"{prefix}{name}.", depth - 1)
+        elif isinstance(value, list) or (array and value.dtype.kind == "O"):
+            elements = value if isinstance(value, list) else value.ravel(order="F")
+            counted = {f"{name}({i})": element for i, element in enumerate(elements, 1)}
+            yield from flat(counted, prefix, depth - 1)
 
 
 def read_hdf5(path: str, most: int) -> Found:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sautereau.daq.convert.document import Document
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.disk import open_regular
 from sautereau.rig.registry import Registry
 
 FORMATS = Registry(
@@ -92,7 +93,7 @@ def extensions() -> str:
 
 def open_file(path: Path) -> BinaryIO:
     """Open a file of another program, to read its bytes."""
-    return path.open("rb")
+    return open_regular(path)
 
 
 def open_source(

@@ -33,6 +33,7 @@ Array = np.ndarray[Any, Any]
 def open_mat(path: Path) -> ImportSource:
     """Open a MATLAB file; the fields of a structure are called ``structure.field``.
 
+    The elements of a cell, or of an array of structures, are called ``cell(1)``.
     Versions 4 to 7.2 are read by scipy; version 7.3 is HDF5.
 
     Raises:
@@ -78,11 +79,11 @@ def open_npz(path: Path) -> ImportSource:
             array_reader.refuse(sum(file.file_size for file in archive.infolist()) / 8, MOST_VALUES)
         with open_file(path) as file, np.load(file, allow_pickle=False) as arrays:
             read = {name: arrays[name] for name in arrays.files}
-            found = {name: array for name, array in read.items() if isinstance(array, np.ndarray)}
+            found = dict(array_reader.flat(read, "", array_reader.MOST_DEPTH))
     except Exception as error:  # numpy and zipfile raise many kinds, depending on the bytes
         raise RecordingError(
-            f"it is damaged, not a numpy archive of numbers, or too large: {type(error).__name__}:"
-            f" {error}"
+            f"it cannot be read as a numpy archive of numbers: {type(error).__name__}: {error}; use"
+            " a copy, or save one vector for each channel"
         ) from error
     return _source("npz", found, {})
 
@@ -101,7 +102,9 @@ def _read(kind: str, path: Path) -> array_reader.Found:
         fault = error.stderr.decode(errors="replace").strip() or fault
     except subprocess.TimeoutExpired:
         fault = f"reading it takes longer than the limit LONGEST = {LONGEST} s"
-    raise RecordingError(f"it is damaged, not a {kind} file, or too large: {fault}; use a copy")
+    raise RecordingError(
+        f"it cannot be read as a {kind} file: {fault}; use a copy, or save it again"
+    )
 
 
 def _source(

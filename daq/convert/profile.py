@@ -82,7 +82,7 @@ def save_profile(path: Path, options: ImportOptions, rig: str | None) -> None:
         values["rig"] = Path(os.path.relpath(rig, path.parent)).as_posix() if is_file else rig
     ordered = dict(sorted(values.items(), key=lambda item: isinstance(item[1], dict)))
     try:
-        write_durably(path, tomlkit.dumps(ordered), new=True)
+        write_durably(path, tomlkit.dumps(ordered))
     except OSError as error:
         raise RecordingError(
             f"import profile {path}: {error.strerror}; nothing is overwritten: give another name"

@@ -10,7 +10,7 @@ from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.chunks import MOST_UNPACKED, unpacked
+from sautereau.daq.file.container.chunks import MOST_UNPACKED, has_checksum, unpacked
 from sautereau.daq.file.container.records import (
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
@@ -68,7 +68,12 @@ class Contents:
         self.events: list[Event] = []
         self.plan: Plan | None = None
         self.joints: Joints | None = None
+        self.renumbered = False
+        """Whether a Channel record has another number than the Metadata `channels` say."""
+        self.unchecked = False
+        """Whether messages are outside chunks, or in chunks without a checksum."""
         self._topics: dict[int, str] = {}
+        self._declared: set[int] = set()
         self._counted: set[int] = set()
         self._definitions = 0
         self._layouts: dict[str, SampleLayout] = {}
@@ -84,12 +89,12 @@ class Contents:
             RecordingError: The checksums match but the records are invalid.
         """
         try:
-            for opcode, body in unpacked(records):
-                if opcode != Opcode.CHUNK:
-                    self._read_definition(opcode, bytes(body))
-                    continue
-                self._limit_unpacked(len(body))
-                for inner, view, n in records_within(body, self._counted):
+            for opcode, body in unpacked(self._noted(records)):
+                inside = iter([(opcode, memoryview(body), 1)])
+                if opcode == Opcode.CHUNK:
+                    self._limit_unpacked(len(body))
+                    inside = records_within(body, self._counted)
+                for inner, view, n in inside:
                     self._count_record()
                     if inner != Opcode.MESSAGE:
                         self._read_definition(inner, bytes(view))
@@ -113,6 +118,13 @@ class Contents:
                 f"its checksums match but its records are invalid: {type(error).__name__}:"
                 f" {error}; {FOREIGN}"
             ) from error
+
+    def _noted(self, records: Iterable[Record]) -> Iterator[Record]:
+        for record in records:
+            self.unchecked |= record.opcode == Opcode.MESSAGE or (
+                record.opcode == Opcode.CHUNK and not has_checksum(record.body)
+            )
+            yield record
 
     def rig(self) -> Rig:
         """Return the rig as it was when recorded."""
@@ -187,35 +199,52 @@ class Contents:
         missing = [name for name in names if name not in self.metadata]
         if missing:
             raise RecordingError(
-                f"it lacks the metadata {', '.join(missing)}; give a recording made by sautereau"
+                f"it lacks the metadata {', '.join(missing)}; give the recording as sautereau wrote"
+                " it, or a copy with its metadata (`mcap filter --include-metadata`)"
             )
 
     def _read_definition(self, opcode: int, body: bytes) -> None:
         """Store a Metadata or Channel record."""
         if opcode not in (Opcode.METADATA, Opcode.CHANNEL):
             return
-        self._definitions += len(body)
+        if opcode == Opcode.CHANNEL:
+            number, topic, metadata = read_channel(body)
+            if number in self._declared and self._is(number, topic, metadata):
+                return  # it is repeated
+            self._limit_definitions(len(body))
+            self.renumbered |= self._topics.get(number, topic) != topic
+            self._declared.add(number)
+            self._define(number, topic, metadata)
+            return
+        record = read_metadata(body)
+        if self.metadata.get(record.name) == record.metadata:
+            return  # it is written twice
+        self._limit_definitions(len(body))
+        self.metadata[record.name] = dict(record.metadata)
+        if record.name == "channels":
+            for topic, text in record.metadata.items():
+                number, _, metadata = channel_from_json(topic, text)
+                if number in self._declared:
+                    self.renumbered |= self._topics[number] != topic
+                else:
+                    self._define(number, topic, metadata)
+
+    def _limit_definitions(self, size: int) -> None:
+        """Count the bytes of a definition that is not a copy, as the writer does."""
+        self._definitions += size
         if self._definitions > LARGEST_DEFINITIONS:
             raise RecordingError(
                 f"its definitions exceed the limit of {LARGEST_DEFINITIONS} bytes; {FOREIGN}"
             )
-        if opcode == Opcode.CHANNEL:
-            self._define(*read_channel(body))
-            return
-        record = read_metadata(body)
-        if self.metadata.get(record.name) == record.metadata:
-            return  # it is written at the start and at the end
-        self.metadata[record.name] = dict(record.metadata)
-        if record.name == "channels":
-            for topic, text in record.metadata.items():
-                self._define(*channel_from_json(topic, text))
+
+    def _is(self, number: int, topic: str, metadata: dict[str, str]) -> bool:
+        return self._topics.get(number) == topic and self.channels.get(topic) == metadata
 
     def _define(self, number: int, topic: str, metadata: dict[str, str]) -> None:
-        if self._topics.get(number) == topic and self.channels.get(topic) == metadata:
+        if self._is(number, topic, metadata):
             return  # it is in the Metadata and in a record of its own
         self._topics[number] = topic
-        if topic.startswith(VIEWED):
-            self._counted.add(number)
+        (self._counted.add if topic.startswith(VIEWED) else self._counted.discard)(number)
         if topic == TOPIC:
             self._layouts[topic] = layout_from_metadata(metadata)
         self.channels[topic] = dict(metadata)

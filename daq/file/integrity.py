@@ -1,10 +1,9 @@
 """Verification of a recording's checksums before anything of it is used."""
 
 import os
-import stat
 import struct
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Container, Iterator
+from contextlib import contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
 from typing import NamedTuple
@@ -15,25 +14,33 @@ from sautereau.daq.file.container.records import (
     CHUNK_INDEX,
     INDEX_OFFSET,
     LARGEST_CHUNK,
+    LARGEST_DEFINITIONS,
+    LIBRARY,
     MAGIC,
     PREFIX,
+    UNAVAILABLE,
     DamageError,
     Opcode,
     Record,
+    text_within,
 )
-from sautereau.daq.file.provenance import PROFILE
+from sautereau.daq.file.provenance import HEAD, PROFILE
+from sautereau.rig.disk import open_regular
 
 _FOOTER = struct.Struct("<BQQQI")  # prefix, summary start, summary offset start, CRC
 _DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before
 _CRC_SIZE = 4
+_SIZE = struct.Struct("<Q")
 PIECE = 128 * 1024
 """Bytes read at a time. A longer record is read as one piece: it is then still in the processor's
 cache when it is used."""
 _BEYOND = 8 * 1024  # bytes read beyond a long record: the index of its messages
 FOREIGN = "another program has changed it: use the file as sautereau wrote it"
 """End of messages about content that sautereau never writes."""
-SKIPPED = (Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT)
-"""Records that no reader uses."""
+USED = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.CHANNEL, Opcode.METADATA)
+"""Records that readers use; MCAP has others, and programs may add their own."""
+EVERY_CHANNEL = frozenset(range(2**16))
+"""All numbers that MCAP channels can have."""
 
 
 class IndexedChunk(NamedTuple):
@@ -61,12 +68,9 @@ def opened(path: Path, *, damaged: bool = False) -> Iterator[BufferedReader]:
     """
     try:
         try:
-            mode = path.stat().st_mode
-            if stat.S_ISDIR(mode):
+            if path.is_dir():
                 raise RecordingError("it is a folder; give one of the .mcap files in it")
-            if not stat.S_ISREG(mode):
-                raise RecordingError("it is not a regular file; give an .mcap file")
-            with path.open("rb") as file:
+            with open_regular(path) as file:
                 if not damaged:
                     check_header(file)
                 yield file
@@ -103,41 +107,110 @@ def check_summary(file: BufferedReader) -> tuple[int, int]:
     opcode, length, summary, _, crc = _FOOTER.unpack_from(end)
     if opcode != Opcode.FOOTER or length != _FOOTER.size - PREFIX.size:
         raise DamageError(_truncated(size))
+    summary = summary or at  # 0: there is none
     if not len(MAGIC) + _DATA_END.size <= summary <= at:
         raise DamageError(corrupted("its footer"))
-    if _checksum(file, summary, size - len(MAGIC) - _CRC_SIZE) != crc:
+    if available(file, crc) and _checksum(file, summary, size - len(MAGIC) - _CRC_SIZE) != crc:
         raise DamageError(corrupted("its summary"))
     return summary - _DATA_END.size, summary
 
 
-def check_data(file: BufferedReader, end: int) -> None:
-    """Refuse a file whose data section, which ends at ``end``, has changed."""
-    if _checksum(file, 0, end) != data_crc(file, end):
+def check_data(file: BufferedReader, end: int, crc: int | None = None) -> None:
+    """Refuse a file whose data section has changed.
+
+    Args:
+        end: Offset of the end of the section, bytes.
+        crc: Checksum of the section; None to compute it.
+
+    Raises:
+        DamageError: It is not the one in the file, if that has one.
+    """
+    file.seek(end)
+    opcode, length, expected = _DATA_END.unpack(file.read(_DATA_END.size))
+    if opcode != Opcode.DATA_END or length != _CRC_SIZE:
+        raise DamageError(corrupted("its data"))
+    if not available(file, expected):
+        return
+    if (_checksum(file, 0, end) if crc is None else crc) != expected:
         raise DamageError(corrupted("its data"))
 
 
-def data_crc(file: BufferedReader, end: int) -> int | None:
-    """Return the checksum that the record at ``end`` gives; None if it is another record."""
-    file.seek(end)
-    opcode, length, crc = _DATA_END.unpack(file.read(_DATA_END.size))
-    return crc if opcode == Opcode.DATA_END and length == _CRC_SIZE else None
+def has_data_crc(file: BufferedReader) -> bool:
+    """Return whether a file, which is not truncated, has a checksum of its data section."""
+    file.seek(check_summary(file)[0])
+    return _DATA_END.unpack(file.read(_DATA_END.size))[2] != UNAVAILABLE
 
 
-def chunk_index(file: BufferedReader) -> list[IndexedChunk]:
-    """Return the positions of all chunks in order, after verifying the summary's checksum."""
+def available(file: BufferedReader, crc: int) -> bool:
+    """Return whether a checksum of data or summary is one; all are in a file of `McapWriter`."""
+    if crc != UNAVAILABLE:
+        return True
+    file.seek(len(MAGIC))
+    head = file.read(PREFIX.size + 3 * _CRC_SIZE + len(PROFILE) + len(LIBRARY))
+    try:
+        _, at = text_within(head, PREFIX.size)  # profile
+        return text_within(head, at)[0] == LIBRARY
+    except (ValueError, struct.error):
+        return False  # it is longer
+
+
+def indexed(file: BufferedReader) -> tuple[list[Record], list[IndexedChunk]]:
+    """Return the definitions of a file and the positions of its chunks, as its summary has them.
+
+    The data section counts as one chunk if the summary does not describe all of it: messages may
+    be outside chunks, and the index of chunks, of their messages or of channels may be missing.
+
+    Raises:
+        DamageError: The checksum of the summary does not match.
+    """
     data_end, summary = check_summary(file)
+    everything = IndexedChunk(len(MAGIC), data_end, 2**64, EVERY_CHANNEL)
     footer = size_of(file) - len(MAGIC) - _FOOTER.size
-    found = []
-    for opcode, body in records(file, summary, footer):
-        if opcode == Opcode.CHUNK_INDEX:
-            try:
-                _, end, at, length, size = CHUNK_INDEX.unpack_from(body)
-                offsets = INDEX_OFFSET.iter_unpack(body[CHUNK_INDEX.size : CHUNK_INDEX.size + size])
-            except struct.error as error:
-                raise RecordingError(f"a record of its index is too short; {FOREIGN}") from error
-            channels = frozenset(channel for channel, _ in offsets)
-            found.append(IndexedChunk(at, min(data_end, at + length), end, channels))
-    return found
+    definitions, _ = head(file, data_end)
+    n_metadata, found, after = len(definitions), list[IndexedChunk](), None
+    used = (Opcode.CHANNEL, Opcode.CHUNK_INDEX)
+    for opcode, body in Section(file, summary, footer).records(used=used):
+        if opcode == Opcode.CHANNEL:
+            definitions.append(Record(opcode, bytes(body)))
+            continue
+        try:
+            _, end, at, length, size = CHUNK_INDEX.unpack_from(body)
+            stop = CHUNK_INDEX.size + size
+            offsets = INDEX_OFFSET.iter_unpack(body[CHUNK_INDEX.size : stop])
+            (index,) = _SIZE.unpack_from(body, stop)
+        except struct.error as error:
+            raise RecordingError(f"a record of its index is too short; {FOREIGN}") from error
+        channels = frozenset(channel for channel, _ in offsets)
+        if not channels or after not in (None, at):
+            return definitions, [everything]
+        after = at + length + index
+        found.append(IndexedChunk(at, min(data_end, at + length), end, channels))
+    described = found and len(definitions) > n_metadata
+    return definitions, found if described else [everything]
+
+
+def head(file: BufferedReader, end: int) -> tuple[list[Record], bool]:
+    """Return the Metadata records up to the last of `HEAD`, and whether messages precede it.
+
+    Other programs write them anywhere; sautereau writes them first.
+
+    Args:
+        end: Offset of the end of the data section, bytes.
+    """
+    found, missing, late, size = list[Record](), set(HEAD), False, 0
+    at = len(MAGIC)
+    while missing and at + PREFIX.size <= end and size <= LARGEST_DEFINITIONS:
+        file.seek(at)
+        opcode, length = PREFIX.unpack(file.read(PREFIX.size))
+        if opcode == Opcode.METADATA and length <= LARGEST_DEFINITIONS:
+            body = file.read(length)
+            found.append(Record(opcode, body))
+            size += length
+            with suppress(ValueError, struct.error):  # it is refused when it is read
+                missing.discard(text_within(body, 0)[0])
+        late |= opcode in (Opcode.CHUNK, Opcode.MESSAGE)
+        at += PREFIX.size + length
+    return found, late
 
 
 class Section:
@@ -145,39 +218,52 @@ class Section:
 
     def __init__(self, file: BufferedReader, start: int, end: int):
         """Start at an offset of the file; ``end`` is the offset of the byte after the last."""
-        self._file, self._left = file, end - start
-        file.seek(start)
+        self._file, self._left, self._start = file, end - start, start
         self._buffer = memoryview(bytearray(min(PIECE, end - start)))
         self._at = self._stop = 0  # range of unread bytes in the buffer
         self.crc = 0
         """Checksum of all bytes read so far."""
 
-    def records(self, skip: int = 0) -> Iterator[Record]:
-        """Yield the records that follow ``skip`` bytes, except index records.
+    def records(self, skip: int = 0, used: Container[int] = USED) -> Iterator[Record]:
+        """Yield the records of the opcodes ``used`` that follow ``skip`` bytes.
 
         The body of a record is valid until the next one is requested.
 
         Raises:
             RecordingError: A length is invalid.
         """
+        self._file.seek(self._start)
         self._need(skip)
         self._at += skip
         while self._at < self._stop or self._left:
             self._need(PREFIX.size)
             opcode, length = PREFIX.unpack_from(self._buffer, self._at)
-            self._need(PREFIX.size + length)
-            begin = self._at + PREFIX.size
-            self._at = begin + length
-            if opcode not in SKIPPED:
+            if opcode in used:
+                self._need(PREFIX.size + length)
+                begin = self._at + PREFIX.size
+                self._at = begin + length
                 yield Record(opcode, self._buffer[begin : self._at])
+            else:
+                self._pass(PREFIX.size + length)
+
+    def _pass(self, n: int) -> None:
+        """Read and drop ``n`` bytes."""
+        self._within(n)
+        while n > 0:
+            self._need(piece := min(n, PIECE))
+            self._at += piece
+            n -= piece
+
+    def _within(self, n: int) -> None:
+        if n > self._stop - self._at + self._left:
+            raise RecordingError(f"a record of {n} bytes reaches beyond its section; {FOREIGN}")
 
     def _need(self, n: int) -> None:
         """Fill the buffer until it holds ``n`` unread bytes."""
         held = self._stop - self._at
         if held >= n:
             return
-        if n > held + self._left:
-            raise RecordingError(f"a record of {n} bytes reaches beyond its section; {FOREIGN}")
+        self._within(n)
         if n > LARGEST_CHUNK:
             raise RecordingError(
                 f"a record of {n} bytes exceeds the limit of {LARGEST_CHUNK} bytes; {FOREIGN}"

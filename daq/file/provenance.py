@@ -3,12 +3,16 @@
 import base64
 import json
 import platform
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
+from typing import NamedTuple
 
 from mcap.records import Channel, Schema
 
+from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.records import LARGEST_DEFINITIONS
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.descriptors import (
     FORMAT_1,
@@ -22,13 +26,19 @@ from sautereau.daq.file.descriptors import (
 )
 from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
 from sautereau.daq.file.recorded import SessionInfo
-from sautereau.daq.file.samples import TOPIC, SampleLayout
+from sautereau.daq.file.samples import TOPIC, SampleLayout, sample_layout
+from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_document, rig_json
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
 PROFILE = "sautereau"
 """Profile in the header of sautereau's MCAP files."""
+HEAD = ("channels", "rig", "software", "session", "schemas")
+"""Metadata records at the start of a recording."""
+LARGEST_HEAD = LARGEST_DEFINITIONS // 2
+"""Limit in bytes for one copy of them. The rest of what readers accept is for the metadata at the
+end: those of a recovery list what is missing."""
 COPIES = 2
 """Number of copies of the metadata: one survives damage to the other."""
 LIBRARIES = ("sautereau", "numpy", "scipy", "nidaqmx", "grpcio", "pyserial", "mcap", "protobuf")
@@ -39,16 +49,34 @@ FORMAT = "2"
 """Format of the recordings that are written. Recordings of format 1 do not state a format."""
 
 
-def write_head(
-    writer: McapWriter, rig: Rig, session: SessionInfo, rate: float, layout: SampleLayout
-) -> dict[str, int]:
-    """Write the header and the Metadata records, and define the topics.
+class Head(NamedTuple):
+    """What the start of a recording says."""
+
+    metadata: dict[str, dict[str, str]]
+    """Entries of the Metadata records, by their names."""
+    topics: dict[str, int]
+    """Number of the MCAP channel, by topic."""
+
+
+def check_recordable(rig: Rig, notes: str, scene: str = "") -> None:
+    """Refuse a press whose recording could not be read, before it is made.
+
+    Raises:
+        RecordingError: As `head_of`.
+    """
+    names = [channel.name for channel in rig.daq.channels]
+    session = SessionInfo(1, "", False, "", "", scene, notes=notes)
+    head_of(rig, session, rig.daq.sample_rate, sample_layout(names, None))
+
+
+def head_of(rig: Rig, session: SessionInfo, rate: float, layout: SampleLayout) -> Head:
+    """Return the metadata of a recording.
 
     Channel and Schema records are only in the first chunk and in the summary, so the Metadata
     records `channels` and `schemas` repeat them for the recovery of a damaged file.
 
-    Returns:
-        Number of the MCAP channel, by topic.
+    Raises:
+        RecordingError: They are longer than `LARGEST_HEAD`, or a text is not UTF-8.
     """
     topics = list(enumerate(_topics(rig, rate, layout), 1))
     rows = {"Preview": layout.names, "Motion": MOTION}
@@ -66,8 +94,30 @@ def write_head(
             "protobuf": base64.b64encode(schema_data(rows)).decode("ascii"),
         },
     }
-    start_head(writer, head)
-    return {topic: id_ for id_, (topic, _, _) in topics}
+    if faults := list(_head_faults(head)):
+        raise RecordingError(fault_list("recording", faults))
+    return Head(head, {topic: id_ for id_, (topic, _, _) in topics})
+
+
+def _head_faults(head: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    """Yield why readers would refuse metadata."""
+    sizes = Counter[str]()
+    for name, values in head.items():
+        for key, text in values.items():
+            try:
+                # Each channel has a record of its own besides the metadata.
+                sizes[f"{name} {key}"] = len(text.encode()) * (2 if name == "channels" else 1)
+            except UnicodeEncodeError as error:
+                yield (
+                    f"{name} {key}: {shown(text)} is not UTF-8 at character"
+                    f" {error.start + 1}; write it in UTF-8"
+                )
+    if (size := sizes.total()) > LARGEST_HEAD:
+        largest = ", ".join(f"{name} {n} bytes" for name, n in sizes.most_common(2))
+        yield (
+            f"its metadata have {size} bytes ({largest}), more than LARGEST_HEAD ="
+            f" {LARGEST_HEAD}; shorten the notes, or give press.gesture fewer points"
+        )
 
 
 def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:

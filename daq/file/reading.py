@@ -7,7 +7,7 @@ from pathlib import Path
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import MAGIC, Opcode
 from sautereau.daq.file.contents import Contents
-from sautereau.daq.file.integrity import chunk_index, opened, records, size_of
+from sautereau.daq.file.integrity import has_data_crc, head, indexed, opened, records, size_of
 from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch
 from sautereau.daq.file.runs import Runs
 from sautereau.daq.file.verified import verified, verifying
@@ -80,6 +80,7 @@ def read_parts(path: str | Path) -> tuple[Recorded, ...]:
                 channels=contents.channels,
                 gaps=gaps,
                 t0_std=contents.t0_std,
+                checked=not contents.unchecked or has_data_crc(file),
             )
             for first, stop in common
         )
@@ -101,6 +102,8 @@ def read_session(path: str | Path) -> SessionInfo:
             list(contents.blocks([record]))
             if "session" in contents.metadata:
                 break  # before the next record, which may be truncated
+        if "session" not in contents.metadata:
+            list(contents.blocks(head(file, size_of(file))[0]))
         return contents.session()
 
 
@@ -150,10 +153,9 @@ def read_window(path: str | Path, start: float, stop: float) -> Stretch:
     """
     window = f"the window from {start:g} s to {stop:g} s"
     with opened(Path(path)) as file:
-        chunks = chunk_index(file)
+        definitions, chunks = indexed(file)
         contents, runs = Contents(size_of(file)), Runs(size=size_of(file))
-        if chunks:
-            list(contents.blocks(records(file, len(MAGIC), chunks[0].start)))
+        list(contents.blocks(definitions))
         names = [channel.name for channel in contents.rig().daq.channels]
         chunks = contents.with_samples(chunks)
         first, last = 0, 0

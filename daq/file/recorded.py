@@ -21,6 +21,11 @@ MOTION = "motion"
 """Kind of the event that is the start of the arm's motion."""
 BY_EDGE = "started, by the trigger's edge"
 """Text of that event if an output of the controller started the acquisition."""
+UNCHECKED = (
+    "no checksums cover the samples, so that damage to them would not be noticed: another program"
+    " has written the file; use it as sautereau wrote it"
+)
+"""Text about a recording that is not `Recorded.checked`."""
 _BEFORE_SESSIONS = {"session": "", "item": "", "warm_up": "false"}
 """Metadata of a recording that was made before sessions had plans."""
 
@@ -96,6 +101,11 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
         raise RecordingError(
             f"press, seed or item of its session is not a number: {error}"
         ) from error
+
+
+def printable(text: str) -> str:
+    """Return a text with escapes for what UTF-8 cannot express: bytes of another encoding."""
+    return text.encode(errors="backslashreplace").decode()
 
 
 def whole_number(text: str, most: int = 2**64) -> int:
@@ -278,6 +288,8 @@ class Recorded(Stretch):
     """Missing samples of all channels of the file; none of them is in `volts`."""
     t0_std: float | None = None
     """Standard uncertainty of the date of the trigger, s; None if it is unknown."""
+    checked: bool = True
+    """Whether checksums cover the samples. Another program may have written the file without."""
 
     @property
     def simulated(self) -> bool:

@@ -11,15 +11,27 @@ from numpy.typing import ArrayLike
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import FLUSH_PERIOD, PART, RecordingFile
 from sautereau.daq.file.counts import Scaling
+from sautereau.daq.file.limits import MOST_EVENTS, event_faults, series_faults, time_faults
 from sautereau.daq.file.log_order import LogOrder
-from sautereau.daq.file.provenance import write_head
-from sautereau.daq.file.recorded import Block, Event, Joints, SessionInfo, Signal
+from sautereau.daq.file.provenance import head_of, start_head
+from sautereau.daq.file.recorded import (
+    Block,
+    Event,
+    Joints,
+    Plan,
+    SessionInfo,
+    Signal,
+    printable,
+)
 from sautereau.daq.file.samples import sample_layout
 from sautereau.daq.file.trigger_date import Counted, TriggerDate
+from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 
 __all__ = ["Block", "Recording", "SessionInfo"]
 
+ABORTED = "aborted"
+"""Kind of the last event of a recording that an exception has ended."""
 LARGEST_BLOCK = 8 * 2**20
 """Limit in bytes for the samples in one message."""
 
@@ -62,12 +74,15 @@ class Recording:
             monotonic: Time in s of a clock that is never set. `Counted` in the blocks uses the same
                 clock. It also determines when to flush.
             ending: Appended to the name of the unfinished file; see `DurableFile`.
+
+        Raises:
+            RecordingError: No reader would accept its metadata, rate or date.
         """
         self._path = Path(path)
-        self._rig = rig
-        self._session = session
         self._rate = rig.daq.sample_rate if rate is None else rate
+        self._refuse_faults(time_faults(t0_ns or 0, self._rate))
         self._layout = sample_layout((channel.name for channel in rig.daq.channels), scaling)
+        self._head = head_of(rig, session, self._rate, self._layout)
         self._compress = scaling is None if compress is None else compress
         self._ending = ending
         self._zero_ns = clock() - round(monotonic() * 1e9)
@@ -78,12 +93,16 @@ class Recording:
         self._first: int | None = None
         self._next = 0
         self._held = self._layout.empty(0)
-        self._fill = 0
+        self._fill = self._events = 0
 
     @property
     def part_path(self) -> Path:
         """File that holds the samples until the recording has been closed without a fault."""
         return self._path.with_name(self._path.name + self._ending)
+
+    @property
+    def _removed(self) -> str:
+        return f"{self.part_path} was removed, with the samples recorded before"
 
     @property
     def t0_ns(self) -> int | None:
@@ -106,9 +125,8 @@ class Recording:
         )
         try:
             with file.flushing() as writer:
-                self._order.topics = write_head(
-                    writer, self._rig, self._session, self._rate, self._layout
-                )
+                start_head(writer, self._head.metadata)
+                self._order.topics = self._head.topics
         except BaseException as error:
             self.__exit__(type(error), error, None)
             raise
@@ -121,10 +139,17 @@ class Recording:
         if file is None:
             return
         if error is None:
-            self._close(file)
-            file.publish()
+            try:
+                self._close(file)
+                file.publish()
+            except RecordingError as fault:
+                if not (self.part_path.exists() or self._path.exists()):
+                    fault.add_note(self._removed)
+                raise
             return
-        if self._first is None:
+        if not self.part_path.exists():
+            error.add_note(self._removed)
+        elif self._first is None:
             error.add_note(f"no sample was recorded; delete {self.part_path}")
         else:
             error.add_note(f"the samples recorded before are in {self.part_path}")
@@ -132,7 +157,7 @@ class Recording:
             if not file.broken:
                 t0 = self.t0_ns
                 elapsed = 0.0 if t0 is None else (self._now_ns() - t0) / 1e9
-                self.event("aborted", f"{type(error).__name__}: {error}", elapsed)
+                self.event(ABORTED, f"{type(error).__name__}: {error}", elapsed)
                 self._close(file)
         except RecordingError as second:
             error.add_note(f"then closing the recording failed as well: {second}")
@@ -194,10 +219,16 @@ class Recording:
     def event(self, kind: str, text: str, time_s: float, std: float = 0.0) -> None:
         """Write an event at ``time_s`` (s after the trigger, negative before it), +-``std``.
 
-        It is written with the samples of that time, or at the next `flush`.
+        It is written with the samples of that time, or at the next `flush`. Bytes in the text that
+        are not UTF-8, as in the name of a file, are written as escapes.
         """
+        event = Event(time_s, printable(kind), printable(text), std)
+        self._events += 1
+        if self._events >= MOST_EVENTS and kind != ABORTED:
+            self._refuse_faults([f"events: more than MOST_EVENTS = {MOST_EVENTS}"])
+        self._refuse_faults(event_faults([event]))
         self._file()
-        self._order.add_event(self._now_ns(), Event(time_s, kind, text, std))
+        self._order.add_event(self._now_ns(), event)
 
     def flush(self) -> None:
         """Write everything so far, as at the end of the samples."""
@@ -226,6 +257,8 @@ class Recording:
                 f"recording {self._path}: a block starts at sample {first}, but the next sample is"
                 f" {self._next}; samples were lost or written twice: press again"
             )
+        t0 = self._order.t0
+        self._refuse_faults(time_faults(t0 or 0, self._rate, first, first + shape[1]))
 
     def _date(self, block: Block) -> None:
         """Narrow down the time of the trigger with the counts of a block and its arrival."""
@@ -249,6 +282,11 @@ class Recording:
         with file.flushing() as writer:
             self._order.write_block(writer, first, samples)
 
+    def _refuse_faults(self, faults: list[str]) -> None:
+        """Refuse what no reader would accept."""
+        if faults:
+            raise RecordingError(fault_list(f"recording {self._path}", faults))
+
     def _series(self, message: str, **arrays: ArrayLike) -> None:
         columns = {name: np.asarray(column, dtype=float) for name, column in arrays.items()}
         shapes = {name: column.shape for name, column in columns.items()}
@@ -263,6 +301,8 @@ class Recording:
                 f"recording {self._path}: /{message.lower()} has numbers that are not finite; look"
                 " at what the controller answered, and press again"
             )
+        series = (Plan if message == "Plan" else Joints)(**columns)
+        self._refuse_faults(series_faults(message.lower(), series))
         self._file()
         self._order.add_series(self._now_ns(), message, columns)
 

@@ -12,16 +12,14 @@ from sautereau.daq.file.container.durable import PART, DurableFile
 from sautereau.daq.file.container.records import Opcode
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.integrity import opened
-from sautereau.daq.file.provenance import start_head
-from sautereau.daq.file.recorded import Gap
+from sautereau.daq.file.provenance import HEAD, start_head
+from sautereau.daq.file.recorded import Gap, printable
 from sautereau.daq.file.survey import Survey, survey
 from sautereau.daq.file.verified import verified
 from sautereau.rig.disk import hold
 
 ENDING = ".recovering.part"
 """Appended to the name of a recovered recording until it is complete."""
-HEAD = ("channels", "rig", "software", "session", "schemas")
-"""Metadata records at the start of a recording."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,10 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
             raise RecordingError("it is undamaged and needs no recovery; read it directly")
         clock = found.runs.clock
         if clock is None:
-            raise RecordingError("none of its samples is intact; press again")
+            raise RecordingError(
+                "none of its samples is intact: no chunk with a matching checksum has any; use a"
+                " copy of it, or press again"
+            )
         damage = found.damage or "it is undamaged, but its press was aborted"
         target = DurableFile(out, ending=ENDING)
         try:
@@ -100,6 +101,11 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
         raise RecordingError(
             f"both copies of its metadata {', '.join(lost)} are damaged; use a copy of it"
         )
+    if found.contents.renumbered:
+        raise RecordingError(
+            "another program has renumbered its topics, and the copies of its definitions have the"
+            " old numbers; recover the file that sautereau wrote"
+        )
     try:
         start_head(writer, {key: metadata[key] for key in HEAD})
     except (KeyError, ValueError, TypeError) as error:
@@ -115,5 +121,6 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
     if end is not None:
         writer.add_metadata("end", metadata.get("end", {}) | {"stop_sample": str(end)})
     missing = json.dumps([gap.document() for gap in found.gaps])
-    writer.add_metadata("recovered", {"from": name, "damage": damage, "missing": missing})
+    found_in = {"from": printable(name), "damage": damage, "missing": missing}
+    writer.add_metadata("recovered", found_in)
     writer.finish()

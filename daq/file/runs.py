@@ -131,7 +131,7 @@ class Runs:
         if first < runs[-1].stop:
             raise RecordingError(
                 f"samples {first} to {min(first + n, runs[-1].stop) - 1} of {names} are repeated,"
-                f" or follow later ones; {FOREIGN}"
+                f" or follow later ones; {FOREIGN}, or order it with `mcap sort`"
             )
         return runs[-1]
 

@@ -8,9 +8,9 @@ from typing import Any, TypedDict
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact
-from sautereau.daq.file.container.records import DamageError, Record
+from sautereau.daq.file.container.records import DamageError, Opcode, Record
 from sautereau.daq.file.contents import Contents
-from sautereau.daq.file.integrity import check_header, opened, size_of
+from sautereau.daq.file.integrity import check_header, has_data_crc, opened, size_of
 from sautereau.daq.file.recorded import Gap, SessionInfo
 from sautereau.daq.file.runs import Runs
 from sautereau.daq.file.verified import verifying
@@ -51,6 +51,8 @@ class Description(TypedDict):
     """Date of the trigger by the host's clock, ns since 1970; None without samples."""
     t0_std: float | None
     """Its standard uncertainty, s; None if it is unknown."""
+    checked: bool
+    """Whether checksums cover the samples; another program may have written the file without."""
     recovered: dict[str, str] | None
     """File that this one was recovered from, its damage and what is missing; None otherwise."""
     layout: str
@@ -66,6 +68,7 @@ class Survey:
     runs: Runs
     rig: Rig
     session: SessionInfo
+    checked: bool
 
     @property
     def names(self) -> list[str]:
@@ -88,12 +91,18 @@ def survey(file: BufferedReader) -> Survey:
     try:
         check_header(file)
     except RecordingError as error:  # what it advises instead is to survey the file
-        return _survey(file, find_intact(file), str(error).partition(";")[0])
+        return _survey(file, _intact(file), str(error).partition(";")[0])
     try:
         with verifying(file) as records:
             return _survey(file, records, None)
     except DamageError as error:
-        return _survey(file, find_intact(file), str(error))
+        return _survey(file, _intact(file), str(error))
+
+
+def _intact(file: BufferedReader) -> Iterator[Record]:
+    """Yield the intact records, the Metadata first: other programs write them anywhere."""
+    yield from find_intact(file, Opcode.METADATA)
+    yield from find_intact(file, Opcode.CHUNK)
 
 
 def _survey(file: BufferedReader, records: Iterator[Record], damage: str | None) -> Survey:
@@ -101,7 +110,8 @@ def _survey(file: BufferedReader, records: Iterator[Record], damage: str | None)
     for layout, block in contents.blocks(records):
         runs.add(layout, block)
     try:
-        return Survey(damage, contents, runs, contents.rig(), contents.session())
+        checked = not contents.unchecked or (damage is None and has_data_crc(file))
+        return Survey(damage, contents, runs, contents.rig(), contents.session(), checked)
     except RecordingError as error:
         if damage is None:
             raise
@@ -143,6 +153,7 @@ def describe(path: str | Path) -> Description:
         software=contents.metadata["software"],
         t0_ns=clock.t0 if clock else None,
         t0_std=contents.t0_std,
+        checked=found.checked,
         recovered=contents.metadata.get("recovered"),
         layout=str(LAYOUT),
     )

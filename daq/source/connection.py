@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from sautereau.daq.errors import DaqError
 from sautereau.rig.acquisition import Daq, Tls
+from sautereau.rig.disk import read_limited, why_unreadable
 
 if TYPE_CHECKING:
     import grpc
@@ -90,10 +91,11 @@ def _certificates(tls: Tls) -> list[bytes | None]:
     for name in ("root_certificate", "client_certificate", "client_key"):
         path = getattr(tls, name)
         try:
-            found.append(Path(path).expanduser().read_bytes() if path else None)
-        except OSError as error:
+            found.append(read_limited(Path(path).expanduser()) if path else None)
+        except (OSError, RuntimeError) as error:  # the latter for the home of an unknown user
             faults.append(
-                f"daq.tls.{name} {path}: {error.strerror}; give the path of a readable PEM file"
+                f"daq.tls.{name} {path}: {why_unreadable(error)}; give the path of a readable PEM"
+                " file"
             )
     if faults:
         raise DaqError("\n".join(faults))

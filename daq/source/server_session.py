@@ -7,14 +7,14 @@ machine shows whether its client is still running: the operating system releases
 process.
 """
 
-import hashlib
-import os
 import platform
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from sautereau.daq.errors import DaqError
 from sautereau.rig.acquisition import Daq
+from sautereau.rig.lock import Taken, device_lock, locked
 
 
 def create_task(daq: Daq, options: Any, stack: ExitStack) -> Any:
@@ -33,9 +33,9 @@ def create_task(daq: Daq, options: Any, stack: ExitStack) -> Any:
     from nidaqmx.errors import RpcError
     from nidaqmx.grpc_session_options import SessionInitializationBehavior as Behavior
 
+    stack.enter_context(hold_card(daq, "an acquisition"))
     if options is None:
         return Task()
-    _lock(daq, stack)
     name = f"sautereau {platform.node()} {daq.device}"
 
     def task(behavior: Behavior) -> Any:
@@ -51,21 +51,26 @@ def create_task(daq: Daq, options: Any, stack: ExitStack) -> Any:
     return task(Behavior.INITIALIZE_SERVER_SESSION)
 
 
-def _lock(daq: Daq, stack: ExitStack) -> None:
-    """Hold this machine's lock on a device of a server until the stack is left."""
-    from filelock import FileLock, Timeout
-    from platformdirs import user_cache_path
+@contextmanager
+def hold_card(daq: Daq, purpose: str, *, shared: bool = False) -> Iterator[None]:
+    """Keep other processes of this machine from the device; see `sautereau.rig.lock.locked`.
 
-    folder = user_cache_path("sautereau", ensure_exists=True)
-    key = hashlib.sha256(f"{daq.address} {daq.device}".encode()).hexdigest()[:16]
-    path = folder / f"daq-{key}.lock"
-    lock = FileLock(path, timeout=0, is_singleton=False)
-    try:
-        stack.enter_context(lock)
-    except Timeout as error:
-        raise DaqError(
-            f"DAQ device {daq.device} of {daq.address}: another sautereau process on this machine"
-            " uses it; end that one and try again"
-        ) from error
-    if os.name == "posix":  # elsewhere it cannot be removed while it is held
-        stack.callback(path.unlink, missing_ok=True)
+    Raises:
+        DaqError: Another process or thread uses it; the message names it.
+    """
+    device = f"DAQ device {daq.device}{f' of {daq.address}' if daq.address else ''}"
+    with ExitStack() as stack:
+        try:
+            path = device_lock("daq", daq.driver, daq.address, daq.device)
+            stack.enter_context(locked(path, purpose, shared=shared))
+        except Taken as error:
+            raise DaqError(
+                f"{device}: another sautereau process on this machine uses it: {error}; wait until"
+                " that one has ended, or end it, and try again"
+            ) from error
+        except OSError as error:
+            raise DaqError(
+                f"{device}: {error.filename}: {error.strerror}; give this user a folder for its"
+                " cache (XDG_CACHE_HOME) that can be written"
+            ) from error
+        yield

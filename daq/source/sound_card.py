@@ -8,6 +8,7 @@ the first one at or after the edge, whose time is known within one sample.
 import queue
 import re
 from collections.abc import Iterator
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
+from sautereau.daq.source.server_session import hold_card
 from sautereau.daq.source.source import InputSettings, SourceSettings
 from sautereau.daq.source.task import accepted_rate, plan_task
 from sautereau.rig.acquisition import Channel, Daq
@@ -44,6 +46,7 @@ class SoundCard:
         rows = [[0.0, channel.range / FULL_SCALE] for channel in daq.channels]
         self.scaling = Scaling("int32", np.array(rows))
         self._stream: Any = None
+        self._opened = ExitStack()
         self._queue: queue.SimpleQueue[tuple[NDArray[np.int32], bool]] = queue.SimpleQueue()
         self._description = ""
 
@@ -66,6 +69,17 @@ class SoundCard:
     def __enter__(self) -> "SoundCard":
         sounddevice = _library()
         daq = self._daq
+        with ExitStack() as opened:
+            opened.enter_context(hold_card(daq, "an acquisition"))
+            self._description = f"{self._open(sounddevice)}, sound card"
+            opened.callback(self._stream.close, ignore_errors=True)
+            accepted_rate(self.rate, daq)
+            self._opened = opened.pop_all()
+        return self
+
+    def _open(self, sounddevice: Any) -> str:
+        """Open the stream, and return the device's name."""
+        daq = self._daq
         try:
             index, found = _device(sounddevice, daq.device)
             self._stream = sounddevice.InputStream(
@@ -82,18 +96,11 @@ class SoundCard:
                 f" {daq.sample_rate:g} Hz; set daq.sample_rate and daq.channels.*.terminal to what"
                 " it supports"
             ) from error
-        self._description = f"{found}, sound card"
-        try:
-            accepted_rate(self.rate, daq)
-        except DaqError:
-            self.__exit__()
-            raise
-        return self
+        return found
 
     def __exit__(self, *exception: object) -> None:
-        stream, self._stream = self._stream, None
-        if stream is not None:
-            stream.close(ignore_errors=True)
+        self._stream = None
+        self._opened.close()
 
     def settings(self) -> SourceSettings:
         plan, daq = self._plan, self._daq

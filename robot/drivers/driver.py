@@ -52,6 +52,19 @@ class Driver(Player, Protocol):
                 timeout only.
         """
 
+    def check_ready(self, what: str, /) -> None:
+        """Check, before each motion, that the controller is as this driver left it.
+
+        The motors are on, its own program runs, and limits and gains are those that were set, as
+        far as the controller can be asked: another program may use it as well.
+
+        Args:
+            what: The motion, for messages.
+
+        Raises:
+            RobotError: It is not; nothing has moved.
+        """
+
     def halt(self) -> None:
         """Decelerate to a standstill, motors on."""
 

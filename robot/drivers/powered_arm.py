@@ -178,6 +178,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
 
     def home(self) -> Counts:
         driver = self._ready("home")
+        self._check_ready(driver, "homing")
         with self._safety.guarded(driver), self._states.moving(State.HOMED):
             driver.find_home(self._home)
         return self._home.copy()
@@ -212,6 +213,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
         target = np.rint(counts).astype(np.int64)
         self._limits.check_move(target, speed_counts_per_s)
         after = State.HOMED if self._states.now is State.HOMED else State.LOADED
+        self._check_ready(driver, "the move")
         with self._safety.guarded(driver), self._states.moving(after):
             driver.go(target, speed_counts_per_s)
         return target
@@ -232,10 +234,15 @@ class PoweredArm(MotionController, Generic[DriverT]):
         return self._motion
 
     def arm(self) -> None:
-        """Prepare capture, trigger and start; refuse where the arm is not at the start."""
+        """Prepare capture, trigger and start; refuse where the arm is not at the start.
+
+        Its driver checks that motors, program and settings are as it left them, so that nothing
+        but the acquisition should be between this call and `start`.
+        """
         driver = self._ready("arm")
         if self._motion is None:
             raise NotReady("arm: no motion is loaded; call load() first")
+        self._check_ready(driver, "the motion")
         self._limits.check_at(driver.positions(), self._motion.start, "arm: the arm")
         with self._safety.guarded(driver, "arm"):
             driver.arm()
@@ -259,6 +266,11 @@ class PoweredArm(MotionController, Generic[DriverT]):
         if not self._played:
             raise NotReady("capture: no motion is done; wait() for the end of one first")
         return driver.capture()
+
+    def _check_ready(self, driver: DriverT, what: str) -> None:
+        """Check before a motion that nobody has changed the controller; abort if somebody has."""
+        with self._safety.guarded(driver):
+            driver.check_ready(what)
 
     def _connected(self, call: str) -> DriverT:
         """Return the driver of the connection."""

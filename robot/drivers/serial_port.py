@@ -4,15 +4,19 @@ import errno
 import logging
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Protocol
 
+from sautereau.rig.lock import Taken, device_lock, locked
 from sautereau.robot.drivers.ethernet import TCP, EthernetPort
 from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
 
 _LOG = logging.getLogger(__name__)
 SCHEMES = ("socket", "rfc2217", "loop")
 """Accepted schemes of pyserial's URLs: ports behind a network, and one that only echoes."""
+
+
+_NO_DEVICE = "loop:"
 
 
 class Port(Protocol):
@@ -67,8 +71,52 @@ class _LoggedPort:
         self._port.close()
 
 
+class _HeldPort:
+    """An open port, and what keeps other processes from it until it is closed."""
+
+    def __init__(self, port: Port, held: ExitStack):
+        self._port, self._held = port, held
+        self.read, self.write = port.read, port.write
+        self.reset_input_buffer = port.reset_input_buffer
+
+    @property
+    def in_waiting(self) -> int:
+        return self._port.in_waiting
+
+    def close(self) -> None:
+        with self._held:
+            self._port.close()
+
+
+@contextmanager
+def hold_port(name: str, purpose: str, *, shared: bool = False) -> Iterator[None]:
+    """Keep other processes of this machine from a port; see `sautereau.rig.lock.locked`.
+
+    Raises:
+        PortUnavailable: Another process or thread uses it; the message names it.
+    """
+    with ExitStack() as stack:
+        try:
+            if not name.startswith(_NO_DEVICE):
+                stack.enter_context(locked(device_lock("port", name), purpose, shared=shared))
+        except Taken as error:
+            raise PortUnavailable(
+                f"port {name}: another program uses it: end that program, or wait until it has"
+                f" ended: {error}"
+            ) from error
+        except OSError as error:
+            raise PortUnavailable(
+                f"port {name}: {error.filename}: {error.strerror}; give this user a folder for its"
+                " cache (XDG_CACHE_HOME) that can be written"
+            ) from error
+        yield
+
+
 def open_port(name: str, baud_rate: int, timeout: float) -> Port:
     """Open a serial device, or a port on the network, for exclusive use.
+
+    Of the programs of this user, sautereau keeps out those that use this function; a serial port
+    is locked by the operating system as well.
 
     All traffic is logged where `debug` is logged when the port is opened.
 
@@ -81,13 +129,17 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
     Raises:
         PortUnavailable: Names the port, the reason, how to fix it and the ports of this machine.
     """
+    held = ExitStack()
+    held.enter_context(hold_port(name, "a connection"))
     try:
         port = _opened(name, baud_rate, timeout)
     except (OSError, ValueError) as error:  # SerialException is an OSError
+        held.close()
         raise PortUnavailable(
             f"port {name}: cannot be opened: {_reason(error)}; {_fix(error)}; ports of this"
             f" machine: {', '.join(machine_ports()) or 'none'}"
         ) from error
+    port = _HeldPort(port, held)
     return _LoggedPort(port, name) if _LOG.isEnabledFor(logging.DEBUG) else port
 
 
@@ -99,9 +151,12 @@ def _opened(name: str, baud_rate: int, timeout: float) -> Port:
     scheme, separator, _ = name.partition("://")
     if separator and scheme not in SCHEMES:
         raise ValueError(f"{scheme}:// is not one of tcp, {', '.join(SCHEMES)}")
-    return serial.serial_for_url(
-        name, baudrate=baud_rate, timeout=timeout, write_timeout=timeout, exclusive=True
-    )
+    try:
+        return serial.serial_for_url(
+            name, baudrate=baud_rate, timeout=timeout, write_timeout=timeout, exclusive=True
+        )
+    except KeyError as error:  # loop:// raises it for an option that it does not know
+        raise ValueError(f"{name.partition('?')[2]!r} is not an option of {scheme}://") from error
 
 
 def port_errors() -> tuple[type[Exception], ...]:

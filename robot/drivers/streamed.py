@@ -58,6 +58,10 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
         """Refuse ``what`` where an axis has switched itself off; name its errors."""
 
     @abstractmethod
+    def check_settings(self) -> None:
+        """Refuse settings that are no longer what this driver set."""
+
+    @abstractmethod
     def follow(self, at: Counts) -> None:
         """Let both axes follow setpoints, from the first one on (counts, shape (2,))."""
 
@@ -100,6 +104,10 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
         if self.stream is not None:
             self.stream.cancel()
 
+    def check_ready(self, what: str, /) -> None:
+        self.check_running(what)
+        self.check_settings()
+
     def load(self) -> Segments:
         """Keep the planned motion for `start`; nothing is sent."""
         self._loaded = self._planned
@@ -108,7 +116,6 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
     def arm(self) -> None:
         """Let the axes follow setpoints."""
         motion, _ = self._motion("arm")
-        self.check_running("arming")
         self.follow(motion.start)
 
     def start(self) -> None:

@@ -21,7 +21,7 @@ from sautereau.robot.experiment.plan import RigDocument
 from sautereau.robot.experiment.session import Item
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.learning import CUTOFF, Correction, Learner
+from sautereau.trajectory.learning import CUTOFF, KNOT, Correction, Learner
 from sautereau.trajectory.press import Trajectory, plan_press
 from sautereau.trajectory.timing import press_law
 
@@ -67,17 +67,24 @@ class IterativeLearning:
 
         Raises:
             TrajectoryError: The press cannot be made even without a correction.
-            RobotError: Fewer than 1 press is requested.
+            RobotError: Fewer than 1 press is requested, or no correction could be read again.
         """
         if presses < 1:
             raise RobotError(f"learning: {presses} presses were requested; request 1 or more")
+        law, step = press_law(rig.press), KNOT * rig.controller.sample_period
+        if (knots := (law.return_start - law.start) / step) > MOST_KNOTS:
+            raise RobotError(
+                f"learning: {law.return_start - law.start:.3g} s from the run-up to the return need"
+                f" {knots:.0f} points of its correction, {MOST_KNOTS} at most; press faster, or"
+                " shorten press.bottom_hold"
+            )
         self._rig, self._expected, self._presses, self._notes = rig, expected, presses, notes
         self._measured = measured
         self._used: Correction | None = None
         self._trajectory: Trajectory | None = plan_press(rig, expected)
         self.warnings = self._trajectory.warnings
         """Warnings about the plan."""
-        self._learner = Learner(press_law(rig.press), rig.controller.sample_period)
+        self._learner = Learner(law, rig.controller.sample_period)
         self._stopped = ""
 
     @property
@@ -167,7 +174,7 @@ def write_learned(
         "learned_for": _learned_for(rig, feed_forward),
     }
     try:
-        write_durably(path, json.dumps(document, indent=1, allow_nan=False) + "\n", new=True)
+        write_durably(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
     except OSError as error:
         raise RobotError(
             f"learned correction {path}: cannot be written: {error.strerror}; give another folder"

@@ -1,6 +1,5 @@
 """The plan of a session: its presses in order, and where the operator must act."""
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,6 +9,8 @@ from typing import Any
 
 from pydantic import BaseModel, JsonValue
 
+from sautereau.daq.file.provenance import check_recordable
+from sautereau.rig import disk
 from sautereau.rig.compared import comparable
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_document
@@ -51,6 +52,16 @@ class Plan:
             faults.append(f"a rest of {self.rest:g} s; give 0 s or more")
         if faults:
             raise RobotError(fault_list("session", faults))
+        for row in rows or ():
+            self.check(row)
+
+    def check(self, row: Row) -> None:
+        """Refuse a row whose recordings could not be read.
+
+        Raises:
+            RecordingError: As of `check_recordable`.
+        """
+        check_recordable(row.rig, row.notes, self.scene)
 
     @property
     def total(self) -> int | None:
@@ -91,9 +102,11 @@ def digest(path: Path) -> str:
         RobotError: It cannot be read.
     """
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return disk.digest(path)
     except OSError as error:
-        raise RobotError(f"{path}: cannot be read: {error.strerror}; check its name") from error
+        raise RobotError(
+            f"{path}: cannot be read: {disk.why_unreadable(error)}; check its name"
+        ) from error
 
 
 def to_set(rig: Rig, set_before: Mapping[str, Any], row: Row) -> dict[str, Any]:

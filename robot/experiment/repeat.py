@@ -9,6 +9,7 @@ from sautereau.analysis.session.conditions import differing
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Recorded
 from sautereau.rig.compared import values_of
+from sautereau.rig.disk import as_text
 from sautereau.rig.schema import Gesture, Press, Rig
 from sautereau.rig.units import format_quantity
 from sautereau.robot.errors import RobotError
@@ -50,7 +51,7 @@ def rows_of_recording(
     recorded = read_recording(recording)
     again = rig.model_copy(update={"press": _press(recorded)})
     changed = differing(values_of(rig), values_of(again))
-    notes = "; ".join(filter(None, (notes, f"replay of {recording.name}")))
+    notes = "; ".join(filter(None, (notes, f"replay of {as_text(recording.name)}")))
     return (Row(again, repeats, changed, notes),)
 
 

@@ -121,6 +121,7 @@ class PlanRun:
             row = Row(with_values(folder.plan.rig, values), row.repeats, values, row.notes)
             if not 0 < row.repeats <= MOST_PRESSES:
                 raise RobotError(f"session: {row.repeats} presses; request 1 to {MOST_PRESSES}")
+        folder.plan.check(row)
         folder.note_row(self._index, row.document())
         set_up = instrument_of(row.rig)
         warm_up = 0 if set_up == self._set_up else folder.plan.warm_up

@@ -151,8 +151,8 @@ def _press(
     rig, trajectory = item.rig, item.trajectory
     watch(Stage("loading", "idle", number))
     controller.load(trajectory.segments, item.torques)
-    controller.arm()
     with open_motion(rig, controller, _duration(item)) as motion:
+        controller.arm()  # as late as possible: it checks that nobody has changed the controller
         acquisition = motion.source
         session = SessionInfo(
             press=number,

@@ -16,7 +16,13 @@ from pydantic import BaseModel, Field, FiniteFloat, JsonValue, ValidationError
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.rig.compared import comparable
-from sautereau.rig.disk import make_folder, read_limited, why_unreadable, write_durably
+from sautereau.rig.disk import (
+    TEXT_LIMIT,
+    make_folder,
+    read_limited,
+    why_unreadable,
+    write_durably,
+)
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document
 from sautereau.rig.renamed import current_key
@@ -116,6 +122,7 @@ class SessionFolder:
             plan=asked,
             set_up={},
         )
+        _text_of(path, self._manifest)
         self.session = self._manifest.session
         """Identity, which every recording of the session contains."""
         self.seed = self._manifest.seed
@@ -162,7 +169,9 @@ class SessionFolder:
             check_same(self.path, {f"presses.{number + 1}": noted}, {f"presses.{number + 1}": row})
             return
         plan = {**self._manifest.plan, "presses": [*self._manifest.plan["presses"], row]}
-        self._manifest = replace(self._manifest, plan=plan)
+        manifest = replace(self._manifest, plan=plan)
+        _text_of(self.path, manifest)
+        self._manifest = manifest
         if self.resumed:
             write_manifest(self.path, self._manifest)
 
@@ -222,16 +231,40 @@ def read_manifest(folder: Path) -> Manifest | None:
         ) from error
 
 
+def _text_of(folder: Path, manifest: Manifest) -> str:
+    """Return the text of a manifest that `read_manifest` will read.
+
+    Raises:
+        RobotError: It is beyond the limits of the reader.
+    """
+    origin = f"session {folder / MANIFEST}: the plan cannot be written"
+    try:
+        text = json.dumps({"version": VERSION} | vars(manifest), indent=1, allow_nan=False)
+        _Manifest.model_validate_json(text)
+    except ValidationError as error:
+        raise RobotError(
+            fault_list(origin, validation_faults(error, _Manifest, ""))
+            + "\nchange the plan, or divide it into sessions"
+        ) from error
+    except ValueError as error:
+        raise RobotError(f"{origin}: {error}; change the plan") from error
+    if len(text) >= TEXT_LIMIT:
+        raise RobotError(
+            f"{origin}: {len(text) / 1e6:.3g} MB, {TEXT_LIMIT / 1e6:g} MB at most; shorten the"
+            " notes, or divide it into sessions"
+        )
+    return text + "\n"
+
+
 def write_manifest(folder: Path, manifest: Manifest) -> None:
     """Write a folder's manifest, so that it is always complete: the old one or the new one.
 
     Raises:
-        RobotError: It cannot be written.
+        RobotError: It cannot be written, or not be read again.
     """
     path = folder / MANIFEST
-    text = json.dumps({"version": VERSION} | vars(manifest), indent=1, allow_nan=False)
     try:
-        write_durably(path, text + "\n")
+        write_durably(path, _text_of(folder, manifest), replace=True)
     except OSError as error:
         raise RobotError(
             f"session {path}: cannot be written: {error.strerror}; give a folder that can be"

@@ -125,6 +125,7 @@ def main() -> None:
         if isinstance(error.__context__, KeyboardInterrupt) and _follows(error):
             status = _interrupted(error.__context__, as_json)
         elif isinstance(error, SautereauError | OSError):
+            error = _first_cause(error)
             status = 2 if isinstance(error, UsageError) else 1
             status = fail(as_json, _with_notes(_text(error), error), status)
         elif as_json:
@@ -132,6 +133,18 @@ def main() -> None:
         else:
             raise
     sys.exit(status)
+
+
+def _first_cause(error: Exception) -> Exception:
+    """Return the error during whose handling an `OSError` was raised, with that one as a note."""
+    from sautereau.rig.errors import SautereauError
+
+    first = error.__context__
+    implied = error.__cause__ is None and not error.__suppress_context__
+    if implied and not isinstance(error, SautereauError) and isinstance(first, SautereauError):
+        first.add_note(f"then: {_text(error)}")
+        return first
+    return error
 
 
 def _follows(error: Exception) -> bool:

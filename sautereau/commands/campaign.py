@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED, counted, part_of
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, Output, make_folders
+from sautereau.commands.output import FileOutput, Output, make_folders, save_plot
 
 SHOWN = 20
 """Faulty recordings that the text lists; JSON lists all."""
@@ -101,5 +101,5 @@ def touch(
     if plot:
         from sautereau.analysis.figures.touch import touch_figure
 
-        touch_figure(found).savefig(plot, dpi=120)
+        save_plot(plot, touch_figure(found))
     return output.answer(result, lines, plot)

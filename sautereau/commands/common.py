@@ -164,18 +164,23 @@ def bench(rig: "str | Rig", simulation: Simulation, *, moves: bool = True) -> "B
     return benches.bench(rig) if moves else benches.Bench(Own(rig))
 
 
-def opened(what: list[Path], output: Output, *, samples: bool = False) -> "Session":
+def opened(
+    what: list[Path], output: Output, *, samples: bool = False
+) -> "tuple[Session, list[str]]":
     """Open recordings, and read all of them.
 
     Args:
         what: Recordings, folders of sessions, or patterns.
         output: Shows the progress.
         samples: Whether to keep all samples.
+
+    Returns:
+        As `Session.readable`; the command reports the faults with its answer.
     """
     from sautereau.entrance.session import open
 
     with output.progress("reading recordings"):
-        return open(what).read(samples=samples)
+        return open(what).readable(samples=samples)
 
 
 def run(command: Callable[..., int]) -> Callable[..., int]:

@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from sautereau.analysis.summary.text import SOME_SIMULATED, counted, grouped
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, make_folders
+from sautereau.commands.output import FileOutput, make_folders, save_plot
 
 
 def phases(
@@ -56,7 +56,7 @@ def phases(
     elif remarks:
         lines.append(f"{counted(len(remarks), 'remark')}, listed by --verbose")
     if plot:
-        session.plot().savefig(plot, dpi=120)
+        save_plot(plot, session.plot())
     result = {"files": [p.document for p in session], "faults": texts}
     return output.answer(result, lines, plot, texts)
 
@@ -87,13 +87,14 @@ def compare(
     """
     from sautereau.analysis.errors import AnalysisError
     from sautereau.entrance.each import every
-    from sautereau.entrance.session import Session, open
+    from sautereau.entrance.session import open
 
     bench = common.load_rig(rig) if rig else None
     with output.progress("reading recordings"):
-        session, *others = every([files, against] if against else [files], open)
-        other = others[0] if others else None
-        Session([*session, *(other or ())]).read()
+        given = every([files, against] if against else [files], open)
+        (session, texts), *others = every(given, lambda one: one.readable())
+        other = others[0][0] if others else None
+    faults = [*texts, *(text for _, more in others for text in more)]
     with output.progress("predicting"):
         found = session.compare(other, rig=bench, level=level)
     conditions = found.found.conditions
@@ -101,8 +102,8 @@ def compare(
         raise AnalysisError("\n".join(w for condition in conditions for w in condition.warnings))
     lines = [*([SOME_SIMULATED] * found.found.simulated), *found.lines()]
     if plot:
-        found.plot().savefig(plot, dpi=120)
-    return output.answer(found.document, lines, plot)
+        save_plot(plot, found.plot())
+    return output.answer(found.document | {"faults": faults}, lines, plot, faults)
 
 
 def identify(
@@ -151,7 +152,7 @@ def identify(
         check_names(names, dict(map(read_prior, prior or ())))
     output.refuse(out)
     make_folders(out)
-    session = common.opened(files, output, samples=True)
+    session, faults = common.opened(files, output, samples=True)
     with output.progress("fitting"):
         fit = session.identify(names, prior or (), level=level, starts=starts, robust=robust)
     profiles = []
@@ -159,11 +160,12 @@ def identify(
         with output.progress("profile likelihood"):
             profiles = [fit.profile(e.name) for e in tracked(fit.found.estimates)]
     result, lines = fit.document(profiles), fit.lines(profiles, every=output.verbose)
+    result |= {"faults": faults}
     if plot:
-        fit.plot().savefig(plot, dpi=120)
+        save_plot(plot, fit.plot())
     if out:
         fit.write(out)
         result |= {"rig": str(out) if fit.values else None, "written": fit.values}
         written = f"{out}, with {', '.join(fit.values)}" if fit.values else "nothing was written"
         lines.append(f"rig:     {written}")
-    return output.answer(result, lines, plot)
+    return output.answer(result, lines, plot, faults)

@@ -1,16 +1,21 @@
 """The log of a command: steps and warnings on standard error, everything in a file."""
 
+import errno
 import logging
+import os
 import shlex
+import stat
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TextIO
 
 from sautereau.analysis.summary.text import wrapped
-from sautereau.commands.output import Output, printable
+from sautereau.commands.output import LATE_WARNINGS, Output, printable
 
+NOT_REGULAR = "not a regular file"
 _ROOT = logging.getLogger("sautereau")
 
 
@@ -22,6 +27,64 @@ class _ToTerminal(logging.Handler):
             head = "warning: " * (record.levelno >= logging.WARNING)
             text = f"{head}{record.getMessage()}"
             sys.stderr.write(f"{printable(wrapped(text))}\n")
+
+
+class _ToFile(logging.StreamHandler[TextIO]):
+    """Appends to a log file; at the first error it ends, and the command continues without it.
+
+    Args:
+        path: A regular file, or a new one.
+
+    Raises:
+        OSError: It is not, or cannot be written.
+    """
+
+    def __init__(self, path: Path):
+        self._path = path
+        super().__init__(_appending(path))
+        self.setFormatter(_Dated("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if not self.stream.closed:
+            super().emit(record)
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - of logging
+        """Close the file where the disk has no room; show other errors as logging does."""
+        if isinstance(error := sys.exception(), OSError):
+            self._end(error)
+        else:
+            super().handleError(record)
+
+    def close(self) -> None:
+        try:
+            self.stream.close()
+        except OSError as error:
+            self._end(error)
+        super().close()
+
+    def _end(self, error: OSError) -> None:
+        LATE_WARNINGS.append(
+            f"--log {self._path}: {error.strerror}; the log ends there, the command has continued"
+            " without it"
+        )
+        with suppress(OSError):  # of what could not be written
+            self.stream.close()
+
+
+def _appending(path: Path) -> TextIO:
+    """Open a regular file, or a new one, for appending; never wait for a pipe's reader."""
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
+    try:
+        entry = os.open(path, flags, 0o666)
+    except OSError as error:
+        if error.errno != errno.ENXIO:  # of a pipe that nobody reads
+            raise
+        raise OSError(errno.EINVAL, NOT_REGULAR) from error
+    file = os.fdopen(entry, "a", encoding="utf-8", errors="backslashreplace")
+    if not stat.S_ISREG(os.fstat(entry).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, NOT_REGULAR)
+    return file
 
 
 class _Dated(logging.Formatter):
@@ -50,20 +113,31 @@ def logged(output: Output) -> Iterator[None]:
     _ROOT.setLevel(logging.DEBUG if output.log else shown)
     for handler in handlers:
         _ROOT.addHandler(handler)
+
+    def end() -> None:
+        for handler in handlers:
+            _ROOT.removeHandler(handler)
+            handler.close()
+        _ROOT.setLevel(level)
+
     try:
         if output.log:
             from sautereau import __version__
 
             _ROOT.info("sautereau %s: %s", __version__, shlex.join(sys.argv[1:]))
         yield
-    except BaseException:
+    except BaseException as error:
         _ROOT.exception("the command has ended with an error")
+        end()
+        for warning in LATE_WARNINGS:
+            error.add_note(f"warning: {warning}")
         raise
+    else:
+        end()
+        for warning in LATE_WARNINGS:  # those that the answer could not hold
+            sys.stderr.write(f"{printable(wrapped(f'warning: {warning}'))}\n")
     finally:
-        for handler in handlers:
-            _ROOT.removeHandler(handler)
-            handler.close()
-        _ROOT.setLevel(level)
+        LATE_WARNINGS.clear()
 
 
 def _file(path: Path) -> logging.Handler:
@@ -72,10 +146,8 @@ def _file(path: Path) -> logging.Handler:
 
     try:
         make_folder(path.parent)
-        handler = logging.FileHandler(path, encoding="utf-8", errors="backslashreplace")
+        return _ToFile(path)
     except OSError as error:
         raise SautereauError(
             f"--log {path}: cannot be written: {error.strerror}; give another file"
         ) from error
-    handler.setFormatter(_Dated("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    return handler

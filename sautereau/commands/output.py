@@ -7,11 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
 from sautereau.analysis.summary.text import wrapped
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SCHEMA = 1
 """Version of the JSON that commands print; raised when a key changes its name or meaning."""
@@ -19,6 +22,8 @@ ESTIMATED_OVER = 600.0
 """s, over which the speed is averaged that gives the time left."""
 READ_ONLY = "no permission to write into it"
 _GENERAL = Group("General options", sort_key=100)
+LATE_WARNINGS: list[str] = []
+"""Warnings of this command that its answer is to contain; the answer takes them."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -52,6 +57,10 @@ class Output:
         Returns:
             The exit status: 0, or 1 with faults.
         """
+        if LATE_WARNINGS and (self.json or not self.quiet):
+            result = result | {"warnings": [*result.get("warnings", ()), *LATE_WARNINGS]}
+            lines = [*lines, *(f"warning: {warning}" for warning in LATE_WARNINGS)]
+            LATE_WARNINGS.clear()
         if picture:
             result, lines = result | {"picture": str(picture)}, [*lines, f"picture: {picture}"]
         if self.json:
@@ -164,8 +173,12 @@ class FileOutput(Output):
         from sautereau.rig.errors import SautereauError
 
         given = [path for path in dict.fromkeys(paths) if path]
-        there = [path for path in given if _is_file(path)]
-        faults = [f"{p} is a folder; give the name of a file in it" for p in given if p.is_dir()]
+        there = [path for path in given if path.is_file() or path.is_symlink()]
+        faults = [
+            f"{p} is {'a folder' if p.is_dir() else 'not a regular file'}; give the name of a file"
+            for p in given
+            if p.exists() and not p.is_file()
+        ]
         folders = dict.fromkeys(path.parent for path in given)
         faults += [
             f"folder {folder}: {READ_ONLY}; give another folder"
@@ -202,6 +215,18 @@ def make_folders(*paths: Path | None) -> None:
         raise SautereauError("\n".join(faults))
 
 
+def save_plot(path: Path, figure: "Figure", dpi: int = 120) -> None:
+    """Write a plot in the format of the file extension.
+
+    Raises:
+        OSError: It cannot be written, or exists already; see `sautereau.rig.disk.new_file`.
+    """
+    from sautereau.rig.disk import new_file
+
+    with new_file(path) as file:
+        figure.savefig(file, format=path.suffix[1:].lower(), dpi=dpi)
+
+
 def _writable(folder: Path) -> bool:
     return os.access(folder, os.W_OK)
 
@@ -234,10 +259,6 @@ def end_output() -> None:
     nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, sys.stdout.fileno())
     os.close(nothing)
-
-
-def _is_file(path: Path) -> bool:
-    return path.is_file() or path.is_symlink()
 
 
 def json_text(result: dict[str, Any]) -> str:

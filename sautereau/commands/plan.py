@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, json_text
+from sautereau.commands.output import FileOutput, json_text, save_plot
 
 
 def plan(
@@ -40,12 +40,12 @@ def plan(
         write_durably(out, json_text(document) + "\n")
         lines.append(f"segments: {out}")
     if plot:
-        made.plot().savefig(plot, dpi=110)
+        save_plot(plot, made.plot(), dpi=110)
         lines.append(f"picture: {plot}")
     if bench:
         from sautereau.analysis.figures.bench import bench_figure
 
-        bench_figure(nominal, draft).savefig(bench, dpi=120)
+        save_plot(bench, bench_figure(nominal, draft))
         lines.append(f"bench: {bench}")
     output.answer(result, lines)
     if not made.feasible:
@@ -99,7 +99,7 @@ def mount(
         from sautereau.analysis.figures.mount import mount_figure
 
         with output.progress("drawing the map"):
-            mount_figure(bench, mount_map(bench), found).savefig(plot, dpi=120)
+            save_plot(plot, mount_figure(bench, mount_map(bench), found))
     return output.answer(result, lines, plot)
 
 
@@ -117,5 +117,5 @@ def predict(
         found = Rig(rig).predict(level=level)
     if plot:
         with output.progress("predicting by all plectrum models"):
-            found.plot().savefig(plot, dpi=120)
+            save_plot(plot, found.plot())
     return output.answer(found.scalars, str(found).splitlines(), plot)

@@ -148,7 +148,7 @@ def _export_rig(file: Path, target: Path) -> Path:
     from sautereau.trajectory.urdf import rig_urdf
 
     try:
-        write_durably(target, rig_urdf(read_recording(file).rig), new=True)
+        write_durably(target, rig_urdf(read_recording(file).rig))
     except OSError as error:
         raise RecordingError(
             f"export of {file} to {target}: {error.strerror}; nothing is overwritten: give"

@@ -1,9 +1,10 @@
 """Output of a session: while it runs, and its summary."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.figures.comparison import PICTURED
 from sautereau.analysis.summary.press import HEADER, press_line
@@ -15,9 +16,13 @@ from sautereau.entrance.devices import Connected
 from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.pressing import Observer, Pressing
 from sautereau.entrance.session import Session
+from sautereau.rig.disk import read_limited, write_durably
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.run import Place
 from sautereau.robot.experiment.session_folder import SessionFolder
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class SessionReport(Observer):
@@ -128,7 +133,26 @@ def _pictures(compared: Comparison, folder: Path) -> list[Path]:
     for number, condition in enumerate(compared.found.conditions, 1):
         if condition.comparison:
             drawn = [press.press.path.stem for press in condition.counted[:PICTURED]]
-            names = dict.fromkeys((drawn[0], drawn[-1]))
-            pictures.append(folder / f"{'-to-'.join(names)}.png")
-            compared.plot(number).savefig(pictures[-1], dpi=120)
+            name = "-to-".join(dict.fromkeys((drawn[0], drawn[-1])))
+            pictures.append(_saved(folder, name, compared.plot(number)))
     return pictures
+
+
+def _saved(folder: Path, name: str, figure: "Figure") -> Path:
+    """Save a plot under the first name that no other file has, and return its path.
+
+    A session that is continued finds the plots that it has saved before.
+    """
+    held = BytesIO()
+    figure.savefig(held, format="png", dpi=120)
+    content = held.getvalue()
+    number = 1
+    while True:
+        path = folder / f"{name}{f'-{number}' * (number > 1)}.png"
+        with suppress(FileExistsError):
+            write_durably(path, content)
+            return path
+        with suppress(OSError):  # a folder, a device, or larger
+            if not path.is_symlink() and read_limited(path, len(content)) == content:
+                return path
+        number += 1

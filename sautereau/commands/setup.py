@@ -36,7 +36,7 @@ def init(
     from sautereau.rig.disk import write_durably
     from sautereau.rig.text import commented_rig
 
-    write_durably(file, commented_rig(), new=True)
+    write_durably(file, commented_rig())
     return output.answer(
         {"path": str(file)},
         [

@@ -4,7 +4,7 @@ import sys
 from contextlib import suppress
 
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, Output
+from sautereau.commands.output import FileOutput, Output, save_plot
 
 
 def stand_in(
@@ -89,5 +89,5 @@ def trade(
     with output.progress("measuring speed and accuracy"):
         measured = run_trade(bench.values, simulated, fresh=fresh)
     if plot:
-        results.trade_figure(measured).savefig(plot, dpi=120)
+        save_plot(plot, results.trade_figure(measured))
     return output.answer(results.trade_document(measured), results.trade_text(measured), plot)

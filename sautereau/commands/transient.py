@@ -3,10 +3,11 @@
 from typing import TYPE_CHECKING
 
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput
+from sautereau.commands.output import FileOutput, save_plot
 
 if TYPE_CHECKING:
     from sautereau.analysis.transient import Source
+    from sautereau.analysis.transient.evidence import Examined
 
 
 def transient(
@@ -28,20 +29,25 @@ def transient(
     from sautereau.analysis.alike import check_alike
     from sautereau.analysis.summary.transient import transient_lines, transient_summary
     from sautereau.analysis.transient import attribute, combine, examine
-    from sautereau.entrance.each import every
+    from sautereau.entrance.each import each
 
     measured = _known(known or [])
-    session = common.opened(files, output, samples=True)
-    rig = check_alike({str(each.press.path): each.press.rig for each in session})
+    session, faults = common.opened(files, output, samples=True)
+    rig = check_alike({str(one.path): one.press.rig for one in session})
+    examined: list[Examined] = []
     with output.progress("finding modes"):
-        examined = every(list(enumerate(session)), lambda p: examine(p[1].press, p[1].phases, p[0]))
+        _, others = each(
+            session, lambda p: examined.append(examine(p.press, p.phases, len(examined)))
+        )
+    faults += [str(error) for _, error in others]
     found = attribute(combine(examined), rig, measured)
     if plot:
         from sautereau.analysis.figures.transient import transient_figure
 
-        transient_figure(examined, found).savefig(plot, dpi=120)
+        save_plot(plot, transient_figure(examined, found))
     lines = transient_lines(examined, found)
-    return output.answer(transient_summary(examined, found), lines, plot)
+    result = transient_summary(examined, found) | {"faults": faults}
+    return output.answer(result, lines, plot, faults)
 
 
 def _known(texts: list[str]) -> "dict[Source, list[float]]":

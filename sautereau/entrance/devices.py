@@ -72,6 +72,11 @@ class Devices:
         self.control = Control()
 
     @property
+    def real(self) -> schema.Rig | None:
+        """The rig of the hardware; None for the stand-in."""
+        return self.rig.values if self.scene is None else None
+
+    @property
     def where(self) -> str:
         """Name of the bench in messages."""
         return f"rig {self.rig.name} on {_where(self.scene is not None)}"

@@ -40,9 +40,9 @@ class Fit(Shown):
     found: Identified
 
     def __repr__(self) -> str:
-        fits = "the model fits" if self.found.quality.fits else "THE MODEL DOES NOT FIT"
         values = ", ".join(f"{e.name} {e.value:.4g} {e.unit}" for e in self.found.estimates)
-        return f"<Fit to {counted(len(self.found.presses), 'press')}: {values}; {fits}>"
+        presses = counted(len(self.found.presses), "press")
+        return f"<Fit to {presses}: {values}; {self.found.quality.verdict}>"
 
     def __str__(self) -> str:
         return "\n".join(self.lines())
@@ -84,7 +84,7 @@ class Fit(Shown):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Identifiable values by dotted key; empty if the model does not fit."""
+        """Identifiable values by dotted key; empty unless the model is known to fit."""
         sure = [e for e in self.found.estimates if e.identifiable and self.found.quality.fits]
         return rig_values(self.nominal, {e.name: e.value for e in sure})
 

@@ -94,7 +94,7 @@ class Learning:
         """
         made, bench = self._made, self._bench
         fresh = None if bench.scene is None else fresh_seed()
-        with only_session(self._out):
+        with only_session(self._out, bench.real):
             folder = SessionFolder(self._out, self._plan, bench.seed, fresh, current_scene)
             if self._resumed(folder, on_press):
                 self._press(folder, on, on_press)

@@ -96,7 +96,7 @@ class Pressing:
         """Make the presses that are not yet in the folder."""
         bench = self.bench
         fresh = None if bench.scene is None else fresh_seed()
-        with only_session(self._out):
+        with only_session(self._out, bench.real):
             self.folder = SessionFolder(self._out, self.plan, bench.seed, fresh, current_scene)
             observer.begin(self.folder)
             connected: list[tuple[Connected, Watch]] = []

@@ -39,7 +39,7 @@ def write_report(
     name = folder.resolve().name if folder else f"of {len(recordings)} recordings"
     page = build_report(contents, _about(name, folder, contents.presses, list(warnings)))
     make_folder(out.parent)
-    write_durably(out, page)
+    write_durably(out, page, replace=True)
     simulated = any(record.press.simulated for record in contents.presses)
     return Report(out, len(contents.presses), simulated, dict(contents.unread))
 

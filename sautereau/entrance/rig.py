@@ -128,7 +128,7 @@ class Rig(Shown):
         path = Path(path)
         try:
             make_folder(path.parent)
-            write_durably(path, rig_text(self.values), new=True)
+            write_durably(path, rig_text(self.values))
         except OSError as error:
             raise RigError(
                 f"rig file {path}: cannot be written: {error.strerror}; give another path"

@@ -13,7 +13,7 @@ from sautereau.analysis.session.conditions import analyse, differing, what_is_al
 from sautereau.analysis.session.difference import side_by_side
 from sautereau.analysis.summary.text import counted
 from sautereau.entrance.comparison import Comparison
-from sautereau.entrance.each import every
+from sautereau.entrance.each import each, every
 from sautereau.entrance.fit import Fit
 from sautereau.entrance.found import recordings_of
 from sautereau.entrance.press_file import PressFile
@@ -77,6 +77,24 @@ class Session(Shown, Sequence[PressFile]):
         """
         every(self, lambda press: press.press if samples else press.partial)
         return self
+
+    def readable(self, *, samples: bool = False) -> "tuple[Session, list[str]]":
+        """Read and analyse every recording now, as `read`; return those without a fault.
+
+        Args:
+            samples: Whether to keep all samples.
+
+        Returns:
+            The presses, and the faults of the other recordings.
+
+        Raises:
+            SautereauError: No recording can be analysed.
+        """
+        found, faults = each(
+            self, lambda press: (press, press.press if samples else press.analysed)
+        )
+        presses = [press for press, _ in found]
+        return Session(presses, self.warnings, self.folder), [str(error) for _, error in faults]
 
     @property
     def simulated(self) -> bool:

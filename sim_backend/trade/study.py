@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from sautereau.analysis.errors import ModelError
-from sautereau.rig.disk import write_durably
+from sautereau.rig.disk import read_text, write_durably
 from sautereau.rig.load import rig_json
 from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
@@ -64,7 +64,7 @@ def run_trade(rig: Rig, scene: Scene, fresh: bool = False) -> Trade:
 def stored_trade(rig: Rig, scene: Scene) -> Trade | None:
     """Return the study in the user's cache, or None where there is none or it is damaged."""
     try:
-        document = json.loads(_path(rig, scene).read_text(encoding="utf-8"))
+        document = json.loads(read_text(_path(rig, scene)))
         points = tuple(Point(**point) for point in document.pop("points"))
         pareto = tuple(document.pop("pareto"))
         return replace(Trade(points=points, pareto=pareto, **document), cached=True)
@@ -77,7 +77,7 @@ def store_trade(rig: Rig, scene: Scene, trade: Trade) -> None:
     path = _path(rig, scene)
     with contextlib.suppress(OSError):  # without a cache it is only slower
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_durably(path, json.dumps(asdict(trade)))
+        write_durably(path, json.dumps(asdict(trade)), replace=True)
 
 
 def timed(rig: Rig, scene: Scene, drive: Drive) -> tuple[Observation, float, float]:

@@ -80,8 +80,8 @@ def rig_file(tmp_path):
 def sautereau(command_server, tmp_path):
     """Run a command in its own process and in `tmp_path`; with --json, check both streams."""
 
-    def run(*words: object) -> subprocess.CompletedProcess[str]:
-        done = command_server.run(*words, folder=tmp_path)
+    def run(*words: object, **more: object) -> subprocess.CompletedProcess[str]:
+        done = command_server.run(*words, folder=tmp_path, **more)
         if "--json" in words:
             printed = done.stderr if done.returncode else done.stdout
             assert json.loads(printed)["schema"] == 1, printed

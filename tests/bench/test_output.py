@@ -8,13 +8,15 @@ import sys
 from datetime import datetime
 from inspect import signature
 from io import BytesIO, TextIOWrapper
+from pathlib import Path
 
 import pytest
 
-from sautereau.commands.app import app
+from sautereau.commands.app import app, main
 from sautereau.commands.output import FileOutput, Output
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.progress import progress_to, tracked
+from sautereau.robot.errors import RobotError
 
 COMMANDS = [name for name in app if not name.startswith("-")]
 WRITES = {
@@ -87,6 +89,44 @@ def test_the_log_holds_steps_commands_to_the_controller_and_errors(sautereau, ba
     assert text.startswith(first)
     assert "RigError: " in text.splitlines()[-1] + text
     assert "cannot be written" in sautereau("plan", "--log", log / "log").stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
+@pytest.mark.parametrize("options", [("--json",), (), ("--quiet",)])
+def test_a_log_without_room_is_one_warning_beside_the_result(
+    sautereau, command_server, bare, rig_file, tmp_path, options
+):
+    """The press continues, and its recording is complete."""
+    log, most = tmp_path / "press.log", 50_000_000
+    log.touch()
+    os.truncate(log, most)  # without a block of the disk
+    press = ("press", rig_file(), "--scene", bare, "--out", "out", "--log", log, *options)
+    done = command_server.run(*press, folder=tmp_path, largest_file=most)
+    assert done.returncode == 0
+    assert log.stat().st_size == most
+    assert (tmp_path / "out" / "press-0001.mcap").exists()
+    shown = done.stdout + done.stderr
+    assert shown.count("--log") == 1
+    assert "Traceback" not in shown
+    if options == ("--json",):
+        assert str(log) in json.loads(done.stdout)["warnings"][-1]
+        assert not done.stderr
+    failed = command_server.run("plan", "none", "--log", log, folder=tmp_path, largest_file=most)
+    assert failed.returncode == 1
+    assert "'none'" in failed.stderr.splitlines()[0]
+    assert failed.stderr.count("--log") == 1
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with a name are POSIX's")
+def test_a_log_is_a_regular_file(sautereau, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with open(os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK), "rb") as read:  # noqa: PTH123
+        for name, why in (("pipe", "not a regular"), ("/dev/full", "not a regular"), (".", "dir")):
+            refused = sautereau("plan", "--log", name)
+            assert (refused.returncode, refused.stdout) == (1, "")
+            assert why in refused.stderr
+        read.close()
+        assert "not a regular" in sautereau("plan", "--log", "pipe").stderr
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are POSIX's")
@@ -197,3 +237,20 @@ def test_read_only_folders_are_refused_before_the_work(tmp_path, monkeypatch, co
     with pytest.raises(SautereauError, match="no permission to write into it"):
         app([command, *WRITES[command].split()], exit_on_error=False, print_error=False)
     assert {p.name for p in tmp_path.rglob("*")} == {"s", "press-0001.mcap"}
+
+
+def test_an_error_in_clearing_up_does_not_replace_the_first_one(monkeypatch, capsys):
+    def clear_up(**_):
+        try:
+            raise RobotError("the first cause")
+        finally:
+            (Path("/nowhere") / "file").unlink()
+
+    monkeypatch.setattr("sautereau.commands.app.app", clear_up)
+    monkeypatch.setattr(sys, "argv", ["sautereau"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 1
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == "sautereau: the first cause"
+    assert second.endswith("then: /nowhere/file: No such file or directory")

@@ -21,6 +21,7 @@ _PLACES = {
     "labels": "texts:Labels",
     "fit": "texts:Fits",
     "campaign": "tables:Campaigns",
+    "command": "commands:Commands",
     **dict.fromkeys(("csv", "parquet", "wav", "tdms", "mat", "npz", "h5"), "imports:Imports"),
 }
 

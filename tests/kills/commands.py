@@ -142,6 +142,13 @@ COMMANDS = {
         "identify ../inputs/session --free plectrum.overlap --starts 1 --out fitted.toml --force",
         _same,
     ),
+    "plan": Command("plan ../inputs/rig.toml --out plan.json --plot plan.png --force", _same),
+    "listen": Command("listen ../inputs/rig.toml --duration 1s --out pluck.wav --force", _same),
+    "animate": Command(
+        "animate ../inputs/session/press-0001.mcap --since 50ms --until 52ms --slow 80"
+        " --out pluck.gif --force",
+        _same,
+    ),
     "import": Command("import press-0001.csv press-0002.csv --out . --force", _same, _CSV),
     "report": Command("report session --force", _report, ("session",)),
     "split": Command("split long.mcap --out parts --force", _same, ("long.mcap",)),

@@ -19,7 +19,7 @@ IN_A_ROW = 5
 """Times, at most, that a command is broken before it may end."""
 AT_A_CHANGE = 0.5
 """Dimensionless fraction of the kills just before a change of a name or a flush."""
-REPLACED = (".html", ".png", ".parquet")
+REPLACED = (".html", ".parquet")
 """Endings of files that the next run may replace."""
 PROGRAM = """
 import sys

@@ -1,10 +1,19 @@
 """Files are written completely or not at all; what is no regular file is not read."""
 
+import errno
 import os
+import stat
 
 import pytest
 
-from sautereau.rig.disk import hold, read_limited, write_durably
+from sautereau.rig.disk import (
+    give_name,
+    hold,
+    make_folder,
+    new_file,
+    read_limited,
+    write_durably,
+)
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, parse_rig
 from sautereau.rig.units import parse_quantity
@@ -12,12 +21,12 @@ from sautereau.rig.units import parse_quantity
 
 def test_a_new_file_and_its_replacement(tmp_path):
     path = tmp_path / "file.txt"
-    write_durably(path, "a\r\n", new=True)
+    write_durably(path, "a\r\n")
     with pytest.raises(FileExistsError) as raised:
-        write_durably(path, "b", new=True)
-    assert raised.value.filename == str(path)
+        write_durably(path, "b")
+    assert (raised.value.filename, path.read_bytes()) == (str(path), b"a\r\n")
     path.chmod(0o640)
-    write_durably(path, b"c")
+    write_durably(path, b"c", replace=True)
     assert (path.read_bytes(), path.stat().st_mode & 0o777) == (b"c", 0o640)
     assert [found.name for found in tmp_path.iterdir()] == ["file.txt"]
 
@@ -26,8 +35,60 @@ def test_a_link_is_replaced_and_not_followed(tmp_path):
     target, link = tmp_path / "target", tmp_path / "link"
     target.write_text("precious")
     link.symlink_to(target)
-    write_durably(link, "new")
+    with pytest.raises(FileExistsError):
+        write_durably(link, "new")
+    write_durably(link, "new", replace=True)
     assert (target.read_text(), link.read_text(), link.is_symlink()) == ("precious", "new", False)
+
+
+@pytest.mark.parametrize("code", [errno.EPERM, errno.ENOTSUP, errno.ENOSYS])
+def test_disks_without_hard_links(tmp_path, monkeypatch, code):
+    """ExFAT and some network disks: a file is still written completely, and never over another."""
+
+    def link(source, target, **_):
+        raise OSError(code, os.strerror(code), str(source), None, str(target))
+
+    monkeypatch.setattr(os, "link", link)
+    path = tmp_path / "file.txt"
+    write_durably(path, "a")
+    with pytest.raises(FileExistsError):
+        give_name(tmp_path / "missing", path)
+    assert (path.read_text(), len(list(tmp_path.iterdir()))) == ("a", 1)
+
+
+@pytest.mark.parametrize("code", [errno.EINVAL, errno.ENOTSUP])
+def test_disks_that_cannot_flush_a_folder(tmp_path, monkeypatch, code):
+    flushed = os.fsync
+
+    def fsync(entry):
+        if stat.S_ISDIR(os.fstat(entry).st_mode):
+            raise OSError(code, os.strerror(code))
+        flushed(entry)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    make_folder(tmp_path / "a" / "b")
+    write_durably(tmp_path / "a" / "b" / "file.txt", "a")
+
+
+def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "file.txt"
+    write_durably(path, "old")
+
+    def fill():
+        with new_file(path, replace=True) as file:
+            file.write(b"half")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(OSError, match="the disk is full; free some space") as raised:
+        fill()
+    assert raised.value.filename == str(path)
+    assert (path.read_text(), len(list(tmp_path.iterdir()))) == ("old", 1)
+
+
+@pytest.mark.parametrize("name", ["a\0b", "\ud800"])
+def test_what_no_file_can_be_called(tmp_path, name):
+    with pytest.raises(OSError, match="not the name of a file"):
+        read_limited(tmp_path / name)
 
 
 def test_pipes_devices_and_large_files_are_not_read(tmp_path):

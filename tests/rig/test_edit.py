@@ -99,7 +99,7 @@ def test_a_failing_save_changes_nothing(file, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(RigError, match="No space left"):
+    with pytest.raises(RigError, match="the disk is full"):
         edit_rig(file, {"controller.port": "COM4"}).save()
     assert file.read_text() == TEXT
     assert [path.name for path in file.parent.iterdir()] == [file.name]

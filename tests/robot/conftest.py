@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.galil.dmc import LONGEST_LINE, pack
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.drivers.galil.program import controller_program, signature
 from sautereau.trajectory.segments import Segments
@@ -42,27 +43,52 @@ def torque(volts, lost):
     ]
 
 
-MEMORY = [
-    (
-        "MG _MTA,_MTB,_CEA,_CEB,_AGA,_AGB,_KPA,_KPB,_KIA,_KIB,_KDA,_KDB",
-        " 1.0000 1.0000 0.0000 0.0000 1.0000 1.0000 6.0000 6.0000 0.5000 0.5000 64.0000 64.0000"
-        "\r\n:",
-    ),
-    ("MG _BN,_BWA,_BWB", " 4711.0000 0.0000 0.0000\r\n:"),
-]
+def read(values):
+    """Return the questions for operands, as many as a line holds, and the answers."""
+    found = iter(values.values())
+    return [
+        (f"MG {','.join(names)}", "".join(f" {next(found):.4f}" for _ in names) + "\r\n:")
+        for names in pack(values, LONGEST_LINE - 3)
+    ]
+
+
+def both(**values):
+    """Return the operands of both axes with a value."""
+    return {f"_{name}{axis}": value for name, value in values.items() for axis in "AB"}
+
+
+GAINS = both(MT=1, CE=0, AG=1, KP=6, KI=0.5, KD=64, FA=0, FV=0, IL=9.9982)
+MEMORY = [*read(GAINS), ("MG _BN,_BWA,_BWB", " 4711.0000 0.0000 0.0000\r\n:")]
 SETTINGS = [
     ("TM 1000", ":"),
-    ("ER 20000,20000;OE 3,3;OF 0,0;TK 0,0", "::::"),
+    ("OE 3,3;OF 0,0;TK 0,0", ":::"),
     ("CN -1,-1,,0,1", ":"),
     ("LD 0,0;DC 63661056,63661056;SD 63661056,63661056", ":::"),
     *torque("9.9980", "5.9988"),
     ("OT 102,102;OA 1,1", "::"),
-    ("MG _TM,_ERA,_ERB,_OEA,_OEB", " 1000.0000 20000.0000 20000.0000 3.0000 3.0000\r\n:"),
+    ("MG _TM,_OEA,_OEB", " 1000.0000 3.0000 3.0000\r\n:"),
     ("MG _OFA,_OFB,_TKA,_TKB", " 0.0000 0.0000 0.0000 0.0000\r\n:"),
     ("MG _CN0,_CN1,_CN3,_CN4,_LDA,_LDB", " -1.0000 -1.0000 0.0000 1.0000 0.0000 0.0000\r\n:"),
     ("MG _OTA,_OTB,_OAA,_OAB", " 102.0000 102.0000 1.0000 1.0000\r\n:"),
+    ("ER 20000,20000", ":"),
+    ("MG _ERA,_ERB", " 20000.0000 20000.0000\r\n:"),
     *SOFTWARE,
 ]
+SET = {
+    **GAINS,
+    **both(TL=9.998, OV=5.9988),
+    "_TM": 1000,
+    **both(OE=3, OF=0, TK=0),
+    **{"_CN0": -1, "_CN1": -1, "_CN3": 0, "_CN4": 1},
+    **both(LD=0, OT=102, OA=1, ER=20000),
+    **{"_FLA": 444444, "_FLB": -55556, "_BLA": -444444, "_BLB": -833333},
+}
+STATE_BEFORE = "MG _MOA,_MOB,_AB,wsign,TIME,_SCA,_SCB,_XQ0,wleft,wfault"
+ON_AND_WATCHED = (
+    STATE_BEFORE,
+    f" 0.0000 0.0000 1.0000 {SIGN}.0000 5001.0000 1.0000 1.0000 1.0000 9.0000 0.0000\r\n:",
+)
+READY = [ON_AND_WATCHED, *read(SET)]
 DOWNLOAD = [
     ("DL", ""),
     *[(line, b"") for line in PROGRAM],
@@ -88,7 +114,10 @@ ON = [
     ("MG wleft,_XQ0", " 10.0000 1.0000\r\n:"),
     ("MG wleft,_XQ0", " 9.0000 1.0000\r\n:"),
     ("MG TIME", " 5000.0000\r\n:"),
-    ("MG wsign,wleft,_XQ0,TIME;wsign=0;wleft=10", f" {SIGN}.0000 9.0000 1.0000 5001.0000\r\n:::"),
+    (
+        "MG wsign,wleft,_XQ0,TIME;wsign=0;wleft=10*(wleft>0)",
+        f" {SIGN}.0000 9.0000 1.0000 5001.0000\r\n:::",
+    ),
     ("SH AB", ":"),
     ("MG _MOA,_MOB", " 0.0000 0.0000\r\n:"),
 ]
@@ -109,6 +138,7 @@ APPROACH = [
     ("MG _TPA,_TPB", " 1.0000 -499999.0000\r\n:"),
 ]
 HOME = [
+    *READY,
     ("MG _TPA,_TPB", " 7.0000 9.0000\r\n:"),
     *torque("4.9990", "2.9994"),
     ("FL 1018599,1018601;BL -1018585,-1018583", "::"),
@@ -127,6 +157,7 @@ HOME = [
     *torque("9.9980", "5.9988"),
 ]
 MOVE = [
+    *READY,
     ("MG _TPA,_TPB", " 0.0000 -500000.0000\r\n:"),
     ("SP 100000,100000;AC 999424,999424;DC 999424,999424", ":::"),
     ("PA 1000,-501000", ":"),
@@ -152,12 +183,13 @@ ARRAYS = [
 ]
 LOAD = [*FIFO, *ARRAYS, ("pushn=0", ":"), ("MG pushn", " 0.0000\r\n:")]
 ARM = [
+    *READY,
     ("MG _TPA,_TPB", " 1003.0000 -501002.0000\r\n:"),
     ("DC 63661056,63661056;SD 63661056,63661056", "::"),
     ("RA posA[],posB[],errA[],errB[],trqA[],trqB[]", ":"),
     ("RD _TPA,_TPB,_TEA,_TEB,_TTA,_TTB", ":"),
     ("rate=1", ":"),
-    ("MG rate,_XQ1,_MOA,_MOB", " 1.0000 -1.0000 0.0000 0.0000\r\n:"),
+    ("MG rate,_XQ1", " 1.0000 -1.0000\r\n:"),
 ]
 START = [("XQ #PRESS,1", ":")]
 POLL = "MG _BGA,_BGB,_SCA,_SCB,_XQ1,_XQ0"

@@ -1,6 +1,7 @@
 """Faults of the host: signals, kills, disks, other programs, and edited rigs."""
 
 import os
+import shutil
 import signal
 import subprocess
 import threading
@@ -39,7 +40,8 @@ from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.trajectory.press import plan_press
 from tests.presses import mute_scene
 rig = rig_from_json(Path(sys.argv[1]).read_text())
-make_presses(GalilController(rig), Path(sys.argv[2]), [Item(rig, plan_press(rig))])
+items = [Item(rig, plan_press(rig))] * int(sys.argv[3])
+make_presses(GalilController(rig), Path(sys.argv[2]), items)
 """
 
 
@@ -70,14 +72,20 @@ def ctrl_c_in_the_press(desk):
     desk.press()
 
 
-def child_pressing(desk, end, wait=False):
-    """Press from another process, and end it 30 ms after the trigger; or let it report."""
+def child_pressing(desk, end, wait=False, n=1, command=""):
+    """Press from another process, and end it 30 ms after the trigger; or let it report.
+
+    Where a command is given, it is ended when the controller receives that.
+    """
     with desk.stand_in() as stand_in:
         rig_file = desk.out.with_suffix(".json")
         rig_file.write_text(rig_json(stand_in.rig))
-        words = ("-c", CHILD, rig_file, desk.out)
+        words = ("-c", CHILD, rig_file, desk.out, n)
         with desk.server.start(*words, stderr=subprocess.PIPE) as child:
-            desk.at(1, 0.03, lambda: end(child))
+            if command:
+                desk.on_command(command, lambda: end(child) or True)
+            else:
+                desk.at(1, 0.03, lambda: end(child))
             deadline = time.monotonic() + 60
             while not desk.off and child.poll() is None and time.monotonic() < deadline:
                 time.sleep(0.01)
@@ -101,11 +109,47 @@ def host_frozen(desk):
 
 @fault("the host stopped for 1.5 s 30 ms after the trigger", ALONE, f"did not renew it.*{OFF}")
 def host_frozen_for_a_while(desk):
-    def freeze(child):
-        child.send_signal(signal.SIGSTOP)
-        threading.Timer(1.5, lambda: child.send_signal(signal.SIGCONT)).start()
-
     child_pressing(desk, freeze, wait=True)
+
+
+def freeze(child):
+    child.send_signal(signal.SIGSTOP)
+    threading.Timer(1.5, lambda: child.send_signal(signal.SIGCONT)).start()
+
+
+@fault(
+    "the host stopped for 1.5 s after a press, before the next",
+    ALONE,
+    f"not started: the controller's watchdog.*did not renew it.*{OFF}",
+)
+def host_frozen_between_presses(desk):
+    child_pressing(desk, freeze, wait=True, n=2, command="QU trqB")
+
+
+@fault(
+    "another client sets gains, OE and limits 30 ms after the trigger",
+    HOST,
+    f"KP of axis A .joint 1. is 300, set to 6.*OE of .* is 0.*ER of .* is 1000000.*{OFF}",
+    ports=TCP,
+)
+def settings_of_another_client(desk):
+    def intrude():
+        letter = desk.bench.firmware.connect(2000)
+        desk.bench.firmware.receive(b"OE 0,0;ER 1000000,1000000;KP 300,300\r", letter)
+
+    desk.at(1, 0.03, intrude)
+    desk.press(n=2)
+
+
+@fault(
+    "the session's folder removed 30 ms after the trigger",
+    HOST,
+    f"press-0001.*cannot be written.*removed, with the samples.*{OFF}",
+    quick=True,
+)
+def folder_removed_in_the_press(desk):
+    desk.at(1, 0.03, lambda: shutil.rmtree(desk.out))
+    desk.press()
 
 
 @fault(

@@ -21,6 +21,7 @@ from sautereau.robot.errors import (
     LineLost,
     MotionFault,
     RobotError,
+    SettingChanged,
     SettingNotTaken,
     SilentController,
     UnsafeRequest,
@@ -118,6 +119,22 @@ def test_the_servos_hold_the_limits_of_the_arm(controller):
             controller.move_to(np.array([2000, -1024]), 500)
         with pytest.raises(SettingNotTaken, match=r"servo 1 .*Goal Position\(116\).*its limits"):
             controller.driver.line.write(GOAL_POSITION, (4000, 2048))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("max_position_limit", 4095, r"Max Position Limit\(48\) of servo 2 is 4095, set to 2"),
+        ("bus_watchdog", 0, r"Bus Watchdog\(98\) of servo 2 is 0, set to"),
+    ],
+)
+def test_what_another_program_has_set_is_found_before_the_next_motion(
+    controller, port, name, value, said
+):
+    with fails(controller, SettingChanged, said, OFF):
+        controller.home()
+        port.firmware.axes[1]._values[name] = value
+        controller.move_to(controller.positions() + 20, 500)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from sautereau.robot.errors import (
     MotionFault,
     NotReady,
     RobotError,
+    SettingChanged,
     SettingNotTaken,
     UnsafeRequest,
 )
@@ -204,6 +205,38 @@ def test_with_the_watchdog_disabled_the_motors_stay_off(controller, port):
         with said, controller.powered():
             pytest.fail("it has power")
         assert "w axis0.requested_state 8" not in port.said
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("controller.config.pos_gain", 1000, "pos_gain is 1000, set to 20"),
+        ("controller.config.vel_limit", 50, "vel_limit is 50, set to 0.9549"),
+        ("motor.config.torque_lim", 100, "torque_lim is 100, set to 2"),
+        ("config.enable_watchdog", 0, "enable_watchdog is 0, set to 1"),
+        ("controller.config.enable_overspeed_error", 0, "overspeed_error is 0, set to 1"),
+    ],
+)
+def test_what_another_program_has_set_is_found_before_the_next_motion(
+    controller, port, segments, name, value, said
+):
+    changed = port.firmware.axes[1].settings
+    motions = {
+        "home": controller.home,
+        "move_to": lambda: controller.move_to(segments.start + 10, 100_000),
+        "arm": controller.arm,
+    }
+    for move in motions.values():
+        before = changed[name]
+        with fails(controller, SettingChanged, rf"axis1\..*{said}", OFF):
+            if move != controller.home:
+                controller.home()
+                controller.move_to(segments.start, 100_000)
+                controller.load(segments)
+            changed[name] = float(value)
+            move()
+        assert port.firmware.motors_on == (False, False)
+        changed[name] = before
 
 
 # What is refused; what every controller refuses is in test_order.py.

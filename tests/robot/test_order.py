@@ -83,7 +83,7 @@ def test_each_state_refuses_the_calls_that_it_does_not_allow(bench, lines, segme
 
 def test_an_arm_away_from_the_start_is_not_armed(bench, lines, segments):
     away = ("MG _TPA,_TPB", " 1051.0000 -501000.0000\r\n:")
-    controller, _ = bench(lines.homed, lines.load, [away], lines.off)
+    controller, _ = bench(lines.homed, lines.load, lines.ready, [away], lines.off)
     with homed(controller):
         controller.load(segments)
         with pytest.raises(NotReady, match=r"1051, -501000 counts .* 1000, -501000, within 50"):
@@ -172,10 +172,8 @@ def test_a_controller_without_echo(bench, lines):
 
 
 SETTINGS = {
-    "MG _TM,_ERA,_ERB,_OEA,_OEB": (
-        " 1000.0000 20000.0000 16384.0000 3.0000 0.0000",
-        "_ERB is 16384 and should be 20000, _OEB is 0",
-    ),
+    "MG _TM,_OEA,_OEB": (" 1024.0000 3.0000 0.0000", "_TM is 1024 and .* 1000, _OEB is 0"),
+    "MG _ERA,_ERB": (" 20000.0000 16384.0000", "_ERB is 16384 and should be 20000"),
     "MG _OFA,_OFB,_TKA,_TKB": (" 0.0000 1.0000 0.0000 0.0000", "_OFB is 1 and should be 0"),
     "MG _TLA,_TLB": (" 9.9979 0.0000", "reads back 9.9979 and 0 V; check its amplifiers"),
     "MG _CN0,_CN1,_CN3,_CN4,_LDA,_LDB": (

@@ -203,6 +203,6 @@ def test_a_torque_limit_in_the_controller_limits_the_motors(bench):
     stand_in, controller = bench()
     with controller.powered():
         motion = still(controller.home())
-        controller.driver.line.ask("TL 2.5,2.5")
+        controller.driver.settings.limit_torque(2.5 / 9.998)
         capture = play(controller, motion, pulse(motion, stand_in.rig))
     assert capture.torques.max() == pytest.approx(2.5 / 9.998 * 2.0, rel=1e-4)

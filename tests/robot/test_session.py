@@ -1,6 +1,7 @@
 """Plans, tables and manifests of sessions."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +10,17 @@ import pytest
 from sautereau.analysis.loading.press import load_press
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_session
+from sautereau.entrance import bench as benches
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.differences import check_same
+from sautereau.robot.experiment.learning import IterativeLearning
+from sautereau.robot.experiment.monitor import Samples
 from sautereau.robot.experiment.plan import Plan, to_set
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner
 from sautereau.robot.experiment.repeat import rows_of_recording
+from sautereau.robot.experiment.session import Item
 from sautereau.robot.experiment.session_folder import (
     MANIFEST,
     Manifest,
@@ -23,7 +28,10 @@ from sautereau.robot.experiment.session_folder import (
     read_manifest,
     write_manifest,
 )
+from sautereau.trajectory.press import plan_press
+from tests.presses import QUICK, mute_scene
 from tests.recordings import SESSION, write_recording
+from tests.robot.motions import OFF
 
 RIG = load_rig("paper")
 
@@ -142,6 +150,53 @@ def test_a_manifest_is_read_back_and_replaced(tmp_path):
     assert found
     assert found.set_up == {"jack.mass": "7 g"}
     assert [path.name for path in tmp_path.iterdir()] == [MANIFEST]
+
+
+def test_what_no_reader_would_read_is_refused_before_anything_is_written(tmp_path):
+    """Bytes that are not UTF-8 on the command line arrive as such characters."""
+    byte = b"ma\xeetre".decode("utf-8", "surrogateescape")
+    for make, said in (
+        (lambda: Row(RIG, notes=byte), "notes: character 3, U[+]DCEE"),
+        (lambda: Row(RIG, values={"jack.mass": byte}), "jack.mass: character 3"),
+        (lambda: Item(RIG, plan_press(RIG), notes=byte), "notes: character 3"),
+        (lambda: SessionFolder(tmp_path / "a", Plan(RIG, (Row(RIG, notes="é" * 1_400_000),)),
+                               None, None), "8.41 MB, 8 MB at most; shorten the notes"),
+        (lambda: SessionFolder(tmp_path / "a", Plan(RIG, (Row(RIG),)), 2**64, None), "seed"),
+        (lambda: write_manifest(tmp_path, Manifest("id" * 101, "now", 3, {}, {})), "session"),
+    ):  # fmt: skip
+        with pytest.raises(RobotError, match=said):
+            make()
+    folder = SessionFolder(tmp_path, Plan(RIG, None), None, None)
+    folder.start()
+    before = (tmp_path / MANIFEST).read_bytes()
+    with pytest.raises(RobotError, match="cannot be written"):
+        folder.note_row(0, {"values": {}, "repeats": 0, "notes": "?", "answer": byte})
+    folder.note_row(0, Row(RIG).document())
+    assert len((tmp_path / MANIFEST).read_bytes()) > len(before)
+    assert read_manifest(tmp_path)
+
+
+def test_a_correction_that_could_not_be_read_again_is_not_learned():
+    slow = with_values(RIG, {"press.bottom_hold": "25 s"})
+    with pytest.raises(RobotError, match="points of its correction, 10000 at most"):
+        IterativeLearning(slow, None, 3)
+
+
+def test_the_first_cause_is_reported_where_the_folder_goes_away(tmp_path):
+    """With the motors' state, and that the samples are lost."""
+    out = tmp_path / "out"
+
+    def watch(seen):
+        if isinstance(seen, Samples) and out.exists():
+            shutil.rmtree(out)
+
+    bench = benches.stand_in(with_values(RIG, QUICK), mute_scene(), 0)
+    with pytest.raises(RecordingError, match=r"press-0001\.mcap: cannot be written: No such") as e:
+        bench.press(1, out=out, watch=watch)
+    said = " ".join(e.value.__notes__)
+    assert "press-0001.mcap.part was removed, with the samples recorded before" in said
+    assert OFF in said
+    assert f"{out} was removed or renamed" in said
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"version": 1}', '{"version": 2}', "\x00"])

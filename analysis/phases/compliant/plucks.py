@@ -149,6 +149,8 @@ def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tupl
     for last in (shorter, end):
         if found >= wanted and searched.residual < FAIR:
             break
+        if (last - begin) / signals.rate < slow.width:
+            continue  # nothing is left before the front felt
         finer = Slow(signals, begin, last, FINER)
         if last < end or finer.width < slow.width:
             again = search(finer, strings)

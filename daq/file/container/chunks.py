@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from io import BufferedReader
 
+import lz4.frame
 import zstandard
 
 from sautereau.daq.errors import RecordingError
@@ -18,12 +19,14 @@ from sautereau.daq.file.container.records import (
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
     PREFIX,
+    UNAVAILABLE,
     Bytes,
     DamageError,
     Opcode,
     Record,
     read_metadata,
 )
+from sautereau.rig.units import shown
 
 AHEAD = 3
 """Number of chunks unpacked ahead of their reader; it bounds the memory."""
@@ -33,17 +36,18 @@ FEW = 8
 """Number of chunks at the start of a file, as many as of a press, unpacked without threads."""
 Unpacked = tuple[int, Bytes]
 """Opcode and body of a record."""
-ZSTD = b"zstd"
-"""Name of the compression."""
+ZSTD, LZ4 = b"zstd", b"lz4"
+"""Names of compressions; sautereau writes zstd or none."""
 CHUNK = struct.Struct("<QQQII")
 """Start, end, size, CRC, length of the compression's name, which follows."""
 _SIZE = struct.Struct("<Q")
+_UNKNOWN_SIZE = -1  # of the content of a zstd frame that was written as a stream
 NAMES = ("channels", "rig", "software", "session", "schemas", "end", "recovered")
 """Names of a recording's Metadata records."""
 _HEAD = 1024**2  # bytes at the start of a file that hold its first Metadata records
 _RECORD = re.compile(
     # A chunk: opcode, a length below 2**32, times, sizes and a CRC, the name of its compression.
-    rb"\x06.{4}\0{4}.{28}(?:\x04\0\0\0zstd|\0{4})"
+    rb"\x06.{4}\0{4}.{28}(?:\x04\0\0\0zstd|\x03\0\0\0lz4|\0{4})"
     # A Metadata record: opcode, a length below 2**32, its name.
     + rb"|\x0c.{4}\0{4}(?:"
     + b"|".join(re.escape(struct.pack("<I", len(n)) + n.encode()) for n in NAMES)
@@ -95,29 +99,38 @@ def _ready(opcode: int, body: "Bytes | Future[Bytes]") -> Unpacked:
 
 
 def unpack_chunk(body: Bytes) -> Bytes:
-    """Return the records of a chunk, unpacked, after its checksum has been verified.
+    """Return the records of a chunk, unpacked, after its checksum, if it has one, was verified.
 
     Raises:
-        DamageError: The checksum does not match, or a length is invalid or exceeds
-            `LARGEST_CHUNK`.
+        DamageError: The checksum does not match, or a length is invalid.
+        RecordingError: It is larger than `LARGEST_CHUNK`, or its compression is unknown.
     """
     if len(body) < CHUNK.size:
         raise DamageError(f"a chunk of {len(body)} bytes is too short")
     _, _, size, crc, name_length = CHUNK.unpack_from(body)
     at = CHUNK.size + name_length
     if size > LARGEST_CHUNK:
-        raise DamageError(f"a chunk of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes")
-    compression = body[CHUNK.size : at]
+        raise RecordingError(
+            f"a chunk of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes; write it again"
+            " with smaller chunks, `mcap compress --chunk-size 1000000`"
+        )
+    compression = bytes(body[CHUNK.size : at])
     packed = memoryview(body)[at + _SIZE.size :]
     if len(body) < at + _SIZE.size or _SIZE.unpack_from(body, at)[0] != len(packed):
         raise DamageError("a chunk's length is not that of its content")
     if compression == ZSTD:
         data = _unzstd(packed, size)
+    elif compression == LZ4:
+        data = _unlz4(packed, size)
     elif compression == b"":
         data = packed
     else:
-        raise DamageError(f"a chunk has the compression {compression!r}, neither zstd nor none")
-    if len(data) != size or crc32(data) != crc:
+        name = shown(compression.decode(errors="backslashreplace"))
+        raise RecordingError(
+            f"a chunk has the compression {name}, not zstd, lz4 or none; convert it with `mcap"
+            " compress --compression zstd`"
+        )
+    if len(data) != size or (crc != UNAVAILABLE and crc32(data) != crc):
         raise DamageError("the checksum of a chunk does not match")
     return data
 
@@ -125,18 +138,34 @@ def unpack_chunk(body: Bytes) -> Bytes:
 def _unzstd(packed: memoryview, size: int) -> bytes:
     """Unpack one zstd frame; the size that the frame itself gives allocates no memory."""
     try:
-        if zstandard.frame_content_size(packed) != size:
+        if zstandard.frame_content_size(packed) not in (size, _UNKNOWN_SIZE):
             raise DamageError("a chunk's content has another size than its record says")
-        return _OF_THREAD.unpack(packed, max_output_size=size)
+        return _OF_THREAD.unpack(packed, max_output_size=max(1, size))
     except zstandard.ZstdError as error:
         raise DamageError(f"a chunk cannot be unpacked: {error}") from error
 
 
-def find_intact(file: BufferedReader) -> Iterator[Record]:
+def _unlz4(packed: memoryview, size: int) -> bytes:
+    """Unpack one lz4 frame, at most one byte more than its record says."""
+    unpacker = lz4.frame.LZ4FrameDecompressor()
+    try:
+        data = unpacker.decompress(packed, max_length=size + 1)
+    except (RuntimeError, EOFError) as error:
+        raise DamageError(f"a chunk cannot be unpacked: {error}") from error
+    if not unpacker.eof:
+        raise DamageError("a chunk's content has another size than its record says")
+    return data
+
+
+def find_intact(file: BufferedReader, *opcodes: Opcode) -> Iterator[Record]:
     """Yield all chunks and Metadata records whose own checksums match, in their order.
 
     Every offset is searched for the pattern of their first bytes, so that a wrong length cannot
-    hide the records after it.
+    hide the records after it. A chunk without a checksum is not known to be intact.
+
+    Args:
+        file: Searched completely.
+        opcodes: Kinds of the records; none for both.
 
     Raises:
         RecordingError: The file has so many overlapping false starts of records that verifying
@@ -151,7 +180,7 @@ def find_intact(file: BufferedReader) -> Iterator[Record]:
             stop = start + PREFIX.size + length
             most = LARGEST_CHUNK if opcode == Opcode.CHUNK else LARGEST_DEFINITIONS
             at = start + 1
-            if length > most or stop > len(data):
+            if length > most or stop > len(data) or (opcodes and opcode not in opcodes):
                 continue
             left -= length + (_claimed(data, start, length) if opcode == Opcode.CHUNK else 0)
             if left < 0:
@@ -177,8 +206,13 @@ def _is_intact(opcode: int, body: bytes, require_checksum: bool) -> bool:
     try:
         if opcode == Opcode.CHUNK:
             unpack_chunk(body)
-        else:
-            read_metadata(body, require_checksum=require_checksum)
-    except DamageError:
+            return has_checksum(body)
+        read_metadata(body, require_checksum=require_checksum)
+    except RecordingError:
         return False
     return True
+
+
+def has_checksum(chunk: Bytes) -> bool:
+    """Return whether a chunk has a checksum; one that is too short is refused when it is read."""
+    return len(chunk) < CHUNK.size or CHUNK.unpack_from(chunk)[3] != UNAVAILABLE

@@ -1,6 +1,5 @@
 """Files that get their names only when they are complete and on the disk; when they are flushed."""
 
-import errno
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -9,7 +8,7 @@ from typing import BinaryIO
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.rig.disk import hold, may_replace, sync_folder
+from sautereau.rig.disk import give_name, hold, may_replace, sync_folder, why_unwritable
 
 PART = ".part"
 """Appended to the name of a recording until it is complete."""
@@ -20,11 +19,6 @@ SYNC_PERIOD = 1.0
 """Time in s after which samples are synced to the disk: a power failure loses at most this and
 one block."""
 _BUFFER = 64 * 1024  # bytes: the counts of a few channels, with all around them, are one write
-_FULL = {
-    errno.ENOSPC: "the disk is full; free some space",
-    errno.EFBIG: "the file has reached the size that the system allows; raise the limit",
-    getattr(errno, "EDQUOT", errno.ENOSPC): "the disk quota is used up; free some space",
-}
 
 
 class DurableFile:
@@ -67,15 +61,14 @@ class DurableFile:
         try:
             yield
         except OSError as error:
-            code = error.errno
-            reason = _FULL.get(code) if code is not None else None
+            reason = why_unwritable(error)
             left = (
                 f"; what was written before is in {self.part_path}, which `sautereau recover"
                 f" {self.part_path}` makes readable"
             )
             raise RecordingError(
-                f"recording {self.path}: cannot be written:"
-                f" {reason or f'{error.strerror or error}; check the disk'} and try"
+                f"recording {self.path}: cannot be written: {reason}"
+                f"{'' if ';' in reason else '; check the disk'} and try"
                 f" again{left * self.part_path.exists()}"
             ) from error
 
@@ -103,13 +96,14 @@ class DurableFile:
 
     def publish(self) -> None:
         """Rename a closed file to its final name."""
-        if os.path.lexists(self.path) and not may_replace(self.path):
-            raise RecordingError(
-                f"recording {self.path}: another program created it meanwhile, and it is not"
-                f" overwritten; this recording is in {self.part_path}: rename that file"
-            )
         with self.writing():
-            self.part_path.replace(self.path)
+            try:
+                give_name(self.part_path, self.path)
+            except FileExistsError as error:
+                raise RecordingError(
+                    f"recording {self.path}: another program created it meanwhile, and it is not"
+                    f" overwritten; this recording is in {self.part_path}: rename that file"
+                ) from error
             sync_folder(self.path.parent)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import McapRecord, Metadata
+from mcap.writer import LIBRARY_IDENTIFIER
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from sautereau.daq.errors import RecordingError
@@ -16,10 +17,14 @@ from sautereau.daq.file.container.checksum import crc32
 
 __all__ = ["MAGIC", "Opcode"]
 
+LIBRARY = f"sautereau; {LIBRARY_IDENTIFIER}"
+"""Library in the header of a file that `McapWriter` wrote: all its checksums are available."""
 CHUNK_SIZE = 256 * 1024
 """Size in bytes, uncompressed, at which a chunk is closed."""
 LARGEST_CHUNK = 32 * 1024**2
 """Limit in bytes for any record and any unpacked chunk."""
+UNAVAILABLE = 0
+"""Any checksum that MCAP's records do not have."""
 LARGEST_DEFINITIONS = 4 * 1024**2
 """Limit in bytes for all Metadata, Channel and Schema records of a file together."""
 

@@ -24,7 +24,6 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
-from mcap.writer import LIBRARY_IDENTIFIER
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
@@ -36,6 +35,8 @@ from sautereau.daq.file.container.records import (
     CHUNK_SIZE,
     INDEX_OFFSET,
     LARGEST_CHUNK,
+    LARGEST_DEFINITIONS,
+    LIBRARY,
     MAGIC,
     MESSAGE,
     PREFIX,
@@ -87,6 +88,7 @@ class McapWriter:
         self._crc = 0
         self._at = 0
         self._definitions: list[Schema | Channel] = []
+        self._defined: dict[int, int] = {}  # sizes in bytes of different records, by checksum
         self._metadata: list[MetadataIndex] = []
         self._spool: SpooledTemporaryFile[bytes] = SpooledTemporaryFile(  # noqa: SIM115
             _SPOOLED, dir=str(folder)
@@ -100,12 +102,23 @@ class McapWriter:
     def start(self, profile: str, definitions: Sequence[Schema | Channel]) -> None:
         """Write the header; the definitions go into the first chunk and the summary."""
         self._definitions = list(definitions)
-        self._put(MAGIC + record_bytes(Header(profile, LIBRARY_IDENTIFIER)))
+        self._put(MAGIC + record_bytes(Header(profile, LIBRARY)))
         self._open.put(*map(record_bytes, self._definitions))
+        self._defined[0] = self._open.size
 
     def add_metadata(self, name: str, data: dict[str, str]) -> None:
-        """Write a Metadata record with its own checksum immediately."""
+        """Write a Metadata record with its own checksum immediately.
+
+        Raises:
+            RecordingError: The different ones together are larger than readers accept.
+        """
         record = record_bytes(Metadata(name=name, metadata=with_checksum(name, data)))
+        self._defined |= {crc32(record): len(record)}
+        if (size := sum(self._defined.values())) > LARGEST_DEFINITIONS:
+            raise RecordingError(
+                f"its definitions, with the {len(record)} bytes of the metadata {name}, have {size}"
+                f" bytes, more than the limit of {LARGEST_DEFINITIONS}; shorten them"
+            )
         self._metadata.append(MetadataIndex(offset=self._at, length=len(record), name=name))
         self._put(record)
 
@@ -121,6 +134,7 @@ class McapWriter:
         refuse_oversized(size)
         if self._open.size + size + MESSAGE.size > LARGEST_CHUNK:
             self.close_chunk(least=0)
+            refuse_oversized(self._open.size + size)  # definitions may be left
         self._open.add(channel, log_time, *data)
 
     def add_run(self, channel: int, log_times: NDArray[np.int64], data: NDArray[np.void]) -> None:

@@ -18,7 +18,7 @@ from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.drivers.stream import Rows
 from sautereau.robot.drivers.streamed import StreamedDriver
-from sautereau.robot.errors import MotionFault, RobotError, SettingNotTaken
+from sautereau.robot.errors import MotionFault, RobotError, SettingChanged, SettingNotTaken
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments, motion_at, segment_cubics, to_counts
 
@@ -75,6 +75,8 @@ class Servos(StreamedDriver[Goals]):
         super().__init__(rig, clock, sleep, self.line, "servos' supply")
         self.offset = CENTRE - to_counts(rig.arm.home_angles, TURN)
         """Position of a servo minus that of its joint, counts; shape (2,)."""
+        self._due: dict[table.Item, tuple[int, ...]] = {}
+        """Registers that this driver has set, with the values of both servos."""
 
     def set_up_axes(self) -> None:
         """Switch off, set modes and limits, and verify them.
@@ -104,13 +106,27 @@ class Servos(StreamedDriver[Goals]):
             faults.append(f"Homing Offset(20) is {offsets[0]} and {offsets[1]}, not 0")
         if faults:
             raise SettingNotTaken(f"controller on {self.line.name}: {'; '.join(faults)}")
-        for item, values in (
-            (table.DRIVE_MODE, (_TIME_BASED, _TIME_BASED)),
-            (table.OPERATING_MODE, (_POSITION_CONTROL, _POSITION_CONTROL)),
-            (table.MIN_POSITION_LIMIT, lower),
-            (table.MAX_POSITION_LIMIT, upper),
-        ):
+        self._due = {
+            table.DRIVE_MODE: (_TIME_BASED, _TIME_BASED),
+            table.OPERATING_MODE: (_POSITION_CONTROL, _POSITION_CONTROL),
+            table.MIN_POSITION_LIMIT: tuple(map(int, lower)),
+            table.MAX_POSITION_LIMIT: tuple(map(int, upper)),
+        }
+        for item, values in self._due.items():
             self.line.set(item, values)
+        self._due[table.HOMING_OFFSET] = (0, 0)
+
+    def check_settings(self) -> None:
+        """Read modes, limits and watchdogs again, and refuse those that have changed."""
+        watchdogs = {table.BUS_WATCHDOG: (self._watchdog(), self._watchdog())}
+        changes = [
+            f"{item.name}({item.address}) of servo {servo} is {value}, set to {due}"
+            for item, values in (self._due | watchdogs).items()
+            for servo, value, due in zip(table.SERVOS, self.line.read(item), values, strict=True)
+            if value != due
+        ]
+        if changes:
+            raise SettingChanged(self.line.name, changes)
 
     def _watchdog(self) -> int:
         """Return the watchdog's period in its units; the stand-in's host is never late."""

@@ -18,6 +18,9 @@ from sautereau.robot.errors import (
 )
 from sautereau.trajectory.segments import Counts
 
+_ENDED = ("_SCA", "_SCB", f"_XQ{WATCH}", LEFT, FAULT)
+"""Stop codes and state of the program: why a motion, or the power, has ended."""
+
 
 class Axes(Connection):
     """Axes A and B, which turn joints 1 and 2."""
@@ -48,32 +51,46 @@ class Axes(Connection):
 
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than the stop codes ``normal``."""
-        *codes, watch, left, fault = self.line.read("_SCA", "_SCB", f"_XQ{WATCH}", LEFT, FAULT)
+        *codes, running, left, fault = self.line.read(*_ENDED)
+        cause = self._refused(fault)
+        if not cause and not CAUSES.intersection(codes):
+            cause = _ended_program(running, left)
+        stopped = [f"joint {j} {stop_reason(c)}" for j, c in enumerate(codes, 1) if c not in normal]
+        if cause or stopped:
+            cause = cause or f"{', '.join(stopped)}; remove the cause"
+            raise MotionFault(f"{what} broke off: {cause}, then home() again")
+
+    def check_ready(self, what: str) -> None:
+        """Refuse a motion unless motors, program and settings are as this driver left them.
+
+        Raises:
+            MotionFault: The motors are off, or another program runs in the controller.
+            SettingChanged: Lists the settings that differ.
+        """
+        names = ("_MOA", "_MOB", "_AB", SIGN, "TIME", *_ENDED)
+        off_a, off_b, abort, sign, now, *codes, running, left, fault = self.line.read(*names)
+        cause = self._refused(fault) or _ended_program(running, left)
+        if not cause and (off_a or off_b):
+            seen = [f"joint {j} {stop_reason(c)}" for j, c in enumerate(codes, 1) if c in CAUSES]
+            seen += ["the abort input is active"] * (not abort)
+            no_reason = f"no reason in the stop codes {codes[0]:g} and {codes[1]:g}"
+            cause = f"the motors are off: {', '.join(seen) or no_reason}; remove the cause"
+        if cause:
+            raise MotionFault(f"{what} was not started: {cause}, then home() again")
+        if self._replaced(sign, left, running, now):
+            raise self._other_program("the motors are switched off")
+        self.settings.check()
+
+    def _refused(self, fault: float) -> str:
+        """Return what the program in the controller reports of a limit or a refused command."""
         if fault == LIMIT:
-            raise MotionFault(
-                f"{what} broke off: {self._limits_reached()}; remove the cause, then home() again"
-            )
+            return f"{self._limits_reached()}; remove the cause"
         if fault:
-            raise MotionFault(
-                f"{what} broke off: the controller refused a command of its program, with code"
-                f" {fault:g} (TC); look it up in the command reference, then home() again"
+            return (
+                "the controller refused a command of its program, with code"
+                f" {fault:g} (TC); look it up in the command reference"
             )
-        tripped = watch < 0 or left <= 0  # it has, or is about to end after tripping
-        if tripped and not CAUSES.intersection(codes):
-            raise MotionFault(
-                f"{what} broke off: the controller's watchdog has switched the motors off,"
-                " because the host did not renew it for too long"
-                " (controller.watchdog_period); reduce the load on this machine, then home()"
-                " again"
-            )
-        if faults := [
-            f"joint {joint} {stop_reason(code)}"
-            for joint, code in enumerate(codes, 1)
-            if code not in normal
-        ]:
-            raise MotionFault(
-                f"{what} broke off: {', '.join(faults)}; remove the cause, then home() again"
-            )
+        return ""
 
     def _limits_reached(self) -> str:
         """Name the joints that are at a limit switch or a software limit now."""
@@ -161,25 +178,39 @@ class Axes(Connection):
         """
         if self.silent:
             return
-        renewal = (f"MG {SIGN},{LEFT},_XQ{WATCH},TIME", f"{SIGN}=0", f"{LEFT}={TICKS}")
+        # Once at 0 it stays there, so that whoever asks later finds that it has tripped.
+        again = f"{LEFT}={TICKS}*({LEFT}>0)"
+        renewal = (f"MG {SIGN},{LEFT},_XQ{WATCH},TIME", f"{SIGN}=0", again)
         sign, left, running, now = self.line.numbers(*renewal, count=4, keep_waiting=keep_waiting)
+        replaced = self._replaced(sign, left, running, now)
+        if left <= 0:  # it has tripped; what waits for the motion reports that
+            self._watched = False
+        elif self._watched and replaced:
+            self.abort()
+            self.line.report(self._other_program("the motors were switched off"))
+
+    def _replaced(self, sign: float, left: float, running: float, now: float) -> bool:
+        """Return whether another program runs in the place of the watchdog.
+
+        Args:
+            sign: The signature that a program has written since the last renewal, 0 for none.
+            left: Counts that the watchdog has left.
+            running: Line that its thread executes, -1 for none.
+            now: Samples on the controller's clock.
+        """
         if sign == self._sign:
             self._signed = now
         unsigned = (now - self._signed) * self._settings.sample_period
         # Without pacing, the stand-in's program does not count; see docs/stand-in.md.
         late = unsigned >= self._settings.watchdog_period / 2 and "SIM" not in self.identity
-        replaced = running < 0 or (sign != self._sign and (left < TICKS or late))
-        if left <= 0:  # it has tripped; what waits for the motion reports that
-            self._watched = False
-        elif self._watched and replaced:
-            self.abort()
-            self.line.report(
-                MotionFault(
-                    f"controller on {self.line.name}: its watchdog was stopped or its program was"
-                    " replaced, so the motors were switched off; end the other program that uses"
-                    " the controller, then connect() again"
-                )
-            )
+        return running < 0 or (sign != self._sign and (left < TICKS or late))
+
+    def _other_program(self, so: str) -> MotionFault:
+        return MotionFault(
+            f"controller on {self.line.name}: its watchdog was stopped or its program was"
+            f" replaced, so {so}; end the other program that uses"
+            " the controller, then connect() again"
+        )
 
     def halt(self) -> None:
         """Decelerate to a standstill, motors on, without a torque from the program."""
@@ -195,3 +226,24 @@ class Axes(Connection):
         except (CommandRefused, GarbledAnswer):
             self.line.resynchronise()
             self.line.ask(*commands)
+
+
+def _ended_program(running: float, left: float) -> str:
+    """Return who has ended the program: its own watchdog, which counts down to 0, or another.
+
+    Args:
+        running: Line that its thread executes, -1 for none.
+        left: Counts that the watchdog has left.
+    """
+    if left <= 0:  # it has switched off, or is about to
+        return (
+            "the controller's watchdog has switched the motors off, because the host did not"
+            " renew it for too long (controller.watchdog_period); reduce the load on this"
+            " machine, and let nothing suspend it"
+        )
+    if running < 0:
+        return (
+            f"the controller's program was ended with {left:g} of {TICKS} counts of its"
+            " watchdog left; end the other program that uses the controller"
+        )
+    return ""

@@ -145,11 +145,11 @@ def segment_commands(segments: Segments) -> list[str]:
     ]
 
 
-def pack(commands: Iterable[str]) -> Iterator[tuple[str, ...]]:
-    """Group commands so that each group, joined by `;`, fits on one line."""
+def pack(commands: Iterable[str], longest: int = LONGEST_LINE) -> Iterator[tuple[str, ...]]:
+    """Group commands so that each group, joined by `;`, has at most so many characters."""
     line: list[str] = []
     for command in commands:
-        if line and len(";".join([*line, command])) > LONGEST_LINE:
+        if line and len(";".join([*line, command])) > longest:
             yield tuple(line)
             line = []
         line.append(command)

@@ -130,7 +130,7 @@ class GalilDriver(Axes):
         self.line.ask(f"RA {','.join(f'{name}[]' for name in SOURCES)}")
         self.line.ask(f"RD {','.join(SOURCES.values())}")
         self.line.ask(f"{RATE}={plan.exponent}")
-        self.line.verify({RATE: plan.exponent, f"_XQ{PRESS}": -1, "_MOA": 0, "_MOB": 0})
+        self.line.verify({RATE: plan.exponent, f"_XQ{PRESS}": -1})
 
     def start(self) -> None:
         self.line.ask(f"XQ #PRESS,{PRESS}")

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from math import isfinite
 
-from sautereau.robot.drivers.galil.dmc import pack, pieces
+from sautereau.robot.drivers.galil.dmc import LONGEST_LINE, pack, pieces
 from sautereau.robot.drivers.galil.fair_lock import FairLock
 from sautereau.robot.drivers.serial_port import Port, Wire
 from sautereau.robot.errors import (
@@ -102,6 +102,11 @@ class Line(Wire):
     def read(self, *operands: str) -> list[float]:
         """Return the values of operands such as `_TPA`."""
         return self.numbers(f"MG {','.join(operands)}", count=len(operands))
+
+    def read_many(self, operands: Iterable[str]) -> list[float]:
+        """Return the values of any number of operands, as many at a time as a line can ask for."""
+        question = LONGEST_LINE - len("MG ")
+        return [value for names in pack(operands, question) for value in self.read(*names)]
 
     def upload(self, array: str, rows: int) -> list[float]:
         """Return an array of the controller, in pieces between which others can use the line.

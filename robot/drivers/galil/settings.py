@@ -10,7 +10,7 @@ from sautereau.robot.drivers.galil.dmc import (
 )
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.errors import CommandRefused, RobotError, SettingNotTaken
+from sautereau.robot.errors import CommandRefused, RobotError, SettingChanged, SettingNotTaken
 from sautereau.trajectory.segments import Counts
 
 VOLTAGE_STEP = 5e-4
@@ -19,6 +19,8 @@ _SAMPLE_PERIODS = (970e-6, 1001e-6)  # s, what firmwares make of TM 1000
 _AMPLIFIERS = (7.0, 5.0)  # V, largest TL of internal amplifiers at their largest gain
 _OUT_OF_RANGE = 6  # error code
 _MEMORY = ("_MT", "_CE", "_AG", "_KP", "_KI", "_KD")
+_FURTHER = ("_FA", "_FV", "_IL")
+"""Of the position loops as well, but not in the rig file's record of a verification."""
 
 
 class ControllerSettings:
@@ -34,6 +36,9 @@ class ControllerSettings:
         """V, the limit of the torque that the controller has taken."""
         self.trial = 1.0
         """Fraction to which every limit of the torque is lowered."""
+        self._due: dict[str, tuple[float, float]] = {}
+        """Operands with the value that was set, or found in the controller's memory, and the
+        difference that is allowed."""
 
     def read_memory(self) -> None:
         """Read the settings that the controller stores.
@@ -41,9 +46,10 @@ class ControllerSettings:
         Raises:
             RobotError: The trigger's output is a brake.
         """
-        names = [f"{name}{axis}" for name in _MEMORY for axis in "AB"]
-        values = self._line.read(*names)
-        self.memory = {name[1:]: value for name, value in zip(names, values, strict=True)}
+        names = [f"{name}{axis}" for name in (*_MEMORY, *_FURTHER) for axis in "AB"]
+        found = dict(zip(names, self._line.read_many(names), strict=True))
+        self.memory = {name[1:]: found[name] for name in names if name[:3] in _MEMORY}
+        self._due = {name: (value, 0.0) for name, value in found.items()}
         number, *brakes = self._line.read("_BN", "_BWA", "_BWB")
         self.serial_number = int(number)
         output = self._controller.trigger_output
@@ -63,20 +69,26 @@ class ControllerSettings:
         """
         line, rig, limits = self._line, self._controller, self._limits
         check_rig(rig, limits)
-        error, switches = rig.position_error_limit, switch_settings(rig)
+        switches = switch_settings(rig)
         off = 1 if rig.limit_switches == "none" else 3  # 1: error and abort; 2: limit switch
         wait = round(rig.encoder_loss_time / rig.sample_period)
         line.ask("TM 1000")
-        line.ask(f"ER {error},{error}", f"OE {off},{off}", "OF 0,0", "TK 0,0")
+        line.ask(f"OE {off},{off}", "OF 0,0", "TK 0,0")
         line.ask(f"CN {switches['_CN0']},{switches['_CN1']},,0,1")
         line.ask(f"LD {switches['_LDA']},{switches['_LDB']}", *halting(limits))
         self.limit_torque(1.0)
         line.ask(f"OT {wait},{wait}", "OA 1,1")
-        line.verify({"_TM": 1000, "_ERA": error, "_ERB": error, "_OEA": off, "_OEB": off})
-        line.verify({"_OFA": 0, "_OFB": 0, "_TKA": 0, "_TKB": 0}, VOLTAGE_STEP)
-        line.verify(switches)
-        line.verify({"_OTA": wait, "_OTB": wait, "_OAA": 1, "_OAB": 1})
+        self._confirm({"_TM": 1000, "_OEA": off, "_OEB": off})
+        self._confirm({"_OFA": 0, "_OFB": 0, "_TKA": 0, "_TKB": 0}, VOLTAGE_STEP)
+        self._confirm(switches)
+        self._confirm({"_OTA": wait, "_OTB": wait, "_OAA": 1, "_OAB": 1})
+        self.limit_error(rig.position_error_limit)
         self.limit_travel(limits.lower, limits.upper)
+
+    def limit_error(self, counts: int) -> None:
+        """Set the following error at which a motor is switched off, and read it back."""
+        self._line.ask(f"ER {counts},{counts}")
+        self._confirm({"_ERA": counts, "_ERB": counts})
 
     def limit_torque(self, fraction: float) -> None:
         """Limit the torque to a fraction of the arm's; the amplifiers may allow less.
@@ -99,20 +111,47 @@ class ControllerSettings:
                 f"controller on {line.name}: its commands were limited to {volts:.4g} V"
                 f" (TL) and reads back {taken[0]:g} and {taken[1]:g} V; check its amplifiers"
             )
+        self._due |= {"_TLA": (taken[0], 0.0), "_TLB": (taken[1], 0.0)}
         self.torque = min(taken)
         lost = self.torque * rig.encoder_loss_torque
         line.ask(f"OV {lost:.4f},{lost:.4f}")
-        line.verify({"_OVA": lost, "_OVB": lost}, VOLTAGE_STEP)
+        self._confirm({"_OVA": lost, "_OVB": lost}, VOLTAGE_STEP)
 
     def limit_travel(self, lower: Counts, upper: Counts) -> None:
         """Set the software limits, counts of shape (2,), and read them back."""
         self._line.ask(*software_limits(lower, upper))
-        self._line.verify(software_limit_settings(lower, upper))
+        self._confirm(software_limit_settings(lower, upper))
+
+    def _confirm(self, settings: dict[str, float], tolerance: float = 0.0) -> None:
+        """Read settings back, and remember them for `check`."""
+        self._line.verify(settings, tolerance)
+        self._due |= {name: (value, tolerance) for name, value in settings.items()}
+
+    def check(self) -> None:
+        """Read every setting again, and refuse those that have changed since they were set.
+
+        Raises:
+            SettingChanged: Names each setting with its axis, the value found and the value set.
+        """
+        values = self._line.read_many(self._due)
+        changes = [
+            f"{_setting(name)} is {value:.10g}, set to {due:.10g}"
+            for (name, (due, tolerance)), value in zip(self._due.items(), values, strict=True)
+            if abs(value - due) > tolerance
+        ]
+        if changes:
+            raise SettingChanged(self._line.name, changes)
 
     @property
     def memory_text(self) -> str:
         """The settings from the controller's memory, as a rig file names them."""
         return " ".join(f"{name}={value:g}" for name, value in self.memory.items())
+
+
+def _setting(operand: str) -> str:
+    """Return the command of an operand, and its axis and joint where it has one."""
+    joint = " AB".find(operand[3:4] or "-")
+    return f"{operand[1:3]} of axis {operand[3]} (joint {joint})" if joint > 0 else operand[1:]
 
 
 def check_rig(controller: Controller, limits: Limits) -> None:

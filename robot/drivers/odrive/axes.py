@@ -34,6 +34,18 @@ _REQUIRED = {
 """Settings of an axis without which it is not safe, or does not move; saved by the user."""
 
 
+_GAINS = (
+    "controller.config.inertia",
+    "controller.config.pos_gain",
+    "controller.config.vel_gain",
+    "controller.config.vel_integrator_gain",
+    "controller.config.vel_limit_tolerance",
+    "motor.config.current_lim",
+    "motor.config.torque_constant",
+)
+"""Gains and further limits of an axis, saved by the user: they stay what they were found to be."""
+
+
 class Axes(Power):
     """Axes 0 and 1, which turn joints 1 and 2; arguments as for `Driver`."""
 
@@ -49,8 +61,11 @@ class Axes(Power):
         self.abort()
         self._set_limits()
         self.renew()
-        line.set({f"{name}.config.enable_watchdog": 1 for name in AXES})
-        constants = [line.read(f"{name}.motor.config.torque_constant") for name in AXES]
+        guards = {f"{name}.config.enable_watchdog": 1.0 for name in AXES}
+        line.set(guards)
+        gains = line.read_many(f"{name}.{gain}" for name in AXES for gain in _GAINS)
+        self.due |= guards | gains
+        constants = [gains[f"{name}.motor.config.torque_constant"] for name in AXES]
         self._per_ampere = np.array(constants) * self._rig.arm.gear_ratios
 
     def _set_limits(self) -> None:
@@ -64,15 +79,13 @@ class Axes(Power):
         """
         line, arm, controller = self.line, self._rig.arm, self._settings
         width = bandwidth(controller.sample_period)
-        faults, settings = [], {}
+        self.due, settings = {}, {}
         for axis, (name, ratio) in enumerate(zip(AXES, arm.gear_ratios, strict=True)):
             required = _REQUIRED | {
                 "encoder.config.cpr": arm.counts_per_revolution / ratio,
                 "controller.config.load_encoder_axis": axis,
             }
-            for key, due in required.items():
-                if (value := line.read(f"{name}.{key}")) != due:
-                    faults.append(f"{name}.{key} is {value:g} and should be {due:.9g}")
+            self.due |= {f"{name}.{key}": due for key, due in required.items()}
             settings |= {
                 f"{name}.config.watchdog_timeout": controller.watchdog_period,
                 f"{name}.controller.config.vel_limit": arm.speed_limit * ratio / (2 * math.pi),
@@ -81,8 +94,16 @@ class Axes(Power):
                 f"{name}.min_endstop.config.offset": 0.0,
                 f"{name}.min_endstop.config.debounce_ms": _DEBOUNCE,
             }
-        line.refuse(faults)
+        found = line.read_many(self.due)
+        line.refuse(
+            [
+                f"{name} is {found[name]:g} and should be {due:.9g}"
+                for name, due in self.due.items()
+                if found[name] != due
+            ]
+        )
         line.set(settings)
+        self.due |= settings
 
     def _commands(self, setpoints: Setpoints, row: int) -> tuple[str, str]:
         """Return the commands of a row of setpoints, for both axes."""

@@ -6,6 +6,7 @@ answers a line that asks nothing only to refuse it.
 
 import math
 import threading
+from collections.abc import Iterable
 
 from sautereau.robot.drivers.serial_port import Port, Wire
 from sautereau.robot.errors import GarbledAnswer, RobotError, SettingNotTaken, SilentController
@@ -21,6 +22,9 @@ _QUESTION = "r vbus_voltage"
 """Asked to confirm the commands before it; any question would do."""
 _LONGEST_ANSWER = 64
 """Characters that the firmware cuts an answer to."""
+_QUESTIONS = 4
+"""Questions in one write: about 200 characters, as many as a row of setpoints with its questions,
+which the controller's input buffer holds."""
 _LAST = "Serial number:"
 """Begins the last line with which the controller identifies itself."""
 _MOST_SKIPPED = 4096
@@ -85,14 +89,21 @@ class OdriveLine(Wire):
             raise self.garbled(command, text, f"{count} numbers were expected")
         return values
 
+    def read_many(self, names: Iterable[str]) -> dict[str, float]:
+        """Return the values of properties by name, several to a write."""
+        asked = [f"r {name}" for name in names]
+        some = [asked[at : at + _QUESTIONS] for at in range(0, len(asked), _QUESTIONS)]
+        answers = [text for each in some for text in self.ask(*each, answers=len(each))]
+        values = zip(asked, answers, strict=True)
+        return {name.removeprefix("r "): self.parsed(name, text, 1)[0] for name, text in values}
+
     def set(self, settings: dict[str, float]) -> None:
         """Write properties, read each back, and list all that were not taken in one error."""
         faults = []
         for name, value in settings.items():
             (text,) = self.ask(f"w {name} {value:.9g}", f"r {name}")
             (taken,) = self.parsed(f"r {name}", text, 1)
-            # An answer is cut to nine characters, of which six are decimals.
-            if not math.isclose(taken, value, rel_tol=1e-5, abs_tol=2e-6):
+            if not same(taken, value):
                 faults.append(f"{name} is {taken:g} and should be {value:g}")
         self.refuse(faults)
 
@@ -177,6 +188,14 @@ class OdriveLine(Wire):
             f"controller on {self.name} answered {asked!r} with {text[:60]!r}: {why}; check"
             " controller.baud_rate and that controller.port is the ODrive"
         )
+
+
+def same(read: float, due: float) -> bool:
+    """Return whether a value that was read is the one that is due.
+
+    An answer is cut to nine characters, of which six are decimals.
+    """
+    return math.isclose(read, due, rel_tol=1e-5, abs_tol=2e-6)
 
 
 def checksum(text: str) -> int:

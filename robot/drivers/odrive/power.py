@@ -4,19 +4,24 @@ Property names are those of firmware 0.5.6: `Firmware/odrive-interface.yaml` of
 odriverobotics/ODrive, tag fw-v0.5.6.
 """
 
-import math
 from collections.abc import Callable
 from contextlib import suppress
 
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.driver import Clock, Sleep
 from sautereau.robot.drivers.odrive.errors import DEVICE, OF_AXIS, error_names
-from sautereau.robot.drivers.odrive.line import OdriveLine
+from sautereau.robot.drivers.odrive.line import OdriveLine, same
 from sautereau.robot.drivers.odrive.setpoints import Setpoints
 from sautereau.robot.drivers.polling import POLL
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.drivers.streamed import StreamedDriver
-from sautereau.robot.errors import GarbledAnswer, MotionFault, RobotError, SettingNotTaken
+from sautereau.robot.errors import (
+    GarbledAnswer,
+    MotionFault,
+    RobotError,
+    SettingChanged,
+    SettingNotTaken,
+)
 
 AXES = ("axis0", "axis1")
 """Names of the axes, which turn joints 1 and 2."""
@@ -45,6 +50,8 @@ class Power(StreamedDriver[Setpoints]):
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
         self.line = OdriveLine(port, rig.controller.port, rig.controller.timeout)
         super().__init__(rig, clock, sleep, self.line, "motors' supply")
+        self.due: dict[str, float] = {}
+        """Properties that this driver has set, or found when it connected."""
 
     def renew(self, _keep_waiting: Callable[[], bool] | None = None, /) -> None:
         """Renew both watchdogs."""
@@ -98,18 +105,24 @@ class Power(StreamedDriver[Setpoints]):
         except ValueError as error:
             raise self.line.garbled(f"r {name}", digits, "a whole number was expected") from error
 
+    def check_settings(self) -> None:
+        """Read limits, gains and watchdogs again, and refuse those that have changed.
+
+        Raises:
+            SettingChanged: Names each property, the value found and the value set.
+        """
+        changes = [
+            f"{name} is {value:g}, set to {self.due[name]:g}"
+            for name, value in self.line.read_many(self.due).items()
+            if not same(value, self.due[name])
+        ]
+        if changes:
+            raise SettingChanged(self.line.name, changes)
+
     def switch_on(self) -> None:
-        """Verify the watchdogs, switch the motors on where they are, and verify that."""
-        line, period = self.line, self._settings.watchdog_period
-        guards = {f"{name}.config.enable_watchdog": 1.0 for name in AXES}
-        guards |= {f"{name}.config.watchdog_timeout": period for name in AXES}
-        line.refuse(
-            [
-                f"{name} is {value:g} and should be {due:g}"
-                for name, due in guards.items()
-                if not math.isclose(value := line.read(name), due, abs_tol=2e-6)
-            ]
-        )
+        """Verify watchdogs and limits, switch the motors on where they are, and verify that."""
+        line = self.line
+        self.check_settings()
         line.set(
             {f"{name}.controller.{key}": due for name in AXES for key, due in _BEFORE_POWER.items()}
         )

@@ -53,7 +53,9 @@ class Machine(StreamedController[OdriveAxis]):
         """Clear all errors: `sc`."""
         self.error = 0
         for axis in self.axes:
-            axis.settings |= dict.fromkeys((name for name in AXIS if name.endswith("error")), 0.0)
+            axis.settings |= dict.fromkeys(
+                (name for name in AXIS if name.split(".")[-1] == "error"), 0.0
+            )
 
     def value_of(self, name: str) -> str | None:
         """Return the value of a property such as `axis0.error` as text; None for none."""

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.rig.disk import write_durably
+from sautereau.rig.disk import open_regular, write_durably
 
 LOAD_LIMIT = 2.0
 """Largest load f = F L^2 / EI of a map, dimensionless; EI follows from the plectrum's rotation
@@ -105,7 +105,7 @@ def _read(path: Path, key: str) -> DisplacementSeries | None:
     """Return a stored map; None if it is missing or damaged."""
     try:
         # Opened here because np.load does not close a file that is no archive.
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+        with open_regular(path) as raw, np.load(raw, allow_pickle=False) as file:
             coefficients, scales = file["coefficients"], file["scales"]
             seal = str(file["seal"])
     except _DAMAGED:
@@ -122,7 +122,7 @@ def _write(path: Path, key: str, table: DisplacementSeries) -> None:
     seal = np.array(_seal(key, table.coefficients, scales))
     file = io.BytesIO()
     np.savez(file, coefficients=table.coefficients, scales=scales, seal=seal)
-    write_durably(path, file.getvalue())
+    write_durably(path, file.getvalue(), replace=True)
 
 
 def _seal(key: str, coefficients: Floats, scales: Floats) -> str:

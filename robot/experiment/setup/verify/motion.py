@@ -24,8 +24,7 @@ _FROZEN = 0.5  # s, after which the stand-in's time counts as stopped
 def holding(bench: Workbench) -> None:
     """Switch on with a small limit of the following error: a wrong sign runs away and trips it."""
     driver, line = bench.driver, bench.line
-    error = round(driver.limits.in_counts(_SMALL_ERROR))
-    line.ask(f"ER {error},{error}")
+    driver.settings.limit_error(round(driver.limits.in_counts(_SMALL_ERROR)))
     start = driver.positions()
     with bench.controller.powered():
         _wait(bench, _HOLD)
@@ -158,7 +157,7 @@ def following_error(bench: Workbench) -> None:
         if limit <= max(abs(error) for error in line.read("_TEA", "_TEB")):
             bench.warn("not measured: the motion had no following error")
             return
-        line.ask(f"ER {limit},{limit}")
+        driver.settings.limit_error(limit)
         _load(bench, end=",,0", exponent=_FAST)
         off = _off_after(bench, f"XQ #PRESS,{PRESS}")
         played = min(line.read("_BTA", "_BTB"))  # at rest behind it ER acts, too
