@@ -9,6 +9,7 @@ python array_reader.py mat|hdf5 FILE MOST_VALUES
 
 import io
 import json
+import math
 import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -18,10 +19,33 @@ import numpy as np
 MOST_DEPTH = 20
 """Limit of structures within each other."""
 UNIT_ATTRIBUTES = ("units", "unit")
+SCALED = (("conversion", "offset"), ("scale_factor", "add_offset"))
+"""Attributes of Neurodata Without Borders and of netCDF (CF): a value is data * the first + the
+second."""
+MISSING = ("_FillValue", "missing_value")
+"""Attributes of netCDF with the data of a missing value."""
+UNKNOWN = (
+    "_unsigned",
+    "valid_min",
+    "valid_max",
+    "valid_range",
+    "scale",
+    "scaling",
+    "gain",
+    "factor",
+    "slope",
+    "intercept",
+    "calibration",
+    "sensitivity",
+)
+"""Attributes, in lower case, that say that the values are others than the data."""
+BESIDE = ("channel_conversion",)
+"""The same as datasets beside the data."""
 DOCUMENT = "sautereau"
 
 Found = tuple[dict[str, np.ndarray], dict[str, dict[str, str | float]], str | None]
-"""Arrays; properties of each in the file: `unit`, `rate`, `start`; the document of an export."""
+"""Arrays; properties of each in the file: `unit`, `rate`, `start`, and the attributes that are
+`unknown`; the document of an export."""
 
 
 def main() -> None:
@@ -87,7 +111,10 @@ def read_hdf5(path: str, most: int) -> Found:
         document = file.get(DOCUMENT)
         text = str(document.asstr()[()]) if isinstance(document, h5py.Dataset) else None
         about = {name: _about(item) for name, item in datasets.items()}
-        return {name: _scaled(item) for name, item in datasets.items()}, about, text
+        values = {
+            n: item[()] if "unknown" in about[n] else _scaled(item) for n, item in datasets.items()
+        }
+        return values, about, text
 
 
 def _about(item: Any) -> dict[str, str | float]:
@@ -98,6 +125,8 @@ def _about(item: Any) -> dict[str, str | float]:
         unit = unit.decode() if isinstance(unit, bytes) else unit
         if isinstance(unit, str):
             found["unit"] = unit
+    if unknown := _unknown(item):
+        found["unknown"] = unknown
     start = item.parent.get("starting_time")
     if start is not None and np.isfinite(rate := float(start.attrs.get("rate", np.nan))):
         found |= {"rate": rate, "start": float(start[()])}
@@ -105,9 +134,36 @@ def _about(item: Any) -> dict[str, str | float]:
 
 
 def _scaled(item: Any) -> np.ndarray:
-    """Return the values of a dataset, in its unit if the file says how."""
-    scale, offset = (float(item.attrs.get(*one)) for one in (("conversion", 1), ("offset", 0)))
-    return item[()] if (scale, offset) == (1, 0) else item[()] * scale + offset
+    """Return the values of a dataset, in its unit if the file says how; NaN where it has none."""
+    values, missing = item[()], np.zeros(item.shape, dtype=bool)
+    for key in MISSING:
+        if key in item.attrs:
+            missing |= np.isin(values, item.attrs[key])
+    for scale, offset in SCALED:
+        if scale in item.attrs or offset in item.attrs:
+            given = ((scale, 1), (offset, 0))
+            factor, zero = (np.asarray(item.attrs.get(*one), float).item() for one in given)
+            values = values if (factor, zero) == (1, 0) else values * factor + zero
+    return np.where(missing, np.nan, values) if missing.any() else values
+
+
+def _unknown(item: Any) -> str:
+    """Return what may change the meaning of a dataset's values in an unknown way."""
+    names = {key for key in item.attrs if key.lower() in UNKNOWN}
+    pairs = [[key for key in pair if key in item.attrs] for pair in SCALED]
+    names |= {key for pair in pairs for key in pair if all(pairs)}
+    names |= {key for key in BESIDE if key in item.parent}
+    for key in (*MISSING, *(key for pair in SCALED for key in pair)):
+        value = np.asarray(item.attrs.get(key, 0))
+        if value.dtype.kind not in "fiu" or (value.size > 1 and key not in MISSING):
+            names.add(key)
+    written = item.id.get_storage_size() > 0
+    if item.chunks:
+        blocks = math.prod(-(-n // m) for n, m in zip(item.shape, item.chunks, strict=True))
+        written = item.id.get_num_chunks() == blocks
+    if item.size and not written:
+        names.add("blocks that were never written")
+    return ", ".join(sorted(names))
 
 
 def refuse(values: float, most: int) -> None:

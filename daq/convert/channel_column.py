@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 from sautereau.daq.convert.formats import ImportSource
-from sautereau.daq.convert.layout import is_unit
 from sautereau.daq.convert.options import ImportOptions
+from sautereau.daq.convert.preamble import is_unit, value_in
 from sautereau.rig.acquisition import Channel
-from sautereau.rig.units import parse_quantity
 
 
 @dataclass(frozen=True)
@@ -83,16 +82,6 @@ def _unit_value(
         f"{name}: {text!r} is neither in volts nor in {channel.unit}{also}; give {option}"
         f" {example}, or in {channel.unit}"
     )
-    return None
-
-
-def value_in(text: str, unit: str) -> float | None:
-    """Return a quantity in an SI unit, None if it has another dimension; NI writes Volts."""
-    for spelling in (text, text.lower()):
-        try:
-            return parse_quantity(spelling, unit)
-        except ValueError:
-            continue
     return None
 
 

@@ -23,7 +23,7 @@ from sautereau.daq.file.recorded import (
 )
 from sautereau.daq.signals.quality_flags import find_quality_flags
 from sautereau.rig.acquisition import Channel
-from sautereau.rig.disk import read_limited
+from sautereau.rig.disk import open_regular, read_limited
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_from_json, rig_json
@@ -69,7 +69,7 @@ class Document:
 
 def sha256(path: Path) -> str:
     """Return the SHA-256 of a file, in hexadecimal."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

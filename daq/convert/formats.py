@@ -4,15 +4,19 @@ A format is a function that takes a path and returns an `ImportSource`.
 docs/add-an-import-format.md shows how another package adds one.
 """
 
-from collections.abc import Callable, Mapping
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.convert.document import Document
+from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.disk import open_regular
 from sautereau.rig.registry import Registry
 
 FORMATS = Registry(
@@ -34,6 +38,9 @@ FORMATS = Registry(
 )
 """Functions that open a file, by file extension in lower case, without the dot."""
 
+NO_OPTIONS = ImportOptions()
+LAYOUT = ("decimal", "skip")
+"""Options that a format takes to open a file."""
 Columns = dict[str, NDArray[np.float64]]
 
 MOST_ROWS = 20_000_000
@@ -63,6 +70,12 @@ class ImportSource:
     """Time of the first sample in s on the file's own time axis, by column."""
     started: str | None = None
     """Date of time 0 of that axis, ISO 8601 with the time zone."""
+    dates: Mapping[str, str] = field(default_factory=dict)
+    """The same by column, if it is a property of the columns and not of the file."""
+    rows: int | None = None
+    """Number of rows that the file states."""
+    guess: str = ""
+    """How the file is read, where it does not state its layout."""
     full_scale: bool = False
     """Whether the values are fractions of a full scale that the file does not give."""
     document: Document | None = None
@@ -78,8 +91,20 @@ def extensions() -> str:
     return ", ".join(f".{name}" for name in FORMATS.names())
 
 
-def open_source(path: Path) -> ImportSource:
+def open_file(path: Path) -> BinaryIO:
+    """Open a file of another program, to read its bytes."""
+    return open_regular(path)
+
+
+def open_source(
+    path: Path, options: ImportOptions = NO_OPTIONS, columns: Sequence[str] = ()
+) -> ImportSource:
     """Open a file in the format that is registered for its file extension.
+
+    Args:
+        path: The file.
+        options: Those of the format itself are used: `decimal` and `skip` of a text table.
+        columns: Columns that are imported; they decide between two ways to read a text table.
 
     Raises:
         RecordingError: The file does not exist, has an unknown extension, or is damaged.
@@ -93,7 +118,12 @@ def open_source(path: Path) -> ImportSource:
             f"no import format is registered for the file extension {path.suffix!r}; convert the"
             f" file to one of {extensions()}, or add a format as docs/add-an-import-format.md shows"
         )
-    return FORMATS.get(extension)(path)
+    opener = FORMATS.get(extension)
+    known = inspect.signature(opener).parameters
+    given = {name: value for name in LAYOUT if (value := getattr(options, name)) is not None}
+    if useless := [f"--{name}" for name in given if name not in known]:
+        raise RecordingError(f"a {path.suffix} file has no use for {', '.join(useless)}; remove it")
+    return opener(path, **given, **({"columns": columns} if "columns" in known else {}))
 
 
 def refuse_missing(

@@ -14,7 +14,7 @@ import numpy as np
 
 from sautereau.daq.convert import array_reader
 from sautereau.daq.convert.document import Document, read_document, volts_name
-from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
+from sautereau.daq.convert.formats import Columns, ImportSource, open_file, refuse_rows
 from sautereau.daq.errors import RecordingError
 
 HDF5_AT = (0, 512)
@@ -39,7 +39,7 @@ def open_mat(path: Path) -> ImportSource:
     Raises:
         RecordingError: It is damaged, or not a MATLAB file.
     """
-    with path.open("rb") as file:
+    with open_file(path) as file:
         head = file.read(HDF5_AT[-1] + len(HDF5_SIGNATURE))
     if any(head[at:].startswith(HDF5_SIGNATURE) for at in HDF5_AT):
         return open_hdf5(path)
@@ -50,7 +50,8 @@ def open_hdf5(path: Path) -> ImportSource:
     """Open an HDF5 file; a dataset is called ``group/dataset``, its attribute ``unit`` is its unit.
 
     ``conversion`` and ``offset``, and ``starting_time`` beside it with a ``rate``, are those of
-    Neurodata Without Borders.
+    Neurodata Without Borders; ``scale_factor``, ``add_offset``, ``_FillValue`` and
+    ``missing_value`` those of netCDF.
 
     Raises:
         RecordingError: h5py is not installed, or the file is damaged or not HDF5.
@@ -74,9 +75,9 @@ def open_npz(path: Path) -> ImportSource:
         RecordingError: It is damaged, or not a numpy archive.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_file(path) as file, zipfile.ZipFile(file) as archive:
             array_reader.refuse(sum(file.file_size for file in archive.infolist()) / 8, MOST_VALUES)
-        with np.load(path, allow_pickle=False) as arrays:
+        with open_file(path) as file, np.load(file, allow_pickle=False) as arrays:
             read = {name: arrays[name] for name in arrays.files}
             found = dict(array_reader.flat(read, "", array_reader.MOST_DEPTH))
     except Exception as error:  # numpy and zipfile raise many kinds, depending on the bytes
@@ -133,6 +134,12 @@ def _source(
 
     def read(names: list[str]) -> Columns:
         refuse_rows(max((len(columns[name]) for name in names), default=0))
+        for name in names:
+            if unknown := given[name].get("unknown"):
+                raise RecordingError(
+                    f"column {name!r} has {unknown}, whose meaning is unknown; write the final"
+                    " values to a file without these"
+                )
         return {name: columns[name].astype(np.float64) for name in names}
 
     def of(key: str) -> dict[str, Any]:

@@ -5,7 +5,7 @@ import struct
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -16,11 +16,19 @@ from sautereau.daq.convert.document import (
     read_sidecar,
     volts_name,
 )
-from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
+from sautereau.daq.convert.formats import Columns, ImportSource, open_file, refuse_rows
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.extras import require
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription")
+
+NO_DATE = "1904-01-01T00:00"
+"""LabVIEW's date 0."""
+LEAD_IN = 28
+"""Bytes at the start of a TDMS segment: tag, flags, version, length of the rest, and of the
+metadata in it."""
+BIG_ENDIAN = 1 << 6
+"""Flag of a TDMS segment."""
 
 
 def open_tdms(path: Path) -> ImportSource:
@@ -36,11 +44,23 @@ def open_tdms(path: Path) -> ImportSource:
     from nptdms import TdmsFile
 
     try:
-        file_metadata = TdmsFile.read_metadata(path)
+        with open_file(path) as file:
+            file_metadata = TdmsFile.read_metadata(file)
+            missing = _missing_bytes(file, path.stat().st_size)
     except Exception as error:  # nptdms raises many kinds, depending on the bytes
         raise RecordingError(
             f"it is damaged, or not a TDMS file: {type(error).__name__}: {error}"
         ) from error
+    if missing:
+        statuses = file_metadata.file_status.channel_statuses or {}
+        listed = ", ".join(
+            f"{name} has {one.read_length} of {one.expected_length}"
+            for name, one in statuses.items()
+        )
+        raise RecordingError(
+            f"it is cut off: {missing}; samples of its last block: {listed or 'unknown'}; use a"
+            " complete copy"
+        )
     channels = [channel for group in file_metadata.groups() for channel in group.channels()]
     plain = [channel.name for channel in channels]
     of = {c.name if plain.count(c.name) == 1 else f"{c.group_name}/{c.name}": c for c in channels}
@@ -53,12 +73,14 @@ def open_tdms(path: Path) -> ImportSource:
     }
     steps = _numbers(properties, "wf_increment")
     document = file_metadata.properties.get(DOCUMENT_KEY)
-    dates = {str(v["wf_start_time"]) for v in properties.values() if v.get("wf_start_time")}
+    dates = {
+        name: str(v["wf_start_time"]) for name, v in properties.items() if "wf_start_time" in v
+    }
 
     def read(names: list[str]) -> Columns:
         refuse_rows(max((len(of[name]) for name in names), default=0))
         try:
-            with TdmsFile.open(path) as file:
+            with open_file(path) as opened, TdmsFile.open(opened) as file:
                 data = {n: file[of[n].group_name][of[n].name][:] for n in names}
         except Exception as error:
             raise RecordingError(
@@ -78,9 +100,25 @@ def open_tdms(path: Path) -> ImportSource:
         units=units,
         rates={name: float(f"{1 / step:.12g}") for name, step in steps.items() if step > 0},
         starts=_numbers(properties, "wf_start_offset"),
-        started=f"{min(dates)}+00:00" if dates else None,
+        dates={n: f"{date}+00:00" for n, date in dates.items() if not date.startswith(NO_DATE)},
         document=read_document(document) if isinstance(document, str) else None,
     )
+
+
+def _missing_bytes(file: BinaryIO, size: int) -> str:
+    """Return what the segments of a TDMS file declare beyond its size; empty if it is complete."""
+    at = 0
+    while at < size:
+        file.seek(at)
+        lead_in = file.read(LEAD_IN)
+        if len(lead_in) < LEAD_IN:
+            return f"{len(lead_in)} of {LEAD_IN} bytes of its last segment's start are there"
+        order = ">" if lead_in[4] & BIG_ENDIAN else "<"
+        (length,) = struct.unpack(f"{order}Q", lead_in[12:20])
+        if length == 2**64 - 1:
+            return "its last segment was never finished"
+        at += LEAD_IN + length
+    return f"{at - size} bytes are missing at its end" if at > size else ""
 
 
 def _numbers(properties: Mapping[str, Mapping[str, Any]], key: str) -> dict[str, float]:
@@ -106,12 +144,17 @@ def open_wav(path: Path) -> ImportSource:
     from scipy.io import wavfile
 
     try:
-        _check_chunks(path)
-        with warnings.catch_warnings():
+        with open_file(path) as file, warnings.catch_warnings():
+            if lie := _lie_of_header(file, path.stat().st_size):
+                raise RecordingError(
+                    f"its header and its content differ: {lie}; use a complete copy, or correct its"
+                    " header, for example with sox --ignore-length"
+                )
+            file.seek(0)
             # Chunks of notes and markers are no fault; a truncated file is.
             warnings.filterwarnings("ignore", "Chunk", wavfile.WavFileWarning)
             warnings.filterwarnings("error", "Reached EOF", wavfile.WavFileWarning)
-            rate, samples = wavfile.read(path)
+            rate, samples = wavfile.read(file)
         if rate <= 0 or not samples.size:
             raise ValueError(f"it has {samples.size} samples at {rate} Hz")
     except RecordingError:
@@ -140,30 +183,34 @@ def open_wav(path: Path) -> ImportSource:
     return ImportSource("WAV", names, read, rates=rates, full_scale=True, document=document)
 
 
-def _check_chunks(path: Path) -> None:
-    """Refuse a file that is shorter than its chunks say; scipy would read a part."""
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        name, length, _ = struct.unpack("<4sI4s", file.read(12))
-        if name != b"RIFF":
-            return
-        if length > size - 8:
-            raise ValueError(f"its header says {length} bytes, but there are {size - 8}")
-        frame = 0
-        while len(head := file.read(8)) == 8 and file.tell() < length + 8:
-            name, length_here = struct.unpack("<4sI", head)
-            end = file.tell() + length_here
-            if end > size:
-                raise ValueError(f"its chunk {name!r} ends at {end} of {size} bytes")
-            if name == b"fmt ":
-                _, channels, _, _, frame, bits = struct.unpack("<HHIIHH", file.read(16))
-                if not frame or frame != channels * ((bits + 7) // 8):
-                    raise ValueError(f"{channels} channels of {bits} bits are not {frame} bytes")
-            if name == b"data":
-                if not frame or length_here % frame:
-                    raise ValueError(f"{length_here} bytes are not samples of {frame} bytes")
-                refuse_rows(length_here // frame)
-            file.seek(end + length_here % 2)
+def _lie_of_header(file: BinaryIO, size: int) -> str:
+    """Return where the lengths in a WAV file are not those of its content; empty if they are."""
+    kind, head, _ = struct.unpack("4s4s4s", file.read(12))
+    order = ">" if kind == b"RIFX" else "<"
+    (length,) = struct.unpack(f"{order}I", head)
+    of_data = None
+    if kind == b"RF64":  # its lengths are in its first chunk
+        _, length, of_data = struct.unpack("<8sQQ", file.read(24))
+    end, at, frame, frames = length + 8, 12, 0, []
+    while at < end <= size:
+        file.seek(at)
+        name, here = struct.unpack(f"{order}4sI", file.read(8).ljust(8, b"\0"))
+        here = of_data if of_data is not None and name == b"data" else here
+        if min(name) < ord(" ") or max(name) > ord("~") or at + 8 + here > end:
+            return f"{end - at} bytes of {size} from byte {at} on are no chunk of this length"
+        if name == b"fmt ":
+            _, channels, _, _, frame, bits = struct.unpack(f"{order}HHIIHH", file.read(16))
+            if not frame or frame != channels * ((bits + 7) // 8):
+                return f"{channels} channels of {bits} bits are not {frame} bytes"
+        if name == b"data":
+            frames.append(here // frame if frame else 0)
+            if frames != [here / (frame or 1)]:
+                return f"{here} bytes are not samples of {frame} bytes, or not the only samples"
+            refuse_rows(frames[0])
+        at += 8 + here + here % 2
+    if size > max(at, end) or size < end:
+        return f"it says {end} bytes and {sum(frames)} samples, and it has {size} bytes"
+    return ""
 
 
 def _fractions(samples: np.ndarray) -> np.ndarray:

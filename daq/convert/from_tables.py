@@ -1,9 +1,9 @@
 """Import of text tables and Parquet files, exported by sautereau or by other programs."""
 
 import io
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,28 +11,47 @@ from sautereau.daq.convert.document import PARQUET_KEY, read_document, read_side
 from sautereau.daq.convert.formats import (
     Columns,
     ImportSource,
+    open_file,
     refuse_missing,
     refuse_rows,
 )
 from sautereau.daq.convert.layout import Layout, find_layout
+from sautereau.daq.convert.text import (
+    GROUPED,
+    NotANumberError,
+    Numbers,
+    cells_of,
+    lines_of,
+    nanoseconds_of,
+    number_in,
+)
 from sautereau.daq.errors import RecordingError
-
-if TYPE_CHECKING:
-    import pyarrow as pa
+from sautereau.rig.units import shown
 
 MOST_BYTES = 2**30
 """Limit of the size of a text file, byte."""
+BATCH = 65_536
+"""Rows that are converted at once."""
 LAST_LINE = "its last line has no line end, so its last number may be cut off"
 
 
-def open_csv(path: Path) -> ImportSource:
+def open_csv(
+    path: Path, decimal: str = "", skip: int | None = None, columns: Sequence[str] = ()
+) -> ImportSource:
     """Open a text table; `sautereau.daq.convert.layout` finds its names, units and first row.
 
-    Columns without names are called 1, 2 and so on. A column of ISO 8601 dates becomes the time
-    after the first of them.
+    Columns without names are called 1, 2 and so on. A column of times of the clock becomes the
+    time after the first of them.
+
+    Args:
+        path: The file.
+        decimal: Decimal sign; empty if it must be found.
+        skip: Lines before the first row; None if they must be found.
+        columns: Columns that are imported; they decide between two ways to read the file.
 
     Raises:
-        RecordingError: The file has no rows or is not text, or its metadata file cannot be read.
+        RecordingError: The file has no rows, is not text or can be read in two ways, or its
+            metadata file cannot be read.
     """
     document = read_sidecar(path)
     if (size := path.stat().st_size) > MOST_BYTES:
@@ -40,103 +59,107 @@ def open_csv(path: Path) -> ImportSource:
             f"it has {size} bytes, more than the limit MOST_BYTES = {MOST_BYTES}; cut it into"
             " single presses"
         )
-    layout = find_layout(path)
-    with path.open("rb") as file:
+    layout = find_layout(path, "." if document else decimal, skip, columns)
+    with open_file(path) as file:
         file.seek(-1, io.SEEK_END)
         ends_a_line = file.read(1) in b"\r\n"
 
-    def read(names: list[str]) -> Columns:
-        table = _read(path, layout, names)
-        if layout.rows is not None and layout.rows != len(table):
-            raise RecordingError(
-                f"its first lines say {layout.rows} rows, but there are {len(table)}; use a"
-                " complete copy, or delete that line if it means something else"
-            )
-        refuse_rows(len(table))
-        for name in names:
-            refuse_missing(name, table.column(name).is_null().to_numpy(), where)
-        return {
-            name: _seconds(name, table.column(name))
-            if name in layout.dates
-            else table.column(name).to_numpy()
-            for name in names
-        }
-
     def where(row: int) -> str:
-        return f"row {row + 1} (line {_line_of(path, layout, row)})"
+        line, _ = next(islice(_rows(path, layout), row, None))
+        return f"row {row + 1} (line {line})"
 
-    rate = None if layout.interval is None else float(f"{1 / layout.interval:.9g}")
     every = layout.names
+    clocks = [name for name, kind in zip(every, layout.kinds, strict=True) if kind == "t"]
+    dated = layout.dates if len(layout.dates) == 1 else {}
     return ImportSource(
         "CSV",
         every,
-        read,
-        units=layout.units | dict.fromkeys(layout.dates, "s"),
-        rates={} if rate is None else dict.fromkeys(every, rate),
+        lambda names: _read(path, layout, names, where),
+        units=layout.units | dict.fromkeys(clocks, "s"),
+        rates={} if layout.rate is None else dict.fromkeys(every, layout.rate),
         starts={} if layout.start is None else dict.fromkeys(every, layout.start),
-        started=next(iter(layout.dates.values()), None),
+        started=next(iter(dated.values()), None),
+        dates={} if dated else layout.dates,
+        rows=layout.rows,
+        guess=str(layout),
         document=document,
         where=where,
         cut="" if ends_a_line else LAST_LINE,
     )
 
 
-def _read(path: Path, layout: Layout, names: list[str]) -> "pa.Table":
-    """Return the named columns as the file has them, dates as text."""
-    import pyarrow as pa
-    from pyarrow import csv
+def _rows(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number of each line that is a row, and its cells.
 
-    source, skip = path, layout.skip
-    if layout.delimiter == " ":  # several of them between columns count as one
-        lines = path.read_bytes().splitlines()[layout.skip :]
-        source, skip = io.BytesIO(b"\n".join(b" ".join(line.split()) for line in lines)), 0
-    for threads in (True, False):  # only without threads is the row of a fault known
-        try:
-            return csv.read_csv(
-                source,
-                csv.ReadOptions(
-                    use_threads=threads,
-                    skip_rows=skip,
-                    column_names=layout.names,
-                    encoding=layout.encoding.removesuffix("-sig"),
-                ),
-                csv.ParseOptions(delimiter=layout.delimiter),
-                csv.ConvertOptions(
-                    include_columns=names,
-                    column_types={
-                        name: pa.string() if name in layout.dates else pa.float64()
-                        for name in names
-                    },
-                    decimal_point=layout.decimal,
-                    null_values=[""],
-                    strings_can_be_null=True,
-                ),
+    Raises:
+        RecordingError: A row has another number of cells, or an empty one is not the last.
+    """
+    width, empty = len(layout.names), None
+    for number, line in enumerate(lines_of(path, layout.encoding), 1):
+        if number <= layout.skip:
+            continue
+        cells = cells_of(line, layout.delimiter)
+        if not any(cells):
+            if width == 1 or line.strip():  # in other tables a line without delimiters is no row
+                empty = empty or number
+            continue
+        if empty:
+            raise RecordingError(
+                f"line {empty} is empty, and rows follow; if no samples are missing there, delete"
+                " the empty lines"
             )
-        except pa.ArrowException as error:
-            fault = error
-            if isinstance(source, io.BytesIO):
-                source.seek(0)
-    raise RecordingError(
-        f"the rows cannot be read as numbers: {fault}; correct that row, or give another column"
-    ) from fault
+        if len(cells) != width:
+            raise RecordingError(
+                f"line {number}, {shown(line.strip())}, has {len(cells)} cells, and the rows"
+                f" have {width}; correct it, or give --skip {number} if the rows begin below it"
+            )
+        yield number, cells
 
 
-def _seconds(name: str, dates: "pa.ChunkedArray") -> np.ndarray:
-    """Return ISO 8601 dates as seconds after the first of them."""
-    import pandas as pd
-
-    try:
-        found = pd.to_datetime(dates.to_pandas(), format="ISO8601", utc=True)
-    except ValueError as error:
-        raise RecordingError(f"column {name!r}: {error}; correct that date") from error
-    return (found - found.iloc[0]).dt.total_seconds().to_numpy(np.float64)
-
-
-def _line_of(path: Path, layout: Layout, row: int) -> int:
-    """Return the line, from 1, of a row, from 0: empty lines hold no row."""
-    with path.open(encoding=layout.encoding) as file:
-        filled = (n for n, line in enumerate(file, 1) if n > layout.skip and line.strip())
-        return next(islice(filled, row, None), row + 1 + layout.skip)
+def _read(
+    path: Path, layout: Layout, names: list[str], where: Callable[[int], str]
+) -> dict[str, np.ndarray]:
+    """Return the named columns; the numbers and times in the others are checked too."""
+    numbers = Numbers(layout.decimal, layout.sure)
+    every = list(zip(layout.names, layout.kinds, layout.first, strict=True))
+    kept = [(k, *one) for k, one in enumerate(every) if one[0] in names or one[1] in "nt"]
+    found: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    empty: dict[str, list[int]] = {name: [] for name in names}
+    rows, n = _rows(path, layout), 0
+    while batch := list(islice(rows, BATCH)):
+        refuse_rows(n + len(batch))
+        for place, name, kind, first in kept:
+            cells = [row[place] for _, row in batch]
+            try:
+                values = nanoseconds_of(cells, first) if kind == "t" else numbers.read(cells)
+            except NotANumberError as error:
+                line, cell = batch[error.at][0], error.cell
+                fault = (
+                    "has separators of thousands; write the file without them"
+                    if GROUPED.fullmatch(cell)
+                    else "is not a number; give a column of numbers, and as times one of s or of"
+                    " ISO 8601 dates, or --rate and no --time"
+                )
+                raise RecordingError(
+                    f"column {name!r}: {shown(cell)} in line {line} {fault}"
+                ) from None
+            if name in names:
+                found[name].append(np.array(values))
+                if "" in cells:
+                    empty[name] += [n + k for k, cell in enumerate(cells) if not cell]
+        n += len(batch)
+    if doubt := numbers.doubt:
+        sign = numbers.decimal
+        raise RecordingError(
+            f"{doubt!r} can be {number_in(doubt, sign)!r} or {doubt.replace(sign, '')}, and no"
+            f" number in it shows which; give --decimal {sign!r}, or write it without separators of"
+            " thousands"
+        )
+    for name in names:
+        refuse_missing(name, np.isin(np.arange(n), empty[name]), where)
+    columns = {name: np.concatenate(parts) for name, parts in found.items()}
+    times = [name for name, kind, _ in every if kind == "t" and name in names]
+    return columns | {name: (columns[name] - columns[name][0]) * 1e-9 for name in times}
 
 
 def open_parquet(path: Path) -> ImportSource:

@@ -9,11 +9,11 @@ import numpy as np
 
 from sautereau.daq.convert.channel_column import ChannelColumn
 from sautereau.daq.convert.document import Document, digest, sha256, volts_name
-from sautereau.daq.convert.formats import ImportSource, open_source, refuse_missing
+from sautereau.daq.convert.formats import Columns, ImportSource, open_source, refuse_missing
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.convert.plausible import doubts
 from sautereau.daq.convert.settings import ImportSettings, resolve_options
-from sautereau.daq.convert.times import start_and_rate
+from sautereau.daq.convert.times import PLAUSIBLE, UNIX, own_axis, start_and_rate
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.limits import FARTHEST_SAMPLE, time_faults
 from sautereau.daq.file.recorded import Block, SessionInfo, Signal
@@ -44,6 +44,8 @@ class Imported:
     """Time from sample 0, the nearest to the trigger, to the trigger, s."""
     warnings: tuple[str, ...] = ()
     """Doubts about the samples, each with how to fix it."""
+    read_as: str = ""
+    """How the file was read, where it does not state its layout."""
 
 
 def import_file(
@@ -64,7 +66,9 @@ def import_file(
         RecordingError: Lists everything that is missing or wrong.
     """
     try:
-        source = open_source(path)
+        names = [channel.name for channel in rig.daq.channels] if rig else []
+        columns = [options.column.get(n, n) for n in names if n not in options.without]
+        source = open_source(path, options, columns + ([options.time] if options.time else []))
         origin = f"imported from {path.name}, sha256 {sha256(path)}"
         if source.document is not None:
             if given := options.given():
@@ -76,7 +80,7 @@ def import_file(
         if rig is None:
             raise RecordingError("--rig is required: it holds the sensors' calibrations")
         settings = resolve_options(source, rig, options, path.stat().st_mtime)
-        return _import(source, settings, options.time, rig, out, notes, origin)
+        return _import(source, settings, options, rig, out, notes, origin)
     except RecordingError as error:
         if str(error).startswith("recording "):  # the fault is in the file to write
             raise
@@ -120,28 +124,24 @@ def _restore(
 def _import(
     source: ImportSource,
     settings: ImportSettings,
-    time: str | None,
+    options: ImportOptions,
     rig: Rig,
     out: Path,
     notes: str,
     origin: str,
 ) -> Imported:
     """Write another program's columns as raw volts."""
-    columns = settings.columns
+    columns, time = settings.columns, options.time
     data = source.read([*dict.fromkeys([c.name for c in columns] + ([time] if time else []))])
-    lengths = {len(data[column.name]) for column in columns}
-    if len(lengths) > 1 or 0 in lengths:
-        listed = ", ".join(f"{c.name!r} {len(data[c.name])}" for c in columns)
+    lengths = {name: len(values) for name, values in data.items()}
+    if len({*lengths.values()}) > 1 or 0 in lengths.values():
+        listed = ", ".join(f"{name!r} {length}" for name, length in lengths.items())
         raise RecordingError(
             f"its columns have the lengths {listed}; give columns of one acquisition with samples"
         )
     for name, values in data.items():
         refuse_missing(name, ~np.isfinite(values), source.where)
-    start, rate, warnings = settings.start, settings.rate, []
-    if time is not None:
-        start, rate, warnings = start_and_rate(data[time] * settings.time_unit, rate, source)
-    if rate is None:
-        raise RecordingError("the sampling rate is missing; give --rate")
+    start, rate, warnings, read_as = _time_axis(source, settings, options, data)
     place = (start - settings.trigger) * rate
     if not abs(place) <= FARTHEST_SAMPLE:
         raise RecordingError(
@@ -173,9 +173,51 @@ def _import(
     with new_recording(out, part, session, volts, first, rate, settings.t0_ns) as recording:
         for warning in warnings:
             recording.event("warning", warning, 0.0)
-        recording.event("imported", origin, 0.0)
+        read = f"{origin}; read as: {read_as}" if read_as else origin
+        recording.event("imported", read, 0.0)
     shift = settings.trigger - start + first / rate
-    return Imported(out, session.simulated, rate, volts.shape[1], first, shift, tuple(warnings))
+    made = out, session.simulated, rate, volts.shape[1], first, shift
+    return Imported(*made, tuple(warnings), read_as)
+
+
+def _time_axis(
+    source: ImportSource, settings: ImportSettings, options: ImportOptions, data: Columns
+) -> tuple[float, float, list[str], str]:
+    """Return the start (s) and the rate (Hz) of the samples, warnings, and how the file is read."""
+    warnings, read_as, time = [*settings.warnings], source.guess, options.time
+    start, rate = settings.start, settings.rate or settings.stated
+    rows = len(data[settings.columns[0].name])
+    if source.rows not in (None, rows):
+        stated = f"states {source.rows} rows, and there are {rows}"
+        if not options.complete:
+            raise RecordingError(
+                f"it {stated}; use a complete copy, or give --complete if no rows are missing"
+            )
+        warnings.append(f"the file {stated}; --complete was given")
+    if time is not None:
+        times = data[time]
+        if UNIX[0] <= times[0] * settings.time_unit < UNIX[1]:
+            times = times - times[0]
+            read_as = "; ".join(filter(None, (read_as, f"{time!r} as the time since 1970")))
+        times = times * settings.time_unit
+        start, rate, doubted = start_and_rate(times, settings.rate, settings.stated, source)
+        warnings += doubted
+        for column in settings.columns:
+            own = own_axis(source, column.name, time)
+            if own and not np.array_equal(source.read([own])[own], data[time]):
+                raise RecordingError(
+                    f"column {column.name!r} has its own times in {own!r}, which differ from those"
+                    f" in {time!r}; import it separately with --time {own!r}, or give --rate and no"
+                    " --time"
+                )
+    if rate is None:
+        raise RecordingError("the sampling rate is missing; give --rate")
+    if not PLAUSIBLE[0] <= rate <= PLAUSIBLE[1]:
+        warnings.append(
+            f"unusual rate of {rate:.6g} Hz, outside {PLAUSIBLE[0]:g} Hz to {PLAUSIBLE[1]:g} Hz;"
+            " check --rate and --time-unit"
+        )
+    return start, rate, warnings, read_as
 
 
 @contextmanager

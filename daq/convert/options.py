@@ -1,7 +1,7 @@
 """Options of an import: facts that files of other programs do not state."""
 
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, Literal
 
 MODIFIED = "modified"
 """Value of `started`: the date of the file's last change."""
@@ -31,10 +31,15 @@ class ImportOptions:
     """Time of the trigger: "12 ms" in the column of times, or after the start of the file."""
     started: str | None = None
     """Date of the file's time 0: 2026-02-03T04:05:06+01:00, or "modified", the date of the file."""
+    decimal: Literal[",", "."] | None = None
+    """Decimal sign of a text table. Default: the one that its numbers show."""
+    skip: int | None = None
+    """Lines of a text table before its first row. Default: those before the rows of numbers."""
     simulated: bool | None = None
     """Whether the data were simulated, or measured on an instrument."""
     complete: bool | None = None
-    """The file is complete, although its last line has no line end."""
+    """The file is complete, although its last line has no line end, or it states more or fewer
+    rows."""
 
     def given(self) -> dict[str, Any]:
         """Return the options that differ from their defaults, by name."""

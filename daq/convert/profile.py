@@ -32,7 +32,10 @@ class Profile(ImportOptions):
 
 _DEFAULT = Profile()
 _FIELDS: dict[str, Any] = {  # a tuple is an array in TOML
-    one.name: (one.type, Field(getattr(_DEFAULT, one.name), strict=one.type != tuple[str, ...]))
+    one.name: (
+        one.type,
+        Field(getattr(_DEFAULT, one.name), strict=False if one.type == tuple[str, ...] else None),
+    )
     for one in fields(Profile)
 }
 _TABLE = create_model("Profile", __config__=ConfigDict(extra="forbid", strict=True), **_FIELDS)

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from sautereau.daq.convert.channel_column import ChannelColumn, column_of, names_of, value_in
+from sautereau.daq.convert.channel_column import ChannelColumn, column_of, names_of
 from sautereau.daq.convert.document import SIMULATED
 from sautereau.daq.convert.formats import ImportSource
-from sautereau.daq.convert.layout import is_unit
 from sautereau.daq.convert.options import MODIFIED, ImportOptions
+from sautereau.daq.convert.preamble import is_unit, value_in
+from sautereau.daq.convert.times import UNIX
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
@@ -23,7 +24,9 @@ class ImportSettings:
 
     columns: tuple[ChannelColumn, ...]
     rate: float | None
-    """Hz; None if it follows from the column of times."""
+    """Hz, of --rate; None if it is not given."""
+    stated: float | None
+    """Hz, in the file; None if it is not there."""
     time_unit: float
     """Duration of the value 1 in the column of times, s."""
     trigger: float
@@ -34,6 +37,8 @@ class ImportSettings:
     """Date of the trigger, ns since 1970."""
     started: str
     simulated: bool
+    warnings: tuple[str, ...]
+    """Statements of the file that an option replaces."""
 
 
 def resolve_options(
@@ -55,12 +60,15 @@ def resolve_options(
         faults.append("--without names every channel; nothing would be imported")
     if options.time is not None and options.time not in source.names:
         faults.append(f"--time {options.time!r} is not a column of the file; {names_of(source)}")
-    rate = _rate(source, columns, options, faults)
+    warnings: list[str] = []
+    rate, stated = _rate(source, columns, options, faults, warnings)
     time_unit = _time_unit(source, options, faults)
     if source.cut and not options.complete:
         faults.append(f"{source.cut}; if the file is complete, give --complete")
     trigger = _trigger(options, faults)
-    started = _started(source, options, modified, faults)
+    imported = [column.name for column in columns] + ([options.time] if options.time else [])
+    dates = sorted({source.dates[name] for name in imported if name in source.dates})
+    started = _started(source, dates, options, modified, faults, warnings)
     if options.simulated is None:
         faults.append("it may be measured or simulated; give --measured or --simulated")
     elif SIMULATED in source.names and not options.simulated:
@@ -84,12 +92,14 @@ def resolve_options(
     return ImportSettings(
         columns=columns,
         rate=rate,
+        stated=stated,
         time_unit=time_unit,
         trigger=trigger,
         start=starts.pop(),
         t0_ns=started_ns + round(trigger * 1e9),
         started=started.isoformat(),
         simulated=options.simulated,
+        warnings=tuple(warnings),
     )
 
 
@@ -115,27 +125,26 @@ def _rate(
     columns: tuple[ChannelColumn, ...],
     options: ImportOptions,
     faults: list[str],
-) -> float | None:
+    warnings: list[str],
+) -> tuple[float | None, float | None]:
+    """Return the rate that is given, and the one that the file states."""
     names = [column.name for column in columns] or source.names
-    in_file = {source.rates[name] for name in names if name in source.rates}
-    if len(in_file) > 1:
-        faults.append(
-            f"its columns have the rates {', '.join(f'{rate:.9g} Hz' for rate in sorted(in_file))};"
-            " give columns of one rate"
-        )
-        return None
+    in_file = sorted({source.rates[name] for name in names if name in source.rates})
+    listed = ", ".join(f"{rate:.9g} Hz" for rate in in_file)
     if options.rate is None:
         if not in_file and options.time is None:
             faults.append('the sampling rate is missing; give --rate "51.2 kHz", or --time COLUMN')
-        return next(iter(in_file), None)
+        if len(in_file) > 1:
+            faults.append(
+                f"its columns have the rates {listed}; give columns of one rate, or --rate"
+            )
+        return None, next(iter(in_file), None)
     rate = _quantity("rate", options.rate, "Hz", "51.2 kHz", faults)
     if rate is not None and rate <= 0:
         faults.append(f"--rate: {options.rate!r} is not above 0 Hz; give a positive rate")
-    elif rate is not None and in_file and rate not in in_file:
-        faults.append(
-            f"--rate {options.rate!r} differs from the file's {in_file.pop():.9g} Hz; remove --rate"
-        )
-    return rate
+    elif in_file and in_file != [rate]:
+        warnings.append(f"--rate {options.rate!r} replaces the rate that the file states, {listed}")
+    return rate, None
 
 
 def _quantity(option: str, text: str, unit: str, example: str, faults: list[str]) -> float | None:
@@ -147,12 +156,30 @@ def _quantity(option: str, text: str, unit: str, example: str, faults: list[str]
 
 
 def _started(
-    source: ImportSource, options: ImportOptions, modified: float, faults: list[str]
+    source: ImportSource,
+    dates: list[str],
+    options: ImportOptions,
+    modified: float,
+    faults: list[str],
+    warnings: list[str],
 ) -> datetime | None:
-    text = options.started or source.started
+    """Return the date of the file's time 0.
+
+    Args:
+        dates: Those of the columns that are imported.
+    """
+    text = options.started or next(iter(dates), source.started)
+    if len(dates) > 1:
+        listed = f"its columns start at different dates, {' and '.join(dates)}"
+        if options.started is None:
+            faults.append(f"{listed}; give columns of one acquisition, or --started")
+        else:
+            warnings.append(f"--started {options.started!r} replaces {listed.removeprefix('its ')}")
     if text == MODIFIED:
         return datetime.fromtimestamp(modified, UTC)
     example = "--started 2026-02-03T04:05:06+01:00"
+    if text is None and options.time is not None:
+        text = _unix_date(source, options)
     if text is None:
         faults.append(f"the date of the file's time 0 is missing; give {example}")
         return None
@@ -166,8 +193,21 @@ def _started(
     return started
 
 
+def _unix_date(source: ImportSource, options: ImportOptions) -> str | None:
+    """Return the date of the first row if the column of times is in s since 1970."""
+    unit = value_in(f"1 {_unit_of_times(source, options)}", "s")
+    if options.time not in source.names or unit is None:
+        return None
+    first = source.read([options.time])[options.time][0] * unit
+    return datetime.fromtimestamp(first, UTC).isoformat() if UNIX[0] <= first < UNIX[1] else None
+
+
+def _unit_of_times(source: ImportSource, options: ImportOptions) -> str:
+    return options.time_unit or source.units.get(options.time or "", "s")
+
+
 def _time_unit(source: ImportSource, options: ImportOptions, faults: list[str]) -> float | None:
-    unit = options.time_unit or source.units.get(options.time or "", "s")
+    unit = _unit_of_times(source, options)
     if options.time_unit is not None and options.time is None:
         faults.append("--time-unit is given without --time; give both or neither")
     value = value_in(f"1 {unit}", "s") if is_unit(unit) else None

@@ -1,5 +1,7 @@
 """Start and sampling rate from a column of times, which must be even."""
 
+import re
+
 import numpy as np
 
 from sautereau.daq.convert.formats import ImportSource
@@ -16,18 +18,21 @@ RATE_ERROR = 1e-4
 """Dimensionless, relative uncertainty of a rate above which a warning reports it."""
 PLAUSIBLE = (100.0, 1e7)
 """Hz, range of usual sampling rates."""
+UNIX = (1e9, 2e9)
+"""s since 1970, from 2001 to 2033: times that no clock of a bench shows, except as a date."""
 MOST_DIGITS = 12
 """Decimal places of s up to which rounding is recognised."""
 
 
 def start_and_rate(
-    times: Signal, rate: float | None, source: ImportSource
+    times: Signal, rate: float | None, stated: float | None, source: ImportSource
 ) -> tuple[float, float, list[str]]:
     """Return the start (s) and the rate (Hz) of a column of times, and warnings.
 
     Args:
         times: Shape (n_samples,), s.
-        rate: Hz; None to compute it from the times. A given rate is compared with them.
+        rate: Hz, given by the user; None without one. It is compared with the times.
+        stated: Hz, in the file; it is used if the times agree with it to within one interval.
         source: The file, for the place of a row in messages.
 
     Raises:
@@ -48,7 +53,16 @@ def start_and_rate(
         raise RecordingError(
             f"all its times are {times[0]:.9g} s; omit --time and give --rate instead"
         )
-    given, mean = rate is not None, (len(times) - 1) / span
+    mean, warnings = (len(times) - 1) / span, []
+    if rate is None and stated is not None:
+        if abs(stated / mean - 1) * (len(times) - 1) <= LOOSE:
+            rate = stated
+        else:
+            warnings.append(
+                f"the rate of {mean:.9g} Hz of the column of times replaces the rate that the file"
+                f" states, {stated:.9g} Hz"
+            )
+    given = rate is not None
     rate = float(f"{mean:.9g}") if rate is None else rate
     error = np.abs((times - times[0]) * rate - np.arange(len(times)))
     worst = int(np.argmax(~(error <= EVEN)))
@@ -57,7 +71,6 @@ def start_and_rate(
         f"{source.where(worst)} at {times[worst]:.9g} s is {error[worst]:.3g} sampling intervals"
         " off"
     )
-    warnings = []
     if error.max() > EVEN:
         allowed = LOOSE + (rounded * rate if rounded * rate > 1 else 0.0)
         if given and error.max() > allowed * (1 - EXACT):
@@ -82,12 +95,29 @@ def start_and_rate(
             f"the times are rounded to {rounded:.3g} s, so the rate of {rate:.9g} Hz is uncertain"
             f" by {100 * rounded / span:.1f} %; give the exact --rate"
         )
-    if not PLAUSIBLE[0] <= rate <= PLAUSIBLE[1]:
-        warnings.append(
-            f"the times give an unusual rate of {rate:.6g} Hz; if they are not in s, give"
-            " --time-unit ms or us"
-        )
     return float(times[0]), rate, warnings
+
+
+def own_axis(source: ImportSource, column: str, time: str) -> str | None:
+    """Return the column of times of a column, if it has another one than this.
+
+    That is the one of the same name in its group, or the nearest one of this name before it, as in
+    `Time,A,Time,B` and `t1,v1,t2,v2`.
+    """
+    group, slash, _ = column.rpartition("/")
+    if slash:
+        own = f"{group}/{time.rpartition('/')[2]}"
+        return own if own in source.names and own != time else None
+    before = source.names[: source.names.index(column)]
+    alike = [
+        name for name in before if name == time or (_base(name) and _base(name) == _base(time))
+    ]
+    return alike[-1] if alike and alike[-1] != time else None
+
+
+def _base(name: str) -> str:
+    """Return a name without its unit and its number."""
+    return re.sub(r"[\s_]*\d*$", "", re.sub(r"\s*[(\[/].*", "", name))
 
 
 def _rounding(times: Signal) -> float:

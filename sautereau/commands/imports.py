@@ -87,4 +87,5 @@ def _lines(done: "Imported") -> list[str]:
         f"{'SIMULATED' if done.simulated else 'measured'}: {done.path}",
         f"{done.n_samples} samples at {done.rate:.9g} Hz, the first is sample {done.first_sample}",
         f"trigger: {done.trigger_shift * 1e6:.3g} us after sample 0",
+        *([f"read as: {done.read_as}"] if done.read_as else []),
     ]

@@ -64,6 +64,7 @@ def test_a_table_of_another_program(tmp_path, capsys):
         f"measured: {back}",
         "3 samples at 1000 Hz, the first is sample -1",
         "trigger: 0 us after sample 0",
+        "read as: 1 line before the rows, names in line 1, delimiter ',', decimal point",
     ]
     found = read_recording(back)
     np.testing.assert_allclose(found.volts["velocity"], [0.4, 0.8, 1.2], rtol=1e-15)

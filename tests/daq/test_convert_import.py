@@ -305,10 +305,13 @@ def test_no_channel_at_all(tmp_path, back, paper):
     assert "--without names every channel" in message
 
 
-def test_a_rate_that_is_not_the_files(tmp_path, back, paper, volts):
+def test_a_rate_that_is_not_the_files_replaces_it_with_a_warning(tmp_path, back, paper, volts):
     path = write_tdms(tmp_path / "labview.tdms", volts)
-    message = refused(path, back, paper, answers(column=AI, started=None, rate="48 kHz"))
-    assert "differs from the file's 51200 Hz" in message
+    options = answers(column=AI, started=None, rate="48 kHz")
+    done = import_file(path, back, rig=paper, options=options)
+    assert done.rate == read_recording(back).rate == 48_000.0
+    assert "'48 kHz'" in done.warnings[0]
+    assert "51200 Hz" in done.warnings[0]
 
 
 @pytest.mark.parametrize(
@@ -323,8 +326,8 @@ def test_a_rate_that_is_not_the_files(tmp_path, back, paper, volts):
             "a,b\n1,2\nnan,4\n",
             "no finite number in 1 row, the first is row 2 (line 3); gaps",
         ),
-        ("a,b\n1,2\nx,4\n", "rows cannot be read as numbers"),
-        ("a,b\n1,2\n3\n", "rows cannot be read as numbers"),
+        ("a,b\n1,2\nx,4\n", "'x' in line 3 is not a number"),
+        ("a,b\n1,2\n3\n", "line 3, '3', has 1 cells"),
         ("a,b\n", "it has no rows of numbers"),
         ("", "it has no rows"),
         ("# nothing\n", "it has no rows of numbers"),
