@@ -1,4 +1,5 @@
-"""Random text tables of known content, as other programs write them, whole and damaged.
+"""Random text tables of known content, as other programs write them, complete and
+damaged.
 
 A `Dialect` lists the choices; its defaults are the plainest table. `draw` chooses at random from a
 seed, `write` makes the bytes with their true values, and `simpler` returns the dialects one step
@@ -14,9 +15,9 @@ from random import Random
 import numpy as np
 
 BLANKS = (" ", "   ")
-SEPARATORS = (",", ";", "\t", *BLANKS, "|", ", ")
 UNIX = Decimal(1770087906)  # 2026-02-03 03:05:06 UTC
-BAD_CELLS = ("OVL", "NaN", "nan", "inf", "-inf", "", "--", "∞", "1.#INF", "#N/A", "null", "1.2.3")
+BAD_CELLS = ("OVL", "NaN", "nan", "inf", "-inf", "", "--", "∞", "1.#INF", "#N/A", "null", "1.2.3",
+             "5{s}7")  # fmt: skip
 PREAMBLE = (
     "Press {a} of 12, at {x} m/s", "Operator: A. Smith, room {a}.07", "2026-02-03 04:05:06",
     "Serial number{s}{a}{b}", "Vertical Scale{s}{x}", "Trigger Level{s}{x}{s}V", "",
@@ -33,7 +34,7 @@ ODD_TEXTS = {
     "calibration": "{row}\n{row}\n{row}\n{row}\n{row}\n{row}\n{row}\n{row}",
 }
 FORMS = {"exponent": ".5E", "D": ".5E", "signed": "+.4e", "integers": ".0f",
-         "trailing point": ".0f", "thousands": ",.1f", "whole thousands": ",.0f"}  # fmt: skip
+         "trailing point": ".0f", "thousands": ",.1f", "integer thousands": ",.0f"}  # fmt: skip
 COUNTS = ("Record Length{s}{n}", "Segments{s}1{s}SegmentSize{s}{n}", "DATA COUNT{s}{n}",
           "Points{s}{n}", "Record Length{s}Analog:{n}", "#Samples: {n}")  # fmt: skip
 RATES = {
@@ -179,13 +180,14 @@ ODDITIES: list[Callable[[Random], dict]] = [
     lambda r: {"count": r.choice(COUNTS), "missing": r.choice((0, 1, 5))},
     lambda r: {"middle": r.choice(list(MIDDLES)), "place": r.choice((0.05, 0.2, 0.5, 0.9))},
     lambda r: {"footer": r.choice(list(FOOTERS))},
+    lambda r: {"footer": r.choice(("text", "mean", "blank row")), "time": "ignored"},
     lambda r: {"trailing": r.choice(("rows", "names", "both", "Comment"))},
     lambda r: {"odd_text": "separator", "odd": r.choice("\x0b\x0c\x1c\x85\u2028")},
     lambda r: {"odd_text": r.choice(list(ODD_TEXTS))},
     lambda r: {"states_rate": r.choice(list(RATES)), "time": "ignored"},
     lambda r: {"time": r.choice(("unix", "clock", "local", "ignored"))},
     lambda r: {"group": r.choice((",", "'", " ", "\xa0", "\u202f")), "numbers": "thousands"},
-    lambda r: {"group": ",", "numbers": "whole thousands", "time": "s"},
+    lambda r: {"group": ",", "numbers": "integer thousands", "time": "s"},
     lambda r: {"numbers": r.choice(("D", "bare", "padded", "minus", "trailing point"))},
     lambda r: {"quotes": r.choice(("names", "all"))},
     lambda r: {"encoding": r.choice(("utf-16", "latin-1")), "preamble": ("Temp. {x} °C, µ",)},
@@ -201,9 +203,9 @@ ODDITIES: list[Callable[[Random], dict]] = [
 
 
 def commas(d: Dialect) -> bool:
-    """Return whether the only delimiter that can be seen is also the sign of the decimals."""
+    """Return whether the only delimiter that can be seen is also a sign inside the numbers."""
     single = len(d.columns) == 1 or d.separator.strip() == ","
-    return d.decimal == "," and single and d.quotes != "all"
+    return "," in (d.decimal, d.group) and single and d.quotes != "all"
 
 
 def _possible(d: Dialect) -> Dialect:
@@ -228,7 +230,7 @@ EXCLUDED: list[tuple[Callable[[Dialect], object], Callable[[Dialect], dict]]] = 
     # Nothing shows what "1.234" or "1,234" means, without a number of the other kind.
     (
         lambda d: (
-            d.numbers == "whole thousands"
+            d.numbers == "integer thousands"
             and (d.decimal == "," or d.time not in ("s", "negative", "unix"))
         ),
         lambda d: {"numbers": "thousands"},
@@ -250,6 +252,8 @@ EXCLUDED: list[tuple[Callable[[Dialect], object], Callable[[Dialect], dict]]] = 
     (lambda d: d.header == "keysight" and d.time != "s", lambda d: {"header": "names"}),
     (lambda d: d.bad_column not in d.columns, lambda d: {"bad_column": d.imported[0]}),
     (lambda d: not d.count or d.rows < d.missing + 2, lambda d: {"missing": 0}),
+    # The data are the longest table.
+    (lambda d: d.odd_text == "calibration" and d.rows < 9, lambda d: {"odd_text": ""}),
     (lambda d: d.odd_text != "separator", lambda d: {"odd": "\x0b"}),
     (lambda d: not d.last_end, lambda d: {"footer": ""}),
     (
@@ -280,7 +284,7 @@ class _Writer:
     def __init__(self, d: Dialect):
         self.d = d
         self.random = Random(d.seed)
-        big = d.numbers in ("integers", "thousands", "whole thousands", "trailing point")
+        big = d.numbers in ("integers", "thousands", "integer thousands", "trailing point")
         self.units = {"v": "um/s", "f": "mN"} if big else self.random.choice(
             ({"v": "m/s", "f": "N"}, {"v": "mm/s", "f": "mN"}, {"v": "V", "f": "V"})
         )  # fmt: skip
@@ -410,7 +414,7 @@ def write(d: Dialect) -> Table:
                 values[kind] = true
     at = min(int(d.place * d.rows), d.rows - 1)
     if d.bad is not None:
-        columns[d.columns.index(d.bad_column)][at] = d.bad
+        columns[d.columns.index(d.bad_column)][at] = d.bad.replace("{s}", d.separator)
     end = d.separator if d.trailing in ("rows", "both") else ""
     rows = [writer.row(list(cells)) + end for cells in zip(*columns.values(), strict=True)]
     text = _assemble(writer, rows, at)

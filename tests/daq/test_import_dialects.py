@@ -23,15 +23,18 @@ from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Recorded
 from tests.budget import slow
 from tests.daq.dialects import BLANKS, UNIX, Dialect, Table, draw, simpler, write
+from tests.forked import unwrapped
 
+# The command line is called in this process, which is five times as fast as a process for each.
+pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked")
 CHANNELS = {"v": "velocity", "f": "force"}
 DATE = "2026-02-03T04:05:06+01:00"
 STATED = ("(u)", "[u]", "/ u", "row of units", "keysight")
 SILENT = ("seed", "rows", "preamble", "place", "bad_column")  # say little about a table
 # Words of the libraries and of Python, which say nothing to the user of a table.
 INTERNAL = re.compile(
-    r"Traceback|rror\(|Error: |arrow|numpy|pandas|dtype|NoneType|codec|could not convert|utf_|"
-    r"invalid literal|conversion error|Expected \d+ columns|passing `|CSV|ordinal not in|0x[0-9a-f]"
+    r"Traceback|\wError\b|[aA]rrow|numpy|pandas|dtype|NoneType|codec|could not convert|conversion error|"
+    r"invalid literal|parse error|Expected \d+ columns|passing `|In CSV|ordinal not in|isoformat"
 )
 
 
@@ -58,7 +61,7 @@ def run(*words: str) -> tuple[int, str]:
         status = end.code if isinstance(end.code, int) else int(end.code is not None)
     finally:
         sys.argv = before
-    return status, " ".join(error.getvalue().split())
+    return status, unwrapped(error.getvalue())
 
 
 def options(d: Dialect, table: Table, said: str, attempt: int) -> list[str]:
@@ -145,8 +148,8 @@ def compare(d: Dialect, table: Table, recorded: Recorded, text: str) -> tuple[st
             return "altered values", seen
         if n < d.rows and not ("warning" in text and re.search(rf"\b{d.rows - n}\b", text)):
             return "fewer rows without a warning", seen
-    if not damaged(d) and n < d.rows:
-        return "fewer rows of a complete table", text
+    if documented(d) and n < d.rows:
+        return "fewer rows of a documented table", text
     if abs(recorded.rate - table.rate) > table.rate_error:
         return "wrong rate", f"{recorded.rate!r} Hz, true {table.rate} Hz"
     if n == d.rows and d.time != "clock":
@@ -192,6 +195,7 @@ def documented(d: Dialect) -> bool:
         and d.numbers in ("fixed", "exponent", "signed", "integers")
         and d.time in ("s", "ms", "negative", "iso", "ignored")
         and d.header != "commented"
+        and not (d.header == "none" and (d.preamble or d.count or d.states_rate))
     )
 
 
@@ -243,10 +247,11 @@ def report(d: Dialect, outcome: Outcome, tries: int = 200) -> str:
 
 @pytest.mark.parametrize("n", [25, slow(300)])
 def test_a_table_is_imported_sample_by_sample_or_refused(n):
-    faults = {d: outcome for d, outcome in outcomes(n).items() if outcome.fault}
-    kinds = Counter(outcome.fault for outcome in faults.values())
-    first = [report(d, outcome, 30) for d, outcome in list(faults.items())[:3]]
-    assert not faults, f"{dict(kinds)} of {n} tables\n" + "\n".join(first)
+    faults = [(d, outcome) for d, outcome in outcomes(n).items() if outcome.fault]
+    kinds = dict(Counter(outcome.fault for _, outcome in faults))
+    first = {outcome.fault: (d, outcome) for d, outcome in reversed(faults)}
+    reports = [report(*found, 30) for found in first.values()]
+    assert not reports, "\n".join([f"{kinds} of {n} tables", *reports])
 
 
 @pytest.mark.parametrize("n", [25, slow(300)])
