@@ -1,5 +1,4 @@
-"""Random text tables of known content, as other programs write them, complete and
-damaged.
+"""Random text tables of known content, as other programs write them, complete and damaged.
 
 A `Dialect` lists the choices; its defaults are the plainest table. `draw` chooses at random from a
 seed, `write` makes the bytes with their true values, and `simpler` returns the dialects one step

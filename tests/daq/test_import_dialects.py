@@ -33,8 +33,8 @@ STATED = ("(u)", "[u]", "/ u", "row of units", "keysight")
 SILENT = ("seed", "rows", "preamble", "place", "bad_column")  # say little about a table
 # Words of the libraries and of Python, which say nothing to the user of a table.
 INTERNAL = re.compile(
-    r"Traceback|\wError\b|[aA]rrow|numpy|pandas|dtype|NoneType|codec|could not convert|conversion error|"
-    r"invalid literal|parse error|Expected \d+ columns|passing `|In CSV|ordinal not in|isoformat"
+    r"Traceback|\wError\b|[aA]rrow|numpy|pandas|dtype|NoneType|codec|could not convert|In CSV|"
+    r"conversion error|invalid literal|parse error|Expected \d+ columns|passing `|isoformat"
 )
 
 
@@ -270,7 +270,7 @@ def print_all(n: int) -> None:
     tried, read = Counter[str](), Counter[str]()
     for d, outcome in outcomes(n).items():
         tried.update(traits(d))
-        read.update(traits(d) if outcome.read else [])
+        read.update(traits(d) if outcome.read and not outcome.fault else [])
     lines = [f"{read[trait]:4d} of {tried[trait]:4d} imported: {trait}" for trait in sorted(tried)]
     found = [report(d, outcome) for d, outcome in outcomes(n).items() if outcome.fault]
     lines += [
