@@ -352,7 +352,7 @@ class FakeServer:
         self.calls: list[Call] = []
         self.delivered = 0
         self.edge = self.first_read = math.nan
-        """Not after the first sample was acquired, and when the first samples were sent, s since 1970."""
+        """Dates of the first sample, at the earliest, and of its answer, s since 1970."""
         self.at_fault: int | None = None
         self._fault, self._act = call, act
         self._counts: Counter[str] = Counter()
