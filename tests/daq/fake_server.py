@@ -385,16 +385,21 @@ class FakeServer:
         faulty = self._fault is not None and self._fault in (call, Call(name, 0))
         if faulty and self.at_fault is None:
             self.at_fault = self.delivered
-        try:
-            if faulty and self._act is not None:
-                return self._act(self, context, request, lambda: right(request, context))
+
+        def make() -> Any:
             before = time.time()
             answer = right(request, context)
             if method == "StartTask":
                 self.edge = before + EDGE * self.card.task(request).triggered
+            elif method.startswith("Read") and math.isnan(self.first_read):
+                self.first_read = time.time()
+            return answer
+
+        try:
+            if faulty and self._act is not None:
+                return self._act(self, context, request, make)
+            answer = make()
             if method.startswith("Read"):
-                if not self.delivered:
-                    self.first_read = time.time()
                 self.delivered += answer.samps_per_chan_read
             return answer
         except Coded as error:

@@ -374,6 +374,7 @@ def message_faults(text: str, address: str) -> Iterator[str | bool]:
     yield text.count("sautereau: ") != 1 and f"not one message: {text!r}"
     yield not ("Dev1" in text or address in text) and f"names no device: {text!r}"
     yield "setting it names" in text and f"names no setting: {text!r}"
+    yield "no such device (-201003)" in text and f"the driver lists Dev1: {text!r}"
 
 
 def file_faults(file: File, server: FakeServer, end: bool) -> Iterator[str | bool]:
@@ -408,7 +409,7 @@ def command(command_server, folder: Path, *words: object) -> tuple[int | None, s
     except subprocess.TimeoutExpired:
         process.send_signal(signal.SIGKILL)
         error = process.communicate(timeout=10)[1]
-    return return_code, error
+    return return_code, " ".join(error.split())
 
 
 def acquire(command_server, folder: Path, server: FakeServer, *more: str) -> Run:
