@@ -360,7 +360,8 @@ class Run:
             yield self.status != 1 and f"exit status {self.status}"
             yield from text_faults(self.error)
             yield from message_faults(self.error, server.address)
-            yield self.n == 0 and ".part" in self.error and f"has no samples: {self.error!r}"
+            said = ".part" in self.error and "no sample was recorded" not in self.error
+            yield said != (self.n > 0) and f"{self.n} samples are kept: {self.error!r}"
 
 
 def text_faults(text: str) -> Iterator[str | bool]:
