@@ -20,7 +20,7 @@ from session_pb2 import Session
 
 STEP = 3.2e-4
 """V, of a count, and from one sample to the next."""
-OFFSET = 1000
+OFFSET = 10_000
 """Counts from one channel to the next."""
 EDGE = 0.02
 """s, from the start of a triggered task to the trigger's edge."""
