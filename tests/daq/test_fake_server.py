@@ -245,7 +245,7 @@ def partial(n: int, kept: int, size: int, code: int):
         request.num_samps_per_chan = n
         answer = make()
         del answer.read_array[kept:]
-        answer.read_array.extend([0] * (size - kept))
+        answer.read_array.extend([0] * (min(size, request.array_size_in_samps) - kept))
         answer.status = code
         return answer
 
