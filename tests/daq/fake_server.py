@@ -35,7 +35,7 @@ LIBRARY = {
 
 @dataclass(frozen=True)
 class Call:
-    """One call of a client: its method with the attribute, and the how manieth such call it is."""
+    """One call of a client: its method with the attribute, and its number among those."""
 
     name: str
     number: int = 1
@@ -229,7 +229,7 @@ class FakeCard(nidaqmx_pb2_grpc.NiDAQmxServicer):
         """Return what a read gives: counts as the request wants them, their number, the status.
 
         After a timeout the driver has put the samples of all channels together at the start of
-        the array (ni/nidaqmx-python#528), and the server sends it whole.
+        the array (ni/nidaqmx-python#528), and the server sends all of it.
         """
         task, until = self.task(request), time.monotonic() + request.timeout
         if task.started is None:

@@ -405,7 +405,7 @@ def file_faults(file: File, server: FakeServer, end: bool) -> Iterator[str | boo
 
 
 def command(command_server, folder: Path, *words: object) -> tuple[int | None, str]:
-    """Run a command of bounded time; the status is None if it had to be killed."""
+    """Run a command of bounded time; the status is None if it was killed."""
     process = command_server.start(
         *words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
