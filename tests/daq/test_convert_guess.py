@@ -153,6 +153,18 @@ def test_another_number_shows_the_decimal_sign(bring):
     assert "decimal" not in done.read_as
 
 
+@pytest.mark.parametrize("cell", ["0.5", "0,5"])
+def test_one_column_whose_first_rows_are_integers(bring, cell):
+    done, volts = bring(text(["v", *["1"] * 600, cell]), **RATED)
+    assert volts[-1] == 0.5
+    assert "decimal" not in done.read_as
+
+
+@pytest.mark.parametrize("skip", [-1, 10**9])
+def test_a_skip_beyond_its_limit(refused, skip):
+    assert "MOST_SKIPPED" in refused(text(["v", "1"]), **RATED, skip=skip)
+
+
 def test_two_columns_or_a_decimal_comma(bring, refused):
     lines = text(["0,512", "1,513", "2,498"])
     one = RATED | {"column": {"velocity": "1"}}
