@@ -288,7 +288,7 @@ def _described(fit: _Fit, texts: list[tuple[int, str]], encoding: str, sure: boo
         units = dict(zip(names[1:], above[-1][1:], strict=False))
     elif names and len(heads) > 1 and heads[0] and _are_units(names):
         named -= 1
-        names, units = heads[0], dict(zip(heads[0], map(_inner, names), strict=True))
+        names, units = heads[0], dict(zip(heads[0], map(_inner, names), strict=False))
     columns = _distinct([*(names or []), *[""] * width][:width])
     units = {columns[(names or []).index(n)]: u for n, u in units.items() if n in columns}
     for name in columns:

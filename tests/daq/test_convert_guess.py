@@ -297,6 +297,13 @@ def test_names_of_cells_that_are_not_written(bring, cells, end):
     assert bring(text([cells, *lines]), **V, time="X_Value")[0].rate == 1000.0
 
 
+@pytest.mark.parametrize("ends", [("", ";"), (";", "")])
+def test_a_row_of_units_with_another_number_of_cells(bring, ends):
+    lines = [f"t;v{ends[0]}", f"s;V{ends[1]}", *rows("{t:.6f};{v:.9f};")]
+    done, _ = bring(text(lines), column={"velocity": "v"}, time="t")
+    assert "names in line 1" in done.read_as
+
+
 @pytest.mark.parametrize("rate", ["10 Hz", "99 Hz", "20 MHz"])
 def test_an_unusual_rate_is_warned_of(bring, rate):
     done, _ = bring(text(["v", *rows("{v:.9f}")]), **V, rate=rate)
