@@ -26,6 +26,8 @@ from sautereau.rig.units import shown
 
 MOST_LINES = 500
 """Limit of the lines that are examined, from the first or from --skip on."""
+MOST_SKIPPED = 100_000
+"""Limit of --skip: these lines are kept in memory."""
 DELIMITERS = (";", "\t", ",", " ")
 """If several read the same numbers, the first of them is used."""
 IN_NAME = re.compile(r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+))\s*|\S+?/(\S+)")
@@ -133,6 +135,8 @@ def find_layout(
         RecordingError: It is not text, holds no row with a number in its first lines, or can be
             read in two ways.
     """
+    if skip is not None and not 0 <= skip <= MOST_SKIPPED:
+        raise RecordingError(f"--skip {skip} is not from 0 to MOST_SKIPPED = {MOST_SKIPPED}")
     encoding = encoding_of(path)
     lines = list(islice(lines_of(path, encoding), (skip or 0) + MOST_LINES))
     texts = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
@@ -184,9 +188,7 @@ def _fit(lines: list[str], delimiter: str, decimal: str, first: int | None) -> _
     raw = ["".join(kind_of(cell, decimal) for cell in cells) for cells in table]
     kinds = [kind.replace("g", "n") for kind in raw]
     start, length = _longest_run(kinds) if first is None else _run_from(kinds, first)
-    if not length or not (
-        delimiter in lines[start] or (delimiter, decimal) in ((",", "."), (";", ","))
-    ):
+    if not length or (delimiter not in lines[start] and delimiter not in ",;"):
         return None
     run = slice(start, start + length)
     columns = (set(column) - {" "} for column in zip(*kinds[run], strict=True))
@@ -286,7 +288,7 @@ def _described(fit: _Fit, texts: list[tuple[int, str]], encoding: str, sure: boo
         units = dict(zip(names[1:], above[-1][1:], strict=False))
     elif names and len(heads) > 1 and heads[0] and _are_units(names):
         named -= 1
-        names, units = heads[0], dict(zip(heads[0], map(_inner, names), strict=True))
+        names, units = heads[0], dict(zip(heads[0], map(_inner, names), strict=False))
     columns = _distinct([*(names or []), *[""] * width][:width])
     units = {columns[(names or []).index(n)]: u for n, u in units.items() if n in columns}
     for name in columns:

@@ -153,6 +153,18 @@ def test_another_number_shows_the_decimal_sign(bring):
     assert "decimal" not in done.read_as
 
 
+@pytest.mark.parametrize("cell", ["0.5", "0,5"])
+def test_one_column_whose_first_rows_are_integers(bring, cell):
+    done, volts = bring(text(["v", *["1"] * 600, cell]), **RATED)
+    assert volts[-1] == 0.5
+    assert "decimal" not in done.read_as
+
+
+@pytest.mark.parametrize("skip", [-1, 10**9])
+def test_a_skip_beyond_its_limit(refused, skip):
+    assert "MOST_SKIPPED" in refused(text(["v", "1"]), **RATED, skip=skip)
+
+
 def test_two_columns_or_a_decimal_comma(bring, refused):
     lines = text(["0,512", "1,513", "2,498"])
     one = RATED | {"column": {"velocity": "1"}}
@@ -283,6 +295,13 @@ def test_a_time_axis_belongs_to_its_column(bring, refused, paper, tmp_path):
 def test_names_of_cells_that_are_not_written(bring, cells, end):
     lines = rows("{t:.6f}\t{v:.9f}" + end)
     assert bring(text([cells, *lines]), **V, time="X_Value")[0].rate == 1000.0
+
+
+@pytest.mark.parametrize("ends", [("", ";"), (";", "")])
+def test_a_row_of_units_with_another_number_of_cells(bring, ends):
+    lines = [f"t;v{ends[0]}", f"s;V{ends[1]}", *rows("{t:.6f};{v:.9f};")]
+    done, _ = bring(text(lines), column={"velocity": "v"}, time="t")
+    assert "names in line 1" in done.read_as
 
 
 @pytest.mark.parametrize("rate", ["10 Hz", "99 Hz", "20 MHz"])
