@@ -90,6 +90,7 @@ def _other_ways(tree: ast.AST) -> Iterator[int]:
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("sautereau")
         for name in node.names
     }
+    own |= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
             continue

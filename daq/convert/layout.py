@@ -179,6 +179,8 @@ def find_layout(
         )
     if skip is None:
         _refuse_rows_above(best, layout.named is not None, texts)
+        if layout.named is None:
+            _refuse_fewer_names(best, texts)
     return layout
 
 
@@ -206,7 +208,8 @@ def _refuse_rows_above(fit: _Fit, named: bool, texts: list[tuple[int, str]]) -> 
         damaged = k == fit.start - 1 and not named and not {"=", ":"} & set(fit.table[k][0])
         if (
             _is_row(kinds, fit.kinds)
-            or (kinds[0] in "ngt" and fit.kinds[0] in "nt")
+            or kinds[0].replace("g", "n") == fit.kinds[0] == "n"
+            or (kinds[0] == fit.kinds[0] == "t" and len(kinds) == len(fit.kinds))
             or (damaged and _numbers_of(kinds, fit.kinds))
         ):
             begin = texts[fit.start][0]
@@ -217,6 +220,24 @@ def _refuse_rows_above(fit: _Fit, named: bool, texts: list[tuple[int, str]]) -> 
                 " is none; correct it or cut the file before it, or give"
                 f" --skip {begin - 1} if they begin in line {begin}"
             )
+
+
+def _refuse_fewer_names(fit: _Fit, texts: list[tuple[int, str]]) -> None:
+    """Refuse rows with more cells than the names above them: the delimiter may be in the numbers.
+
+    So are a decimal comma beside the delimiter comma, and a space between thousands.
+    """
+    names = list(filter(None, fit.table[fit.start - 1])) if fit.start else []
+    cells = len(fit.kinds.rstrip())
+    text = all(kind_of(name, ".") == "x" and not {"=", ":"} & set(name) for name in names)
+    # One name may be a title, unless each of its numbers would be cut into two.
+    if text and (1 < len(names) < cells or (len(names), cells, fit.delimiter) == (1, 2, ",")):
+        (above, line), (number, _) = texts[fit.start - 1], texts[fit.start]
+        raise RecordingError(
+            f"line {above}, {shown(line.strip())}, has {len(names)} cells with the delimiter"
+            f" {fit.delimiter!r}, and the rows from line {number} on have {cells}; write numbers"
+            f" without it, or give --skip {number - 1} if that line holds no names"
+        )
 
 
 def _numbers_of(kinds: str, pattern: str) -> int:

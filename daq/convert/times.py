@@ -107,7 +107,7 @@ def own_axis(source: ImportSource, column: str, time: str) -> str | None:
     group, slash, _ = column.rpartition("/")
     if slash:
         own = f"{group}/{time.rpartition('/')[2]}"
-        return own if own in source.names and own != time else None
+        return own if own in source.names and own not in (time, column) else None
     before = source.names[: source.names.index(column)]
     alike = [
         name for name in before if name == time or (_base(name) and _base(name) == _base(time))

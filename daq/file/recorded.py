@@ -1,5 +1,6 @@
 """What a recording holds: the session, samples, plan, joints, events, gaps."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -149,6 +150,24 @@ class Block:
         volts = np.empty(self.samples.shape)
         write_volts(self.samples, self.scaling.coefficients.tolist(), volts)
         return volts
+
+    def finite(self, names: Sequence[str]) -> tuple["Block", str]:
+        """Return the samples before the first one that is not finite, and that one as text.
+
+        Args:
+            names: Of the channels.
+        """
+        finite = np.isfinite(self.samples).all(axis=0)
+        if finite.all():
+            return self, ""
+        n = int(finite.argmin())
+        values = zip(names, self.samples[:, n].tolist(), strict=True)
+        odd = ", ".join(f"{value} V of {name}" for name, value in values if not np.isfinite(value))
+        text = (
+            f"it gave {odd} at sample {self.first_sample + n}, not a finite number; the"
+            f" {self.n_samples - n} samples from there on are not recorded"
+        )
+        return replace(self, samples=self.samples[:, :n]), text
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -178,11 +177,16 @@ class Recording:
         """
         self._file()
         self._refuse(block)
-        n = self._finite(block)
-        if n:
-            self._hold(replace(block, samples=block.samples[:, :n]))
-        if n < block.n_samples:
-            raise self._not_finite(block, n)
+        fault = ""
+        if self._given is None:  # otherwise they are of a file, which may hold any doubles
+            block, fault = block.finite(self._layout.names)
+        if block.n_samples:
+            self._hold(block)
+        if fault:
+            raise RecordingError(
+                f"recording {self._path}: the device failed: {fault}: check device and driver, and"
+                " press again"
+            )
 
     def _hold(self, block: Block) -> None:
         """Add a block to the held samples, and write those that are due."""
@@ -277,29 +281,6 @@ class Recording:
             )
         t0 = self._order.t0
         self._refuse_faults(time_faults(t0 or 0, self._rate, first, first + shape[1]))
-
-    def _finite(self, block: Block) -> int:
-        """Return how many samples precede the first one of a device that is not finite.
-
-        A recording with a given date holds samples of a file, which may be any doubles.
-        """
-        if self._given is not None or self._layout.scaling:
-            return block.n_samples
-        finite = np.isfinite(block.samples).all(axis=0)
-        return block.n_samples if finite.all() else int(finite.argmin())
-
-    def _not_finite(self, block: Block, n: int) -> RecordingError:
-        """Return the error of a block whose ``n``-th samples are not finite."""
-        values = block.samples[:, n].tolist()
-        named = zip(self._layout.names, values, strict=True)
-        listed = ", ".join(
-            f"{value} V of {name}" for name, value in named if not math.isfinite(value)
-        )
-        return RecordingError(
-            f"recording {self._path}: the device gave {listed} at sample {block.first_sample + n},"
-            f" not a finite number; the {block.n_samples - n} samples from there on are not"
-            " recorded: check device and driver, and press again"
-        )
 
     def _date(self, block: Block) -> None:
         """Narrow down the time of the trigger with the counts of a block and its arrival."""

@@ -204,10 +204,14 @@ class Acquisition:
                 if not plan.before and fault is None:
                     dating = position < DATING * self._rate
                     counts += (self._counter.count(),) if dating else ()
-            if count:
-                yield Block(position - plan.before, samples[:, :count], counts, self._scaling)
+            block = Block(position - plan.before, samples[:, :count], counts, self._scaling)
+            block, odd = block.finite([channel.name for channel in daq.channels])
+            if odd:
+                fault = DaqError(f"DAQ device {daq.device}: {odd}: check it, and press again")
+            if block.n_samples:
+                yield block
             counts = ()
-            position += count
+            position += block.n_samples
             if fault is not None:
                 if getattr(fault, "error_code", None) == NOT_YET_AVAILABLE:
                     raise self._too_late(position, n) from fault
@@ -248,9 +252,10 @@ class Acquisition:
         numbers = samples.size if answers is None else answers.numbers
         if fault is not None and numbers == count == 0:
             return 0, fault
-        # As with the driver, a partial read keeps the layout of a complete one. With another number
-        # of numbers it is unknown which of them are whose.
-        if numbers != samples.size or not 0 <= count <= n:
+        # With another number of numbers it is unknown which of them are whose.
+        # The driver returns fewer samples with an error only: of another answer it is unknown, too.
+        least, most = (0, n) if fault is not None else (n, n)
+        if numbers not in (samples.size, k * count) or not least <= count <= most:
             code = "" if fault is None else f" with error {fault.error_code}"
             return 0, DaqError(
                 f"DAQ device {self._daq.device}: an answer{code} to a read of {n} samples of {k}"
@@ -258,10 +263,15 @@ class Acquisition:
                 f" of {samples.size}; none of them is recorded: update NI's gRPC device server and"
                 " its driver, and press again"
             )
-        if count < n and fault is None:
-            fault = DaqError(
-                f"DAQ device {self._daq.device}: a read of {n} samples gave {count}; press again"
+        if answers is not None and answers.beyond is not None:
+            return 0, DaqError(
+                f"DAQ device {self._daq.device}: an answer to a read has the count"
+                f" {answers.beyond}, beyond {samples.dtype}; none of it is recorded: update NI's"
+                " gRPC device server and its driver, and press again"
             )
+        if count < n:
+            # The driver puts the channels of a partial read together at the beginning.
+            samples[:, :count] = samples.ravel()[: k * count].reshape(k, count).copy()
         return count, fault
 
     def _too_late(self, count: int, n: int) -> DaqError:

@@ -13,7 +13,9 @@ NOT_DONE = -200560
 KNOWN = {int(code): (what, how_to_fix) for code, what, how_to_fix in table_beside(__file__)}
 """What a code of the driver means, by the names of `nidaqmx.error_codes`, and how to fix it. Names
 in braces are facts of the acquisition. Other codes are reported with the driver's own text."""
-INVALID = (ValueError, TypeError, AssertionError, LookupError, ArithmeticError)
+INVALID = (
+    ValueError, TypeError, AssertionError, LookupError, ArithmeticError, UnboundLocalError,
+)  # fmt: skip
 """What nidaqmx raises about an answer that it cannot convert."""
 _NAMED = ("Property:", "Requested Value:", "Possible", "Maximum Value:", "Minimum Value:")
 """Lines of the driver's text on a value that is not supported."""

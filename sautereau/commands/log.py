@@ -7,6 +7,7 @@ import shlex
 import stat
 import sys
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -114,7 +115,11 @@ def logged(output: Output) -> Iterator[None]:
     for handler in handlers:
         _ROOT.addHandler(handler)
 
+    shown_before = warnings.showwarning
+    warnings.showwarning = _warned
+
     def end() -> None:
+        warnings.showwarning = shown_before
         for handler in handlers:
             _ROOT.removeHandler(handler)
             handler.close()
@@ -138,6 +143,11 @@ def logged(output: Output) -> Iterator[None]:
             sys.stderr.write(f"{printable(wrapped(f'warning: {warning}'))}\n")
     finally:
         LATE_WARNINGS.clear()
+
+
+def _warned(message: Warning | str, *_: object, **__: object) -> None:
+    """Log the first line of a library's warning, such as the driver's, and none of its source."""
+    _ROOT.warning("%s", next(iter(str(message).strip().splitlines()), ""))
 
 
 def _file(path: Path) -> logging.Handler:

@@ -66,14 +66,16 @@ class Reading:
         n = _requested(task, request)
         _fits(n, request.array_size_in_samps, task)
         volts, complete = self._read(task, n, request.timeout, context)
-        rows = zip(task.channels.values(), volts, strict=True)
-        converted = [convert(channel, row) for channel, row in rows]
-        # As with the driver, a partial read keeps the layout of a complete one.
-        padded = np.zeros((len(converted), n), converted[0].dtype)
-        padded[:, : volts.shape[1]] = converted
+        channels = zip(task.channels.values(), volts, strict=True)
+        converted = [convert(channel, row) for channel, row in channels]
+        # As with the driver, a partial read is at the beginning of the array, without gaps between
+        # the channels.
+        rows = np.array(converted)
+        padded = np.zeros(len(converted) * n, rows.dtype)
+        padded[: rows.size] = (rows if fill == _BY_CHANNEL else rows.T).ravel()
         return {
             "status": 0 if complete else NOT_YET_AVAILABLE,
-            "read_array": (padded if fill == _BY_CHANNEL else padded.T).ravel().tolist(),
+            "read_array": padded.tolist(),
             "samps_per_chan_read": volts.shape[1],
         }
 
