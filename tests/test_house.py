@@ -99,7 +99,8 @@ def _other_ways(tree: ast.AST) -> Iterator[int]:
         if isinstance(function, ast.Name) and name in own:
             continue
         modes = {a.value for a in arguments if isinstance(a, ast.Constant)}
-        is_path = isinstance(function, ast.Attribute) and name == "open" and modes & _MODES
+        is_path = isinstance(function, ast.Attribute) and name == "open"
+        is_path &= bool(modes & _MODES or {"encoding"} & {word.arg for word in node.keywords})
         if name in _READS or is_path or (name in _OPENS and _of_system(function)):
             yield node.lineno
         if name == "savefig" and "format" not in {word.arg for word in node.keywords}:
