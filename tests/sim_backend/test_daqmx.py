@@ -92,7 +92,8 @@ def test_a_partial_read_gives_what_is_there(card, task):
         reader.read_many_sample(found, 1000, timeout=0.05)
     assert caught.value.error_code == -200284
     assert caught.value.samps_per_chan_read == 300
-    assert np.array_equal(found[:, :300], volts(0, 300, 2))
+    # NI's driver packs them at the beginning of the array (nidaqmx-python #528).
+    assert np.array_equal(found.ravel()[:600].reshape(2, 300), volts(0, 300, 2))
     assert code_of(task.wait_until_done, timeout=0.05) == -200560
     assert not task.is_task_done()
     assert task.in_stream.avail_samp_per_chan == 0
