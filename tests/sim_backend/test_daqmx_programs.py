@@ -344,6 +344,12 @@ def test_a_task_that_only_logs_cannot_be_read(task, tmp_path):
     assert code_of(task.start) == -201309  # it exists
     task.in_stream.logging_file_path = tmp_path / "none" / "log.tdms"
     assert code_of(task.start) == -201304
+    other = tmp_path / "other.txt"
+    other.write_text("precious")
+    task.in_stream.logging_file_path = other
+    task.in_stream.logging_tdms_operation = LoggingOperation.CREATE_OR_REPLACE
+    assert code_of(task.start) == -201309  # it is no TDMS file
+    assert other.read_text() == "precious"
 
 
 def test_one_task_reserves_the_card_until_it_releases_it(serve):

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.rig.disk import open_regular
 from sautereau.sim_backend.devices.daqmx.attributes import number
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import Input, invalid
@@ -85,8 +86,12 @@ class TdmsLog:
         with _reported(self._path):
             from nptdms import TdmsFile
 
-            if operation == CREATE_OR_REPLACE:
-                path.unlink(missing_ok=True)
+            if operation == CREATE_OR_REPLACE and path.exists():
+                # Any user of this machine can send the name of any file of this user.
+                with open_regular(path) as file:
+                    if file.read(4) not in (b"", b"TDSm"):
+                        raise OSError("it is not a TDMS file")
+                path.unlink()
             if operation != OPEN:
                 path.touch(exist_ok=operation != CREATE)
             taken = {group.name for group in TdmsFile.read_metadata(path).groups()}
