@@ -164,6 +164,7 @@ MISSING = {
 """What a user of each extra does."""
 
 
+@pytest.mark.slow
 def test_missing_extras_are_reported_with_their_command():
     """In one process, in which none of their packages can be imported."""
     texts = [text for extra in MISSING for text in EXTRAS[extra]]

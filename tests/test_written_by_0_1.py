@@ -75,6 +75,7 @@ def test_a_session_is_resumed(run, session):
     assert new.session.session == read_recording(PRESSES[0]).session.session
 
 
+@pytest.mark.slow
 def test_learned_corrections(run, tmp_path):
     out = tmp_path / "out"
     learned = OLD / "learned" / "learned.json"

@@ -47,6 +47,7 @@ def test_too_few_or_too_many_frames_are_refused(slow, word):
         frame_times(0.05, 0.15, slow)
 
 
+@pytest.mark.slow
 def test_a_gif_has_all_frames_and_their_time(tmp_path, scene):
     path = tmp_path / "new" / "press.gif"
     shares = []

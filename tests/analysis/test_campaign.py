@@ -146,6 +146,7 @@ with progress_to(kill):
 """
 
 
+@pytest.mark.slow
 def test_a_killed_campaign_is_continued_and_leaves_no_process(
     command_server, campaign_folder, complete, tmp_path, monkeypatch
 ):

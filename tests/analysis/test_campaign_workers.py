@@ -33,6 +33,7 @@ def address():
         yield address
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", [2, slow("the cluster")])
 def test_sweeps_of_model_and_stand_in_are_the_same_everywhere(request, where):
     rig, scene = load_rig(), load_scene("ideal")
@@ -90,6 +91,7 @@ def test_an_unreachable_cluster_is_reported(monkeypatch):
         list(run_over(abs, [1], "not an address"))
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers_is_reported(monkeypatch):
     monkeypatch.setattr(workers, "TIMEOUT", 2)
     with cluster(0) as (address, _), pytest.raises(AnalysisError, match="dask worker"):
@@ -120,6 +122,7 @@ def test_a_killed_worker_changes_no_table(campaign_folder, tmp_path, monkeypatch
     assert not there.faults
 
 
+@pytest.mark.slow
 def test_a_cluster_without_the_folder_is_reported(address, tmp_path):
     read = partial(read_batch, tmp_path / "elsewhere")
     with pytest.raises(AnalysisError, match="does not exist on a worker"):

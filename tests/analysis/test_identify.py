@@ -195,6 +195,7 @@ def test_two_frictions_with_the_same_effect_are_not_identifiable(two):
     assert "not identifiable from these recordings" in text
 
 
+@pytest.mark.slow
 def test_a_weight_that_only_shifts_the_force_is_undetermined(two):
     """The level of an AC-coupled force is unknown, and the gravity moment only changes it."""
     pressed, phases = two
@@ -248,6 +249,7 @@ def test_a_delay_of_the_force_is_found(two):
     assert values == {"daq.channels.0.delay": f"{1.1e-3 - 0.2e-3!r} s"}
 
 
+@pytest.mark.slow
 def test_without_a_pluck_the_key_is_identifiable_and_the_plectrum_is_not(rig):
     press, phases = free_key(rig)
     found = identify([press], [phases], ["key.inertia", "plectrum.overlap"], starts=1)
@@ -316,6 +318,7 @@ def test_presses_of_different_instruments_are_refused(two):
         identify(mixed, phases, ["key.inertia"])
 
 
+@pytest.mark.slow
 def test_a_robust_fit_is_less_affected_by_a_disturbance(two, true):
     pressed, phases = two
     data = pressed[0].data.copy()
@@ -357,6 +360,7 @@ def test_friction_that_the_rig_does_not_know_is_suggested_and_then_fits(rig):
     assert by_name(right)["plectrum.friction"].value == pytest.approx(0.15, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_little_friction_is_found_unasked_where_the_string_lies_on_the_surface():
     """Friction of 0.035 hides in the noise, and made the overlap 8 % too large."""
     rig = with_values(load_rig(), {"plectrum.contact": "surface"})
@@ -402,6 +406,7 @@ def test_the_intervals_contain_the_calibrations_and_the_table_shows_each(two, fo
     assert set(fit_summary(found)["sensitivity"]) == set(table)
 
 
+@pytest.mark.slow
 def test_gains_and_lags_within_their_uncertainties_keep_the_results(two, true):
     """A gain of -1 % made EI 5 % too large; now it is part of the interval."""
     pressed, _ = two
@@ -418,6 +423,7 @@ def test_gains_and_lags_within_their_uncertainties_keep_the_results(two, true):
         assert estimate.value == pytest.approx(value, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_string_on_the_surface_of_a_rig_with_the_mid_line_is_suggested(rig):
     truth = TRUTH | {"plectrum.contact": "surface"}
     scene = load_scene("paper").model_copy(update={"truth": truth})

@@ -67,6 +67,7 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
     assert errors[1] < 0.02
 
 
+@pytest.mark.slow
 def test_a_rig_file_keeps_its_comments_and_profiles_are_reported(recordings, tmp_path, capsys):
     rig = tmp_path / "mine.toml"
     paper = resources.files("sautereau.rig").joinpath("paper.toml").read_text()

@@ -138,6 +138,7 @@ def test_a_recording_with_neither_is_refused(paper_press):
         partial_press_of(neither)
 
 
+@pytest.mark.slow
 def test_any_part_of_a_press_gives_finite_numbers():
     press, _ = simulated_press(load_rig(), load_scene("paper"), 1)
     random = np.random.default_rng(0)

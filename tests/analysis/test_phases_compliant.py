@@ -94,6 +94,7 @@ def two_strings(first, second):
     return front, replace(front, arm=0.199, clearance=second)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
@@ -117,6 +118,7 @@ def test_what_follows_a_release_disturbs_no_pluck(changes):
     assert np.abs(found.errors[:, 1]).max() < 0.1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["key heaves at 120 Hz", "key bends at 350 Hz"])
 def test_contacts_that_may_be_exchanged_are_uncertain(key):
     """The string touched first is released last, 1 ms after the other."""

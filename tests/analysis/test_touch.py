@@ -84,6 +84,7 @@ def test_known_exponents_are_recovered(found):
             assert 0 < exponent.std < 0.2
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_mean_of_few_presses_covers_it_in_95_of_100():
     """Of 2 plectra with 2 presses each; the normal distribution's intervals cover 80 of 100."""
     covered = []
@@ -157,6 +158,7 @@ def test_excluded_presses_are_counted():
         assert text in notes
 
 
+@pytest.mark.slow
 def test_exponents_are_not_biased_by_presses_without_a_drop():
     """The drop of thin plectra is lost in noise; the other quantities keep their exponents."""
     rows, random = rows_of(), np.random.default_rng(3)

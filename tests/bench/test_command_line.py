@@ -420,6 +420,7 @@ def test_plain_clients_press_against_a_served_stand_in(command_server, tmp_path,
             assert server.wait(timeout=60) == 0
 
 
+@pytest.mark.slow
 def test_learn_answers_the_keys_of_the_contract_and_its_correction_is_used(
     sautereau, rig_file, servo, tmp_path
 ):

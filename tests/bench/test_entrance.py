@@ -96,6 +96,7 @@ def test_a_sweep_is_a_grid_of_predictions():
         rig.sweep(jack_speed=...)
 
 
+@pytest.mark.slow
 def test_a_plan_as_a_program_continues_after_a_kill(bare, quick_rig, tmp_path):
     """Each press is made once, over TCP, with the answers that were given before the kill."""
     bare.write_text(bare.read_text() + '\n[controller]\ninterface = "ethernet"\n')
@@ -134,6 +135,7 @@ def test_a_plan_as_a_program_continues_after_a_kill(bare, quick_rig, tmp_path):
         quick.press(lambda: st.press(2), out=tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_pause_resume_and_abort_from_another_thread(quick, tmp_path):
     """A pause ends with the motors off at home; an aborted session continues."""
     off, stages = threading.Event(), []
@@ -174,6 +176,7 @@ def test_a_plan_that_needs_an_operator_says_so(quick, tmp_path):
         quick.press([1, 2], out=tmp_path)
 
 
+@pytest.mark.slow
 def test_a_replay_presses_what_was_pressed(quick, quick_rig, tmp_path):
     fast = st.Rig(quick_rig).with_values(jack_speed="0.09 m/s")
     (first,) = st.stand_in(fast, quick.scene, 1).press(1, out=tmp_path / "first")

@@ -306,6 +306,7 @@ def test_there_is_no_view_by_default():
         assert watch(Fault("a")) is None
 
 
+@pytest.mark.slow
 def test_presses_are_recorded_and_reported_under_a_view(sautereau, bare, rig_file):
     """`--json` stays one object beside a view."""
     words = ["press", str(rig_file()), "-n", "2", "--scene", str(bare), "--out", "out", "--view"]

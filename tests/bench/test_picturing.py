@@ -17,6 +17,7 @@ def call(*words: object) -> object:
     return app([str(word) for word in words], print_error=False, exit_on_error=False)
 
 
+@pytest.mark.slow
 def test_a_recording_is_animated(sautereau, ideal, tmp_path):
     words = ("--slow", "10", *STRETCH, "--json")
     done = sautereau("animate", ideal[0][0], "--out", "pluck.gif", *words)

@@ -55,6 +55,7 @@ def test_encoders_followed_the_plan(ideal):
         assert np.abs(getattr(recorded.joints, name) - planned).max() < 3e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, *map(slow, range(3, 8)), 8])
 def test_contact_and_release_behind_a_slow_low_pass_are_those_of_the_key(order, tmp_path):
     """Of 2 kHz in both channels, which delays by more than the limit."""
@@ -91,6 +92,7 @@ def paper(bench, servo, tmp_path_factory):
     return press
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(bench, servo, paper, tmp_path):
     paths, _ = bench(str(servo), tmp_path, 2, 0)
     again, second = (read_recording(path).volts for path in paths)

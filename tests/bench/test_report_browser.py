@@ -128,6 +128,7 @@ def test_every_plot_is_drawn(shown):
     assert lines.count() == 3 * PRESSES
 
 
+@pytest.mark.slow
 def test_a_click_highlights_a_press(page):
     button = page.get_by_role("button", name="press 3", exact=True)
     button.click()
@@ -147,6 +148,7 @@ def shows(page, part):
     return page.locator("button[data-plot]").filter(has_text=part)
 
 
+@pytest.mark.slow
 def test_the_plot_zooms_by_buttons_and_by_mouse(page):
     full, _ = ranges(page)
     shows(page, "Release").press("Enter")
@@ -230,6 +232,7 @@ def check_layout(page, width):
     assert found["wide"] <= width
 
 
+@pytest.mark.slow
 def test_features_from_press_to_press_have_uncertainties(page):
     """No axis spans less than they."""
     drawn = page.evaluate(
@@ -246,6 +249,7 @@ def test_features_from_press_to_press_have_uncertainties(page):
             assert value + std <= high
 
 
+@pytest.mark.slow
 def test_the_theme_follows_the_system_and_the_button(page):
     def text():
         return page.evaluate("() => document.getElementById('over-time').layout.font.color")
@@ -263,6 +267,7 @@ def test_the_theme_follows_the_system_and_the_button(page):
     assert toggle.get_attribute("aria-pressed") == "false"
 
 
+@pytest.mark.slow
 def test_keyboard_and_screen_reader(page):
     page.keyboard.press("Tab")
     assert page.evaluate("() => document.activeElement.textContent") == "Skip to the presses"
@@ -291,6 +296,7 @@ def frame(page):
     )
 
 
+@pytest.mark.slow
 def test_the_slow_motion_follows_the_slider(page):
     """By keyboard and mouse, with all parts."""
     slider = page.get_by_role("slider", name="Frame")
@@ -314,6 +320,7 @@ def test_the_slow_motion_follows_the_slider(page):
     assert frame(page)[:3] == [number, plectrum, wire]
 
 
+@pytest.mark.slow
 def test_it_plays_and_pauses(page):
     button = page.locator("#play")
     start, still = frame(page)[0], frame(page)
@@ -334,6 +341,7 @@ def test_it_plays_and_pauses(page):
     assert button.inner_text() == "Play"
 
 
+@pytest.mark.slow
 def test_the_slow_motion_prints_the_frame_before_release(page):
     initial = frame(page)
     page.locator("#frame").press("Home")
@@ -343,6 +351,7 @@ def test_the_slow_motion_prints_the_frame_before_release(page):
     assert frame(page)[0] == 0
 
 
+@pytest.mark.slow
 def test_it_prints(page):
     page.emulate_media(color_scheme="dark")
     assert page.pdf().startswith(b"%PDF")
@@ -350,6 +359,7 @@ def test_it_prints(page):
     assert not page.get_by_role("button", name="Dark").is_visible()
 
 
+@pytest.mark.slow
 def test_the_tables_need_no_scripts(browser, session):
     page = browser.new_page(java_script_enabled=False)
     page.goto((session / "report.html").as_uri())
@@ -361,6 +371,7 @@ def test_the_tables_need_no_scripts(browser, session):
     page.close()
 
 
+@pytest.mark.slow
 def test_malformed_texts_run_nothing(browser, write_session, tmp_path):
     odd = "</script></pre><script>alert(1)</script><img src=x onerror=alert(2)>\x00\u202e"
     rig = with_values(write_session.one.rig, {"name": odd, "daq.channels.0.sensor": odd})

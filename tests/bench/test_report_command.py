@@ -110,6 +110,7 @@ def test_missing_packages_are_named(write_session, tmp_path, monkeypatch):
         report(tmp_path)
 
 
+@pytest.mark.slow
 def test_the_command_on_the_page_repeats_the_session(rig_file, tmp_path, monkeypatch, capsys):
     """Its rig file and its command give the same volts to the bit."""
 

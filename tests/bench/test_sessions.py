@@ -93,6 +93,7 @@ def test_killed_at_random_moments_and_resumed(
     assert every_press_once(out, presses) == recordings
 
 
+@pytest.mark.slow
 def test_a_recovered_fragment_is_not_a_press_of_the_session(sautereau, tmp_path, bare, rig_file):
     words = ("press", rig_file(), "--scene", bare, "-n", 2, "--out", "out", "--json")
     assert sautereau(*words).returncode == 0
@@ -148,6 +149,7 @@ def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, rig_file, tm
     assert (rig.press.jack_speed, rig.plectrum.overlap) == pytest.approx((0.08, 0.35e-3))
 
 
+@pytest.mark.slow
 def test_the_operator_sets_the_instrument_on_the_hardware(sautereau, bare, rig_file, tmp_path):
     with StandIn(load_rig(), load_scene(str(bare))) as served:
         rig = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')

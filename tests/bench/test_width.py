@@ -45,6 +45,7 @@ def too_wide(tmp_path, monkeypatch, capfd):
     return run
 
 
+@pytest.mark.slow
 def test_no_line_is_too_wide(too_wide):
     assert {name: too_wide(name, QUICK[name]) for name in QUICK} == {name: [] for name in QUICK}
 

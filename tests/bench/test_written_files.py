@@ -52,6 +52,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file(sautereau, pressed, name):
     assert {path.name for path in pressed.iterdir()} == before
 
 
+@pytest.mark.slow
 @LINKS
 def test_a_session_keeps_the_files_that_have_the_name_of_its_plot(sautereau, tmp_path):
     session = tmp_path / "s"

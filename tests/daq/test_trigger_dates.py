@@ -79,6 +79,7 @@ def test_95_of_100_edges_are_within_the_stated_interval(tmp_path, session, befor
     assert sum(abs(error) <= PERCENT_95 * std for error, std in found) >= 95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", [0.0, 0.05])
 def test_a_press_is_dated_by_its_edge(tmp_path, before):
     """Which the controller raises about a second after the command that starts the press."""

@@ -64,6 +64,7 @@ def test_the_string_comes_back_after_a_period(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.slow
 def test_the_best_place_hardly_tilts_the_finger(tmp_path):
     mount = clamping.study(RIG)
     assert math.degrees(mount.tilt_max) == pytest.approx(0.0518, abs=1e-3)

@@ -3,9 +3,12 @@
 import json
 from pathlib import Path
 
+import pytest
+
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial.ipynb"
 
 
+@pytest.mark.slow
 def test_the_tutorial_runs_and_is_stored_without_outputs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names, results = {}, []

@@ -19,6 +19,7 @@ def test_the_first_modes_reading_explains_the_printed_slope():
         assert reading.release.duration == pytest.approx(20e-3, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_page_and_the_figures(tmp_path):
     rig, pressed = load_rig(), study(1, scene="ideal")
     text = paper.page(rig, pressed, "2026-01-01")

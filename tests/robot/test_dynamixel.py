@@ -223,6 +223,7 @@ def test_motors_that_stay_on_are_an_error(controller, monkeypatch):
     assert NOT_OFF in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_command_line_presses_and_marks_the_resolution(tmp_path, monkeypatch):
     shutil.copy(str(resources.files("sautereau.rig") / "paper.toml"), tmp_path / "rig.toml")
     monkeypatch.chdir(tmp_path)

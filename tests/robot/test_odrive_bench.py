@@ -58,6 +58,7 @@ def test_a_press_has_the_phases_that_the_truth_has(pressed):
         assert np.abs(getattr(read.joints, name) - planned).max() < 3e-4
 
 
+@pytest.mark.slow
 def test_the_command_line_presses_with_the_same_bytes_for_the_same_seed(
     pressed, tmp_path, monkeypatch
 ):
@@ -73,6 +74,7 @@ def test_the_command_line_presses_with_the_same_bytes_for_the_same_seed(
         assert one.volts[name].tobytes() == other.volts[name].tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("port_closes", [False, slow(True)])
 def test_a_cable_pulled_in_mid_motion(rig, tmp_path, port_closes):
     cable_out = {"press": 1, "at": "20 ms", "port_closes": port_closes}

@@ -185,6 +185,7 @@ def test_every_fault_of_an_approach_is_listed():
         assert f"{name} is " in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_base_is_found_from_touches(rig):
     found = locate_by_touch(rig, Person(measures=lambda expected: expected + 1e-3), SHORT)
     assert found.figures["base_z"] == pytest.approx(rig.arm.base_z + 0.3e-3, abs=0.03e-3)
@@ -205,6 +206,7 @@ def test_the_press_in_the_air_is_the_press_and_never_near_the_key(rig):
         assert gap.min() >= rig.press.hover - 1e-6
 
 
+@pytest.mark.slow
 def test_it_is_played_to_its_end(stand_in, rig):
     before = len(stand_in.bench.world.events.contacts)
     found = play_in_air(rig, Person())

@@ -32,6 +32,7 @@ def bench(tmp_path):
     return rig, Simulation(scene=str(scene))
 
 
+@pytest.mark.slow
 def test_what_was_found_is_written_on_save(bench, capsys):
     file, simulation = bench
     assert (

@@ -83,6 +83,7 @@ def run(unit=None, faults=None, finger="ideal", values=None, step=1e-3, paced=Fa
             assert served.bench.firmware.motors_on == (False, False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "unit",
     [

@@ -41,6 +41,7 @@ def run_commands(page):
             rig.write_text(text)
 
 
+@pytest.mark.slow
 def test_a_third_channel_is_recorded(follow, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", sys.argv)
     run_commands(follow(PAGE))

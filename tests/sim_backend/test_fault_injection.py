@@ -84,6 +84,7 @@ def test_answers_later_than_the_timeout(injected):
     assert found.motors_on == (False, False)
 
 
+@pytest.mark.slow
 def test_answers_within_the_timeout_do_no_harm(injected):
     found = injected(line={"delay": "10 ms", "press": 1})
     assert found.error is None
@@ -162,6 +163,7 @@ def test_faults_of_sensors_are_in_the_recording(injected):
 # The stand-in itself.
 
 
+@pytest.mark.slow
 def test_a_stand_in_that_fails_reports_it_on_every_channel(tmp_path, monkeypatch):
     """At once, over the card and over the line, and not as a timeout."""
 

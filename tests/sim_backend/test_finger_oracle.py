@@ -113,6 +113,7 @@ def compare_rigid(finger, seed):
     assert np.median(error, axis=0).max() < 5e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("finger", "seed", "rotor"), QUICK)
 def test_random_fingers_are_the_documented_equations(finger, seed, rotor):
     compare(finger, seed, rotor)

@@ -37,6 +37,7 @@ def reader():
         yield acquisition.blocks(), stand_in
 
 
+@pytest.mark.slow
 def test_a_press_is_the_same_with_and_without_a_pretrigger(tmp_path):
     found = []
     scene = load_scene("ideal").model_copy(update={"sensors": load_scene("paper").sensors})

@@ -183,6 +183,7 @@ def check_by_force(rig, expected):
         assert margin >= -slack, check
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(1800)
 @given(presses())
 @examples(25, 2000)
