@@ -7,7 +7,7 @@ CONSTRAINTS ?= /dev/null
 # Links to the folders under their import names, for tools that read source text.
 LINKS := build/checked
 
-.PHONY: press test test-all fuzz kills faults lint layers bench docs gallery clean links lock audit sbom dist
+.PHONY: press test test-all fuzz kills faults lint style layers bench docs gallery clean links lock audit sbom dist
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -28,7 +28,7 @@ press: $(VENV)/installed  ## three presses on the stand-in, compared with the mo
 	$(BIN)/sautereau press --sim -n 3 --out $(OUT)/press
 
 test test-all: export PYTHONDONTWRITEBYTECODE =  # dozens of processes import the same modules
-test: lint
+test: style
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
 test-all: $(VENV)/peers lint
@@ -44,11 +44,13 @@ faults: $(VENV)/installed  ## inject every fault, and write docs/faults.md
 	SAUTEREAU_FAULTS=docs/faults.md $(BIN)/python -m pytest -q -m "slow or not slow" \
 	  tests/robot/test_faults.py
 
-lint: $(VENV)/installed links
+style: $(VENV)/installed links  ## what takes a second; the types take a minute, in `make lint`
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
 	@$(MAKE) --no-print-directory layers
+
+lint: style
+	$(BIN)/pyright
 
 layers: $(VENV)/installed links
 	cd $(LINKS) && PYTHONPATH=. $(CURDIR)/$(BIN)/lint-imports --no-cache \

@@ -240,6 +240,7 @@ def use_beside_other_modules(python: Path, folder: Path) -> None:
     assert (folder / "c.parquet").is_file()
 
 
+@pytest.mark.slow
 def test_the_wheel_works_beside_robotframework_and_modules_of_the_same_names(built, tmp_path):
     """In an environment that takes from the running one its dependencies, but not this code."""
     home, elsewhere = tmp_path / "venv", tmp_path / "elsewhere"

@@ -66,6 +66,7 @@ def test_a_gif_has_all_frames_and_their_time(tmp_path, scene):
     assert (seen[0][:5, :5] == 255).all()
 
 
+@pytest.mark.slow
 def test_a_frame_equals_a_complete_drawing(scene):
     """Only moving artists are drawn again; fixed parts over them change a few pixels."""
     *_, last = pictures(scene, [0, 3])
@@ -108,6 +109,7 @@ def test_a_press_without_a_pluck_says_so(make_press):
     assert "no pluck found" in "\n".join(texts(animation_figure(mute, 5)[0]))
 
 
+@pytest.mark.slow
 def test_arm_and_choirs_are_shown(make_press):
     rig = load_scene("two-choirs").true_rig(load_rig())
     press = make_press()

@@ -41,6 +41,7 @@ def same(found, complete):
     return found.table.drop(["mtime"]).equals(complete.table.drop(["mtime"]))
 
 
+@pytest.mark.slow
 def test_a_row_holds_session_plectrum_and_features(campaign_folder, complete):
     assert len(complete.table) == GOOD
     assert not complete.faults

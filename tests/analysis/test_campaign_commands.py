@@ -56,6 +56,7 @@ def test_processes_and_cluster_exclude_each_other(recordings, tmp_path, capsys):
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_touch(table, tmp_path, capsys):
     picture = tmp_path / "touch.png"
     assert run("touch", table, "--plot", picture, "--json") == 0

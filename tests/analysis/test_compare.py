@@ -186,6 +186,7 @@ def test_without_a_pluck_there_is_nothing_to_compare(prediction, phases):
         compare(phases, [prediction] * len(phases))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n", "kind", "repeats", "within"),
     [

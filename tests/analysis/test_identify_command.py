@@ -32,6 +32,7 @@ def run(capsys, *words):
     return status, capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, capsys):
     rig, picture = tmp_path / "found.toml", tmp_path / "fit.png"
     free = "plectrum.bending_stiffness,plectrum.overlap,key.inertia,key.gravity_moment"

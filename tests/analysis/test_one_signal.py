@@ -52,6 +52,7 @@ def paper_press():
     return simulated("paper")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "speed"), [("ideal", 0.072), ("paper", 0.03), ("paper", 0.12)])
 def test_plucks_in_the_force_alone(scene, speed):
     recorded, truth = simulated(scene, speed)

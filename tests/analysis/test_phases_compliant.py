@@ -50,6 +50,7 @@ def test_an_event_is_found_with_its_modes(other):
     assert found.noise < 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "contact", "release"),
     [

@@ -67,6 +67,7 @@ def of(source, found):
     return [each.oscillation for each in found if each.source is source]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["all stiff", "key bends at 350 Hz"])
 def test_what_is_decided_is_right(found_in, name):
     found, made = found_in(name)

@@ -323,6 +323,7 @@ def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
         assert left.suffix in (".mcap", ".json") or left.name == LOCK or left.name in message
 
 
+@pytest.mark.slow
 def test_a_session_whose_reader_ends_stops_and_says_that_the_motors_are_off(
     command_server, rig_file, tmp_path, bare
 ):

@@ -23,6 +23,7 @@ def quick(bare, quick_rig):
     return st.stand_in(quick_rig, bare, seed=1)
 
 
+@pytest.mark.slow
 def test_the_snippet_of_the_readme_runs(rig_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rig_file().rename("my-rig.toml")

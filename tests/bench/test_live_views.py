@@ -135,6 +135,7 @@ def last(viewer):
         viewer.recv(timeout=PATIENT)
 
 
+@pytest.mark.slow
 def test_foxglove_sees_previews_and_events(foxglove):
     """An independent client reads our messages, under the topic names of the layout."""
     topics = {"/preview", "/events"}

@@ -91,6 +91,7 @@ def test_the_log_holds_steps_commands_to_the_controller_and_errors(sautereau, ba
     assert "cannot be written" in sautereau("plan", "--log", log / "log").stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
 @pytest.mark.parametrize("options", [("--json",), (), ("--quiet",)])
 def test_a_log_without_room_is_one_warning_beside_the_result(

@@ -30,6 +30,7 @@ def test_a_recording_is_animated(sautereau, ideal, tmp_path):
         assert film.n_frames == 6
 
 
+@pytest.mark.slow
 def test_the_lines_say_simulated(ideal, tmp_path, capsys):
     path = tmp_path / "pluck.gif"
     assert call("animate", ideal[0][0], "--out", path, "--slow", "4", *STRETCH) == 0

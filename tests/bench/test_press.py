@@ -102,6 +102,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(bench, servo, p
         assert len({volts[name].tobytes() for volts in (first, second, other)}) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [2, slow(20)])
 def test_paper_phases_are_found_on_every_seed(paper, seeds):
     for path, truth in map(paper, range(seeds)):

@@ -121,6 +121,7 @@ def ranges(page):
     )
 
 
+@pytest.mark.slow
 def test_every_plot_is_drawn(shown):
     for plot in ("over-time", "over-session", "force-on-deflection"):
         assert shown.locator(f"#{plot} .main-svg").count() > 0

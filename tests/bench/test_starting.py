@@ -129,6 +129,7 @@ def test_a_closed_terminal_that_is_ignored_from_the_start_stays_ignored():
         signal.signal(signal.SIGHUP, before)
 
 
+@pytest.mark.slow
 def test_the_stand_in_needs_no_pseudo_terminal(monkeypatch):
     monkeypatch.delattr(os, "openpty", raising=False)  # as on Windows
     studied = session.study(n=1, scene="ideal")

@@ -38,6 +38,7 @@ def test_no_link_is_followed_and_no_file_replaced_without_force(sautereau, press
     assert target.read_text() == "precious"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="limits of the file size are POSIX's")
 @pytest.mark.parametrize("name", WORDS)
 def test_a_disk_that_fills_up_leaves_the_old_file(sautereau, pressed, name):

@@ -612,6 +612,7 @@ def check_source(card: FakeServer, folder: Path, kind: str, fault: str, number: 
         assert [*filter(None, message_faults(f"sautereau: {error}", card.address))] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [*READS, *INTEGERS])
 def test_a_read_of_a_source(card, tmp_path, fault):
     check_source(card, tmp_path, "immediate", fault, 2)

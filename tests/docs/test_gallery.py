@@ -36,6 +36,7 @@ def test_a_session_agrees_with_the_model(tmp_path):
     assert drawn(tmp_path / "a.png")
 
 
+@pytest.mark.slow
 def test_beams_predict_a_longer_pluck(tmp_path):
     held = levels.study(RIG)
     assert held["elastica"] == pytest.approx(20e-3, rel=1e-3)

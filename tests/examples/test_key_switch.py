@@ -13,6 +13,7 @@ PREAMBLE = "MAX FORCE = 320.0,3.3\nUNIT = gf,mm\nDATA COUNT = {n},\nRECORDING RA
 GAUGE = "Maximum,320.0,@,No.9\nData Quantity,{n},,\nNo.,Force,Unit,Displacement,Unit,Judge,Time\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("head", "row", "columns"),
     [

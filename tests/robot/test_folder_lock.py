@@ -83,6 +83,7 @@ def test_a_folder_that_goes_away_does_not_hide_the_first_error(tmp_path, moved):
         pass
 
 
+@pytest.mark.slow
 def test_a_session_holds_card_and_controller_between_presses_and_in_a_pause(
     tmp_path, command_server
 ):

@@ -86,6 +86,7 @@ def test_no_seed_diverges(tmp_path, seed):
     assert max(learning.errors[1:]) < learning.errors[0]
 
 
+@pytest.mark.slow
 def test_an_ideal_finger_has_nothing_to_learn(tmp_path):
     learning, paths = learn_on("ideal", tmp_path, 6, step=1e-3)
     assert len(paths) < 6

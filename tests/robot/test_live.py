@@ -130,6 +130,7 @@ def test_a_session_reports_its_stages(plain):
         np.testing.assert_array_equal(volts, [recorded["velocity"], recorded["force"]])
 
 
+@pytest.mark.slow
 def test_views_that_fail_or_hang_change_no_sample(plain, tmp_path, monkeypatch):
     monkeypatch.setattr(live, "PATIENCE", 0.05)
     stuck = Stuck()

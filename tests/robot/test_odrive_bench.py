@@ -36,6 +36,7 @@ def pressed(rig, tmp_path_factory):
         return path, stand_in.truth()[0]
 
 
+@pytest.mark.slow
 def test_a_press_has_the_phases_that_the_truth_has(pressed):
     path, truth = pressed
     recording = load_press(path)

@@ -143,6 +143,7 @@ def test_joints_with_wrong_encoders(rig, fractions, said):
 # The key.
 
 
+@pytest.mark.slow
 def test_the_first_touch_is_found_within_a_step(rig):
     found = find_contact(rig, Person(), SHORT)
     assert found.figures["height"] == pytest.approx(-0.3e-3, abs=0.03e-3)
@@ -156,6 +157,7 @@ def test_the_finger_is_not_pushed_beyond_the_limit(rig):
         find_contact(rig, Person(), creep)
 
 
+@pytest.mark.slow
 def test_a_key_that_is_not_there(rig):
     with pytest.raises(MotionFault, match=r"no contact down to 0\.1 mm below"):
         find_contact(rig, Person(), Creep(above=0.5e-3, below=0.1e-3))

@@ -131,6 +131,7 @@ def release(path):
     return force.index[np.argmin(np.diff(force.to_numpy()))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("product", ["NI 9239", "PCI-6251"])
 def test_a_press_on_a_described_card_has_its_release_at_the_true_time(tmp_path, product):
     rig = with_values(load_rig(), QUICK | {"daq.sample_rate": "50 kHz"})

@@ -294,6 +294,7 @@ def bits():
     return "\n".join([*(" ".join(float(v).hex() for v in row) for row in rows), str(seen.events)])
 
 
+@pytest.mark.slow
 def test_the_same_bits_in_another_process_without_numba():
     code = "import sys; sys.modules['numba'] = None\n"
     code += "from tests.sim_backend.test_exact import bits; print(bits())"

@@ -149,6 +149,7 @@ def test_a_slipped_encoder_moves_the_arm_and_not_its_reading(arm):
 # The sensors.
 
 
+@pytest.mark.slow
 def test_faults_of_sensors_are_in_the_recording(injected):
     tables = {
         "speckle": {"rate": "40 Hz", "duration": "1 ms", "spike": "20 mm/s"},
