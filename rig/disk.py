@@ -3,6 +3,7 @@
 import errno
 import hashlib
 import os
+import re
 import secrets
 import stat
 from collections.abc import Iterable, Iterator
@@ -21,6 +22,8 @@ _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.E
 """Of `os.link` on disks without hard links: exFAT, FAT, and some network and user file systems."""
 _NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EBADF, errno.EISDIR)
 """Of `os.fsync` of a folder, on file systems that flush their names on their own."""
+_BYTE = re.compile("[\udc80-\udcff]")
+"""A byte that is not UTF-8, as Python holds it in a text."""
 _FULL = {
     errno.ENOSPC: "the disk is full; free some space",
     errno.EFBIG: "the file has reached the size that the system allows; raise the limit",
@@ -216,9 +219,13 @@ def why_unwritable(error: OSError) -> str:
     return full or error.strerror or str(error)
 
 
-def as_text(path: str | Path) -> str:
-    """Return a path as a text that can be stored: bytes that are not UTF-8 are ``\\xff``."""
-    return os.fsencode(path).decode("utf-8", "backslashreplace")
+def as_text(text: str | Path) -> str:
+    """Return a text or a path as UTF-8 can store it, with escapes for what it cannot express.
+
+    Bytes of another encoding, which Python holds as surrogates, are ``\\xff``.
+    """
+    named = _BYTE.sub(lambda byte: f"\\x{ord(byte[0]) - 0xDC00:02x}", os.fspath(text))
+    return named.encode(errors="backslashreplace").decode()
 
 
 def open_regular(path: Path) -> BufferedReader:

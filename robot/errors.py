@@ -73,8 +73,8 @@ class SettingChanged(SettingNotTaken):
     def __init__(self, controller: str, changes: Iterable[str]):
         super().__init__(
             f"controller on {controller}: before a motion its settings are not those of this"
-            f" driver: {'; '.join(changes)}; this driver has not changed them: end every other"
-            " program that uses the controller, then run the same command again"
+            f" driver, read twice: {'; '.join(changes)}; this driver has not changed them: end"
+            " every other program that uses the controller, then run the same command again"
         )
 
 

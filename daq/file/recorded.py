@@ -104,11 +104,6 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
         ) from error
 
 
-def printable(text: str) -> str:
-    """Return a text with escapes for what UTF-8 cannot express: bytes of another encoding."""
-    return text.encode(errors="backslashreplace").decode()
-
-
 def whole_number(text: str, most: int = 2**64) -> int:
     """Return an integer that is written in digits, from ``-most`` to ``most``.
 

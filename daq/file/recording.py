@@ -21,10 +21,10 @@ from sautereau.daq.file.recorded import (
     Plan,
     SessionInfo,
     Signal,
-    printable,
 )
 from sautereau.daq.file.samples import sample_layout
 from sautereau.daq.file.trigger_date import Counted, TriggerDate
+from sautereau.rig.disk import as_text
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 
@@ -244,7 +244,7 @@ class Recording:
         It is written with the samples of that time, or at the next `flush`. Bytes in the text that
         are not UTF-8, as in the name of a file, are written as escapes.
         """
-        event = Event(time_s, printable(kind), printable(text), std)
+        event = Event(time_s, as_text(kind), as_text(text), std)
         self._events += 1
         if self._events >= MOST_EVENTS and kind != ABORTED:
             self._refuse_faults([f"events: more than MOST_EVENTS = {MOST_EVENTS}"])

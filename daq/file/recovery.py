@@ -13,10 +13,10 @@ from sautereau.daq.file.container.records import Opcode
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.integrity import opened
 from sautereau.daq.file.provenance import HEAD, start_head
-from sautereau.daq.file.recorded import Gap, printable
+from sautereau.daq.file.recorded import Gap
 from sautereau.daq.file.survey import Survey, survey
 from sautereau.daq.file.verified import verified
-from sautereau.rig.disk import hold
+from sautereau.rig.disk import as_text, hold
 
 ENDING = ".recovering.part"
 """Appended to the name of a recovered recording until it is complete."""
@@ -121,6 +121,6 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
     if end is not None:
         writer.add_metadata("end", metadata.get("end", {}) | {"stop_sample": str(end)})
     missing = json.dumps([gap.document() for gap in found.gaps])
-    found_in = {"from": printable(name), "damage": damage, "missing": missing}
+    found_in = {"from": as_text(name), "damage": damage, "missing": missing}
     writer.add_metadata("recovered", found_in)
     writer.finish()

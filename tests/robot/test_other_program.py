@@ -6,6 +6,7 @@ import pytest
 
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.settings import refuse_changes
 from sautereau.robot.errors import MotionFault, SettingChanged
 from sautereau.robot.experiment.monitor import Stage
 from sautereau.sim_backend.bench import StandIn
@@ -110,3 +111,17 @@ def test_motors_that_went_off_since_the_last_motion_are_reported_as_seen(bench, 
     with fails(controller, MotionFault, said, OFF):
         controller.home()
         controller.move_to([1000, -501000], 100_000)
+
+
+def test_a_difference_that_a_second_reading_does_not_find_is_a_warning(caplog):
+    readings = [["KP of axis A is 300, set to 6"], []]
+    refuse_changes("COM3", lambda: readings.pop(0))
+    (record,) = caplog.records
+    assert "COM3: KP of axis A is 300, set to 6 when read once" in record.getMessage()
+    assert readings == []
+
+
+def test_a_difference_that_two_readings_find_is_refused():
+    readings = [["KP of axis A is 300, set to 6"], ["KP of axis A is 301, set to 6"]]
+    with pytest.raises(SettingChanged, match="301, set to 6"):
+        refuse_changes("COM3", lambda: readings.pop(0))

@@ -16,9 +16,10 @@ from sautereau.robot.drivers.dynamixel import line as table
 from sautereau.robot.drivers.dynamixel.line import DynamixelLine
 from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.drivers.serial_port import Port
+from sautereau.robot.drivers.settings import refuse_changes
 from sautereau.robot.drivers.stream import Rows
 from sautereau.robot.drivers.streamed import StreamedDriver
-from sautereau.robot.errors import MotionFault, RobotError, SettingChanged, SettingNotTaken
+from sautereau.robot.errors import MotionFault, RobotError, SettingNotTaken
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments, motion_at, segment_cubics, to_counts
 
@@ -118,15 +119,16 @@ class Servos(StreamedDriver[Goals]):
 
     def check_settings(self) -> None:
         """Read modes, limits and watchdogs again, and refuse those that have changed."""
+        refuse_changes(self.line.name, self._changes)
+
+    def _changes(self) -> list[str]:
         watchdogs = {table.BUS_WATCHDOG: (self._watchdog(), self._watchdog())}
-        changes = [
+        return [
             f"{item.name}({item.address}) of servo {servo} is {value}, set to {due}"
             for item, values in (self._due | watchdogs).items()
             for servo, value, due in zip(table.SERVOS, self.line.read(item), values, strict=True)
             if value != due
         ]
-        if changes:
-            raise SettingChanged(self.line.name, changes)
 
     def _watchdog(self) -> int:
         """Return the watchdog's period in its units; the stand-in's host is never late."""

@@ -10,7 +10,8 @@ from sautereau.robot.drivers.galil.dmc import (
 )
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.errors import CommandRefused, RobotError, SettingChanged, SettingNotTaken
+from sautereau.robot.drivers.settings import refuse_changes
+from sautereau.robot.errors import CommandRefused, RobotError, SettingNotTaken
 from sautereau.trajectory.segments import Counts
 
 VOLTAGE_STEP = 5e-4
@@ -133,14 +134,15 @@ class ControllerSettings:
         Raises:
             SettingChanged: Names each setting with its axis, the value found and the value set.
         """
+        refuse_changes(self._line.name, self._changes)
+
+    def _changes(self) -> list[str]:
         values = self._line.read_many(self._due)
-        changes = [
+        return [
             f"{_setting(name)} is {value:.10g}, set to {due:.10g}"
             for (name, (due, tolerance)), value in zip(self._due.items(), values, strict=True)
             if abs(value - due) > tolerance
         ]
-        if changes:
-            raise SettingChanged(self._line.name, changes)
 
     @property
     def memory_text(self) -> str:

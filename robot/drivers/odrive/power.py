@@ -14,12 +14,12 @@ from sautereau.robot.drivers.odrive.line import OdriveLine, same
 from sautereau.robot.drivers.odrive.setpoints import Setpoints
 from sautereau.robot.drivers.polling import POLL
 from sautereau.robot.drivers.serial_port import Port
+from sautereau.robot.drivers.settings import refuse_changes
 from sautereau.robot.drivers.streamed import StreamedDriver
 from sautereau.robot.errors import (
     GarbledAnswer,
     MotionFault,
     RobotError,
-    SettingChanged,
     SettingNotTaken,
 )
 
@@ -111,13 +111,14 @@ class Power(StreamedDriver[Setpoints]):
         Raises:
             SettingChanged: Names each property, the value found and the value set.
         """
-        changes = [
+        refuse_changes(self.line.name, self._changes)
+
+    def _changes(self) -> list[str]:
+        return [
             f"{name} is {value:g}, set to {self.due[name]:g}"
             for name, value in self.line.read_many(self.due).items()
             if not same(value, self.due[name])
         ]
-        if changes:
-            raise SettingChanged(self.line.name, changes)
 
     def switch_on(self) -> None:
         """Verify watchdogs and limits, switch the motors on where they are, and verify that."""
