@@ -86,7 +86,8 @@ def _walk(field: str, stored: Any, now: Any, relative: float, std: Any) -> Itera
         yield from _lists(field, stored, now, relative, std)
     elif isinstance(stored, str) and isinstance(now, str):
         if not _same_text(stored, now, relative):
-            yield Difference("", field, stored, now, "exact, numbers to their last place")
+            words = "exact, numbers to their last place" if relative else "exact"
+            yield Difference("", field, stored, now, words)
     elif type(stored) is float or type(now) is float:
         yield from _floats(field, stored, now, relative, std)
     elif stored != now or type(stored) is not type(now):
