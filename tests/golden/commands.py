@@ -64,8 +64,11 @@ AT_DESK = {
     "trade": "trade paper --scene pluck --fresh",
 }
 COMMANDS = ON_BENCH | AT_DESK
-TIMED = ("real_time_factor", "build_time", "run_time", "machine")
-"""Keys of the answers that measure the machine."""
+VARIABLE = (
+    "real_time_factor", "build_time", "run_time", "machine", "pareto", "recommended",
+    "size", "sha256",
+)  # fmt: skip
+"""Keys of answers that measure the machine, or depend on the versions that a recording names."""
 WITHOUT_TEXT = {"trade": "its table lists times of this machine"}
 UNCOVERED = {
     "doctor": "it describes this machine and its packages",

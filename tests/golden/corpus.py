@@ -8,6 +8,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -16,18 +17,24 @@ import numpy as np
 
 from sautereau.commands.app import app
 from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Block, Recorded
+from sautereau.daq.file.recording import Recording
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.text import rig_text
-from tests.golden.commands import COMMANDS, TIMED
-from tests.golden.files import contents, signals_of
+from tests.golden.commands import COMMANDS
+from tests.golden.files import contents, invariable, signals_of
 from tests.golden.foreign import FOREIGN
 from tests.golden.plain import lines_of, plain
 from tests.golden.presses import carved_rig
 from tests.presses import MUTE_TEXT, QUICK_TEXT
 from tests.recordings import write_recording
-from tests.sessions import SessionWriter, session_writer
+from tests.sessions import session_writer
 
 DATA = Path(__file__).parents[1] / "data"
+DAY = 1_770_087_906_000_000_000
+"""ns since 1970, of the first press."""
+CUT = 300_000
+"""Bytes of a truncated recording."""
 
 
 class Corpus:
@@ -36,7 +43,7 @@ class Corpus:
     def __init__(self, folder: Path):
         self.folder = folder
         self._answers: dict[tuple[str, bool], dict[str, Any]] = {}
-        self._writer: SessionWriter | None = None
+        self._one: Recorded | None = None
 
     @contextlib.contextmanager
     def inside(self) -> Iterator[None]:
@@ -55,10 +62,21 @@ class Corpus:
             INPUTS[name][1](self, path)
         return path.relative_to(self.folder).as_posix()
 
-    def write_presses(self, folder: Path, **options: Any) -> None:
-        """Write three presses of the scene `ideal`, without the devices."""
-        self._writer = self._writer or session_writer()
-        self._writer(folder, 3, **options)
+    def write_presses(
+        self, folder: Path, first: int = 1, scale: float = 1.0, session: str = ""
+    ) -> None:
+        """Write three noisy presses of the scene `ideal`, without the devices, on a fixed day."""
+        self._one = one = self._one or session_writer().one
+        volts = np.stack([one.volts[channel.name] for channel in one.rig.daq.channels])
+        folder.mkdir()
+        for number in range(first, first + 3):
+            noise = 1e-3 * np.random.default_rng(number).standard_normal(volts.shape)
+            about = replace(one.session, press=number, item=number, session=session)
+            clock = iter(range(DAY, 2**63, 20_000_000)).__next__
+            path = folder / f"press-{number:04}.mcap"
+            with Recording(path, one.rig, session=about, rate=one.rate, clock=clock) as recording:
+                recording.write_block(Block(one.first_sample, scale * volts + noise))
+                recording.event("trigger", "edge on PFI0", 0.0)
 
     def answer(self, name: str, as_json: bool) -> dict[str, Any]:
         """Run a command once, and return what it prints, and what the files contain it writes."""
@@ -77,7 +95,7 @@ class Corpus:
         result |= {"status": status} | ({"error": error} if error else {})
         if not as_json:
             return result | {"text": lines_of(printed)}
-        result["json"] = plain(_untimed(json.loads(printed))) if printed else None
+        result["json"] = plain(invariable(json.loads(printed))) if printed else None
         new = [path for path in _files(self.folder / out) if path not in before]
         written = {path.relative_to(self.folder / out).as_posix(): contents(path) for path in new}
         return result | ({"files": written} if written else {})
@@ -118,16 +136,9 @@ def _files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.suffix in known)
 
 
-def _untimed(value: Any) -> Any:
-    """Return a document without the keys that measure the speed of the machine."""
-    if isinstance(value, dict):
-        return {name: _untimed(each) for name, each in value.items() if name not in TIMED}
-    return [_untimed(each) for each in value] if isinstance(value, list) else value
-
-
 def _cut(corpus: Corpus, path: Path) -> None:
     whole = (corpus.folder / corpus["presses"] / "press-0002.mcap").read_bytes()
-    path.write_bytes(whole[: 2 * len(whole) // 3])
+    path.write_bytes(whole[:CUT])
 
 
 def _long(corpus: Corpus, path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from tests.golden.commands import VARIABLE
 from tests.golden.plain import checksum, normal, plain
 
 _SHORT = 60
@@ -36,6 +37,13 @@ def shape_of(frame: pd.DataFrame) -> dict[str, Any]:
         "attrs": plain(frame.attrs),
         "numbers": {str(name): checksum(numbers[name]) for name in numbers},
     }
+
+
+def invariable(value: Any) -> Any:
+    """Return a document without the keys that depend on the machine, or on versions."""
+    if isinstance(value, dict):
+        return {name: invariable(each) for name, each in value.items() if name not in VARIABLE}
+    return [invariable(each) for each in value] if isinstance(value, list) else value
 
 
 def signals_of(path: Path) -> dict[str, Any]:
@@ -94,7 +102,7 @@ def _parquet(path: Path) -> Any:
 
     frame = pq.read_table(path).to_pandas()
     dates = [name for name in frame if frame[name].dtype.kind == "M"]
-    return shape_of(frame.drop(columns=[*dates, *_dated(frame)]))
+    return shape_of(frame.drop(columns=[*dates, *_dated(frame), *({*VARIABLE} & {*frame})]))
 
 
 def _dated(frame: pd.DataFrame) -> list[str]:
@@ -167,7 +175,7 @@ def _short_cell(text: str) -> str:
 
 def _json(path: Path) -> Any:
     found = json.loads(path.read_text(encoding="utf-8"))
-    return _condensed({k: v for k, v in found.items() if k not in _UNSTORED})
+    return _condensed(invariable({k: v for k, v in found.items() if k not in _UNSTORED}))
 
 
 def _condensed(value: Any) -> Any:

@@ -58,6 +58,8 @@ def _mat(path: Path) -> None:
     from scipy.io import savemat
 
     savemat(path, _SAMPLES)
+    text = b"MATLAB 5.0 MAT-file".ljust(116)  # instead of the date
+    path.write_bytes(text + path.read_bytes()[len(text) :])
 
 
 def _hdf5(path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).with_name("answers")
-WIDTH = 140
+WIDTH = 180
 """Characters of a line that holds a list or an object as one piece."""
 
 
