@@ -32,7 +32,7 @@ from tests.sessions import session_writer
 
 DATA = Path(__file__).parents[1] / "data"
 DAY = 1_770_087_906_000_000_000
-"""ns since 1970, of the first press."""
+"""ns since 1970, of the presses that are written without devices."""
 CUT = 300_000
 """Bytes of a truncated recording."""
 
@@ -72,9 +72,8 @@ class Corpus:
         for number in range(first, first + 3):
             noise = 1e-3 * np.random.default_rng(number).standard_normal(volts.shape)
             about = replace(one.session, press=number, item=number, session=session)
-            clock = iter(range(DAY, 2**63, 20_000_000)).__next__
             path = folder / f"press-{number:04}.mcap"
-            with Recording(path, one.rig, session=about, rate=one.rate, clock=clock) as recording:
+            with Recording(path, one.rig, session=about, rate=one.rate, t0_ns=DAY) as recording:
                 recording.write_block(Block(one.first_sample, scale * volts + noise))
                 recording.event("trigger", "edge on PFI0", 0.0)
 

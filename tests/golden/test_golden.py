@@ -26,6 +26,12 @@ def test_some_answers_are_the_stored_ones(group, tmp_path):
     check(group, QUICK[group], tmp_path)
 
 
+@pytest.mark.parametrize("kinds", [("csv", "wav", "tdms"), ("parquet", "npz", "h5")])
+def test_some_files_are_converted_as_before(kinds, tmp_path):
+    names = [f"{what} {kind}" for what in ("import", "export") for kind in kinds]
+    check("commands", [name for name in names if name in COMMANDS], tmp_path)
+
+
 @pytest.mark.slow
 def test_all_answers_are_the_stored_ones(tmp_path):
     """In one corpus, since groups use the results of each other's commands."""
