@@ -17,6 +17,8 @@ from sautereau.rig.acquisition import Channel, Daq
 
 NOT_SUPPORTED = (-200197, -200452)
 """Codes of the error if the device or the task does not have a property."""
+LONGEST_DELAY = 1.0
+"""s, of an input's digital filter; those of cards take less than 0.1 s."""
 EXCITATION_TOLERANCE = 0.1
 """Dimensionless, largest relative difference of the sensor's current from the requested one."""
 
@@ -63,7 +65,7 @@ def read_inputs(task: Any, daq: Daq) -> tuple[InputSettings, ...]:
     faults = [
         fault
         for channel, actual in zip(daq.channels, settings, strict=True)
-        for fault in _not_finite(actual) or _differences(channel, actual)
+        for fault in _impossible(actual, daq.sample_rate) or _differences(channel, actual)
     ]
     if faults:
         raise DaqError("\n".join(f"DAQ device {daq.device}: {fault}" for fault in faults))
@@ -89,7 +91,8 @@ def read_scaling(task: Any, inputs: Sequence[InputSettings]) -> Scaling | None:
             return None
         left = _optional(channel, "ai_raw_samp_justification") == DataJustification.LEFT
         ends = np.array([-1.0, 1.0]) * 2.0 ** ((size if left else bits) - 1)
-        reached = np.polynomial.polynomial.polyval(ends, coefficients)
+        with np.errstate(all="ignore"):  # what is not finite is not within the range below
+            reached = np.polynomial.polynomial.polyval(ends, coefficients)
         ratios = reached / [settings.device_low, settings.device_high]
         if not ((ratios > COUNTS_REACH[0]) & (ratios < COUNTS_REACH[1])).all():
             return None
@@ -145,16 +148,24 @@ def _skew(task: Any) -> float:
     if _optional(device, "ai_simultaneous_sampling_supported") in (None, True):
         return 0.0
     rate = _optional(task.timing, "ai_conv_rate")
-    return 1 / rate if rate else 0.0
+    # Without a rate it is unknown; a negative one becomes a delay that is refused.
+    return 0.0 if not rate else 1 / rate if rate > 0 else math.inf
 
 
-def _not_finite(actual: InputSettings) -> list[str]:
-    """Return which numbers of an input's answers are not finite."""
-    return [
-        f"input {actual.terminal} ({actual.name}): the driver gives {name} = {value}, which is not"
-        " a finite number; update the driver"
+def _impossible(actual: InputSettings, rate: float) -> list[str]:
+    """Return which numbers of an input's answers no input can have at a sample rate (Hz)."""
+    faults = {
+        name: "is not a finite number"
         for name, value in vars(actual).items()
         if isinstance(value, float) and not math.isfinite(value)
+    }
+    # Between its least, the last conversion of a multiplexer, and that of a slow digital filter.
+    if "delay" not in faults and not -1 / rate < actual.delay <= LONGEST_DELAY:
+        faults["delay"] = f"is not within {-1 / rate:g} s and {LONGEST_DELAY:g} s"
+    return [
+        f"input {actual.terminal} ({actual.name}): the driver gives {name} ="
+        f" {getattr(actual, name)}, which {fault}; update the driver"
+        for name, fault in faults.items()
     ]
 
 

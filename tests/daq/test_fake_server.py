@@ -556,7 +556,7 @@ def test_every_fault_at_every_call(command_server, card, tmp_path, name, number)
         faults = [fault for fault in faults if fault not in ANYWHERE]
     found = []
     if len(faults) > FAULTS_OF_A_CALL:
-        faults = random.Random(f"{name} {number}").sample(faults, FAULTS_OF_A_CALL)
+        faults = random.Random(f"{name} {number}").sample(list(faults), FAULTS_OF_A_CALL)
     for fault in faults:
         found += judged(command_server, card, tmp_path, Call(name, number), fault)
     assert not found, "\n".join(found)

@@ -10,6 +10,8 @@ import numpy as np
 
 DIGITS = 10
 """Of a stored float: more than the tightest tolerance needs."""
+PACKAGE = str(Path(__file__).parents[2])
+"""The folder of the source tree, which texts name."""
 VARIABLE = (
     (r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?", "DATE"),
     (r"\d{4}-\d\d-\d\d( \d\d:\d\d(:\d\d)?)?", "DATE"),
@@ -28,6 +30,7 @@ _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", re.ASCII)
 
 def normal(text: str) -> str:
     """Return a text without dates, ports, identifiers, versions and temporary folders."""
+    text = text.replace(PACKAGE, "PACKAGE")
     for pattern, instead in _VARIABLE:
         text = pattern.sub(instead, text)
     return text
