@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
+from sautereau.daq.file.trigger_date import Counted
 from sautereau.daq.source.connection import connect
 from sautereau.daq.source.counter import DATING, SampleCounter
 from sautereau.daq.source.driver_faults import NOT_YET_AVAILABLE, driver_errors
@@ -201,9 +202,9 @@ class Acquisition:
             samples = np.full((len(daq.channels), n), np.nan if kind == "float64" else 0, kind)
             with driver_errors(daq, "reading", self._options):
                 count, fault = self._read(read, samples)
-                if not plan.before and fault is None:
-                    dating = position < DATING * self._rate
-                    counts += (self._counter.count(),) if dating else ()
+                if not plan.before and fault is None and position < DATING * self._rate:
+                    dated, fault = self._counted()
+                    counts += dated
             block = Block(position - plan.before, samples[:, :count], counts, self._scaling)
             block, odd = block.finite([channel.name for channel in daq.channels])
             if odd:
@@ -219,6 +220,13 @@ class Acquisition:
                     raise fault
             if plan.total is None:
                 self._check_position(position)
+
+    def _counted(self) -> tuple[tuple[Counted, ...], Exception | None]:
+        """Return a dated count of samples, or why there is none: what was read is kept first."""
+        try:
+            return (self._counter.count(),), None
+        except Exception as error:  # noqa: BLE001 - raised by `blocks` after that block
+            return (), error
 
     def _reader(self) -> tuple[str, Callable[..., int]]:
         """Return the type of the samples, and the function that reads them into an array."""

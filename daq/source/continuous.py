@@ -51,39 +51,46 @@ def record(
             f"recording of {duration_s:g} s: the duration must be a number above 0 s; give one, or"
             " none to continue until it is stopped"
         )
-    with open_source(rig.daq, None, triggered=triggered) as acquisition:
-        limit = math.inf
-        if duration_s is not None:
-            # Rounded first: the last digits of the product are rounding errors.
-            limit = max(1, math.ceil(round(duration_s * acquisition.rate, 6)))
-        session = SessionInfo(
-            press=NO_PRESS,
-            started=datetime.now(UTC).isoformat(timespec="milliseconds"),
-            simulated=acquisition.simulated,
-            controller="",
-            daq=acquisition.device_description,
-            scene=scene,
-            seed=seed,
-            notes=notes,
-        )
-        rig = acquisition.of_device(rig)
-        with Recording(
-            path, rig, session=session, rate=acquisition.rate, scaling=acquisition.scaling
-        ) as recording:
-            recording.before_trigger()
-            acquisition.start()
-            for block in acquisition.blocks():
-                count = block.first_sample + block.n_samples
-                if count > limit:
-                    count = int(limit)
-                    samples = block.samples[:, : count - block.first_sample]
-                    block = replace(block, samples=samples)
-                recording.write_block(block)
-                on_block(count)
-                if count == limit:
-                    break
-                if not keep_going():
-                    recording.event("stopped", "by the operator", count / acquisition.rate)
-                    break
-            acquisition.stop()
-        return recording.n_samples
+    complete = False
+    try:
+        with open_source(rig.daq, None, triggered=triggered) as acquisition:
+            limit = math.inf
+            if duration_s is not None:
+                # Rounded first: the last digits of the product are rounding errors.
+                limit = max(1, math.ceil(round(duration_s * acquisition.rate, 6)))
+            session = SessionInfo(
+                press=NO_PRESS,
+                started=datetime.now(UTC).isoformat(timespec="milliseconds"),
+                simulated=acquisition.simulated,
+                controller="",
+                daq=acquisition.device_description,
+                scene=scene,
+                seed=seed,
+                notes=notes,
+            )
+            rig = acquisition.of_device(rig)
+            with Recording(
+                path, rig, session=session, rate=acquisition.rate, scaling=acquisition.scaling
+            ) as recording:
+                recording.before_trigger()
+                acquisition.start()
+                for block in acquisition.blocks():
+                    count = block.first_sample + block.n_samples
+                    if count > limit:
+                        count = int(limit)
+                        samples = block.samples[:, : count - block.first_sample]
+                        block = replace(block, samples=samples)
+                    recording.write_block(block)
+                    on_block(count)
+                    if count == limit:
+                        break
+                    if not keep_going():
+                        recording.event("stopped", "by the operator", count / acquisition.rate)
+                        break
+                acquisition.stop()
+            complete = True
+    except DaqError as error:
+        if complete:
+            error.add_note(f"the recording {path} is complete")
+        raise
+    return recording.n_samples
