@@ -144,7 +144,6 @@ EMULATORS = Registry(
     {
         "galil": "sautereau.sim_backend.devices.galil.firmware:emulate",
         "odrive": "sautereau.sim_backend.devices.odrive.firmware:emulate",
-        "dynamixel": "sautereau.sim_backend.devices.dynamixel.firmware:emulate",
     },
     SceneError,
 )
