@@ -49,8 +49,7 @@ class Quantity:
         return f"{self.label} ({unit})" if unit not in ("", "1") else self.label
 
 
-SECTIONS: dict[str, dict[str, Quantity]] = {}
-"""Quantities by what reports them, and there by name."""
+SECTIONS: dict[str, dict[str, Quantity]] = {}  # Quantities by what reports them, and there by name
 for _section, *_row in table_beside(__file__):
     SECTIONS.setdefault(_section, {})[_row[0]] = Quantity(*_row)
 QUANTITIES = {name: each for table in SECTIONS.values() for name, each in table.items()}

@@ -23,10 +23,8 @@ RotorInertia = Annotated[float, Unit("kg*m**2", "1e-6 kg m^2"), Field(ge=0)]
 GearRatio = Annotated[float, Field(gt=0)]
 
 
-LEAST_INTERVAL = 0.999e-6
-"""s, between the points of a gesture."""
-LONGEST_GESTURE = 60.0
-"""s."""
+LEAST_INTERVAL = 0.999e-6  # s, between the points of a gesture
+LONGEST_GESTURE = 60.0  # s
 
 
 class Gesture(Section):

@@ -7,8 +7,7 @@ from pydantic import BaseModel, ConfigDict
 
 from sautereau.rig.units import Unit
 
-GRAVITY = 9.80665
-"""m/s^2, standard acceleration of gravity."""
+GRAVITY = 9.80665  # m/s^2, standard acceleration of gravity
 
 Length = Annotated[float, Unit("m", "14 mm")]
 Mass = Annotated[float, Unit("kg", "6 g")]

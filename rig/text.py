@@ -16,8 +16,7 @@ from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity
 
 _WIDTH = 88
-_ALIKE = "more_choirs"
-"""Table with the same inner tables as the first choir."""
+_ALIKE = "more_choirs"  # Table with the same inner tables as the first choir
 
 
 def rig_text(rig: Rig) -> str:

@@ -14,8 +14,7 @@ _NUMBER_AND_UNIT = re.compile(
     r"\s*([+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL
 )
 
-LONGEST_UNIT = 60
-"""Characters of a unit."""
+LONGEST_UNIT = 60  # Characters of a unit
 _PREFIXES = ("p", "n", "µ", "m", "", "k", "M", "G")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _EXPONENT = re.compile(r"(?:\*\*|\^)\s*([+-]?\d{1,2}(?![\d.eE]|\s*(?:\*\*|\^)))?")

@@ -25,14 +25,11 @@ from sautereau.sim_backend.prepare import prepared
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.truth import Truth, truths
 
-SETTLING = 2.0
-"""s, for which simulated time advances after a motion, so that the arm comes to rest."""
-BUSY = 20.0
-"""s of real time, in which a busy machine has computed any answer without faults."""
+SETTLING = 2.0  # s, for which simulated time advances after a motion, so that the arm comes to rest
+BUSY = 20.0  # s of real time, in which a busy machine has computed any answer without faults
 TICK = 1e-3
 """s, about a sample of the controller: longest time by which the bench is ahead of real time."""
-LONGEST_WAIT = 60.0
-"""s of simulated time that may pass before a command is carried out."""
+LONGEST_WAIT = 60.0  # s of simulated time that may pass before a command is carried out
 
 
 class Bench:

@@ -19,8 +19,7 @@ SHAPE = (
 """Columns of a plectrum's shape and material. Those that vary get an exponent."""
 CONDITIONS = ("jack_speed", "string_stiffness")
 """Columns that change the touch of a given plectrum. Those that vary are regressors."""
-LEAST_RANGE = 1e-6
-"""Range of a column's logarithm below which the column counts as constant."""
+LEAST_RANGE = 1e-6  # Range of a column's logarithm below which the column counts as constant
 LEAST_SINGULAR = 1e-3
 """Ratio of the smallest to the largest singular value of the normalised regressors below which they
 are collinear. Their exponents are not identifiable then."""

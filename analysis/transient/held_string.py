@@ -6,8 +6,7 @@ from scipy.optimize import brentq
 from sautereau.rig.instrument import Choir
 from sautereau.trajectory.motion import Floats
 
-GRID = 40
-"""Intervals per free partial in which roots are searched."""
+GRID = 40  # Intervals per free partial in which roots are searched
 
 
 def free_frequencies(choir: Choir, highest: float) -> Floats:

@@ -4,8 +4,7 @@ import select
 import socket
 from urllib.parse import urlsplit
 
-TCP = "tcp://"
-"""Begins the name of such a port: `tcp://192.168.1.3:23`."""
+TCP = "tcp://"  # Begins the name of such a port: `tcp://192.168.1.3:23`
 _CHUNK = 1 << 16
 
 

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Self
 
-PAUSE = 1.0
-"""Time in s after an interrupt in which further ones wait, while the program handles it."""
+PAUSE = 1.0  # Time in s after an interrupt in which further ones wait, while the program handles it
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 

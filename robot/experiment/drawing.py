@@ -11,8 +11,7 @@ from sautereau.trajectory.key import contact_angle, rise_of_angle, surface_axes
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.urdf import JACK
 
-RATE = 200.0
-"""Hz, largest rate of the drawings."""
+RATE = 200.0  # Hz, largest rate of the drawings
 
 
 def draw(rig: Rig, joints: Joints) -> tuple[Floats, dict[str, Floats], dict[str, Floats]]:

@@ -16,8 +16,7 @@ from sautereau.robot.errors import RobotError
 EXAMPLE = "press.jack_speed,plectrum.overlap,repeats,notes"
 MOST_PRESSES = 100_000
 """Largest number of presses of one row, and of a session: a day of them at full speed."""
-MOST_ROWS = 1000
-"""Limit of a table's lines."""
+MOST_ROWS = 1000  # Limit of a table's lines
 
 
 @dataclass(frozen=True)

@@ -31,12 +31,9 @@ from sautereau.robot.experiment.differences import check_same
 from sautereau.robot.experiment.plan import Plan, RigDocument
 from sautereau.robot.experiment.plan_table import MOST_PRESSES
 
-MANIFEST = "session.json"
-"""Name of the file in the session's folder."""
-VERSION = 1
-"""Version of the file."""
-LONGEST_NAME = 200
-"""Characters of the session's identity, and of a date."""
+MANIFEST = "session.json"  # Name of the file in the session's folder
+VERSION = 1  # Version of the file
+LONGEST_NAME = 200  # Characters of the session's identity, and of a date
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
     from sautereau.entrance.report import Report
 
-PAGE = "report.html"
-"""Name of the report in the session's folder."""
+PAGE = "report.html"  # Name of the report in the session's folder
 
 
 class Session(Shown, Sequence[PressFile]):

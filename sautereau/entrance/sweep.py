@@ -24,12 +24,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-POINTS = 25
-"""Values of a range that is given as `...`."""
-SHOWN = ("pluck_duration", "peak_force", "v_osc")
-"""Quantities of the figure."""
-LISTED = 24
-"""Lines that its legend lists at most."""
+POINTS = 25  # Values of a range that is given as `...`
+SHOWN = ("pluck_duration", "peak_force", "v_osc")  # Quantities of the figure
+LISTED = 24  # Lines that its legend lists at most
 
 
 @dataclass(frozen=True, repr=False)

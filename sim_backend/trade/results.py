@@ -18,10 +18,8 @@ HEADS = (
 SIMPLER = 2.0
 """Dimensionless speed over that of the scene's own models, from which simpler ones are
 recommended: they save no computing in the engine, but may in a modal string."""
-MARGIN = 0.1
-"""Fraction of a speed below which measured speeds count as equal."""
-LEAST = 1e-10
-"""s, error at which a point without one is drawn, for the axis is logarithmic."""
+MARGIN = 0.1  # Fraction of a speed below which measured speeds count as equal
+LEAST = 1e-10  # s, error at which a point without one is drawn, for the axis is logarithmic
 
 
 @dataclass(frozen=True)

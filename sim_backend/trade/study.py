@@ -31,10 +31,8 @@ STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "exact": (1, 2, 4, 8, 16)}
 """Steps per controller sample that are tried with an engine."""
 FEW = (1, 8)
 """Those that simpler levels and strings are tried with: a step does not improve a model."""
-RUNS = (3, 99)
-"""Least and largest number of runs whose median speed counts."""
-ENOUGH = 0.3
-"""s, total duration of runs after which there are no more."""
+RUNS = (3, 99)  # Least and largest number of runs whose median speed counts
+ENOUGH = 0.3  # s, total duration of runs after which there are no more
 
 
 def run_trade(rig: Rig, scene: Scene, fresh: bool = False) -> Trade:

@@ -6,8 +6,7 @@ from contextlib import contextmanager
 
 from sautereau.robot.errors import RobotError, SilentController
 
-_LONGEST_TURN = 1.0
-"""s, that a thread waits for its turn before it takes the lock out of turn."""
+_LONGEST_TURN = 1.0  # s, that a thread waits for its turn before it takes the lock out of turn
 
 
 class FairLock:

@@ -23,10 +23,8 @@ from sautereau.robot.errors import (
 )
 
 _LONGEST_ANSWER = 1 << 18
-_SPACES = b"\t\n\r\x1a"
-"""Control characters of answers; control-Z follows an uploaded array."""
-_NOISE = 3
-"""Bytes with their most significant bit set that are no message yet."""
+_SPACES = b"\t\n\r\x1a"  # Control characters of answers; control-Z follows an uploaded array
+_NOISE = 3  # Bytes with their most significant bit set that are no message yet
 _END = "\x1a\r\n "
 _MARK = "4711"
 _MARKED = re.compile(rf"{_MARK}(?:\.0*)?((?: +-?[0-9.]+)*)\s*:$")

@@ -14,8 +14,7 @@ from sautereau.daq.file.survey import LAYOUT
 from sautereau.rig.extras import require
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 
-PORT = 8765
-"""Default port of Foxglove; if it is in use, another free one is taken."""
+PORT = 8765  # Default port of Foxglove; if it is in use, another free one is taken
 
 
 class FoxgloveView:

@@ -2,8 +2,7 @@
 
 from collections import deque
 
-BITS = 10
-"""Bits of one character, with its start and stop bit."""
+BITS = 10  # Bits of one character, with its start and stop bit
 
 
 class Uart:

@@ -30,8 +30,7 @@ class Input(IntEnum):
 
 INVALID_STATE, MOTOR_FAILED, WATCHDOG_EXPIRED, ENDSTOP_PRESSED = 0x1, 0x40, 0x800, 0x1000
 HOMING_WITHOUT_ENDSTOP = 0x20000
-SYSTEM_LEVEL = 1 << 24
-"""Error of a motor that was switched off for an error of the device."""
+SYSTEM_LEVEL = 1 << 24  # Error of a motor that was switched off for an error of the device
 
 
 class OdriveAxis:
