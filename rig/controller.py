@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from sautereau.rig.registry import CONTROLLERS, NameIn
-from sautereau.rig.section import Angle, Section, Time, Voltage
+from sautereau.rig.units import Angle, Section, Time, Voltage
 
 Fraction = Annotated[float, Field(strict=True, gt=0, le=1)]
 

@@ -16,8 +16,7 @@ from pydantic import Field, model_validator
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.controller import Controller
 from sautereau.rig.instrument import Choir, Jack, Key, Plectrum, String
-from sautereau.rig.section import GRAVITY, Angle, Length, Mass, Moment, Section, Time
-from sautereau.rig.units import Unit
+from sautereau.rig.units import GRAVITY, Angle, Length, Mass, Moment, Section, Time, Unit
 
 RotorInertia = Annotated[float, Unit("kg*m**2", "1e-6 kg m^2"), Field(ge=0)]
 GearRatio = Annotated[float, Field(gt=0)]

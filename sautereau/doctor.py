@@ -14,7 +14,7 @@ from importlib import metadata
 from pathlib import Path
 
 from sautereau.rig.acquisition import Daq
-from sautereau.rig.extras import MissingExtraError, require
+from sautereau.rig.errors import MissingExtraError, require
 from sautereau.rig.schema import Rig
 
 LEAST_SPACE = 1e9  # Bytes that should be free for recordings: about 2,000 presses

@@ -21,7 +21,7 @@ from benchmarks.extremes.case_scenes import (
     stiffness_times,
 )
 from sautereau.rig.schema import Rig
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.parts import Bending, Play
 
 STEPS = (1e-6, 1e-5, 1e-4, 5e-4, 2e-3)

@@ -25,7 +25,7 @@ from sautereau.rig.disk import (
 )
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document
-from sautereau.rig.renamed import current_key
+from sautereau.rig.named import current_key
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.differences import check_same
 from sautereau.robot.experiment.plan import Plan, RigDocument

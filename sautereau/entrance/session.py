@@ -20,7 +20,7 @@ from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.rig import Rig
 from sautereau.entrance.shown import Shown, shown
 from sautereau.rig import schema
-from sautereau.rig.extras import require
+from sautereau.rig.errors import require
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,7 +10,7 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.exact.compile import records
