@@ -30,7 +30,7 @@ def law_of(plectrum: Plectrum, string: String, level: str) -> Law:
     Raises:
         ModelError: The plectrum and string have no pluck.
     """
-    pluck = pluck_of(plectrum, string, level)
+    pluck = pluck_of(plectrum, string, level)  # pyright: ignore[reportArgumentType]
     knots = pluck.height
     places = np.array([1, 3, 5, 7]) / 8
     steps = np.diff(knots)[:, None]

@@ -71,7 +71,8 @@ def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats
         if scene.plectrum == "none":
             continue
         try:
-            law = law_of(choir.plectrum, choir.string, scene.plectrum)
+            plectrum, string = choir.plectrum, choir.string
+            law = law_of(plectrum, string, scene.plectrum)  # pyright: ignore[reportArgumentType]
         except ModelError as error:
             at = f"more_choirs.{k - 1}." if k else ""
             raise SceneError(f"rig {rig.name}: {at}{error}") from error
