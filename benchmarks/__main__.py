@@ -38,8 +38,8 @@ ALL = (
     "imports",
     "transient",
 )
-LONG = ("identify_many",)
-"""Benchmarks of more than 20 minutes of processor time. They run only if they are named."""
+LONG = ("identify_many", "stability")
+"""Benchmarks of many minutes of processor time. They run only if they are named."""
 
 
 def main(arguments: list[str]) -> int:

@@ -24,7 +24,7 @@ from benchmarks.figures import BenchmarkFault, check
 from sautereau.analysis.model.choirs import pluck_of
 from sautereau.rig.instrument import Plectrum, String
 from sautereau.rig.schema import Rig
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
 from sautereau.sim_backend.physics.observation import Observation
 from sautereau.sim_backend.scene import Scene

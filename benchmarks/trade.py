@@ -4,13 +4,12 @@ import importlib.util
 
 import numpy as np
 
-from benchmarks.figures import RUNS, Figure, check, median_time
+from benchmarks.figures import RUNS, Figure, check
 from benchmarks.figures import timed as clocked
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import errors, observe, reference
-from sautereau.sim_backend.physics.presses.sweep import Ending, sweep
 from sautereau.sim_backend.scene import Scene, load_scene
 from sautereau.sim_backend.trade.refinement import stepped
 from sautereau.sim_backend.trade.select import select_solver
@@ -19,8 +18,6 @@ from sautereau.sim_backend.trade.study import timed
 STEPS = 10
 """Steps of the rigid engine per controller sample: 98 us each."""
 FINER = (1, 2, 4, 8, 10, 16, 32, 64)
-PRESSES = 4096
-"""Number of presses of a sweep."""
 MUJOCO = {1: 10.0, STEPS: 2.0}
 """us, largest error of an event in MuJoCo with a number of steps per controller sample."""
 
@@ -32,7 +29,6 @@ def run() -> list[Figure]:
     return [
         *_rigid(rig, pluck),
         *_exact(rig, pluck),
-        *_sweep(rig, pluck),
         *_paper(rig),
         *_settling(rig),
         *_mujoco(rig, pluck),
@@ -59,27 +55,6 @@ def _exact(rig: Rig, scene: Scene) -> list[Figure]:
         Figure(f"{name}: error of an event", error * 1e6, "us", "limit", 1.0),
         Figure(f"{name}: times real time", factor, "1", "at least", 100.0),
         Figure(f"{name}, world included", (built + ran) * 1e6, "us", "limit", 100.0),
-    ]
-
-
-def _sweep(rig: Rig, scene: Scene) -> list[Figure]:
-    way = stepped(rig, scene, 1, engine="exact")
-    values = {"push.force": np.linspace(1.0, 2.0, PRESSES)}
-    plectra = {"plectrum.overlap": np.linspace(0.2e-3, 0.3e-3, PRESSES)}
-    swept = sweep(rig, way, values)
-    check(bool((swept.status == Ending.PLAYED).all()), "a press of the sweep has not ended")
-    for i in (0, PRESSES // 2, PRESSES - 1):
-        push = way.push.model_copy(update={"force": values["push.force"][i]})
-        true = reference(rig, way.model_copy(update={"push": push}))
-        off = float(abs(swept.release[0, i] - true.events.releases[0].time))
-        check(off < 1e-6, f"release of press {i} is {off * 1e6:.3g} us off the reference")
-    rate = PRESSES / median_time(lambda: sweep(rig, way, values))
-    different = PRESSES / median_time(lambda: sweep(rig, way, plectra, threads=1))
-    simulated = rate * drive_of(rig, way).samples * rig.controller.sample_period
-    return [
-        Figure("presses per second in a sweep of the push", rate, "1/s", "at least", 1000.0),
-        Figure("the same sweep: times real time", simulated, "1", "at least", 1000.0),
-        Figure("different plectra per second and thread", different, "1/s", "at least", 20000.0),
     ]
 
 

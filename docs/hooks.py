@@ -13,9 +13,9 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from sautereau.rig.describe import KeyDescription, TableDescription, describe
 from sautereau.rig.load import load_rig
 from sautereau.rig.packaged import named_text
+from sautereau.rig.text import KeyDescription, TableDescription, describe
 from sautereau.sim_backend.scene import Scene, load_scene, packaged_scenes
 
 ROOT = Path(__file__).parents[1]

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from sautereau.rig.registry import CONTROLLERS, NameIn
-from sautereau.rig.section import Angle, Section, Time, Voltage
+from sautereau.rig.units import Angle, Section, Time, Voltage
 
 Fraction = Annotated[float, Field(strict=True, gt=0, le=1)]
 
@@ -14,8 +14,7 @@ class Controller(Section):
     """The motor controller."""
 
     kind: Annotated[str, NameIn(CONTROLLERS, imported=False)] = "galil"
-    """`galil` (DMC-4x), `odrive` (3.x with firmware 0.5.6), `dynamixel` (bus servos of the X
-    series), or a kind of another package."""
+    """`galil` (DMC-4x), `odrive` (3.x with firmware 0.5.6), or a kind of another package."""
     port: str = Field(min_length=1)
     """Serial device; or `tcp://host:port` of a controller on Ethernet (the port of a Galil is 23);
     or pyserial's `socket://` or `rfc2217://` for a serial port behind a network."""

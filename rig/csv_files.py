@@ -17,8 +17,7 @@ from sautereau.rig.schema import Arm
 from sautereau.rig.units import parse_quantity
 
 _COLUMN = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
-MOST_ROWS = 20_000
-"""Limit of a file's rows."""
+MOST_ROWS = 20_000  # Limit of a file's rows
 _LISTED = 5  # faults in one message
 _GESTURE = {"time": "s", "rise": "m"}
 _TOUCHED_POINTS = {"point": "m", "joint1": "rad", "joint2": "rad"}

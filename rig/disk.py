@@ -14,16 +14,14 @@ from pathlib import Path
 from typing import BinaryIO
 
 _REPLACED: ContextVar[frozenset[Path]] = ContextVar("_REPLACED", default=frozenset())
-NEW = ".new"
-"""File extension of what is being written."""
+NEW = ".new"  # File extension of what is being written
 TEXT_LIMIT = 8_000_000
 """Largest size of a file of text that is read: rig, scene, table, manifest; bytes."""
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK, errno.EINVAL)
 """Of `os.link` on disks without hard links: exFAT, FAT, and some network and user file systems."""
 _NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EBADF, errno.EISDIR)
 """Of `os.fsync` of a folder, on file systems that flush their names on their own."""
-_BYTE = re.compile("[\udc80-\udcff]")
-"""A byte that is not UTF-8, as Python holds it in a text."""
+_BYTE = re.compile("[\udc80-\udcff]")  # A byte that is not UTF-8, as Python holds it in a text
 _FULL = {
     errno.ENOSPC: "the disk is full; free some space",
     errno.EFBIG: "the file has reached the size that the system allows; raise the limit",

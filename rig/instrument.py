@@ -5,8 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from sautereau.rig.section import Force, Frequency, Inertia, Length, Mass, Moment, Section
-from sautereau.rig.units import Unit
+from sautereau.rig.units import Force, Frequency, Inertia, Length, Mass, Moment, Section, Unit
 
 
 class KeyMode(Section):

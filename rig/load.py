@@ -3,9 +3,11 @@
 import copy
 import json
 import logging
+import re
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -13,6 +15,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from sautereau.rig.csv_files import read_gesture
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import (
     at_line,
@@ -24,12 +27,10 @@ from sautereau.rig.faults import (
     unit_of,
     validation_faults,
 )
-from sautereau.rig.files import read_files
-from sautereau.rig.origins import Origins, assumed_ranges
+from sautereau.rig.named import RENAMED_KEYS, current_key, rename_keys
 from sautereau.rig.packaged import named_text
-from sautereau.rig.renamed import RENAMED_KEYS, current_key, rename_keys
 from sautereau.rig.schema import Rig
-from sautereau.rig.units import format_quantity
+from sautereau.rig.units import format_quantity, parse_quantity, shown
 
 _LOG = logging.getLogger(__name__)
 DEEPEST = 20
@@ -215,21 +216,21 @@ def current_document(document: dict[str, Any]) -> dict[str, Any]:
 
 def _complete(document: dict[str, Any], kind: type[BaseModel]) -> None:
     """Add the optional keys that are missing in the tables of a document, in place."""
-    for name, field in kind.model_fields.items():
+    for name, known in kind.model_fields.items():
         if name in document:
             value = document[name]
             for table in value if isinstance(value, list) else [value]:
-                if isinstance(table, dict) and (nested := submodel(field.annotation)):
+                if isinstance(table, dict) and (nested := submodel(known.annotation)):
                     _complete(table, nested)
-        elif not field.is_required() and not field.exclude:
-            default = field.get_default(call_default_factory=True)
+        elif not known.is_required() and not known.exclude:
+            default = known.get_default(call_default_factory=True)
             document[name] = _plain(default, unit_of(kind, [name]))
 
 
 def _document(model: BaseModel, kind: type[BaseModel]) -> dict[str, Any]:
     document: dict[str, Any] = {}
-    for name, field in kind.model_fields.items():
-        if not field.exclude:
+    for name, known in kind.model_fields.items():
+        if not known.exclude:
             document[name] = _plain(getattr(model, name), unit_of(kind, [name], model))
     return document
 
@@ -244,3 +245,120 @@ def _plain(value: Any, unit: str | None) -> Any:
     if value is None or isinstance(value, str | int | float):
         return value
     return str(value)
+
+
+def read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
+    """Replace the names of files by their contents; return the faults in them."""
+    faults: list[tuple[str, str]] = []
+    press = values.get("press")
+    gesture = press.get("gesture") if isinstance(press, dict) else None
+    if isinstance(press, dict) and isinstance(gesture, dict) and set(gesture) == {"file"}:
+        try:
+            press["gesture"] = read_gesture(folder / str(gesture["file"]))
+        except RigError as error:
+            del press["gesture"]
+            faults.append(("press.gesture", str(error)))
+    choirs = values.get("more_choirs")
+    holders = [("", values)]
+    if isinstance(choirs, list):
+        holders += [(f"more_choirs.{i}.", c) for i, c in enumerate(choirs) if isinstance(c, dict)]
+    for prefix, holder in holders:
+        plectrum = holder.get("plectrum")
+        outline = plectrum.get("outline") if isinstance(plectrum, dict) else None
+        if isinstance(plectrum, dict) and isinstance(outline, dict) and "file" in outline:
+            from sautereau.rig.outline import read_outline  # imports numpy; few rigs need it
+
+            try:
+                plectrum["outline"] = read_outline(outline, folder)
+            except RigError as error:
+                del plectrum["outline"]
+                faults.append((f"{prefix}plectrum.outline", str(error)))
+    return faults
+
+
+_ORIGIN = ("assumed", "source")
+_ORIGINS = {"assumed", "sources"}
+
+
+@dataclass(frozen=True)
+class Origins:
+    """What a rig file says about its values, by dotted key."""
+
+    assumed: dict[str, tuple[Any, Any]] = field(default_factory=dict)
+    """A value and its assumed range."""
+    sources: dict[str, str] = field(default_factory=dict)
+    faults: list[tuple[str, str]] = field(default_factory=list)
+    """Faults of these two, each after the key that it concerns."""
+
+    def split(self, document: dict[str, Any]) -> dict[str, Any]:
+        """Return the values of a document alone, and keep the rest here."""
+        values = self._values(document, ())
+        for name in _ORIGINS & set(values):
+            del values[name]
+            self.faults.append((name, "unknown key; write it into the table of each quantity"))
+        if "daq_only" in values:
+            fault = "unknown key; a recording of a rig with [daq] alone has it"
+            self.faults.append(("daq_only", fault))
+        return values
+
+    def _values(self, node: Any, path: tuple[str, ...]) -> Any:
+        if isinstance(node, list):
+            return [self._values(value, (*path, str(i))) for i, value in enumerate(node)]
+        if not isinstance(node, dict):
+            return node
+        if not path or "value" not in node:
+            return {key: self._values(value, (*path, key)) for key, value in node.items()}
+        self._keep(".".join(path), node)
+        return node["value"]
+
+    def _keep(self, key: str, table: dict[str, Any]) -> None:
+        for unknown in sorted(set(table) - {"value", *_ORIGIN}):
+            known = near_miss(unknown, ["value", *_ORIGIN]).replace("the top level", "a quantity")
+            self.faults.append((f"{key}.{unknown}", f"unknown key{known}"))
+        if "assumed" in table:
+            self.assumed[key] = (table["value"], table["assumed"])
+        if "source" in table:
+            source = self.sources[key] = table["source"]
+            if not isinstance(source, str):
+                self.faults.append((f"{key}.source", f"{shown(source)} is refused: give a text"))
+
+
+def assumed_ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):
+    """Return the assumed ranges [SI] by dotted key, and the faults in them."""
+    known = set(model_keys(Rig))
+    ranges: dict[str, tuple[float, float]] = {}
+    faults: list[tuple[str, str]] = []
+    for key, (value, pair) in assumed.items():
+        if re.sub(r"\.\d+(?=\.|$)", "", key) not in known:
+            continue  # the unknown key is reported elsewhere
+        try:
+            ranges[key] = _range(unit_of(Rig, key.split("."), values), value, pair)
+        except ValueError as error:
+            faults.append((key, str(error)))
+    return ranges, faults
+
+
+def _range(unit: str | None, value: Any, pair: Any) -> tuple[float, float]:
+    if unit is None or isinstance(value, list):
+        raise ValueError("only a single quantity with a unit has an assumed range; remove assumed")
+    if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(p, str) for p in pair):
+        raise ValueError(
+            f"assumed range {shown(pair)} is refused: give the smallest and the largest quantity"
+            f" in {unit}"
+        )
+    try:
+        low, high = (parse_quantity(end, unit) for end in pair)
+    except ValueError as error:
+        raise ValueError(f"assumed range: {error}; give a quantity in {unit}") from error
+    if not low <= high:
+        raise ValueError(f"assumed range {shown(pair)} is empty; give the smallest value first")
+    try:
+        inside = low <= parse_quantity(value, unit) <= high
+    except (ValueError, TypeError):  # the fault of the value itself is reported elsewhere
+        return low, high
+    if not inside:
+        raise ValueError(
+            f"{value!r} is outside its assumed range {pair[0]!r} to {pair[1]!r};"
+            " change the value or widen the range"
+        )
+    return low, high

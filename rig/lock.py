@@ -11,8 +11,7 @@ from pathlib import Path
 
 from sautereau.rig.disk import read_limited, write_durably
 
-_LONGEST = 1000
-"""Bytes of a text that names a process; a longer one is not of this program."""
+_LONGEST = 1000  # Bytes of a text that names a process; a longer one is not of this program
 _SHARED: dict[Path, int | None] = {}
 """Locks of this process that a thread may take once more: that thread; None while it has."""
 

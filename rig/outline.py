@@ -21,21 +21,17 @@ from sautereau.rig.units import parse_quantity, shown
 
 Floats = NDArray[np.float64]
 
-MOST_PLACES = 101
-"""Largest number of x positions taken directly from a contour's points."""
-READINGS = 1001
-"""Evenly spaced x positions at which a contour with more points is sampled."""
+MOST_PLACES = 101  # Largest number of x positions taken directly from a contour's points
+READINGS = 1001  # Evenly spaced x positions at which a contour with more points is sampled
 THINNED_PLACES = 17
 """x positions of the outline fitted to those samples, which averages out single pixels."""
-LEAST_POINTS = 6
-"""Smallest number of points of a contour."""
+LEAST_POINTS = 6  # Smallest number of points of a contour
 FROM_CLAMP = 0.02
 """Dimensionless, fraction of the length by which a contour may start past the clamp."""
 ENDS = 0.02
 """Dimensionless, fraction of the length near either end where a contour may go back and forth,
 as blunt ends do."""
-LEAST_TIP = 0.05
-"""Dimensionless, smallest thickness of the tip as a fraction of that at the clamp."""
+LEAST_TIP = 0.05  # Dimensionless, smallest thickness of the tip as a fraction of that at the clamp
 
 
 def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, list[str]]:

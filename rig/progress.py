@@ -6,8 +6,7 @@ from contextvars import ContextVar
 from typing import TypeVar
 
 Item = TypeVar("Item")
-Show = Callable[[float], None]
-"""Takes the fraction that is done, 0 to 1."""
+Show = Callable[[float], None]  # Takes the fraction that is done, 0 to 1
 
 _SHOW: ContextVar[Show | None] = ContextVar("progress", default=None)
 

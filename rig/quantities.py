@@ -4,10 +4,10 @@ They are in quantities.csv. Command line, JSON, DataFrames, plots, report and do
 them from here.
 """
 
+import csv
 import math
 from dataclasses import dataclass
-
-from sautereau.rig.tables import table_beside
+from pathlib import Path
 
 DISPLAYED = {
     "s": (1e3, "ms"),
@@ -49,8 +49,13 @@ class Quantity:
         return f"{self.label} ({unit})" if unit not in ("", "1") else self.label
 
 
-SECTIONS: dict[str, dict[str, Quantity]] = {}
-"""Quantities by what reports them, and there by name."""
+def table_beside(module: str) -> list[list[str]]:
+    """Return the rows below the head of ``NAME.csv``, for the `__file__` ``NAME.py``."""
+    with Path(module).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.reader(file))[1:]
+
+
+SECTIONS: dict[str, dict[str, Quantity]] = {}  # Quantities by what reports them, and there by name
 for _section, *_row in table_beside(__file__):
     SECTIONS.setdefault(_section, {})[_row[0]] = Quantity(*_row)
 QUANTITIES = {name: each for table in SECTIONS.values() for name, each in table.items()}

@@ -133,7 +133,6 @@ CONTROLLERS = Registry(
     {
         "galil": "sautereau.robot.drivers.galil.driver:GalilController",
         "odrive": "sautereau.robot.drivers.odrive.driver:OdriveController",
-        "dynamixel": "sautereau.robot.drivers.dynamixel.driver:DynamixelController",
     },
     RigError,
 )

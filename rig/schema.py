@@ -16,17 +16,14 @@ from pydantic import Field, model_validator
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.controller import Controller
 from sautereau.rig.instrument import Choir, Jack, Key, Plectrum, String
-from sautereau.rig.section import GRAVITY, Angle, Length, Mass, Moment, Section, Time
-from sautereau.rig.units import Unit
+from sautereau.rig.units import GRAVITY, Angle, Length, Mass, Moment, Section, Time, Unit
 
 RotorInertia = Annotated[float, Unit("kg*m**2", "1e-6 kg m^2"), Field(ge=0)]
 GearRatio = Annotated[float, Field(gt=0)]
 
 
-LEAST_INTERVAL = 0.999e-6
-"""s, between the points of a gesture."""
-LONGEST_GESTURE = 60.0
-"""s."""
+LEAST_INTERVAL = 0.999e-6  # s, between the points of a gesture
+LONGEST_GESTURE = 60.0  # s
 
 
 class Gesture(Section):

@@ -1,21 +1,23 @@
-"""Reading and writing quantities with units; inside the program all floats are SI."""
+"""Quantities with units, read and written, and the base class of the tables that hold them.
+
+Inside the program all floats are SI.
+"""
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any
+from typing import Annotated, Any, Self
 
-from pydantic import GetCoreSchemaHandler, ValidationInfo
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationInfo
 from pydantic_core import PydanticCustomError, core_schema
 
 _NUMBER_AND_UNIT = re.compile(
     r"\s*([+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL
 )
 
-LONGEST_UNIT = 60
-"""Characters of a unit."""
+LONGEST_UNIT = 60  # Characters of a unit
 _PREFIXES = ("p", "n", "µ", "m", "", "k", "M", "G")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _EXPONENT = re.compile(r"(?:\*\*|\^)\s*([+-]?\d{1,2}(?![\d.eE]|\s*(?:\*\*|\^)))?")
@@ -175,3 +177,35 @@ def _read(value: object, unit: str, example: str) -> object:
             '{fault}; give a quantity in {unit} such as "{example}"',
             {"fault": str(error), "unit": unit, "example": example},
         ) from error
+
+
+GRAVITY = 9.80665  # m/s^2, standard acceleration of gravity
+
+Length = Annotated[float, Unit("m", "14 mm")]
+Mass = Annotated[float, Unit("kg", "6 g")]
+Force = Annotated[float, Unit("N", "20 mN")]
+Angle = Annotated[float, Unit("rad", "30 deg")]
+Time = Annotated[float, Unit("s", "10 ms")]
+Frequency = Annotated[float, Unit("Hz", "22 kHz")]
+Voltage = Annotated[float, Unit("V", "4 V")]
+Current = Annotated[float, Unit("A", "2 mA")]
+Moment = Annotated[float, Unit("N*m", "4 mN m")]
+Inertia = Annotated[float, Unit("kg*m**2", "7e-4 kg m^2")]
+
+
+class Section(BaseModel):
+    """A table of the rig file: frozen, no unknown keys, no NaN."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def replaced(self, values: Mapping[str, Any]) -> Self:
+        """Return a copy with other SI values by dotted key, unchecked: ``{"press.jack_speed": 1}``.
+
+        `sautereau.rig.load.with_values` checks them, which takes milliseconds.
+        """
+        parts: dict[str, dict[str, Any]] = {}
+        for key, value in values.items():
+            part, _, name = key.partition(".")
+            parts.setdefault(part, {})[name] = value
+        changed = {part: getattr(self, part).model_copy(update=new) for part, new in parts.items()}
+        return self.model_copy(update=changed)

@@ -14,15 +14,12 @@ from importlib import metadata
 from pathlib import Path
 
 from sautereau.rig.acquisition import Daq
-from sautereau.rig.extras import MissingExtraError, require
+from sautereau.rig.errors import MissingExtraError, require
 from sautereau.rig.schema import Rig
 
-LEAST_SPACE = 1e9
-"""Bytes that should be free for recordings: about 2,000 presses."""
-WRITTEN = 1 << 23
-"""Bytes that are written to measure the speed of a disk."""
-DISK_MARGIN = 5.0
-"""Dimensionless factor by which a disk should be faster than the acquisition."""
+LEAST_SPACE = 1e9  # Bytes that should be free for recordings: about 2,000 presses
+WRITTEN = 1 << 23  # Bytes that are written to measure the speed of a disk
+DISK_MARGIN = 5.0  # Dimensionless factor by which a disk should be faster than the acquisition
 SAMPLE_BYTES = 8
 BEHIND = 86_400.0
 """s, by which the clock may be behind the dates of this program's files, set elsewhere."""

@@ -21,18 +21,15 @@ from sautereau.sim_backend.devices.tcp_port import TcpPort
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import BadLine, FaultInjection
 from sautereau.sim_backend.physics.world import new_world
-from sautereau.sim_backend.prepare import prepared
 from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.sensors.simulated import SIMULATED
 from sautereau.sim_backend.truth import Truth, truths
 
-SETTLING = 2.0
-"""s, for which simulated time advances after a motion, so that the arm comes to rest."""
-BUSY = 20.0
-"""s of real time, in which a busy machine has computed any answer without faults."""
+SETTLING = 2.0  # s, for which simulated time advances after a motion, so that the arm comes to rest
+BUSY = 20.0  # s of real time, in which a busy machine has computed any answer without faults
 TICK = 1e-3
 """s, about a sample of the controller: longest time by which the bench is ahead of real time."""
-LONGEST_WAIT = 60.0
-"""s of simulated time that may pass before a command is carried out."""
+LONGEST_WAIT = 60.0  # s of simulated time that may pass before a command is carried out
 
 
 class Bench:
@@ -290,3 +287,38 @@ class StandIn:
     def truth(self) -> list[Truth]:
         """Return the true events after each trigger, which no recording holds."""
         return self.bench.truth()
+
+
+def prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
+    """Return a scene with every choice made, and the accuracy that it reaches, if it asks for one.
+
+    Raises:
+        SceneError: As of `Bench`.
+    """
+    faults = []
+    if scene.finger == "push":
+        faults.append(
+            'finger: "push" has no arm for a controller to move; it is for sweeps and `trade`:'
+            ' use finger = "ideal" or "servo"'
+        )
+    elif scene.faults is not None:
+        quantities = {channel.quantity for channel in rig.daq.channels}
+        faults += scene.faults.conflicts(scene.finger, quantities)
+    unit = {} if scene.controller is None else {"unit": scene.controller}
+    try:
+        emulator_of(rig.controller.kind, **unit)
+    except SceneError as error:
+        faults.append(str(error))
+    for i, channel in enumerate(rig.daq.channels):
+        try:
+            SIMULATED.get(channel.quantity)
+        except SceneError as error:
+            faults.append(f"daq.channels.{i}.quantity: {error}")
+    if faults:
+        raise SceneError("\n".join(faults))
+    if scene.accuracy is None:  # only an accuracy leaves choices open
+        return scene, ""
+    from sautereau.sim_backend.trade.select import select_solver
+
+    selected = select_solver(rig, scene)
+    return selected.scene, str(selected)

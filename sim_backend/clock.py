@@ -9,8 +9,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-SLICE = 2e-3
-"""s of real time, after which the clock releases the lock to the other threads."""
+SLICE = 2e-3  # s of real time, after which the clock releases the lock to the other threads
 LATEST = 2e-4
 """s, by which a paced clock may be late and catch up, for sleeping is not exact. If it is later,
 simulated time falls behind: a device that caught up would have samples before their time."""

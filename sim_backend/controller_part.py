@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from sautereau.rig.section import Angle, Section, Time
+from sautereau.rig.units import Angle, Section, Time
 
 _FAMILIES = {
     "40": "4000",

@@ -5,10 +5,8 @@ from dataclasses import dataclass, replace
 
 C_SERIES, M_SERIES, X_SERIES, USB_DAQ, UNKNOWN = 14659, 14643, 15858, 14646, 12588
 """Product categories."""
-RSE, NRSE, DIFF, PSEUDO_DIFF = 10083, 10078, 10106, 12529
-"""Terminal configurations."""
-AC, DC = 10045, 10050
-"""Couplings."""
+RSE, NRSE, DIFF, PSEUDO_DIFF = 10083, 10078, 10106, 12529  # Terminal configurations
+AC, DC = 10045, 10050  # Couplings
 
 
 @dataclass(frozen=True)
@@ -108,8 +106,7 @@ class DeviceType:
         return delay - position / self.conversion_rate(rate, n_inputs)
 
 
-IDEAL = DeviceType("sautereau stand-in", retriggers=True)
-"""Without delay, with every rate."""
+IDEAL = DeviceType("sautereau stand-in", retriggers=True)  # Without delay, with every rate
 
 _DELTA_SIGMA = DeviceType("", C_SERIES, inputs=4, most_divisions=31, triggers=2)
 _M_AND_X_SERIES = DeviceType(

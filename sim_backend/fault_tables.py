@@ -10,8 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from sautereau.rig.section import Force, Frequency, Section, Time
-from sautereau.rig.units import Unit
+from sautereau.rig.units import Force, Frequency, Section, Time, Unit
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 

@@ -5,8 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sautereau.rig.section import Force, Frequency, Length, Mass, Section, Time
-from sautereau.rig.units import Unit, parse_quantity
+from sautereau.rig.units import Force, Frequency, Length, Mass, Section, Time, Unit, parse_quantity
 
 JointStiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad")]
 JointDamping = Annotated[float, Unit("N*m*s/rad", "0.4 N m s/rad")]

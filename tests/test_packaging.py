@@ -143,7 +143,7 @@ def test_what_is_imported_is_required():
     brought_by = {
         "google": "protobuf", "PIL": "pillow", "serial": "pyserial", "skfem": "scikit-fem",
         "grpc": "nidaqmx", "session_pb2": "nidaqmx",
-        "pydantic_core": "pydantic", "markupsafe": "jinja2", "dynamixel_sdk": "dynamixel-sdk",
+        "pydantic_core": "pydantic", "markupsafe": "jinja2",
     }  # fmt: skip
     texts = [*PROJECT["dependencies"], *(text for extra in EXTRAS.values() for text in extra)]
     required = {re.split(r"[^\w-]", text)[0].lower() for text in texts}

@@ -22,8 +22,7 @@ SLOWER_PRESS = (
 )
 """How to fix checks of several kinds that fail."""
 
-INSIDE = np.linspace(0.0, 1.0, 5)
-"""Points at which each segment is sampled."""
+INSIDE = np.linspace(0.0, 1.0, 5)  # Points at which each segment is sampled
 STOPPED = np.linspace(0.25, 1.0, 4)
 """Fractions of the slower joint's stop at which a stop is sampled."""
 

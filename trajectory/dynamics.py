@@ -9,7 +9,7 @@ by the gear ratio, and equal to it without a gear.
 import numpy as np
 
 from sautereau.rig.schema import Arm
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.trajectory.arm import link_vectors
 from sautereau.trajectory.motion import Floats, Motion, dot
 

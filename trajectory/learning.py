@@ -17,28 +17,18 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import JerkLaw, PressLaw, spline_law
 
-CUTOFF = 200.0
-"""Cut-off frequency of Q (Hz)."""
-GAIN = 1.0
-"""Dimensionless, fraction of the error that is corrected in one press."""
-BANDWIDTH = 1000.0
-"""Bandwidth of the speed error (Hz). Above it the vibrometer's noise dominates."""
-KNOT = 2
-"""Controller samples between knots of a correction, the grain of PVT segments."""
-FADE_IN = 4e-3
-"""s, over which learning is faded in from the start of the run-up."""
-IMPROVEMENT = 0.05
-"""Dimensionless, fraction by which an error must fall to count as an improvement."""
-PATIENCE = 2
-"""Presses without improvement after which learning stops."""
-DIVERGENCE = 1.5
-"""Dimensionless, error relative to the best one above which learning stops at once."""
+CUTOFF = 200.0  # Cut-off frequency of Q (Hz)
+GAIN = 1.0  # Dimensionless, fraction of the error that is corrected in one press
+BANDWIDTH = 1000.0  # Bandwidth of the speed error (Hz). Above it the vibrometer's noise dominates.
+KNOT = 2  # Controller samples between knots of a correction, the grain of PVT segments
+FADE_IN = 4e-3  # s, over which learning is faded in from the start of the run-up
+IMPROVEMENT = 0.05  # Dimensionless, fraction by which an error must fall to count as an improvement
+PATIENCE = 2  # Presses without improvement after which learning stops
+DIVERGENCE = 1.5  # Dimensionless, error relative to the best one above which learning stops at once
 
 
-LEAST_INTERVAL = 0.999e-6
-"""s, between the knots of a correction."""
-LARGEST_RISE = 1.0
-"""m, that a correction may add."""
+LEAST_INTERVAL = 0.999e-6  # s, between the knots of a correction
+LARGEST_RISE = 1.0  # m, that a correction may add
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,7 @@ from sautereau.trajectory.verify import verify
 
 FINE = np.linspace(0.0, 1.0, 65)
 """Points in each segment of the cruise at which its speed is evaluated."""
-LOWEST_RISE = -1e-5
-"""m, rise of a gesture below which there is a warning."""
+LOWEST_RISE = -1e-5  # m, rise of a gesture below which there is a warning
 
 
 @dataclass(frozen=True)

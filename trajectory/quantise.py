@@ -11,18 +11,15 @@ from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.segments import Counts, Segments
 from sautereau.trajectory.timing import JerkLaw
 
-GRAIN = 2
-"""Controller samples; the duration of every segment is a multiple, as PVT mode requires."""
+GRAIN = 2  # Controller samples; the duration of every segment is a multiple, as PVT mode requires
 VELOCITY_GRAIN = 2
 """Counts per second; every velocity at a knot is a multiple, as PVT mode requires."""
 STEADY_COUNTS = 20_000
 """Counts moved by the slower joint between knots at constant speed: a knot is rounded by at most
 half a count, so longer segments have a smaller error of speed, until the cubic no longer follows
 the finger's path: at 0.072 m/s about 100 ms are followed to 1e-4."""
-LONGEST_SEGMENT = 1024
-"""Longest segment in controller samples."""
-SLOW_GRAINS = 2
-"""Grains between knots in long intervals of varying speed, such as gestures."""
+LONGEST_SEGMENT = 1024  # Longest segment in controller samples
+SLOW_GRAINS = 2  # Grains between knots in long intervals of varying speed, such as gestures
 ROUNDING_FRACTION = 0.1
 """Dimensionless, largest acceleration by rounding to counts, relative to the joints' limit."""
 

@@ -13,11 +13,9 @@ from sautereau.rig.schema import Gesture, Press
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats, Motion
 
-Phase = tuple[float, float]
-"""Duration [s] and constant jerk [m/s^3]."""
+Phase = tuple[float, float]  # Duration [s] and constant jerk [m/s^3]
 
-STILL = 1e-9
-"""m, least range of a gesture."""
+STILL = 1e-9  # m, least range of a gesture
 
 
 @dataclass(frozen=True)

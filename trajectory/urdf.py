@@ -13,14 +13,10 @@ from xml.sax.saxutils import escape
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import rise_of_angle
 
-WIDTH = 0.012
-"""m, of the links as they are drawn."""
-JACK = 0.1
-"""m, length of the jack as it is drawn."""
-KEY_LIMIT = math.radians(10)
-"""rad, of the key's angle; no key reaches it."""
-UNLIMITED = 1e3
-"""N, N m, m/s or rad/s where nothing limits a joint that no motor drives."""
+WIDTH = 0.012  # m, of the links as they are drawn
+JACK = 0.1  # m, length of the jack as it is drawn
+KEY_LIMIT = math.radians(10)  # rad, of the key's angle; no key reaches it
+UNLIMITED = 1e3  # N, N m, m/s or rad/s where nothing limits a joint that no motor drives
 
 
 def rig_urdf(rig: Rig) -> str:

@@ -19,8 +19,7 @@ from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.quantise import most_segments
 from sautereau.trajectory.segments import Cubics, Extremes, Segments, extremes, segment_cubics
 
-SINGULARITY_MARGIN = np.radians(5.0)
-"""rad, least distance of joint 2 from straight and from folded."""
+SINGULARITY_MARGIN = np.radians(5.0)  # rad, least distance of joint 2 from straight and from folded
 
 
 def verify(

@@ -39,14 +39,10 @@ MEASURED = (
     "release_rise",
 )
 """Columns that are compared with the judgements; `sautereau.rig.quantities` defines them."""
-FEW = 10
-"""Number of judgements below which intervals are not reliable."""
-FEW_OF_A_LEVEL = 3
-"""Number of judgements of one level below which intervals are not reliable."""
-LEAST = 4
-"""Number of judgements below which nothing is compared."""
-RESAMPLES = 999
-"""Number of bootstrap samples for Somers' D, and of permutations of the judgements."""
+FEW = 10  # Number of judgements below which intervals are not reliable
+FEW_OF_A_LEVEL = 3  # Number of judgements of one level below which intervals are not reliable
+LEAST = 4  # Number of judgements below which nothing is compared
+RESAMPLES = 999  # Number of bootstrap samples for Somers' D, and of permutations of the judgements
 INSTALL = "install statsmodels: pip install 'sautereau[ordinal]'"
 
 Fit = Callable[[Floats, NDArray[np.intp]], Spread | None]

@@ -19,8 +19,7 @@ from sautereau.trajectory.motion import Floats
 
 KEYS = ("path", "session", "plectrum", "rig")
 """Columns of a campaign by which a table of judgements may identify presses."""
-MOST_LISTED = 20
-"""Largest number of faults that a message lists."""
+MOST_LISTED = 20  # Largest number of faults that a message lists
 
 
 def judgements(

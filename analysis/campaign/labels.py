@@ -2,10 +2,8 @@
 
 import re
 
-LEVELS = ("soft", "medium", "hard")
-"""Values of the column `TOUCH`, in increasing order."""
-TOUCH = "touch"
-"""Column of the judgements; null without a judgement."""
+LEVELS = ("soft", "medium", "hard")  # Values of the column `TOUCH`, in increasing order
+TOUCH = "touch"  # Column of the judgements; null without a judgement
 _LINE = re.compile(rf"^\s*touch\s*[:=]\s*({'|'.join(LEVELS)})\s*$", re.IGNORECASE | re.MULTILINE)
 
 

@@ -65,10 +65,8 @@ ALWAYS = (
     "string_stiffness", "jack_speed",
 )  # fmt: skip
 """Columns in which every press has a value."""
-POSITIVE = ALWAYS[8:]
-"""Those of them whose values are above 0."""
-LARGEST = 1e30
-"""Largest magnitude of a number, in SI units. It prevents an overflow of products."""
+POSITIVE = ALWAYS[8:]  # Those of them whose values are above 0
+LARGEST = 1e30  # Largest magnitude of a number, in SI units. It prevents an overflow of products.
 
 
 @dataclass(frozen=True)

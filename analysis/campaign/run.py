@@ -12,8 +12,7 @@ from sautereau.analysis.campaign.workers import Where, run_over
 from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.progress import tracked
 
-BATCH = 8
-"""Number of recordings that a process reads at a time: about 0.2 s of work."""
+BATCH = 8  # Number of recordings that a process reads at a time: about 0.2 s of work
 WORTH_A_PROCESS = 64
 """Number of recordings for which a further process is worth its start of about 1.5 s."""
 UNWRITTEN = 256

@@ -31,12 +31,9 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.disk import make_folder, write_durably
 from sautereau.rig.faults import fault_list
 
-KEY = b"sautereau"
-"""Key of the file's metadata."""
-MOST_ROWS = 1_000_000
-"""Largest number of presses in a table."""
-MOST_BYTES = 2**29
-"""Largest unpacked size of a table's columns (byte)."""
+KEY = b"sautereau"  # Key of the file's metadata
+MOST_ROWS = 1_000_000  # Largest number of presses in a table
+MOST_BYTES = 2**29  # Largest unpacked size of a table's columns (byte)
 SCHEMA = 3
 """Version of the columns. Tables of sautereau 0.1 have no version number and count as version 1.
 Version 2 has no column `TOUCH`."""

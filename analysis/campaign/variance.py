@@ -24,16 +24,11 @@ from sautereau.trajectory.motion import Floats
 
 LOG_RANGE = 8.0
 """If the ratio of two standard deviations has a larger logarithm, the smaller one counts as 0."""
-GRID = 21
-"""Values of each logarithm in the first search. It finds the deeper of two minima."""
-FINER_GRID = 7
-"""Values in each further search, between the two neighbours of the best value so far."""
-LOG_TOLERANCE = 1e-3
-"""Tolerance of a logarithm."""
-SAME_DEVIANCE = 1e-4
-"""Largest difference of two deviances that count as equal."""
-ROUNDING = 1e-9
-"""Largest ratio of spread to magnitude of the values that is attributed to rounding."""
+GRID = 21  # Values of each logarithm in the first search. It finds the deeper of two minima.
+FINER_GRID = 7  # Values in each further search, between the two neighbours of the best value so far
+LOG_TOLERANCE = 1e-3  # Tolerance of a logarithm
+SAME_DEVIANCE = 1e-4  # Largest difference of two deviances that count as equal
+ROUNDING = 1e-9  # Largest ratio of spread to magnitude of the values that is attributed to rounding
 
 
 @dataclass(frozen=True)

@@ -28,12 +28,10 @@ Where = int | str
 """Number of processes on this machine, where 1 is the calling process; or the address of a Dask
 scheduler."""
 
-QUEUED = 3
-"""Items that are queued for each worker."""
+QUEUED = 3  # Items that are queued for each worker
 BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Environment variables for the number of threads of numpy's linear algebra; 1 in each worker."""
-TIMEOUT = 10.0
-"""s, for a scheduler to answer, and to have a worker."""
+TIMEOUT = 10.0  # s, for a scheduler to answer, and to have a worker
 
 
 def run_over(

@@ -16,10 +16,8 @@ from sautereau.analysis.figures.palette import ARM, PHASES, PRESSED, SERIES
 from sautereau.analysis.figures.side import BenchPose, draw_surroundings
 from sautereau.analysis.press.replay import ChoirMotion, Replay
 
-SIZE = (9.6, 6.4)
-"""Size of the figure (in): 960 by 640 pixels."""
-DPI = 100
-"""Pixels per inch."""
+SIZE = (9.6, 6.4)  # Size of the figure (in): 960 by 640 pixels
+DPI = 100  # Pixels per inch
 HELD = PHASES[1][1]
 
 

@@ -18,14 +18,10 @@ from sautereau.analysis.summary.text import counted
 
 BESIDE = 5e-3
 """s, before contact and after release, that force on deflection and the model are drawn of."""
-PICTURED = 8
-"""Number of presses of a condition that its plot shows, the first ones."""
-ROWS = 8
-"""Number of conditions that a plot shows, the first ones."""
-SIZE = (12, 6.5)
-"""Inches, of the plot of a condition."""
-COLOURS = (MEASURED, AGAINST)
-"""Of the first set and of the other."""
+PICTURED = 8  # Number of presses of a condition that its plot shows, the first ones
+ROWS = 8  # Number of conditions that a plot shows, the first ones
+SIZE = (12, 6.5)  # Inches, of the plot of a condition
+COLOURS = (MEASURED, AGAINST)  # Of the first set and of the other
 
 _Set = tuple[Sequence[Press], Sequence[Phases]]
 

@@ -17,14 +17,10 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
 PLECTRUM, WIRE, TONGUE, AXLE_METAL = PRESSED, ARM, "#dcc9a0", "#9a9a9a"
-BODY = 3.0e-3
-"""Width of a jack's body behind its tongue (m)."""
-AXLE = 1.3e-3
-"""Width of a tongue (m)."""
-PIVOT = 12e-3
-"""Depth of a tongue's pivot below the plectrum if the rig has no tongue (m)."""
-FELT_HEIGHT = 1.4e-3
-"""Height of an unloaded damper felt (m)."""
+BODY = 3.0e-3  # Width of a jack's body behind its tongue (m)
+AXLE = 1.3e-3  # Width of a tongue (m)
+PIVOT = 12e-3  # Depth of a tongue's pivot below the plectrum if the rig has no tongue (m)
+FELT_HEIGHT = 1.4e-3  # Height of an unloaded damper felt (m)
 
 
 class JackView:

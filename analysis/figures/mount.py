@@ -16,10 +16,8 @@ from sautereau.trajectory.mount.find import Mount, MountMap, mount_map
 
 REST, PRESENT = "#12263a", PURPLE
 EXCLUDED, HATCH = "#e9e9e9", "#a8a8a8"
-NEAR = 10e-3
-"""m, from the best base to the sides of the enlarged region."""
-LOWEST = -40e-3
-"""m, lower edge of the plot, which leaves room for labels."""
+NEAR = 10e-3  # m, from the best base to the sides of the enlarged region
+LOWEST = -40e-3  # m, lower edge of the plot, which leaves room for labels
 
 
 def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> Figure:

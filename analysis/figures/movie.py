@@ -20,13 +20,10 @@ from sautereau.rig.disk import make_folder, new_file
 from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
 
-FRAME_RATE = 25
-"""Hz, frames per second."""
+FRAME_RATE = 25  # Hz, frames per second
 MOST_FRAMES = 1500
-COLOURS = 128
-"""Number of colours of a GIF's palette."""
-SAMPLED = 40
-"""Every SAMPLED-th frame is used to choose the palette."""
+COLOURS = 128  # Number of colours of a GIF's palette
+SAMPLED = 40  # Every SAMPLED-th frame is used to choose the palette
 
 
 def frame_times(start: float, stop: float, slow: float) -> Floats:

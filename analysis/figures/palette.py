@@ -20,8 +20,7 @@ PHASES = (
 """Name, colour and hatching of the three phases."""
 HATCH = "#00000018"
 """Colour of the hatching."""
-DOUBTFUL = YELLOW
-"""Intervals with a quality flag."""
+DOUBTFUL = YELLOW  # Intervals with a quality flag
 SERIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 """Things of one kind: presses, sessions, conditions, solvers."""
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5)), (0, (9, 2)), (0, (3, 1, 1, 1)))

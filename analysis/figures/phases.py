@@ -13,12 +13,10 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.quantities import QUANTITIES
 
-MOST = 8
-"""Maximum number of presses in one plot."""
+MOST = 8  # Maximum number of presses in one plot
 MARGIN = 0.15
 """Displayed time before the start and after full rise, as a fraction of the time between them."""
-COVERAGE = 1.96
-"""Half width of a band in standard uncertainties: 95 %."""
+COVERAGE = 1.96  # Half width of a band in standard uncertainties: 95 %
 
 
 def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:

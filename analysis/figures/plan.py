@@ -12,8 +12,7 @@ from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.press import Trajectory
 
 FIRST, SECOND, KEY, FAILED = ARM, PRESSED, GRAIN, LASER
-POSES = (("start", ARM), ("middle", SKY), ("end", PRESSED))
-"""Poses of the press and their colours."""
+POSES = (("start", ARM), ("middle", SKY), ("end", PRESSED))  # Poses of the press and their colours
 
 
 def plan_figure(rig: Rig, trajectory: Trajectory, expected: Expectation | None) -> Figure:

@@ -14,10 +14,8 @@ from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.schema import Rig
 
-WIDTHS = (7.5, 4.5, 2.6, 1.2, 0.8, 0.5)
-"""Points, decreasing, so that covered curves remain visible."""
-LEGEND = "pluck duration, plectrum force at release"
-"""Meaning of the numbers in the legend."""
+WIDTHS = (7.5, 4.5, 2.6, 1.2, 0.8, 0.5)  # Points, decreasing, so that covered curves remain visible
+LEGEND = "pluck duration, plectrum force at release"  # Meaning of the numbers in the legend
 
 
 def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:

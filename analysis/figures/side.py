@@ -19,16 +19,11 @@ from sautereau.trajectory.motion import Floats
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
-JACK = 80e-3
-"""Distance from a jack's lower end to its plectrum (m)."""
-HEAD = 9e-3
-"""Distance from the plectrum to the top of the jack (m)."""
-BODY = 4e-3
-"""Width of a jack (m)."""
-UNDER = 8e-3
-"""Thickness of the key below its pin (m)."""
-KEY_HEAD = 14e-3
-"""Length of the key behind its last jack (m)."""
+JACK = 80e-3  # Distance from a jack's lower end to its plectrum (m)
+HEAD = 9e-3  # Distance from the plectrum to the top of the jack (m)
+BODY = 4e-3  # Width of a jack (m)
+UNDER = 8e-3  # Thickness of the key below its pin (m)
+KEY_HEAD = 14e-3  # Length of the key behind its last jack (m)
 
 
 class BenchPose:

@@ -9,7 +9,7 @@ from sautereau.analysis.phases import Phases
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.instrument import Key
 from sautereau.rig.schema import Rig
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
 

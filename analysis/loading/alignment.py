@@ -30,12 +30,10 @@ from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.key import jack_motion, key_under_fingertip
 from sautereau.trajectory.motion import Floats, Motion
 
-STEP = 1e-3
-"""s, between the starts tried first."""
+STEP = 1e-3  # s, between the starts tried first
 PHASES = (-0.375, -0.125, 0.125, 0.375)
 """Counts by which each encoder is turned in turn to estimate the effect of its resolution."""
-BLOCKS = 10
-"""Parts of the motion that are omitted in turn to estimate the uncertainty."""
+BLOCKS = 10  # Parts of the motion that are omitted in turn to estimate the uncertainty
 MOST_UNEXPLAINED = 0.1
 """Dimensionless, RMS residual relative to the RMS of the rise, above which the two do not show the
 same motion."""

@@ -15,31 +15,23 @@ from sautereau.analysis.remark import Remark
 from sautereau.daq.signals.calibration import NORMAL, median, white_noise
 from sautereau.trajectory.motion import Floats
 
-BLOCK = 1e-3
-"""s, of the block means by which rest and motion are distinguished."""
+BLOCK = 1e-3  # s, of the block means by which rest and motion are distinguished
 LEAVES = 0.02
 """Dimensionless, fraction of the largest change of the force from which on it is no rest."""
-LEAST_REST = 5e-3
-"""s, shortest rest."""
-MARGIN = 2
-"""Blocks before and after the motion that count as motion."""
-MOVES = 3e-3
-"""Dimensionless, fraction of the largest speed from which on the key moves."""
-NOISY = 0.05
-"""Dimensionless, fraction of the largest speed below which a scatter at rest is noise."""
+LEAST_REST = 5e-3  # s, shortest rest
+MARGIN = 2  # Blocks before and after the motion that count as motion
+MOVES = 3e-3  # Dimensionless, fraction of the largest speed from which on the key moves
+NOISY = 0.05  # Dimensionless, fraction of the largest speed below which a scatter at rest is noise
 LARGEST_OFFSET = 0.02
 """Dimensionless, fraction of the largest speed above which a steady speed is motion, not offset."""
-LEAST_STD = 1e-5
-"""m/s, smallest standard deviation of the mean velocity at rest."""
-RETURN_STD = 5e-6
-"""m, standard deviation of the place to which the key returns."""
+LEAST_STD = 1e-5  # m/s, smallest standard deviation of the mean velocity at rest
+RETURN_STD = 5e-6  # m, standard deviation of the place to which the key returns
 RETURNED = 0.05
 """Dimensionless, fraction of the largest deflection within which the key has returned."""
 HIGH, LOW = 0.6, 0.35
 """Dimensionless, fractions of the largest deflection: a key that was above the first, below the
 second and again above the first was pressed more than once."""
-CONSISTENT = 4.0
-"""Standard deviations within which the two rests and the return must agree."""
+CONSISTENT = 4.0  # Standard deviations within which the two rests and the return must agree
 
 
 @dataclass(frozen=True)
@@ -60,8 +52,7 @@ class Drift:
     """N, correction of the measured force, so that it is zero in the rest before the press."""
 
 
-NO_DRIFT = Drift(None, None)
-"""No correction."""
+NO_DRIFT = Drift(None, None)  # No correction
 
 
 @dataclass(frozen=True)

@@ -39,27 +39,22 @@ if TYPE_CHECKING:
 
     from sautereau.daq.file.recorded import Event, Recorded
 
-Signal = Literal["force", "velocity"]
-"""A signal of a press."""
-SIGNALS: tuple[Signal, ...] = ("velocity", "force")
-"""Those that a press has."""
+Signal = Literal["force", "velocity"]  # A signal of a press
+SIGNALS: tuple[Signal, ...] = ("velocity", "force")  # Those that a press has
 UNITS = {name: quantity.unit for name, quantity in SECTIONS["Samples of a press"].items()}
 """Unit of each column of a press."""
 LEAST_RATE = 500.0
 """Hz, of the samples. At 512 Hz contact and release of presses of 0.07 m/s are uncertain by 1 ms
 and more, of 20 ms; at 256 Hz contacts were found 3 ms late, and at 200 Hz no pluck."""
-LEAST_ROWS = 16
-"""Fewest rows of a press."""
-STRETCH = 16384
-"""Rows computed at a time: large arrays are allocated and freed by every operation."""
+LEAST_ROWS = 16  # Fewest rows of a press
+STRETCH = 16384  # Rows computed at a time: large arrays are allocated and freed by every operation
 COARSE = 1e-3
 """Dimensionless, fraction of the fingertip's way up to which the arm's resolution gives no
 warning."""
 FORCE_DRIFT = 2e-3
 """Dimensionless, fraction of the largest force up to which nothing is said about a doubtful offset.
 It is a warning above the channel's `gain_std`."""
-FORCE_MEAN = 1e-3
-"""s, of a mean whose noise hides such an error as well."""
+FORCE_MEAN = 1e-3  # s, of a mean whose noise hides such an error as well
 
 
 @dataclass(frozen=True)

@@ -26,32 +26,22 @@ from sautereau.daq.signals.quality_flags import runs_of
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-PAUSE = 0.04
-"""s, shortest pause that separates two presses."""
-SLOWER = 2.0
-"""Shortest pause in the force alone, over the duration of the rig's rise of the jack."""
-REST = 0.5
-"""s, longest part of a pause that a press keeps before and after it."""
-EDGE = 5e-3
-"""s, at the ends of a pause, in which one press may still end or the next one start."""
-SPIKE = 5
-"""Blocks of the median that removes drop-outs and spikes."""
+PAUSE = 0.04  # s, shortest pause that separates two presses
+SLOWER = 2.0  # Shortest pause in the force alone, over the duration of the rig's rise of the jack
+REST = 0.5  # s, longest part of a pause that a press keeps before and after it
+EDGE = 5e-3  # s, at the ends of a pause, in which one press may still end or the next one start
+SPIKE = 5  # Blocks of the median that removes drop-outs and spikes
 WITHIN = 1.0
 """s, on either side of an instant, within which the range of a signal is that of one press."""
 STEADY = {"velocity": 0.01, "force": 0.025}
 """Dimensionless, fractions of that range within which a signal at rest stays."""
-NOISE = 8.0
-"""The same in standard deviations of the noise, if that is larger."""
-SLOW = 0.02
-"""Dimensionless, fraction of that range up to which a steady velocity is an offset."""
-OFFSET = 5.0
-"""s, of the medians that give this offset."""
-EDGES = 20
-"""Blocks at each end of the recording, through which such a line is tried first."""
+NOISE = 8.0  # The same in standard deviations of the noise, if that is larger
+SLOW = 0.02  # Dimensionless, fraction of that range up to which a steady velocity is an offset
+OFFSET = 5.0  # s, of the medians that give this offset
+EDGES = 20  # Blocks at each end of the recording, through which such a line is tried first
 TRIMMINGS = 10
 """Number of fits of a line to the third of the values that is closest to the previous one."""
-BACK = 0.1
-"""Dimensionless, fraction of the largest press within which the key is back."""
+BACK = 0.1  # Dimensionless, fraction of the largest press within which the key is back
 FORCE_BACK = 0.25
 """The same for the force of a recording that has both signals: a finger may stay on the key."""
 BELOW = 0.3

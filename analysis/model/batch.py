@@ -14,7 +14,7 @@ from sautereau.analysis.model.pluck.loaded import UniformPlectra
 from sautereau.analysis.model.pluck.paths import Paths, Status, ramp, solve_paths
 from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
 from sautereau.rig.schema import Rig
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 
 POINTS = 33
 """Points of a stretch that sticks or slides."""

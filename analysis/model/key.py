@@ -6,7 +6,7 @@ from sautereau.analysis.model.choirs import choirs, key_of
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.rig.instrument import Jack
 from sautereau.rig.schema import Rig
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.trajectory.key import rise_curvature, rise_slope
 from sautereau.trajectory.motion import Motion
 

@@ -33,8 +33,7 @@ COMPARED = (
     "held_work",
 )
 """Features of a pluck that the model predicts; forces are counted from those at rest."""
-OF_PLUCK = ("contact", "contact_std", "release", "release_std", *COMPARED)
-"""Columns of each pluck."""
+OF_PLUCK = ("contact", "contact_std", "release", "release_std", *COMPARED)  # Columns of each pluck
 UNITS = {
     name: QUANTITIES[name].unit
     for name in (

@@ -24,12 +24,9 @@ from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats
 
 Flags = NDArray[np.bool_]
-EXPOSURES = 12
-"""Positions of a string that one frame shows."""
-PLACES = 161
-"""Points of a string, from nut to bridge."""
-BEFORE = 10e-3
-"""s, shown before the jack rises."""
+EXPOSURES = 12  # Positions of a string that one frame shows
+PLACES = 161  # Points of a string, from nut to bridge
+BEFORE = 10e-3  # s, shown before the jack rises
 
 
 @dataclass(frozen=True)

@@ -17,16 +17,11 @@ from sautereau.analysis.press.strings import QUALITY, stilled, vibrating_strings
 from sautereau.rig.disk import make_folder, new_file
 from sautereau.rig.schema import Rig
 
-SAMPLE_RATE = 48_000
-"""Hz, of the file."""
-HIGHEST = 20e3
-"""Hz, of the highest modes in the sound."""
-LEVEL = -1.0
-"""dB, of the largest sample relative to the full scale of the file."""
-LEAD = 20e-3
-"""s, of silence before the first contact."""
-MOST = 60.0
-"""s, longest sound."""
+SAMPLE_RATE = 48_000  # Hz, of the file
+HIGHEST = 20e3  # Hz, of the highest modes in the sound
+LEVEL = -1.0  # dB, of the largest sample relative to the full scale of the file
+LEAD = 20e-3  # s, of silence before the first contact
+MOST = 60.0  # s, longest sound
 
 
 @dataclass(frozen=True)

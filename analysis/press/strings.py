@@ -23,10 +23,8 @@ from sautereau.analysis.model.string.string import ModalString
 from sautereau.rig.instrument import Choir, String
 from sautereau.rig.schema import Rig
 
-AIR_VISCOSITY = 1.8e-5
-"""Viscosity of air at 20 degrees Celsius (Pa s)."""
-AIR_DENSITY = 1.2
-"""Density of air at 20 degrees Celsius (kg/m^3)."""
+AIR_VISCOSITY = 1.8e-5  # Viscosity of air at 20 degrees Celsius (Pa s)
+AIR_DENSITY = 1.2  # Density of air at 20 degrees Celsius (kg/m^3)
 QUALITY = 1500.0
 """Dimensionless quality factor of all losses except those to the air; assumed: with it the
 string of `rig/paper.toml` decays by 60 dB in 6 s."""

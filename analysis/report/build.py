@@ -17,8 +17,7 @@ from sautereau.analysis.report.slow_motion import moving
 from sautereau.analysis.summary.text import counted
 from sautereau.rig.text import rig_text
 
-MOST_LONG = 60_000
-"""Longest text of a rig or a scene on the page, in characters."""
+MOST_LONG = 60_000  # Longest text of a rig or a scene on the page, in characters
 
 
 @dataclass(frozen=True)

@@ -18,16 +18,11 @@ from sautereau.rig.errors import SautereauError
 from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
 
-POINTS = 50_000
-"""Total number of points of all traces: half a megabyte of the page."""
-LEAST_POINTS = 250
-"""Smallest number of points of one trace."""
-MOST_POINTS = 1200
-"""Largest number of points of one trace."""
-COLUMNS = ("deflection", "jack_speed", "force")
-"""Columns of a press that are drawn over time."""
-BESIDE = 5e-3
-"""s, before contact and after release, shown in the plot of force over deflection."""
+POINTS = 50_000  # Total number of points of all traces: half a megabyte of the page
+LEAST_POINTS = 250  # Smallest number of points of one trace
+MOST_POINTS = 1200  # Largest number of points of one trace
+COLUMNS = ("deflection", "jack_speed", "force")  # Columns of a press that are drawn over time
+BESIDE = 5e-3  # s, before contact and after release, shown in the plot of force over deflection
 
 
 @dataclass(frozen=True)
@@ -62,8 +57,7 @@ class PressRecord(AnalysedPress):
         return (*aborted, *super().warnings)
 
 
-_FAULTS = ("aborted", "fault")
-"""Kinds of events that are warnings."""
+_FAULTS = ("aborted", "fault")  # Kinds of events that are warnings
 
 
 @dataclass(frozen=True)

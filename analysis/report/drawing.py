@@ -8,8 +8,7 @@ import numpy as np
 
 from sautereau.trajectory.motion import Floats
 
-Frames = tuple[str, ...]
-"""Values of one attribute, one per frame."""
+Frames = tuple[str, ...]  # Values of one attribute, one per frame
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,9 @@ from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import readable_quantity
 
-MOST_CHARACTERS = 500
-"""Longest text on the page; the recording holds the rest."""
-MOST_LISTED = 40
-"""Entries of one list on the page."""
-MOST_EVENTS = 10
-"""Events of one recording on the page."""
+MOST_CHARACTERS = 500  # Longest text on the page; the recording holds the rest
+MOST_LISTED = 40  # Entries of one list on the page
+MOST_EVENTS = 10  # Events of one recording on the page
 
 Facts = list[tuple[str, str]]
 

@@ -23,15 +23,13 @@ from sautereau.analysis.report.plot import Plot
 from sautereau.analysis.report.tables import Course
 from sautereau.rig.quantities import QUANTITIES
 
-COLOURS = SERIES
-"""Colours of the conditions; if there is only one condition, of its presses."""
+COLOURS = SERIES  # Colours of the conditions; if there is only one condition, of its presses
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 """Dashes of presses with the same colour."""
 MODEL = "#5a6969"
 SHADES = ("rgba(120,120,120,0.08)", "rgba(230,159,0,0.22)", "rgba(86,180,233,0.18)")
 """Colours of the three phases."""
-HEIGHT = 240
-"""Height of one row (px)."""
+HEIGHT = 240  # Height of one row (px)
 
 
 def over_time(contents: Contents) -> Plot:

@@ -10,8 +10,7 @@ from sautereau.analysis.summary.text import counted
 from sautereau.rig.disk import read_limited, why_unreadable
 from sautereau.rig.quantities import QUANTITIES
 
-PATTERN = "fit*.json"
-"""Names of their files in the session's folder."""
+PATTERN = "fit*.json"  # Names of their files in the session's folder
 
 
 VERDICTS = {

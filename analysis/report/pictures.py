@@ -26,41 +26,24 @@ from sautereau.analysis.report.drawing import (
 from sautereau.trajectory.key import rise_of_angle
 from sautereau.trajectory.motion import Floats
 
-WIDE = 2000
-"""Width of the pictures of string and force, in units of about a third of a pixel."""
-LOW = 600
-"""Height of these pictures, in the same unit."""
-MARGIN = 60
-"""Distance of the curves from the sides, in the same unit."""
-GAP = 16
-"""Distance of labels from what they describe, in the same unit."""
-LETTERS = 52
-"""Font size, in the same unit."""
-LINE = 4
-"""Step between the drawn points of the string."""
-BAND = 8
-"""Step between the drawn points of the band that the string swept."""
-TRACED = 400
-"""Number of points of the force."""
-TENTH = 1e4
-"""1/m; the key is drawn in units of 0.1 mm."""
+WIDE = 2000  # Width of the pictures of string and force, in units of about a third of a pixel
+LOW = 600  # Height of these pictures, in the same unit
+MARGIN = 60  # Distance of the curves from the sides, in the same unit
+GAP = 16  # Distance of labels from what they describe, in the same unit
+LETTERS = 52  # Font size, in the same unit
+LINE = 4  # Step between the drawn points of the string
+BAND = 8  # Step between the drawn points of the band that the string swept
+TRACED = 400  # Number of points of the force
+TENTH = 1e4  # 1/m; the key is drawn in units of 0.1 mm
 UM = 1e6
-TOP = 1.2e-3
-"""m, length of the tongue above the plectrum."""
-RIGHT = 2.1e-3
-"""m, visible width beyond the string."""
-DEEPEST = 2.5e-3
-"""m, largest visible depth below the string."""
-BESIDE = 0.8e-3
-"""m, margin above and below."""
-EVERY_NTH = 2
-"""Step between the points of a plectrum that are drawn."""
-HEAD_LETTERS = 36
-"""Width of the picture of the jack head in font sizes."""
-UPRIGHT = ("jack", "tongue")
-"""Parts with a vertical label."""
-LONG = 30e-3
-"""m, length of the jack's body above and below the plectrum; part of it is visible."""
+TOP = 1.2e-3  # m, length of the tongue above the plectrum
+RIGHT = 2.1e-3  # m, visible width beyond the string
+DEEPEST = 2.5e-3  # m, largest visible depth below the string
+BESIDE = 0.8e-3  # m, margin above and below
+EVERY_NTH = 2  # Step between the points of a plectrum that are drawn
+HEAD_LETTERS = 36  # Width of the picture of the jack head in font sizes
+UPRIGHT = ("jack", "tongue")  # Parts with a vertical label
+LONG = 30e-3  # m, length of the jack's body above and below the plectrum; part of it is visible
 
 
 def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:

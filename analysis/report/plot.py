@@ -14,10 +14,8 @@ TEMPLATE = {"data": {"scatter": [{"type": "scatter"}]}}
 """Without a template, plotly.js uses its own style."""
 POWERS = {"exponentformat": "power"}
 """Labels of ticks have powers of ten, and not prefixes without a unit, such as `50µ`."""
-TOP = 30
-"""px above the highest row: a line of text, which is its title."""
-BOTTOM = 50
-"""px below the lowest row: labels of ticks, and the title of the horizontal axis."""
+TOP = 30  # px above the highest row: a line of text, which is its title
+BOTTOM = 50  # px below the lowest row: labels of ticks, and the title of the horizontal axis
 
 
 class Plot:

@@ -19,18 +19,12 @@ from sautereau.daq.file.recorded import Recorded, SessionInfo
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.timing import press_law
 
-BEFORE = 0.1
-"""Time before contact whose rise is also used, divided by the pluck duration."""
-DEGREE = 5
-"""Degree of the polynomial through the rise while a string is held."""
-LEAST = 20
-"""Smallest number of samples for that polynomial."""
-INSTANTS = 100
-"""Number of instants at which the speed is taken from it."""
-SHORT = 0.25
-"""Least time of a polynomial beside others, divided by the pluck duration."""
-BESIDE = 1e-3
-"""Time before and after the cruise whose samples are kept (s)."""
+BEFORE = 0.1  # Time before contact whose rise is also used, divided by the pluck duration
+DEGREE = 5  # Degree of the polynomial through the rise while a string is held
+LEAST = 20  # Smallest number of samples for that polynomial
+INSTANTS = 100  # Number of instants at which the speed is taken from it
+SHORT = 0.25  # Least time of a polynomial beside others, divided by the pluck duration
+BESIDE = 1e-3  # Time before and after the cruise whose samples are kept (s)
 
 
 @dataclass(frozen=True)

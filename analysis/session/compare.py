@@ -21,10 +21,8 @@ from sautereau.trajectory.motion import Floats
 
 MANY = 20
 """Smallest number of presses for a bootstrap interval. For fewer presses Student's t is better."""
-NORMAL = 1.96
-"""Half width of a 95 % interval, in standard uncertainties."""
-RESAMPLES = 9999
-"""Number of samples of a bootstrap."""
+NORMAL = 1.96  # Half width of a 95 % interval, in standard uncertainties
+RESAMPLES = 9999  # Number of samples of a bootstrap
 
 
 @dataclass(frozen=True)

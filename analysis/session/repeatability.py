@@ -15,12 +15,9 @@ from sautereau.analysis.loading.press import Press
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import PressLaw
 
-INSTANTS = 200
-"""Instants of the cruise at which presses are compared."""
-LEAST = 3
-"""Fewest presses for a spread."""
-COVERAGE = 0.95
-"""Dimensionless coverage of the intervals."""
+INSTANTS = 200  # Instants of the cruise at which presses are compared
+LEAST = 3  # Fewest presses for a spread
+COVERAGE = 0.95  # Dimensionless coverage of the intervals
 
 
 @dataclass(frozen=True)

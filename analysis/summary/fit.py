@@ -13,8 +13,7 @@ from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.summary.text import counted, part_of, table
 from sautereau.rig.quantities import QUANTITIES
 
-TOGETHER = 2
-"""Number of results in one table of effects, which then fits into 80 columns."""
+TOGETHER = 2  # Number of results in one table of effects, which then fits into 80 columns
 
 
 def fit_summary(found: Identified, profiles: Sequence[Profile] = ()) -> dict[str, Any]:

@@ -13,8 +13,7 @@ from sautereau.trajectory.mount.find import Mount
 from sautereau.trajectory.mount.locate import Located
 from sautereau.trajectory.press import Trajectory
 
-TIGHTEST = 5
-"""Checks in the text unless all are requested."""
+TIGHTEST = 5  # Checks in the text unless all are requested
 
 
 def plan_summary(draft: Trajectory, warnings: Sequence[str]) -> dict[str, Any]:

@@ -21,8 +21,7 @@ SIGNS = {
 """Words for a model whose error is negative, and for one whose error is positive."""
 DRIFTING = ("pluck_duration", "release_force")
 """Features whose drift the text reports: of more, some would be significant by chance."""
-NO_INTERVAL = "none (one press)"
-"""Text in place of the interval of a single press."""
+NO_INTERVAL = "none (one press)"  # Text in place of the interval of a single press
 _OF_SEVERAL = ("presses", "changed", "warnings")
 """Keys of a condition that mean something else of a session."""
 

@@ -7,12 +7,9 @@ from typing import Any
 
 SOME_SIMULATED = "SIMULATED: at least one of these presses is simulated"
 """First line of the text on presses of which any was made on a stand-in."""
-WIDTH = 80
-"""Columns of the narrowest usual terminal, to which texts are wrapped."""
-EMPTY = 12
-"""Fewest spaces at the start of a line that are an empty first column of a table."""
-NAMED = 3
-"""Largest number of names that are listed before a text that applies to all of them."""
+WIDTH = 80  # Columns of the narrowest usual terminal, to which texts are wrapped
+EMPTY = 12  # Fewest spaces at the start of a line that are an empty first column of a table
+NAMED = 3  # Largest number of names that are listed before a text that applies to all of them
 _PLURALS = {"press": "presses", "plectrum": "plectra"}
 
 

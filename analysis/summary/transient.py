@@ -8,8 +8,7 @@ from sautereau.analysis.summary.text import SOME_SIMULATED, counted, grouped, pa
 from sautereau.analysis.transient import Attributed, Examined, ObservedMode, Oscillation
 
 _MODE = ("frequency", "frequency_std", "damping", "damping_std")
-INTERVAL = 1.96
-"""Half width of a 95 % interval, in standard uncertainties."""
+INTERVAL = 1.96  # Half width of a 95 % interval, in standard uncertainties
 UNDECIDED = "source undecided by these recordings"
 
 

@@ -10,53 +10,43 @@ from dataclasses import dataclass
 from math import degrees, exp, log, log10, pi, sqrt
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.stats import norm
 
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.transient.combine import Oscillation
 from sautereau.analysis.transient.evidence import PHASES, ObservedMode
-from sautereau.analysis.transient.held_string import free_frequencies, held_frequencies
 from sautereau.analysis.transient.modes import MOST_DAMPING
 from sautereau.analysis.transient.sources import AGAIN, DECIDING_PRESS, HUM, MODELS, Source
+from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-DECIDED = 0.8
-"""Smallest probability from which an oscillation is attributed to a source."""
+DECIDED = 0.8  # Smallest probability from which an oscillation is attributed to a source
 
 
 AFTER_ANOTHER = 0.3
 """Probability that the released phase shows a string if the rig has several choirs."""
-FULL = (20.0, 20000.0)
-"""Range of a frequency about which nothing is known (Hz)."""
+FULL = (20.0, 20000.0)  # Range of a frequency about which nothing is known (Hz)
 ODD = 0.05
 """Weight of `FULL` in every source, and of the source's `band` in addition to a measured mode."""
-STRING_STD = 0.03
-"""Relative standard uncertainty of a string's frequency."""
+STRING_STD = 0.03  # Relative standard uncertainty of a string's frequency
 FREE_PART = 0.2
 """Weight of the partials of the free string; those of the held string have the remaining weight."""
 SERVO_PART = 0.15
 """Weight of the multiples of the controller's sample frequency among oscillations of the finger."""
-SERVO_STD = 0.01
-"""Relative standard uncertainty of these multiples."""
+SERVO_STD = 0.01  # Relative standard uncertainty of these multiples
 KNOWN_STD = 0.03
 """Relative standard uncertainty of a mode that was measured without contact of the finger."""
-MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)
-"""Frequencies of mains hum (Hz)."""
-MAINS_STD = 0.004
-"""Relative standard uncertainty of these frequencies."""
-FLEXIBLE_PART = 0.25
-"""Probability that the key bends or heaves under an oscillating finger."""
-FLEXIBLE_RATIO = 0.0
-"""Mean of the decimal logarithm of the finger's ratio in that case."""
-FLEXIBLE_STD = 0.5
-"""Standard deviation of that logarithm."""
-IN_PHASE_STD = 20.0
-"""Standard deviation of an expected phase (deg)."""
+MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)  # Frequencies of mains hum (Hz)
+MAINS_STD = 0.004  # Relative standard uncertainty of these frequencies
+FLEXIBLE_PART = 0.25  # Probability that the key bends or heaves under an oscillating finger
+FLEXIBLE_RATIO = 0.0  # Mean of the decimal logarithm of the finger's ratio in that case
+FLEXIBLE_STD = 0.5  # Standard deviation of that logarithm
+IN_PHASE_STD = 20.0  # Standard deviation of an expected phase (deg)
 HIGHEST = 8e3
 """Highest partial of a string (Hz). Partials are weighted with 1 / f^2, as for a bent string."""
-DELAY_STD = 30e-6
-"""Standard uncertainty of the delay between the channels (s)."""
+DELAY_STD = 30e-6  # Standard uncertainty of the delay between the channels (s)
 SCALING = 0.2
 """Relative range of jack speeds from which a constant frequency excludes a ripple of the drive."""
 
@@ -214,3 +204,40 @@ def _about(angle: float, centre: float, spread: float) -> float:
     """Return the density of an angle [deg], divided by that of a uniform distribution."""
     away = (angle - centre + 180) % 360 - 180
     return 360 * exp(-0.5 * (away / spread) ** 2) / (spread * sqrt(2 * pi))
+
+
+GRID = 40  # Intervals per free partial in which roots are searched
+
+
+def free_frequencies(choir: Choir, highest: float) -> Floats:
+    """Return the partials of the ideal string up to a frequency [Hz], shape (n,)."""
+    fundamental = choir.string.frequency
+    return fundamental * np.arange(1, int(highest / fundamental) + 1, dtype=float)
+
+
+def held_frequencies(choir: Choir, highest: float) -> Floats:
+    """Return the frequencies [Hz] of the string on its plectrum, up to a frequency; shape (n,).
+
+    An ideal string with a spring k at the plucking point a: the slope changes there by k / T times
+    the displacement, so T p sin(p L) + k sin(p a) sin(p (L - a)) = 0 with p = w / c (P. Morse,
+    Vibration and Sound, 1948, section 9). k = 3 EI / s^3 is the tip stiffness of a uniform
+    plectrum that touches the string at s, its length minus the overlap.
+    """
+    string, plectrum = choir.string, choir.plectrum
+    section = plectrum.width * plectrum.thickness**3 / 12
+    length = plectrum.length - plectrum.overlap
+    stiffness = 3 * plectrum.youngs_modulus * section / length**3
+    whole, part = string.length, string.plucking_point
+
+    def condition(frequency: float) -> float:
+        p = np.pi * frequency / (string.frequency * whole)
+        return float(
+            string.tension * p * np.sin(p * whole)
+            + stiffness * np.sin(p * part) * np.sin(p * (whole - part))
+        )
+
+    count = max(2, int(GRID * highest / string.frequency))
+    grid = np.linspace(0.3 * string.frequency, highest, count)
+    values = np.array([condition(f) for f in grid])
+    places = np.flatnonzero(values[1:] * values[:-1] < 0)
+    return np.array([brentq(condition, grid[i], grid[i + 1]) for i in places], dtype=float)

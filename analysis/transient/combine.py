@@ -17,8 +17,7 @@ DEVIATIONS = 3.0
 VISIBLE = 2.0
 """An oscillation is absent from a stretch that does not show it if it would be this many times
 larger than the smallest visible amplitude there."""
-CONSISTENT = 0.01
-"""Smallest probability of the scatter of frequencies that agree."""
+CONSISTENT = 0.01  # Smallest probability of the scatter of frequencies that agree
 
 
 @dataclass(frozen=True)

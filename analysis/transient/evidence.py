@@ -19,16 +19,11 @@ from sautereau.analysis.transient.modes import LEAST_SAMPLES, DampedMode, Stretc
 from sautereau.trajectory.motion import Floats
 
 PHASES = ("rest", "free", "held", "released")
-LONGEST = 40e-3
-"""Longest examined part of a phase (s)."""
-LEAST_RATE = 10e3
-"""Smallest sampling rate after decimation (Hz)."""
-TAPS = 12
-"""Length of the low-pass filter in decimated samples."""
-DEVIATIONS = 3.0
-"""Distance of a stretch from contact and release, in their standard uncertainties."""
-FULL_SPEED = 0.95
-"""Fraction of the free speed at which the run-up ends."""
+LONGEST = 40e-3  # Longest examined part of a phase (s)
+LEAST_RATE = 10e3  # Smallest sampling rate after decimation (Hz)
+TAPS = 12  # Length of the low-pass filter in decimated samples
+DEVIATIONS = 3.0  # Distance of a stretch from contact and release, in their standard uncertainties
+FULL_SPEED = 0.95  # Fraction of the free speed at which the run-up ends
 CONTACT_LOST = 0.3
 """Fraction of the force in the free phase below which the key is not in contact with the finger."""
 ABOVE_REST = 4.0

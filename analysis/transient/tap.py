@@ -22,36 +22,21 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
 
-LENGTH = 0.2
-"""Length of the record of a tap (s)."""
-BEFORE = 5e-3
-"""Time in that record before the largest force (s)."""
-APART = 0.25
-"""Smallest time between two taps (s)."""
-LEAST_TAPS = 3
-"""Smallest number of taps."""
-LEAST_PEAK = 0.02
-"""Smallest peak force of a tap (N)."""
-OVER_NOISE = 8.0
-"""Smallest peak force of a tap, divided by the noise of the force."""
-MARGIN = 0.3e-3
-"""Time before and after the force exceeds the noise that still belongs to a tap (s)."""
-BAND = (40.0, 2500.0)
-"""Frequencies between which modes are searched (Hz)."""
-COHERENT = 0.5
-"""Smallest coherence of a frequency that is used in the fit."""
-LEAST_COHERENCE = 0.8
-"""Smallest coherence at the frequency of a mode that is reported."""
-ACCURACY = 0.01
-"""Relative accuracy of the frequency response, apart from its noise."""
-MOST = 5
-"""Largest number of modes."""
-TABLE = 40
-"""Number of frequencies at which a mode is tried."""
-DAMPINGS = (0.01, 0.08)
-"""Damping ratios at which a mode is tried."""
-LEAST_GAIN = 0.7
-"""A mode is kept if it reduces the sum of squares below this fraction."""
+LENGTH = 0.2  # Length of the record of a tap (s)
+BEFORE = 5e-3  # Time in that record before the largest force (s)
+APART = 0.25  # Smallest time between two taps (s)
+LEAST_TAPS = 3  # Smallest number of taps
+LEAST_PEAK = 0.02  # Smallest peak force of a tap (N)
+OVER_NOISE = 8.0  # Smallest peak force of a tap, divided by the noise of the force
+MARGIN = 0.3e-3  # Time before and after the force exceeds the noise that still belongs to a tap (s)
+BAND = (40.0, 2500.0)  # Frequencies between which modes are searched (Hz)
+COHERENT = 0.5  # Smallest coherence of a frequency that is used in the fit
+LEAST_COHERENCE = 0.8  # Smallest coherence at the frequency of a mode that is reported
+ACCURACY = 0.01  # Relative accuracy of the frequency response, apart from its noise
+MOST = 5  # Largest number of modes
+TABLE = 40  # Number of frequencies at which a mode is tried
+DAMPINGS = (0.01, 0.08)  # Damping ratios at which a mode is tried
+LEAST_GAIN = 0.7  # A mode is kept if it reduces the sum of squares below this fraction
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from sautereau.daq.convert.document import (
 )
 from sautereau.daq.convert.formats import Columns, ImportSource, open_file, refuse_rows
 from sautereau.daq.errors import RecordingError
-from sautereau.rig.extras import require
+from sautereau.rig.errors import require
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription")
 

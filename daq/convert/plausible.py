@@ -3,8 +3,7 @@
 import numpy as np
 
 from sautereau.daq.file.recorded import Signal
-from sautereau.rig.acquisition import Channel
-from sautereau.rig.measured import MEASURED
+from sautereau.rig.acquisition import MEASURED, Channel
 
 LIMITS = {"velocity": (1e-4, 10.0), "force": (1e-3, 200.0)}
 """Smallest and largest plausible magnitude of a press, SI units, by quantity."""

@@ -11,7 +11,7 @@ from sautereau.daq.convert.columns import Column, counts_of
 from sautereau.daq.convert.document import DOCUMENT_KEY, SIDECAR, Parts, full_scale
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.recorded import Recorded
-from sautereau.rig.extras import require
+from sautereau.rig.errors import require
 
 
 def to_hdf5(recorded: Recorded, columns: Sequence[Column], document: str) -> Parts:

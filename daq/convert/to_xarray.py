@@ -4,8 +4,8 @@ from typing import Any
 
 from sautereau.daq.convert.columns import si_values
 from sautereau.daq.file.recorded import Recorded
-from sautereau.rig.extras import require
-from sautereau.rig.measured import MEASURED
+from sautereau.rig.acquisition import MEASURED
+from sautereau.rig.errors import require
 
 JOINT_UNITS = {"jack_rise": "m", "m1": "N m", "m2": "N m"}
 """Units of the joints' variables, where they are not rad."""

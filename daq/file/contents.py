@@ -51,8 +51,7 @@ VIEWED = ("/preview", "/motion", "/scene", "/transforms")
 """Prefixes of the topics for viewers. Their messages are counted and not read."""
 LEAST_RECORDS = 200_000
 """Limit of the records in the chunks of any file. A run of equally long previews counts as one."""
-SMALLEST_RECORD = 16
-"""Bytes of a file that allow it one more record."""
+SMALLEST_RECORD = 16  # Bytes of a file that allow it one more record
 
 
 class Contents:

@@ -18,22 +18,17 @@ from google.protobuf.message import DecodeError, Message
 PACKAGE = "sautereau"
 FORMAT_1 = ("Samples", "Scalar", "Plan", "Joints", "Event")
 """Messages of recordings of format 1, in the order of the numbers of their schemas."""
-FORMAT_1_ONLY = ("Samples", "Event")
-"""Those of them that are only read."""
+FORMAT_1_ONLY = ("Samples", "Event")  # Those of them that are only read
 LOG = "foxglove.Log"
 """The message that Foxglove shows as a log, with the event's time as an additional field."""
-SCENE = "foxglove.SceneUpdate"
-"""The message that Foxglove draws in space."""
-TRANSFORMS = "foxglove.FrameTransforms"
-"""The message that says where the links of a rig are."""
+SCENE = "foxglove.SceneUpdate"  # The message that Foxglove draws in space
+TRANSFORMS = "foxglove.FrameTransforms"  # The message that says where the links of a rig are
 FRAME = "rig"
 """Name of the frame of drawings: the balance pin is its origin, x points to the jack, z up."""
-INFO, ERROR = 2, 4
-"""Levels of a `LOG`."""
+INFO, ERROR = 2, 4  # Levels of a `LOG`
 
 _Field = descriptor_pb2.FieldDescriptorProto
-_Fields = Mapping[str, tuple[int, str]]
-"""Number and type of each field."""
+_Fields = Mapping[str, tuple[int, str]]  # Number and type of each field
 _ARRAY = "repeated double"
 _MESSAGE = re.compile(r"^message (\w+) \{(.*?)\}", re.DOTALL | re.MULTILINE)
 _FIELD = re.compile(r"((?:repeated )?[\w.]+) (\w+) = (\d+);")

@@ -39,8 +39,7 @@ FOREIGN = "another program has changed it: use the file as sautereau wrote it"
 """End of messages about content that sautereau never writes."""
 USED = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.CHANNEL, Opcode.METADATA)
 """Records that readers use; MCAP has others, and programs may add their own."""
-EVERY_CHANNEL = frozenset(range(2**16))
-"""All numbers that MCAP channels can have."""
+EVERY_CHANNEL = frozenset(range(2**16))  # All numbers that MCAP channels can have
 
 
 class IndexedChunk(NamedTuple):

@@ -8,19 +8,14 @@ import numpy as np
 from sautereau.daq.file.recorded import Event, Joints, Plan
 from sautereau.rig.units import shown
 
-HIGHEST_RATE = 1e8
-"""Hz; the filter of the previews grows with the rate."""
-FARTHEST_SAMPLE = 2**53
-"""Limit of the index of a sample, counted from the trigger."""
-FARTHEST_TIME = 9e9
-"""s, limit of a time after or before the trigger: dates have 64 bits of ns."""
-MOST_VOLTS = 512 * 1024**2
-"""Limit in bytes of the volts that are read at once from any file."""
+HIGHEST_RATE = 1e8  # Hz; the filter of the previews grows with the rate
+FARTHEST_SAMPLE = 2**53  # Limit of the index of a sample, counted from the trigger
+FARTHEST_TIME = 9e9  # s, limit of a time after or before the trigger: dates have 64 bits of ns
+MOST_VOLTS = 512 * 1024**2  # Limit in bytes of the volts that are read at once from any file
 VOLTS_PER_BYTE = 32
 """The same limit of a larger file, per byte of the file. A converter's noise cannot be compressed
 as much."""
-MOST_EVENTS = 100_000
-"""Limit for a recording."""
+MOST_EVENTS = 100_000  # Limit for a recording
 
 
 def time_faults(t0_ns: Any, rate: float, *samples: int) -> list[str]:

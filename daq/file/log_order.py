@@ -26,8 +26,7 @@ from sautereau.daq.file.schemas import (
 )
 from sautereau.rig.schema import Rig
 
-LAST_DATE = 2**63 - 1
-"""ns since 1970, in the year 2262."""
+LAST_DATE = 2**63 - 1  # ns since 1970, in the year 2262
 
 
 class _Pending(NamedTuple):

@@ -5,12 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-PREVIEW_RATE = 1000.0
-"""Largest rate of a preview, Hz."""
-ATTENUATION = 60.0
-"""Stop-band attenuation, from half the preview's rate up, dB."""
-PASS_BAND = 0.2
-"""Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %."""
+PREVIEW_RATE = 1000.0  # Largest rate of a preview, Hz
+ATTENUATION = 60.0  # Stop-band attenuation, from half the preview's rate up, dB
+PASS_BAND = 0.2  # Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %
 
 Values = NDArray[np.float32]
 """A preview has single precision, as in the file; this halves the time of the filter."""

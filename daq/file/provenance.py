@@ -32,15 +32,13 @@ from sautereau.rig.load import rig_document, rig_json
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
-PROFILE = "sautereau"
-"""Profile in the header of sautereau's MCAP files."""
+PROFILE = "sautereau"  # Profile in the header of sautereau's MCAP files
 HEAD = ("channels", "rig", "software", "session", "schemas")
 """Metadata records at the start of a recording."""
 LARGEST_HEAD = LARGEST_DEFINITIONS // 2
 """Limit in bytes for one copy of them. The rest of what readers accept is for the metadata at the
 end: those of a recovery list what is missing."""
-COPIES = 2
-"""Number of copies of the metadata: one survives damage to the other."""
+COPIES = 2  # Number of copies of the metadata: one survives damage to the other
 LIBRARIES = ("sautereau", "numpy", "scipy", "nidaqmx", "grpcio", "pyserial", "mcap", "protobuf")
 """Distributions whose versions are recorded."""
 

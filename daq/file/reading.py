@@ -13,8 +13,7 @@ from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch
 from sautereau.daq.file.runs import Runs
 from sautereau.daq.file.verified import verified, verifying
 
-MOST_LISTED = 8
-"""Gaps listed in one message."""
+MOST_LISTED = 8  # Gaps listed in one message
 
 
 def read_recording(path: str | Path) -> Recorded:

@@ -16,10 +16,8 @@ from sautereau.rig.units import shown
 
 Signal = NDArray[np.float64]
 
-SPLIT = "split"
-"""Kind of the event of a recording that was a part of another one."""
-MOTION = "motion"
-"""Kind of the event that is the start of the arm's motion."""
+SPLIT = "split"  # Kind of the event of a recording that was a part of another one
+MOTION = "motion"  # Kind of the event that is the start of the arm's motion
 BY_EDGE = "started, by the trigger's edge"
 """Text of that event if an output of the controller started the acquisition."""
 UNCHECKED = (

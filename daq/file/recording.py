@@ -30,10 +30,8 @@ from sautereau.rig.schema import Rig
 
 __all__ = ["Block", "Recording", "SessionInfo"]
 
-ABORTED = "aborted"
-"""Kind of the last event of a recording that an exception has ended."""
-LARGEST_BLOCK = 8 * 2**20
-"""Limit in bytes for the samples in one message."""
+ABORTED = "aborted"  # Kind of the last event of a recording that an exception has ended
+LARGEST_BLOCK = 8 * 2**20  # Limit in bytes for the samples in one message
 
 
 class Recording:

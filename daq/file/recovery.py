@@ -18,8 +18,7 @@ from sautereau.daq.file.survey import Survey, survey
 from sautereau.daq.file.verified import verified
 from sautereau.rig.disk import as_text, hold
 
-ENDING = ".recovering.part"
-"""Appended to the name of a recovered recording until it is complete."""
+ENDING = ".recovering.part"  # Appended to the name of a recovered recording until it is complete
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from sautereau.daq.file.recorded import Gap, Signal, Stretch
 from sautereau.daq.file.samples import SampleLayout, WireBlock
 from sautereau.rig.faults import fault_list
 
-MOST_RUNS = 10_000
-"""Limit for one channel."""
+MOST_RUNS = 10_000  # Limit for one channel
 ROOM = 100_000
 """Samples of all channels for which there is room from the start if the complete file is held: more
 than those of a press, whose compressed file has half the size of its volts."""

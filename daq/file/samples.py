@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from sautereau.daq.file.counts import TYPES, Scaling
 from sautereau.daq.file.schemas import varint
 
-TOPIC = "/daq"
-"""Topic of the samples of all channels."""
+TOPIC = "/daq"  # Topic of the samples of all channels
 # Fields 1 to 4 of a Block, each a tag and 64 bits; the tag of field 5, its length follows.
 _HEAD = struct.Struct("<BqBqBdBqB")
 _TAGS = (0x09, 0x11, 0x19, 0x21, 0x2A)

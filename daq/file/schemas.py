@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from sautereau.daq.file.descriptors import ARRAYS, ERROR, FRAME, INFO, LOG, SCENE, TRANSFORMS, twins
 from sautereau.daq.file.recorded import Event
 
-THICKNESS = 3.0
-"""Pixels, of lines in space."""
+THICKNESS = 3.0  # Pixels, of lines in space
 
 
 def encode(name: str, **values: Any) -> bytes:

@@ -12,18 +12,15 @@ from numpy.typing import NDArray
 
 from sautereau.rig.acquisition import Channel
 
-CALIBRATION_LIFE = 366
-"""Days after which a calibration is reported as old."""
+CALIBRATION_LIFE = 366  # Days after which a calibration is reported as old
 NOISE_ROWS = 2048
 """Approximate number of second differences used to estimate the noise of a long signal."""
 HALF_WIDTH = 16
 """Samples on either side used to interpolate a value; fewer at the ends of the record."""
-WIDTH = 2 * HALF_WIDTH
-"""Samples used to interpolate a value."""
+WIDTH = 2 * HALF_WIDTH  # Samples used to interpolate a value
 INTEGER_TOLERANCE = 1e-9
 """Samples by which a delay may differ from an integer number of them and count as one."""
-NORMAL = 1.4826
-"""Standard deviation of normal values over the median of their absolute values."""
+NORMAL = 1.4826  # Standard deviation of normal values over the median of their absolute values
 
 Signal = NDArray[np.float64]
 

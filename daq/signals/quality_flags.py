@@ -13,26 +13,22 @@ from sautereau.rig.acquisition import Channel
 
 CLIPPING_MARGIN = 1e-3
 """Dimensionless, fraction of the range about its end within which a sample counts as clipped."""
-FLAT = 8
-"""Smallest number of samples without noise that counts as a saturated amplifier."""
+FLAT = 8  # Smallest number of samples without noise that counts as a saturated amplifier
 FLAT_NOISE = 0.05
 """Dimensionless, fraction of the signal's noise below which a step between samples is flat."""
 FLAT_LEVEL = 0.1
 """Dimensionless, fraction of the range above which a flat signal counts as saturated."""
 LEAST_NOISE = 1e-6
 """Dimensionless, fraction of the range below which a signal has too little noise to judge."""
-RESOLUTION_ROWS = 2048
-"""Number of samples from which the resolution of the converter is estimated."""
+RESOLUTION_ROWS = 2048  # Number of samples from which the resolution of the converter is estimated
 LEAST_COUNTS = 2.0
 """Noise, in counts of the converter, below which equal samples do not show saturation."""
 DROP_OUT_WINDOW = 3e-3
 """Length of the running median, s. Drop-outs of up to half this length are found."""
 DROP_OUT_SEED = 7.0
 """Least deviation of a drop-out from the median, in standard deviations of the noise."""
-DROP_OUT_EDGE = 3.0
-"""Deviation at which a drop-out starts and ends, in standard deviations."""
-DROP_OUT_JUMP = 60e-6
-"""Time in s, at least one sample, within which a drop-out starts and ends."""
+DROP_OUT_EDGE = 3.0  # Deviation at which a drop-out starts and ends, in standard deviations
+DROP_OUT_JUMP = 60e-6  # Time in s, at least one sample, within which a drop-out starts and ends
 DROP_OUT_FRACTION = 0.5
 """Dimensionless, fraction of its depth by which a drop-out changes within `DROP_OUT_JUMP`."""
 FASTEST = 8.0

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
     from sautereau.daq.source.answers import Answers
 
-CONNECT_DEADLINE = 2.0
-"""Longest wait for the first answer of the gRPC server, s."""
+CONNECT_DEADLINE = 2.0  # Longest wait for the first answer of the gRPC server, s
 ANSWER_DEADLINE = 10.0
 """Longest wait for the gRPC server to answer a call, in addition to the call's own wait, s."""
 MAX_MESSAGE = 64 * 2**20

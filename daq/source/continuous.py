@@ -12,8 +12,7 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
 
-NO_PRESS = 0
-"""Number of the press in a recording without a press."""
+NO_PRESS = 0  # Number of the press in a recording without a press
 
 
 def record(

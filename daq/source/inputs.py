@@ -22,8 +22,7 @@ LONGEST_DELAY = 1.0
 EXCITATION_TOLERANCE = 0.1
 """Dimensionless, largest relative difference of the sensor's current from the requested one."""
 
-COUNTS = {16: "int16", 32: "int32"}
-"""Type of the counts, by their bits."""
+COUNTS = {16: "int16", 32: "int32"}  # Type of the counts, by their bits
 COUNTS_REACH = (0.9, 1.5)
 """Dimensionless, smallest and largest volts of the extreme counts, as a fraction of the range."""
 

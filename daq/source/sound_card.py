@@ -23,10 +23,8 @@ from sautereau.daq.source.task import accepted_rate, plan_task
 from sautereau.rig.acquisition import Channel, Daq
 from sautereau.rig.schema import Rig
 
-EDGE = 0.25
-"""Fraction of full scale that the trigger's input exceeds at an edge."""
-FULL_SCALE = 2.0**31
-"""Counts of a sample at full scale, which is the channel's `range`, V."""
+EDGE = 0.25  # Fraction of full scale that the trigger's input exceeds at an edge
+FULL_SCALE = 2.0**31  # Counts of a sample at full scale, which is the channel's `range`, V
 
 
 class SoundCard:

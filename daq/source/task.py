@@ -10,13 +10,11 @@ from sautereau.rig.acquisition import Daq
 
 RATE_TOLERANCE = 1e-2
 """Dimensionless, largest relative difference between the requested and the actual rate."""
-BUFFER = 10.0
-"""Length of the buffer of a continuous acquisition, s: the longest delay of reading."""
+BUFFER = 10.0  # Length of the buffer of a continuous acquisition, s: the longest delay of reading
 READS = (10.0, 100.0)
 """Smallest and largest number of reads per second, 1/s. With fewer, a killed process loses more
 samples; with more, the reading is too slow."""
-LEAST = 2
-"""Smallest number of samples of a finite acquisition, before an edge and after it."""
+LEAST = 2  # Smallest number of samples of a finite acquisition, before an edge and after it
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,8 @@ from sautereau.robot.controller import Player, TorqueTable
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.trajectory.segments import Counts, Segments
 
-Clock = Callable[[], float]
-"""Returns seconds from any origin."""
-Sleep = Callable[[float], None]
-"""Waits for seconds."""
+Clock = Callable[[], float]  # Returns seconds from any origin
+Sleep = Callable[[float], None]  # Waits for seconds
 
 
 class Driver(Player, Protocol):

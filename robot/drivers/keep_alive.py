@@ -6,10 +6,8 @@ from typing import Self
 
 from sautereau.robot.errors import RobotError
 
-TICKS = 10
-"""Parts of the watchdog's period, each of which the controller counts down."""
-_RENEWALS = 4
-"""Renewals in a period of the watchdog, so that one may be lost."""
+TICKS = 10  # Parts of the watchdog's period, each of which the controller counts down
+_RENEWALS = 4  # Renewals in a period of the watchdog, so that one may be lost
 
 
 class KeepAlive:

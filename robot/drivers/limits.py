@@ -8,8 +8,7 @@ from sautereau.rig.schema import Arm
 from sautereau.robot.errors import NotReady, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments, to_angles, to_counts
 
-_TOLERANCE = 25e-6
-"""Fraction of a revolution between the position of a joint and its target."""
+_TOLERANCE = 25e-6  # Fraction of a revolution between the position of a joint and its target
 _ROUNDING = 1.01
 """Fraction of the speed limit that a motion rounded to counts and samples may reach."""
 _RUN_UP = 0.1  # s, from rest to the speed of a move

@@ -8,14 +8,10 @@ from sautereau.robot.drivers.driver import Clock, Sleep
 from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.segments import Counts
 
-SETTLING = 1.0
-"""s that a joint may take to come within tolerance after a motion."""
-MARGIN = 10.0
-"""s that a motion may last longer than planned before it counts as stuck."""
-STOPPING = 5.0
-"""s, longest that a decelerated stop may take."""
-POLL = 0.01
-"""s between two questions."""
+SETTLING = 1.0  # s that a joint may take to come within tolerance after a motion
+MARGIN = 10.0  # s that a motion may last longer than planned before it counts as stuck
+STOPPING = 5.0  # s, longest that a decelerated stop may take
+POLL = 0.01  # s between two questions
 
 
 class Polling:

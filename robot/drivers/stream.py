@@ -12,8 +12,7 @@ from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts
 
-LARGEST_GAP = 3.0
-"""Largest time between two setpoints, in intervals."""
+LARGEST_GAP = 3.0  # Largest time between two setpoints, in intervals
 
 
 @dataclass(frozen=True)

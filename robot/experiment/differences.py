@@ -7,8 +7,7 @@ from typing import Any
 
 from sautereau.robot.errors import RobotError
 
-MOST_LISTED = 8
-"""Differences that one message lists."""
+MOST_LISTED = 8  # Differences that one message lists
 _ABSENT = "nothing"
 
 

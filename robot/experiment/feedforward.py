@@ -19,10 +19,8 @@ from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.key import surface_axes
 from sautereau.trajectory.press import Trajectory
 
-BIN = 25e-6
-"""m of jack rise, over which the force is averaged."""
-SETTLED = 1e-3
-"""s after release, when the finger's oscillation has decayed."""
+BIN = 25e-6  # m of jack rise, over which the force is averaged
+SETTLED = 1e-3  # s after release, when the finger's oscillation has decayed
 
 
 def force_of(recording: Path) -> Expectation:

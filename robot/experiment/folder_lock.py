@@ -11,8 +11,7 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.serial_port import hold_port
 from sautereau.robot.errors import RobotError
 
-LOCK = ".session.lock"
-"""File of the lock, while a session runs."""
+LOCK = ".session.lock"  # File of the lock, while a session runs
 
 
 @contextmanager

@@ -28,10 +28,8 @@ from sautereau.trajectory.timing import press_law
 LARGEST_DOUBT = 1 / (12 * CUTOFF)
 """s, standard uncertainty of a motion's start: twice this is a phase of 60 degrees at the cut-off
 frequency, beyond which a correction increases the error."""
-HALVINGS = 4
-"""Times that the change of a correction is halved where the press cannot be planned."""
-MOST_KNOTS = 10_000
-"""Limit of a correction's points; learning makes about one for each millisecond."""
+HALVINGS = 4  # Times that the change of a correction is halved where the press cannot be planned
+MOST_KNOTS = 10_000  # Limit of a correction's points; learning makes about one for each millisecond
 _SECTIONS = ("press", "arm", "controller")
 
 

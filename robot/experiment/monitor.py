@@ -12,12 +12,9 @@ from sautereau.daq.file.recorded import Block
 from sautereau.rig.acquisition import Channel
 
 _LOG = logging.getLogger(__name__)
-PERIOD = 0.1
-"""s, between two updates of the views."""
-DEPTH = 512
-"""Events that may wait for the views: 10 s of samples at 51.2 kHz."""
-PATIENCE = 2.0
-"""s, that the end of a session waits for the views to show everything."""
+PERIOD = 0.1  # s, between two updates of the views
+DEPTH = 512  # Events that may wait for the views: 10 s of samples at 51.2 kHz
+PATIENCE = 2.0  # s, that the end of a session waits for the views to show everything
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,14 @@ from sautereau.rig.csv_files import read_rows
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss, unit_of
 from sautereau.rig.load import with_values
-from sautereau.rig.renamed import current_key
+from sautereau.rig.named import current_key
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 
 EXAMPLE = "press.jack_speed,plectrum.overlap,repeats,notes"
 MOST_PRESSES = 100_000
 """Largest number of presses of one row, and of a session: a day of them at full speed."""
-MOST_ROWS = 1000
-"""Limit of a table's lines."""
+MOST_ROWS = 1000  # Limit of a table's lines
 
 
 @dataclass(frozen=True)

@@ -17,19 +17,14 @@ from sautereau.robot.experiment.plan_table import Row
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import press_law
 
-STEP = 2e-3
-"""Time between the samples of a gesture from a plan (s)."""
-MEASURED_STEP = 4e-3
-"""Time between the samples of a gesture from a measured rise (s)."""
+STEP = 2e-3  # Time between the samples of a gesture from a plan (s)
+MEASURED_STEP = 4e-3  # Time between the samples of a gesture from a measured rise (s)
 SAME = 1e-6
 """m, within which the recorded plan is that of the recorded rig; otherwise it was corrected."""
-MOVES = 20e-6
-"""m, rise from which on a measured jack moves."""
+MOVES = 20e-6  # m, rise from which on a measured jack moves
 
-TOLERANCE = 0.02
-"""Dimensionless, relative speed error by rounding that a gesture may have."""
-BESIDE = 5
-"""Samples of rest before and after the motion, so that it starts and ends smoothly."""
+TOLERANCE = 0.02  # Dimensionless, relative speed error by rounding that a gesture may have
+BESIDE = 5  # Samples of rest before and after the motion, so that it starts and ends smoothly
 
 
 def rows_of_recording(

@@ -1,5 +1,6 @@
 """A sequence of recorded presses; the arm is made safe however it ends."""
 
+import math
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -17,12 +18,14 @@ from sautereau.rig.disk import make_folder
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable, play
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.drawing import draw
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage, Watch, logged
 from sautereau.robot.experiment.motion_source import open_motion
+from sautereau.trajectory.arm import base, fingertip_place, link_vectors
+from sautereau.trajectory.key import contact_angle, rise_of_angle, surface_axes
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory
 from sautereau.trajectory.segments import to_angles
+from sautereau.trajectory.urdf import JACK
 
 FILE = "press-{:04d}.mcap"
 _NAME = re.compile(r"press-(\d+)\.mcap")
@@ -235,3 +238,54 @@ def _free_number(out: Path) -> int:
             f"session folder {out}: {error.strerror}; give a folder that can be written"
         ) from error
     return max((int(m[1]) for name in names if (m := _NAME.match(name))), default=0) + 1
+
+
+RATE = 200.0  # Hz, largest rate of the drawings
+
+
+def draw(rig: Rig, joints: Joints) -> tuple[Floats, dict[str, Floats], dict[str, Floats]]:
+    """Return drawings of the rig while its joints moved.
+
+    The key is in contact with the fingertip, or at rest below it.
+
+    Returns:
+        Times, s after the trigger, shape (n,); points of each line by name, m, shape
+        (n, n_points, 3), in the frame of the key's geometry, whose plane is y = 0; and x and z, m,
+        and angle, rad, of each link of the rig's URDF in this frame, shape (n, 3).
+    """
+    spacing = np.diff(joints.t).mean() if len(joints.t) > 1 else math.inf
+    step = max(1, math.ceil(1 / (RATE * spacing)))
+    q = np.stack([joints.q1, joints.q2], -1)[::step]
+    upper, _ = link_vectors(rig.arm.upper_length, q[:, 0])
+    shoulder = np.broadcast_to(base(rig.arm), upper.shape)
+    tip = fingertip_place(rig.arm, q)
+    key = rig.key
+    angle = np.maximum(0.0, contact_angle(key.surface_height + rig.arm.fingertip_radius, tip))
+    tangent, normal = surface_axes(angle)
+    front = key.surface_height * normal - key.front_arm * tangent
+    back = key.jack_surface_height * normal + key.jack_arm * tangent
+    foot = key.jack_surface_height + rise_of_angle(key, angle)
+    ends = [np.stack([np.full_like(foot, key.jack_arm), foot + up], -1) for up in (0.0, JACK)]
+    lines = {
+        "arm": [shoulder, shoulder + upper, tip],
+        "key": [front, key.surface_height * normal, back],
+        "jack": ends,
+    }
+    still = np.zeros_like(angle)
+    frames = {
+        "arm_1": (shoulder, q[:, 0]),
+        "arm_2": (shoulder + upper, q.sum(1)),
+        "key": (np.zeros_like(upper), angle),
+        "jack": (ends[0], still),
+    }
+    return (
+        joints.t[::step],
+        {name: _in_space(points) for name, points in lines.items()},
+        {name: np.column_stack([place, turned]) for name, (place, turned) in frames.items()},
+    )
+
+
+def _in_space(points: list[Floats]) -> Floats:
+    """Return points of shape (n, n_points, 3) from those in the plane, each of shape (n, 2)."""
+    flat = np.stack(points, 1)
+    return np.stack([flat[..., 0], np.zeros(flat.shape[:2]), flat[..., 1]], -1)

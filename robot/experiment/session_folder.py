@@ -25,18 +25,15 @@ from sautereau.rig.disk import (
 )
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.load import current_document
-from sautereau.rig.renamed import current_key
+from sautereau.rig.named import current_key
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.differences import check_same
 from sautereau.robot.experiment.plan import Plan, RigDocument
 from sautereau.robot.experiment.plan_table import MOST_PRESSES
 
-MANIFEST = "session.json"
-"""Name of the file in the session's folder."""
-VERSION = 1
-"""Version of the file."""
-LONGEST_NAME = 200
-"""Characters of the session's identity, and of a date."""
+MANIFEST = "session.json"  # Name of the file in the session's folder
+VERSION = 1  # Version of the file
+LONGEST_NAME = 200  # Characters of the session's identity, and of a date
 
 
 @dataclass(frozen=True)

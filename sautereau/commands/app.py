@@ -45,8 +45,7 @@ from sautereau.commands.signals import ignore_signals
 
 UNREAD = 141
 """Exit status where the reader of the output has ended: 128 + SIGPIPE, as a shell reports it."""
-TERMINAL = "/dev/tty"
-"""The one that controls the process, if there is one."""
+TERMINAL = "/dev/tty"  # The one that controls the process, if there is one
 
 
 def _default_shown(value: object) -> str | None:

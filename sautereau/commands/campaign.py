@@ -9,8 +9,7 @@ from sautereau.analysis.summary.text import SOME_SIMULATED, counted, part_of
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output, make_folders, save_plot
 
-SHOWN = 20
-"""Faulty recordings that the text lists; JSON lists all."""
+SHOWN = 20  # Faulty recordings that the text lists; JSON lists all
 
 
 def campaign(

@@ -75,8 +75,7 @@ def _check_level(_: object, level: str) -> None:
         raise ValueError(f"Plectrum level {fault}.")
 
 
-OutFile = Annotated[Path, "FILE"]
-"""A file that a command writes: `run` refuses an existing one."""
+OutFile = Annotated[Path, "FILE"]  # A file that a command writes: `run` refuses an existing one
 _Plot = Annotated[OutFile | None, written_as(*PICTURES)]
 Picture = Annotated[_Plot, Parameter(help="Save the plot here (.png, .svg, .pdf).")]
 Drawing = Annotated[

@@ -16,10 +16,8 @@ from sautereau.analysis.summary.text import wrapped
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SCHEMA = 1
-"""Version of the JSON that commands print; raised when a key changes its name or meaning."""
-ESTIMATED_OVER = 600.0
-"""s, over which the speed is averaged that gives the time left."""
+SCHEMA = 1  # Version of the JSON that commands print; raised when a key changes its name or meaning
+ESTIMATED_OVER = 600.0  # s, over which the speed is averaged that gives the time left
 READ_ONLY = "no permission to write into it"
 _GENERAL = Group("General options", sort_key=100)
 LATE_WARNINGS: list[str] = []

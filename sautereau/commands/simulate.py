@@ -53,7 +53,6 @@ def trade(
     *,
     scene: str = "pluck",
     fresh: bool = False,
-    stability: bool = False,
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:
@@ -65,27 +64,12 @@ def trade(
         Path of a scene file, or name of a packaged one.
     fresh
         Measure again instead of reusing an earlier measurement on this machine.
-    stability
-        Find the steps at which the engines are stable, and those at which they refuse to run.
     """
     from sautereau.entrance.bench import rig_and_scene
     from sautereau.sim_backend.trade import results
-    from sautereau.sim_backend.trade import stability as stability_map
     from sautereau.sim_backend.trade.study import run_trade
 
-    if stability and (plot or fresh):
-        return output.fail(
-            "--stability: its result is a table, and always measured; omit --plot and --fresh",
-            2,
-        )
     bench, simulated = rig_and_scene(rig, scene)
-    if stability:
-        with output.progress("mapping the stability"):
-            found = stability_map.run_stability(bench.values)
-        output.answer(stability_map.stability_document(found), stability_map.stability_text(found))
-        if stability_map.with_verdict(found, "failed"):
-            return output.fail("an engine diverged without an error; see the table")
-        return 0
     with output.progress("measuring speed and accuracy"):
         measured = run_trade(bench.values, simulated, fresh=fresh)
     if plot:

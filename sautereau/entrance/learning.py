@@ -26,8 +26,7 @@ from sautereau.sim_backend.scene import current_scene
 if TYPE_CHECKING:
     import pandas as pd
 
-LEARNED = "learned.json"
-"""File of the correction in the folder."""
+LEARNED = "learned.json"  # File of the correction in the folder
 
 
 @dataclass(frozen=True, repr=False)

@@ -20,7 +20,7 @@ from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.rig import Rig
 from sautereau.entrance.shown import Shown, shown
 from sautereau.rig import schema
-from sautereau.rig.extras import require
+from sautereau.rig.errors import require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
     from sautereau.entrance.report import Report
 
-PAGE = "report.html"
-"""Name of the report in the session's folder."""
+PAGE = "report.html"  # Name of the report in the session's folder
 
 
 class Session(Shown, Sequence[PressFile]):

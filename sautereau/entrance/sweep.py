@@ -11,8 +11,7 @@ from sautereau.analysis.figures.palette import DASHES, SERIES
 from sautereau.analysis.model.batch import DERIVED, PredictionBatch, predict_many
 from sautereau.analysis.model.pluck.paths import Status
 from sautereau.entrance.shown import Shown, shown
-from sautereau.rig.errors import RigError
-from sautereau.rig.extras import require
+from sautereau.rig.errors import RigError, require
 from sautereau.rig.faults import unit_of
 from sautereau.rig.named import full_key
 from sautereau.rig.quantities import DISPLAYED, QUANTITIES
@@ -24,12 +23,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-POINTS = 25
-"""Values of a range that is given as `...`."""
-SHOWN = ("pluck_duration", "peak_force", "v_osc")
-"""Quantities of the figure."""
-LISTED = 24
-"""Lines that its legend lists at most."""
+POINTS = 25  # Values of a range that is given as `...`
+SHOWN = ("pluck_duration", "peak_force", "v_osc")  # Quantities of the figure
+LISTED = 24  # Lines that its legend lists at most
 
 
 @dataclass(frozen=True, repr=False)

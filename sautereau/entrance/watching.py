@@ -11,8 +11,7 @@ from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.session import Session
 from sautereau.rig.errors import SautereauError
 
-PERIOD = 0.5
-"""s, between two looks into a watched folder."""
+PERIOD = 0.5  # s, between two looks into a watched folder
 
 
 def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iterator[Session]:

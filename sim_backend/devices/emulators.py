@@ -14,8 +14,7 @@ from sautereau.trajectory.motion import Floats
 Cubic = tuple[float, float, float, float]
 """Coefficients of a0 + a1 f + a2 f^2 + a3 f^3 [counts], where f is the fraction of a sample."""
 
-AMPLIFIER_VOLTS = 9.998
-"""V, command of an amplifier at the torque limit."""
+AMPLIFIER_VOLTS = 9.998  # V, command of an amplifier at the torque limit
 
 
 class Plant(Protocol):
@@ -102,8 +101,7 @@ class Emulator(Protocol):
         ...
 
 
-SERIAL = "S"
-"""Letter of the serial port, as `Emulator.outgoing` names it."""
+SERIAL = "S"  # Letter of the serial port, as `Emulator.outgoing` names it
 
 
 class Handles(Protocol):
@@ -144,7 +142,6 @@ EMULATORS = Registry(
     {
         "galil": "sautereau.sim_backend.devices.galil.firmware:emulate",
         "odrive": "sautereau.sim_backend.devices.odrive.firmware:emulate",
-        "dynamixel": "sautereau.sim_backend.devices.dynamixel.firmware:emulate",
     },
     SceneError,
 )

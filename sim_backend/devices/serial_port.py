@@ -19,8 +19,7 @@ Handler = Callable[[bytes], bytes]
 returns what the device has sent by itself."""
 
 _CHUNK = 4096
-MOST_UNREAD = 1 << 20
-"""Bytes of answers that a host has not read, from which on its commands wait."""
+MOST_UNREAD = 1 << 20  # Bytes of answers that a host has not read, from which on its commands wait
 _FULL = 0.05  # s, before the next connection is tried where the process has no descriptor left
 
 

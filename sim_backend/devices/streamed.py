@@ -7,8 +7,7 @@ from typing import Generic, Protocol, TypeVar
 from sautereau.sim_backend.devices.emulators import Cubic, Plant, along
 from sautereau.trajectory.motion import Floats
 
-LONGEST_WAIT = 60.0
-"""s, by which the host may advance simulated time at once."""
+LONGEST_WAIT = 60.0  # s, by which the host may advance simulated time at once
 
 
 class StreamedAxis(Protocol):

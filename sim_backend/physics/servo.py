@@ -3,7 +3,7 @@
 import numpy as np
 
 from sautereau.rig.schema import Arm
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.parts import Servo
 from sautereau.trajectory.dynamics import gravity_torque
 

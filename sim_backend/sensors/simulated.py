@@ -171,8 +171,7 @@ DISPLACEMENT = SimulatedQuantity(
 )
 """Displacement of the key's front [m], from its rest."""
 
-ACCELERATION = SimulatedQuantity(source=Acceleration)
-"""Acceleration of the key's front [m/s^2]."""
+ACCELERATION = SimulatedQuantity(source=Acceleration)  # Acceleration of the key's front [m/s^2]
 
 SILENT = SimulatedQuantity(source=lambda rig: lambda motions: np.zeros(len(motions.time)))
 """A sensor of something that the stand-in does not simulate, such as sound: its output is 0."""

@@ -24,8 +24,7 @@ MORE = 5
 """Further halvings of a step that the engine divides, above which its error is not estimated."""
 DIVERGED = Errors(math.inf, math.inf)
 """Error of a step with which the engine found no motion, or that has no estimate."""
-SHORTEST, LONGEST = 1e-7, 2e-3
-"""s, limits of a scene's step."""
+SHORTEST, LONGEST = 1e-7, 2e-3  # s, limits of a scene's step
 CHECKED = 3
 """Steps, each half the one before, of which the largest error counts as that of the longest: one
 step may be accurate by coincidence."""

@@ -11,18 +11,15 @@ from sautereau.analysis.figures.palette import MARKERS, SERIES
 from sautereau.analysis.summary.text import table
 
 HEADS = (
-    ("", "", "", "", "iter-", "step", "error", "force", "build", "run", "x real"),
-    ("", "engine", "plectrum", "string", "ations", "(us)", "(us)", "error (%)", "(ms)", "(ms)",
-     "time"),
-)  # fmt: skip
+    ("", "", "", "", "step", "error", "force", "build", "run", "x real"),
+    ("", "engine", "plectrum", "string", "(us)", "(us)", "error (%)", "(ms)", "(ms)", "time"),
+)
 """Heads of the table of points: its first column marks the Pareto-optimal ones."""
 SIMPLER = 2.0
 """Dimensionless speed over that of the scene's own models, from which simpler ones are
 recommended: they save no computing in the engine, but may in a modal string."""
-MARGIN = 0.1
-"""Fraction of a speed below which measured speeds count as equal."""
-LEAST = 1e-10
-"""s, error at which a point without one is drawn, for the axis is logarithmic."""
+MARGIN = 0.1  # Fraction of a speed below which measured speeds count as equal
+LEAST = 1e-10  # s, error at which a point without one is drawn, for the axis is logarithmic
 
 
 @dataclass(frozen=True)
@@ -37,8 +34,6 @@ class Point:
     level: str
     """Plectrum bending model."""
     string: str
-    iterations: int
-    """Iterations of the solver in each step."""
     error: float | None = None
     """s, largest of all events; None where the point failed."""
     force_error: float | None = None
@@ -177,7 +172,7 @@ def _mark(trade: Trade, index: int) -> str:
 
 def _cells(point: Point) -> tuple[str, ...]:
     """Return a point for the table, with "failed" in place of its error."""
-    what = (point.engine, point.level, point.string, str(point.iterations), f"{point.dt * 1e6:.4g}")
+    what = (point.engine, point.level, point.string, f"{point.dt * 1e6:.4g}")
     if point.error is None or point.force_error is None or point.real_time_factor is None:
         return *what, "failed", "-", "-", "-", "-"
     build, run = 1e3 * (point.build_time or 0.0), 1e3 * (point.run_time or 0.0)

@@ -13,18 +13,14 @@ from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, 
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade import refinement
 
-STRING_STEP = 50e-6
-"""s, at which a spring string is compared with a modal one."""
+STRING_STEP = 50e-6  # s, at which a spring string is compared with a modal one
 STEP = {"rigid": 10e-6, "exact": 2e-6}
 """s, cost of one step of an engine with one choir; measured on one machine, once."""
-INTERPRETED = 500e-6
-"""s, cost of one step of the exact engine without numba."""
-SAMPLE = {"rigid": 50e-6, "exact": 30e-6}
-"""s, additional cost of every controller sample."""
+INTERPRETED = 500e-6  # s, cost of one step of the exact engine without numba
+SAMPLE = {"rigid": 50e-6, "exact": 30e-6}  # s, additional cost of every controller sample
 FINGER = {"push": 0.0, "ideal": 100e-6, "servo": 100e-6}
 """s, cost of the finger's reference in every controller sample."""
-MODAL = 10e-6
-"""s, cost of one step of a modal string and its plectrum."""
+MODAL = 10e-6  # s, cost of one step of a modal string and its plectrum
 
 
 @dataclass(frozen=True)

@@ -31,18 +31,12 @@ STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "exact": (1, 2, 4, 8, 16)}
 """Steps per controller sample that are tried with an engine."""
 FEW = (1, 8)
 """Those that simpler levels and strings are tried with: a step does not improve a model."""
-ITERATIONS = (1, 3, 30, 100)
-"""Iterations of the rigid bodies' solver that are tried, beside the scene's own, with `MIDDLE`
-steps per sample."""
-MIDDLE = 8
-RUNS = (3, 99)
-"""Least and largest number of runs whose median speed counts."""
-ENOUGH = 0.3
-"""s, total duration of runs after which there are no more."""
+RUNS = (3, 99)  # Least and largest number of runs whose median speed counts
+ENOUGH = 0.3  # s, total duration of runs after which there are no more
 
 
 def run_trade(rig: Rig, scene: Scene, fresh: bool = False) -> Trade:
-    """Measure error and speed of a scene over engine, step, iterations, level and string.
+    """Measure error and speed of a scene over engine, step, level and string.
 
     The truth is the reference solution of the scene, with the best level and string where it
     says "auto"; simpler ones than those are tried, but no better ones.
@@ -149,11 +143,6 @@ def _ways(true: Rig, exact: Scene) -> list[Scene]:
     """Return complete scenes: all steps of the exact one, and a few of each simpler model."""
     engines = ["rigid", "exact"] if exact.solvable else ["rigid"]
     ways = [stepped(true, exact, n, engine=engine) for engine in engines for n in STEPS[engine]]
-    ways += [
-        stepped(true, exact, MIDDLE, engine="rigid", iterations=n)
-        for n in ITERATIONS
-        if n != exact.iterations
-    ]
     simpler = [{"plectrum": level} for level in _simpler_levels(true, exact)]
     if exact.string == "modal":
         simpler.append({"string": "spring"})
@@ -173,7 +162,7 @@ def _simpler_levels(true: Rig, exact: Scene) -> list[str]:
 
 
 def _point(rig: Rig, way: Scene, drive: Drive, truth: Observation) -> Point:
-    models = way.engine, way.plectrum, way.string, way.iterations
+    models = way.engine, way.plectrum, way.string
     blank = Point(way.description, way.step or 0.0, *models)
     try:
         found, built, ran = timed(rig, way, drive)

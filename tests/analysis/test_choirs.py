@@ -9,7 +9,7 @@ from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import expectation, predict
 from sautereau.analysis.summary.prediction import prediction_lines, prediction_summary
 from sautereau.rig.instrument import Choir
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.trajectory.key import angle_of_rise, key_motion, rise_of_angle, rise_slope
 from sautereau.trajectory.motion import Motion
 

@@ -6,7 +6,7 @@ from scipy.integrate import trapezoid
 
 from sautereau.analysis.model.key import finger_force, jack_load
 from sautereau.rig.load import with_values
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.trajectory.key import key_motion
 from sautereau.trajectory.motion import Motion
 from tests.key_oracle import dissipated_power, energy, slope, static_moment

@@ -17,7 +17,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.summary.transient import transient_lines, transient_summary
 from sautereau.analysis.transient import Source, attribute, combine, examine
-from sautereau.analysis.transient.held_string import free_frequencies, held_frequencies
+from sautereau.analysis.transient.attribute import free_frequencies, held_frequencies
 from sautereau.analysis.transient.sources import MODELS
 from sautereau.commands.output import FileOutput
 from sautereau.commands.transient import transient

@@ -194,7 +194,6 @@ def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
         ("import a.csv --rig paper --out a.csv", "file extension .csv; use .mcap"),
         ("export a.mcap --to urdf --raw", "--raw: a URDF contains no samples"),
         ("mount --trust-homing", "--trust-homing: it concerns --touches FILE"),
-        ("trade --stability --plot map.png", "--stability: its result is a table"),
         (
             "animate a.mcap --slw 3",
             "Unknown option: --slw. Did you mean --slow?\nMissing option: --out",

@@ -21,7 +21,7 @@ from sautereau.commands.live.watching import watching
 from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.survey import LAYOUT
-from sautereau.rig.extras import MissingExtraError
+from sautereau.rig.errors import MissingExtraError
 from sautereau.rig.load import load_rig
 from sautereau.robot.experiment.monitor import Fault, Made, Samples, Stage
 from tests.daq.declared import declared_class

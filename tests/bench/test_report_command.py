@@ -13,7 +13,7 @@ from sautereau.commands.app import app
 from sautereau.commands.output import FileOutput
 from sautereau.commands.report import report
 from sautereau.daq.file.reading import read_recording
-from sautereau.rig.extras import MissingExtraError
+from sautereau.rig.errors import MissingExtraError
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row

@@ -5,12 +5,11 @@ import tomllib
 
 import pytest
 
-from sautereau.rig.describe import describe
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import model_keys
 from sautereau.rig.load import load_rig, parse_rig
 from sautereau.rig.schema import Rig
-from sautereau.rig.text import commented_rig
+from sautereau.rig.text import commented_rig, describe
 from sautereau.sim_backend.scene import Scene
 
 TABLES = {table.name: table for table in describe()}

@@ -4,7 +4,7 @@ import pytest
 
 from sautereau.rig.load import load_rig
 from sautereau.rig.packaged import packaged_names
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 
 
 def test_stiffness_and_mass_of_string_and_plectrum(paper):

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
 from sautereau.rig.load import load_rig
-from sautereau.robot.experiment.drawing import draw
+from sautereau.robot.experiment.session import draw
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.urdf import JACK, rig_urdf
 from tests.daq.declared import messages

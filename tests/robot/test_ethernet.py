@@ -9,8 +9,8 @@ import pytest
 
 from sautereau.rig.load import with_values
 from sautereau.robot.controller import play
-from sautereau.robot.drivers.ethernet import EthernetPort
 from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.serial_port import EthernetPort
 from sautereau.robot.errors import LineLost, PortUnavailable
 from tests.robot.motions import no_keep_alive
 

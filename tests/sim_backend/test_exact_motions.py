@@ -7,7 +7,7 @@ import pytest
 
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.load import with_values
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import errors, reference
 from tests import key_oracle

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent

@@ -6,12 +6,12 @@ from itertools import product
 import numpy as np
 import pytest
 
+from benchmarks.extremes.case_scenes import mass_ratio
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.physics.rigid.assembly import assemble
-from sautereau.sim_backend.trade.case_scenes import mass_ratio
 from tests.key_oracle import GRAVITY, rise, slope
 from tests.sim_backend.scenes import BARE, RIG, choir, push_of, scene_of
 

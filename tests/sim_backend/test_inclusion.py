@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.structures import JACK, KEY, one_press
-from sautereau.sim_backend.physics.presses.parameters import Numbers, new_presses
+from sautereau.sim_backend.physics.presses.parameters import new_presses
 from tests import key_oracle
 from tests.sim_backend.scenes import RIG, pushed
 
@@ -25,8 +25,7 @@ def bench(*jacks, dry=0.0, friction=0.0):
         ("mass", "arm", "lift", "damper"), zip(*jacks, strict=True), strict=True
     ):
         found[name] = values
-    numbers = Numbers(RIG, pushed(), {})
-    return one_press(new_presses(numbers, (0.0, 0.0), key, found[None], np.zeros((1, 5))), 0)
+    return one_press(new_presses(RIG, pushed(), (0.0, 0.0), key, found[None], np.zeros((1, 5))), 0)
 
 
 def surfaces(press, angle):

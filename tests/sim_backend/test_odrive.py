@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from sautereau.sim_backend.devices.odrive.axis import Trapezoid
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
-from sautereau.sim_backend.devices.odrive.setpoint import Trapezoid
 from sautereau.sim_backend.devices.setpoint import Setpoint, filtered
 from tests.emulated import Encoders
 

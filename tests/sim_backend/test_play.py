@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Fingertip, Play
 from sautereau.sim_backend.physics.observation import errors, observe

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 
 # Coefficients of the central difference of eighth order, for offsets 1 to 4.
 FIRST = (4 / 5, -1 / 5, 4 / 105, -1 / 280)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.dynamics import (
     armature,

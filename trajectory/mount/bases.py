@@ -39,14 +39,10 @@ LIMITS = {
 
 FINGER_FORCE = 1.5
 """N, expected along the key's inward normal: about three times that of a pluck at 0.07 m/s."""
-DISPLACEMENT = 1e-3
-"""m, assumed displacement of the base."""
-TURN = np.radians(0.1)
-"""rad, assumed rotation of the base about joint 1."""
-POINTS = 257
-"""Number of key angles over the press."""
-DIRECTIONS = 180
-"""Number of directions of a displacement that the plan includes."""
+DISPLACEMENT = 1e-3  # m, assumed displacement of the base
+TURN = np.radians(0.1)  # rad, assumed rotation of the base about joint 1
+POINTS = 257  # Number of key angles over the press
+DIRECTIONS = 180  # Number of directions of a displacement that the plan includes
 
 
 class BaseAssessment(NamedTuple):

@@ -28,22 +28,14 @@ from sautereau.trajectory.mount.bases import (
     unnoticed,
 )
 
-COARSE = 9
-"""Number of key angles for a search of the complete region."""
-FINE = 65
-"""Number of key angles for a search near a good base."""
-GRID = 41
-"""Number of bases along each side of the region."""
-WINDOW = 9
-"""Number of bases along each side of a window."""
-STARTS = 3
-"""Points of the coarse grid, per elbow branch, from which the search is refined."""
-ACCURACY = 1e-8
-"""m, half-width of the last window."""
-MOST_WINDOWS = 120
-"""Most windows in one refinement."""
-DERIVATIVE_STEP = 1e-6
-"""m, step of the residual's numerical derivative."""
+COARSE = 9  # Number of key angles for a search of the complete region
+FINE = 65  # Number of key angles for a search near a good base
+GRID = 41  # Number of bases along each side of the region
+WINDOW = 9  # Number of bases along each side of a window
+STARTS = 3  # Points of the coarse grid, per elbow branch, from which the search is refined
+ACCURACY = 1e-8  # m, half-width of the last window
+MOST_WINDOWS = 120  # Most windows in one refinement
+DERIVATIVE_STEP = 1e-6  # m, step of the residual's numerical derivative
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,9 @@ UNKNOWNS = ("base_x", "base_z", "joint 1 offset", "joint 2 offset")
 """Names of the unknowns, in the order of `Located.std` and `Located.covariance`."""
 CONDITION_LIMIT = 1e3
 """Dimensionless, condition number above which the poses do not determine an offset."""
-CONDITION_WARNING = 50.0
-"""Dimensionless, condition number above which there is a warning."""
-LEAST_SPAN = 10.0
-"""Least span of the touched points, relative to the uncertainty of a touch."""
-MOST_STEPS = 100
-"""Most Gauss-Newton steps."""
+CONDITION_WARNING = 50.0  # Dimensionless, condition number above which there is a warning
+LEAST_SPAN = 10.0  # Least span of the touched points, relative to the uncertainty of a touch
+MOST_STEPS = 100  # Most Gauss-Newton steps
 
 
 @dataclass(frozen=True)

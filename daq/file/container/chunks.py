@@ -28,16 +28,12 @@ from sautereau.daq.file.container.records import (
 )
 from sautereau.rig.units import shown
 
-AHEAD = 3
-"""Number of chunks unpacked ahead of their reader; it bounds the memory."""
+AHEAD = 3  # Number of chunks unpacked ahead of their reader; it bounds the memory
 MOST_UNPACKED = 500
 """Limit of the unpacked size, in multiples of the file's size; a file of zeros reaches 300."""
-FEW = 8
-"""Number of chunks at the start of a file, as many as of a press, unpacked without threads."""
-Unpacked = tuple[int, Bytes]
-"""Opcode and body of a record."""
-ZSTD, LZ4 = b"zstd", b"lz4"
-"""Names of compressions; sautereau writes zstd or none."""
+FEW = 8  # Number of chunks at the start of a file, as many as of a press, unpacked without threads
+Unpacked = tuple[int, Bytes]  # Opcode and body of a record
+ZSTD, LZ4 = b"zstd", b"lz4"  # Names of compressions; sautereau writes zstd or none
 CHUNK = struct.Struct("<QQQII")
 """Start, end, size, CRC, length of the compression's name, which follows."""
 _SIZE = struct.Struct("<Q")

@@ -10,8 +10,7 @@ from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.writer import McapWriter
 from sautereau.rig.disk import give_name, hold, may_replace, sync_folder, why_unwritable
 
-PART = ".part"
-"""Appended to the name of a recording until it is complete."""
+PART = ".part"  # Appended to the name of a recording until it is complete
 FLUSH_PERIOD = 0.2
 """Time in s after which samples are flushed: a killed process loses at most this
 and one block."""

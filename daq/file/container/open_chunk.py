@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from sautereau.daq.file.container.records import MESSAGE, PREFIX, Bytes, Opcode, records_within
 
-INDEX_ENTRY = struct.Struct("<QQ")
-"""Log time and offset of a message, in a MessageIndex record."""
+INDEX_ENTRY = struct.Struct("<QQ")  # Log time and offset of a message, in a MessageIndex record
 
 
 class OpenChunk:

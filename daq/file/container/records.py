@@ -19,33 +19,25 @@ __all__ = ["MAGIC", "Opcode"]
 
 LIBRARY = f"sautereau; {LIBRARY_IDENTIFIER}"
 """Library in the header of a file that `McapWriter` wrote: all its checksums are available."""
-CHUNK_SIZE = 256 * 1024
-"""Size in bytes, uncompressed, at which a chunk is closed."""
-LARGEST_CHUNK = 32 * 1024**2
-"""Limit in bytes for any record and any unpacked chunk."""
-UNAVAILABLE = 0
-"""Any checksum that MCAP's records do not have."""
+CHUNK_SIZE = 256 * 1024  # Size in bytes, uncompressed, at which a chunk is closed
+LARGEST_CHUNK = 32 * 1024**2  # Limit in bytes for any record and any unpacked chunk
+UNAVAILABLE = 0  # Any checksum that MCAP's records do not have
 LARGEST_DEFINITIONS = 4 * 1024**2
 """Limit in bytes for all Metadata, Channel and Schema records of a file together."""
 
-PREFIX = struct.Struct("<BQ")
-"""Opcode and length of a record."""
-MESSAGE = struct.Struct("<HIQQ")
-"""Channel, sequence, log time and publish time of a message, ns."""
+PREFIX = struct.Struct("<BQ")  # Opcode and length of a record
+MESSAGE = struct.Struct("<HIQQ")  # Channel, sequence, log time and publish time of a message, ns
 CHUNK_INDEX = struct.Struct("<QQQQI")
 """Start, end, offset and length of a chunk, size of the offsets, which follow."""
-INDEX_OFFSET = struct.Struct("<HQ")
-"""Channel, and offset of its MessageIndex."""
+INDEX_OFFSET = struct.Struct("<HQ")  # Channel, and offset of its MessageIndex
 _NUMBER = struct.Struct("<H")
 _LENGTH = struct.Struct("<I")
-CHANNEL = struct.Struct("<HH")
-"""Number of a channel and of its schema."""
+CHANNEL = struct.Struct("<HH")  # Number of a channel and of its schema
 _LONGEST_RUN = 256
 """Limit of the records compared at once. It bounds the work per record if the runs are short."""
 _HEAD = PREFIX.size + _NUMBER.size
 _CRC = "crc32"
-CRC_KEY = _CRC.encode()
-"""Bytes that the Metadata records of a recording with checksums contain."""
+CRC_KEY = _CRC.encode()  # Bytes that the Metadata records of a recording with checksums contain
 
 
 Bytes = bytes | bytearray | memoryview

@@ -21,8 +21,7 @@ SOURCES = {
 """What a capture records, by array."""
 VOLTS_RECORDED = 10 / 32767
 """V of a recorded torque of 1: the record holds integers, unlike the operand _TT."""
-EXPONENTS = range(1, 9)
-"""Operands of RC."""
+EXPONENTS = range(1, 9)  # Operands of RC
 
 
 @dataclass(frozen=True)

@@ -11,24 +11,15 @@ from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.errors import UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments
 
-LONGEST_LINE = 79
-"""Characters of one command line, without its carriage return."""
-END_OF_MOTION = ("PVA=0,0,0", "PVB=0,0,0")
-"""Ends PVT mode after the segments before it."""
-CLEAR_SEGMENTS = ("PVA=0,0,-1", "PVB=0,0,-1")
-"""Empties the FIFO of both axes."""
-NORMAL_ENDS = frozenset({0, 1, 31})
-"""Stop codes of a move or a PVT motion that came to its end."""
-EDGE_FOUND = 9
-"""Stop code of an axis that has found the edge of its home switch."""
-INDEX_FOUND = 10
-"""Stop code of an axis that has found an index."""
-LARGEST_STEP = 30_000_000
-"""Largest step of a segment (counts)."""
-LARGEST_VELOCITY = 15_000_000
-"""Largest velocity of a segment (counts per second)."""
-LONGEST_SEGMENT = 2048
-"""Longest segment (controller samples)."""
+LONGEST_LINE = 79  # Characters of one command line, without its carriage return
+END_OF_MOTION = ("PVA=0,0,0", "PVB=0,0,0")  # Ends PVT mode after the segments before it
+CLEAR_SEGMENTS = ("PVA=0,0,-1", "PVB=0,0,-1")  # Empties the FIFO of both axes
+NORMAL_ENDS = frozenset({0, 1, 31})  # Stop codes of a move or a PVT motion that came to its end
+EDGE_FOUND = 9  # Stop code of an axis that has found the edge of its home switch
+INDEX_FOUND = 10  # Stop code of an axis that has found an index
+LARGEST_STEP = 30_000_000  # Largest step of a segment (counts)
+LARGEST_VELOCITY = 15_000_000  # Largest velocity of a segment (counts per second)
+LONGEST_SEGMENT = 2048  # Longest segment (controller samples)
 _STEP_OF_ACCELERATION = 1024  # counts/s^2, resolution of AC and DC
 _LARGEST_ACCELERATION = 1_073_740_800  # counts/s^2
 CAUSES = frozenset({2, 3, 6, 8, 11, 12, 15})

@@ -16,10 +16,8 @@ from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.segments import Counts
 
-FAST = 0.2
-"""Speed of the search (rad/s)."""
-SLOW = 0.01
-"""Speed of the last approach (rad/s)."""
+FAST = 0.2  # Speed of the search (rad/s)
+SLOW = 0.01  # Speed of the last approach (rad/s)
 _AXES = "AB"
 
 

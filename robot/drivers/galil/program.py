@@ -10,38 +10,23 @@ file names the variables that the host sets.
 import zlib
 from pathlib import Path
 
-WATCH = 0
-"""Thread of the watchdog."""
-PRESS = 1
-"""Thread of the press."""
-TORQUES = 2
-"""Thread of the torques."""
-BOTH = 3
-"""Thread that checks that no joint stops alone."""
-SETTLE = 20
-"""Duration in ms of the capture after the motion; at TM 1000 at least as many samples."""
-LOOK = 2
-"""ms between two checks whether a joint has stopped."""
-TICK = "wtick"
-"""Time between two counts of the watchdog (ms)."""
-LEFT = "wleft"
-"""Counts until the watchdog trips; the host renews them."""
-SIGN = "wsign"
-"""The watchdog writes the signature of this program to it at each count."""
+WATCH = 0  # Thread of the watchdog
+PRESS = 1  # Thread of the press
+TORQUES = 2  # Thread of the torques
+BOTH = 3  # Thread that checks that no joint stops alone
+SETTLE = 20  # Duration in ms of the capture after the motion; at TM 1000 at least as many samples
+LOOK = 2  # ms between two checks whether a joint has stopped
+TICK = "wtick"  # Time between two counts of the watchdog (ms)
+LEFT = "wleft"  # Counts until the watchdog trips; the host renews them
+SIGN = "wsign"  # The watchdog writes the signature of this program to it at each count
 FAULT = "wfault"
 """Error code (TC) of a command that the controller refused its program, or `LIMIT`; 0 for none."""
-LIMIT = -1
-"""A joint has reached a limit; the abort after it overwrites the stop codes."""
-RATE = "rate"
-"""Logarithm to base 2 of the controller samples between two rows of a capture."""
-PUSHES = "pushn"
-"""Number of rows of torques; 0 for none."""
-PUSH_EVERY = "pushk"
-"""Negative number of samples that each row lasts."""
-PUSH = ("pushA", "pushB")
-"""Arrays of torques, in volts."""
-RESOLUTION = 2
-"""Resolution of WT (ms), of AT (samples), and of a segment's samples and velocities."""
+LIMIT = -1  # A joint has reached a limit; the abort after it overwrites the stop codes
+RATE = "rate"  # Logarithm to base 2 of the controller samples between two rows of a capture
+PUSHES = "pushn"  # Number of rows of torques; 0 for none
+PUSH_EVERY = "pushk"  # Negative number of samples that each row lasts
+PUSH = ("pushA", "pushB")  # Arrays of torques, in volts
+RESOLUTION = 2  # Resolution of WT (ms), of AT (samples), and of a segment's samples and velocities
 
 
 def controller_program(trigger_output: int) -> list[str]:

@@ -12,11 +12,9 @@ from sautereau.robot.errors import SettingNotTaken, UnsafeRequest
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Segments
 
-LEAST_INTERVAL = 4
-"""Controller samples of a row; the program needs a few lines for each row."""
+LEAST_INTERVAL = 4  # Controller samples of a row; the program needs a few lines for each row
 MOST_ROWS = 256
-_VOLTAGE_STEP = 1e-4
-"""V, resolution of the arrays."""
+_VOLTAGE_STEP = 1e-4  # V, resolution of the arrays
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from sautereau.robot.drivers.settings import refuse_changes
 from sautereau.robot.errors import CommandRefused, RobotError, SettingNotTaken
 from sautereau.trajectory.segments import Counts
 
-VOLTAGE_STEP = 5e-4
-"""Step in V to which the controller rounds TL, OV and OF."""
+VOLTAGE_STEP = 5e-4  # Step in V to which the controller rounds TL, OV and OF
 _SAMPLE_PERIODS = (970e-6, 1001e-6)  # s, what firmwares make of TM 1000
 _AMPLIFIERS = (7.0, 5.0)  # V, largest TL of internal amplifiers at their largest gain
 _OUT_OF_RANGE = 6  # error code

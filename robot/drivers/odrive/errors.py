@@ -4,12 +4,10 @@ errors.csv has them as `Firmware/odrive-interface.yaml` of odriverobotics/ODrive
 where flags without a `bit` follow the one before them.
 """
 
-from sautereau.rig.tables import table_beside
+from sautereau.rig.quantities import table_beside
 
-DEVICE = "error"
-"""Property of the device; those below are an axis's."""
-CUT = 9
-"""Characters to which the firmware cuts a value: an error of so many digits may be longer."""
+DEVICE = "error"  # Property of the device; those below are an axis's
+CUT = 9  # Characters to which the firmware cuts a value: an error of so many digits may be longer
 _BITS: dict[str, dict[int, str]] = {}
 """Names by number of the bit, by property; `axis` stands for `axis0` and `axis1`."""
 for _property, _bit, _name in table_beside(__file__):

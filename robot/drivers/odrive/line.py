@@ -18,15 +18,12 @@ _REFUSALS = (
     "not implemented",
     "unknown command",
 )
-_QUESTION = "r vbus_voltage"
-"""Asked to confirm the commands before it; any question would do."""
-_LONGEST_ANSWER = 64
-"""Characters that the firmware cuts an answer to."""
+_QUESTION = "r vbus_voltage"  # Asked to confirm the commands before it; any question would do
+_LONGEST_ANSWER = 64  # Characters that the firmware cuts an answer to
 _QUESTIONS = 4
 """Questions in one write: about 200 characters, as many as a row of setpoints with its questions,
 which the controller's input buffer holds."""
-_LAST = "Serial number:"
-"""Begins the last line with which the controller identifies itself."""
+_LAST = "Serial number:"  # Begins the last line with which the controller identifies itself
 _MOST_SKIPPED = 4096
 """Characters of late answers that are skipped; the controller's own buffer holds 512."""
 

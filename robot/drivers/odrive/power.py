@@ -23,20 +23,13 @@ from sautereau.robot.errors import (
     SettingNotTaken,
 )
 
-AXES = ("axis0", "axis1")
-"""Names of the axes, which turn joints 1 and 2."""
-IDLE = 1
-"""State of an axis whose motor is off."""
-CLOSED_LOOP = 8
-"""State of an axis whose motor is on."""
-POSITION_CONTROL = 3
-"""Control mode."""
-POSITION_FILTER = 3
-"""Input mode in which an axis follows setpoints."""
-TRAPEZOID = 5
-"""Input mode for moves with a trapezoidal speed."""
-SWITCHING = 0.5
-"""s that an axis may take to change its state."""
+AXES = ("axis0", "axis1")  # Names of the axes, which turn joints 1 and 2
+IDLE = 1  # State of an axis whose motor is off
+CLOSED_LOOP = 8  # State of an axis whose motor is on
+POSITION_CONTROL = 3  # Control mode
+POSITION_FILTER = 3  # Input mode in which an axis follows setpoints
+TRAPEZOID = 5  # Input mode for moves with a trapezoidal speed
+SWITCHING = 0.5  # s that an axis may take to change its state
 _BEFORE_POWER = {"config.control_mode": POSITION_CONTROL, "input_vel": 0, "input_torque": 0}
 """Properties of an axis's controller with which it holds its position when it is switched on: the
 firmware keeps the velocity of an earlier input. Writing the control mode replaces the target by

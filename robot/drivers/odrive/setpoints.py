@@ -22,12 +22,9 @@ from sautereau.robot.drivers.stream import Rows
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments, motion_at, segment_cubics
 
-INTERVAL = 4
-"""Controller samples between two setpoints: 256 per second."""
-LEAD = 26
-"""Intervals for which the arm is held and recorded before a motion."""
-_SETTLE = 20
-"""Controller samples during which the end of a motion is held and recorded."""
+INTERVAL = 4  # Controller samples between two setpoints: 256 per second
+LEAD = 26  # Intervals for which the arm is held and recorded before a motion
+_SETTLE = 20  # Controller samples during which the end of a motion is held and recorded
 
 
 def bandwidth(sample_period: float) -> float:

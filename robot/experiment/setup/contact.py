@@ -19,8 +19,7 @@ from sautereau.trajectory.segments import Counts, Segments, to_counts
 _REST = 0.04
 """s, that the finger rests before and after each step; the force is averaged over half of it,
 one period of the mains."""
-FINER = 4
-"""Factor by which the steps of the second approach are smaller."""
+FINER = 4  # Factor by which the steps of the second approach are smaller
 
 
 class NoContact(MotionFault):
@@ -57,8 +56,7 @@ class Creep:
             raise RobotError(f"setup contact: {'; '.join(faults)}")
 
 
-GENTLY = Creep()
-"""The default."""
+GENTLY = Creep()  # The default
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from sautereau.robot.experiment.setup.contact import play_measured
 from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
 from sautereau.trajectory.press import Trajectory, plan_press
 
-TOUCHED = 0.2
-"""N, above which the finger has touched something in the air."""
+TOUCHED = 0.2  # N, above which the finger has touched something in the air
 
 
 def play_in_air(rig: Rig, ask: Ask) -> Found:

@@ -10,10 +10,8 @@ from sautereau.robot.errors import MotionFault
 from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
 from sautereau.trajectory.segments import to_counts
 
-TURN = math.radians(10)
-"""rad, that each joint turns in the check of its encoder."""
-SCALE = 0.05
-"""Relative deviation of a measured turn that is accepted, as precise as a protractor."""
+TURN = math.radians(10)  # rad, that each joint turns in the check of its encoder
+SCALE = 0.05  # Relative deviation of a measured turn that is accepted, as precise as a protractor
 
 
 def find_home(rig: Rig, ask: Ask) -> Found:

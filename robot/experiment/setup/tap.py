@@ -18,14 +18,10 @@ from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, as
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Segments
 
-TAPS = 8
-"""Number of taps."""
-REST = 0.4
-"""Rest before each tap and after the last one (s)."""
-ABOVE = 0.3e-3
-"""Height of the fingertip above the key between taps (m)."""
-BELOW = 0.2e-3
-"""Depth of the fingertip below the key's rest at the bottom of a tap (m)."""
+TAPS = 8  # Number of taps
+REST = 0.4  # Rest before each tap and after the last one (s)
+ABOVE = 0.3e-3  # Height of the fingertip above the key between taps (m)
+BELOW = 0.2e-3  # Depth of the fingertip below the key's rest at the bottom of a tap (m)
 
 
 def tap_key(rig: Rig, ask: Ask) -> Found:

@@ -11,11 +11,10 @@ from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.recorded import Event
 from sautereau.daq.file.schemas import encode_log, encode_rows
 from sautereau.daq.file.survey import LAYOUT
-from sautereau.rig.extras import require
+from sautereau.rig.errors import require
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 
-PORT = 8765
-"""Default port of Foxglove; if it is in use, another free one is taken."""
+PORT = 8765  # Default port of Foxglove; if it is in use, another free one is taken
 
 
 class FoxgloveView:

@@ -11,13 +11,11 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
 from sautereau.commands.live import LiveError
-from sautereau.rig.extras import MissingExtraError
+from sautereau.rig.errors import MissingExtraError
 from sautereau.robot.experiment.monitor import Seen, View
 
-START_TIMEOUT = 30.0
-"""s, for the views to start."""
-END_TIMEOUT = 1.5
-"""s, for the views to end."""
+START_TIMEOUT = 30.0  # s, for the views to start
+END_TIMEOUT = 1.5  # s, for the views to end
 
 
 class ViewProcess:

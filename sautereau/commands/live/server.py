@@ -24,10 +24,8 @@ SUBPROTOCOLS = ["foxglove.sdk.v1", "foxglove.websocket.v1"]
 ORIGINS = [None, "https://app.foxglove.dev", re.compile(r"(?!https?:)[a-z][a-z0-9+.-]*://.*")]
 """Who may read: programs, which state no origin or not one of the web, and Foxglove's own page.
 Browsers state the origin of any other page, which is therefore refused."""
-LONGEST = 1 << 16
-"""Byte, of a message from a viewer."""
-BEHIND = 1 << 22
-"""Byte that wait for a viewer that does not read, before it is disconnected."""
+LONGEST = 1 << 16  # Byte, of a message from a viewer
+BEHIND = 1 << 22  # Byte that wait for a viewer that does not read, before it is disconnected
 _QUIET = logging.getLogger(__name__)
 _QUIET.disabled = True  # what strangers send is not for the operator's terminal
 

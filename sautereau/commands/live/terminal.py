@@ -11,10 +11,8 @@ from rich.text import Text
 
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 
-HEIGHT = 5
-"""Height of a trace, in lines."""
-STRETCH = 32
-"""Number of samples of which the smallest and the largest are drawn."""
+HEIGHT = 5  # Height of a trace, in lines
+STRETCH = 32  # Number of samples of which the smallest and the largest are drawn
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 """Bits of a Braille pattern, by column and by row from the top."""
 _BLANK = 0x2800

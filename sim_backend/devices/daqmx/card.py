@@ -12,8 +12,7 @@ from sautereau.sim_backend.device_types import DeviceType
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.sensors.converter import Converter
 
-MOST_CHANNELS = 1024
-"""Channels that one range may name."""
+MOST_CHANNELS = 1024  # Channels that one range may name
 _SPAN = re.compile(r"(.*?)(\d+):(?:.*?)(\d+)")
 
 
@@ -21,8 +20,7 @@ class ServerGone(Exception):  # noqa: N818 - the name says what happened
     """Raised by a card whose server stops: no later call is answered."""
 
 
-ENDLESS = 2**62
-"""More samples than any acquisition reaches."""
+ENDLESS = 2**62  # More samples than any acquisition reaches
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,9 @@ from sautereau.sim_backend.devices.daqmx.attributes import call, given, number
 from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, invalid
 from sautereau.sim_backend.devices.daqmx.scales import find_scale
 
-G = 9.80665
-"""m/s^2, standard gravity."""
-POUND_FORCE = 0.45359237 * G
-"""N."""
-INCH = 0.0254
-"""m."""
+G = 9.80665  # m/s^2, standard gravity
+POUND_FORCE = 0.45359237 * G  # N
+INCH = 0.0254  # m
 CUSTOM_SCALE = 10065
 
 _UNITS = {
@@ -43,8 +40,7 @@ _SENSITIVITIES = {
 """V per SI unit, per unit of a sensitivity."""
 _UNIT_OF = {"sensitivity": 0.0, "mic_sensitivity": 1e-3, "ext_shunt_resistor_val": 1.0}
 """V per SI unit, per unit of the sensitivity by its field; 0 for one that has units of its own."""
-_REFERENCE_PRESSURE = 20e-6
-"""Pa, of a sound pressure level."""
+_REFERENCE_PRESSURE = 20e-6  # Pa, of a sound pressure level
 _VOLTAGE_WITH_EXCITATION = 10323
 _USE_VOLTAGE, _USE_CURRENT = 10322, 10134
 

@@ -12,8 +12,7 @@ from sautereau.sim_backend.device_types import DeviceType
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 
 REMOVE_FILTER_DELAY = pb.CHANNEL_ATTRIBUTE_AI_REMOVE_FILTER_DELAY
-INTERNAL, NO_EXCITATION = 10200, 10230
-"""Sources of an excitation."""
+INTERNAL, NO_EXCITATION = 10200, 10230  # Sources of an excitation
 
 
 @dataclass

@@ -20,10 +20,8 @@ from sautereau.sim_backend.devices.daqmx.task import (
 )
 from sautereau.sim_backend.devices.daqmx.tdms_log import LOG, MODE, OFF, TdmsLog
 
-ON_DEMAND_RATE = 1000.0
-"""Hz, at which reads of a task without a sample clock are timed."""
-_SLICE = 0.1
-"""s, after which a waiting read checks whether its client is still there."""
+ON_DEMAND_RATE = 1000.0  # Hz, at which reads of a task without a sample clock are timed
+_SLICE = 0.1  # s, after which a waiting read checks whether its client is still there
 
 
 class CardTask(TaskSettings):

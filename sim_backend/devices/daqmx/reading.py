@@ -19,8 +19,7 @@ MOST_SAMPLES = 8_000_000
 NOT_YET_AVAILABLE = -200284
 _BY_CHANNEL, _BY_SCAN = 0, 1
 _WITH_TIMING, _WITH_NAMES = 1, 2
-_SINCE_1904 = 2_082_844_800
-"""s, from 1904 to 1970."""
+_SINCE_1904 = 2_082_844_800  # s, from 1904 to 1970
 
 
 def _requested(task: CardTask, request: Any) -> int:

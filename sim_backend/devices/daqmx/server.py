@@ -39,8 +39,7 @@ from sautereau.sim_backend.devices.daqmx.unsupported import REFUSED
 _INITIALIZE, _ATTACH = 1, 2
 _START, _STOP, _VERIFY, _COMMIT, _RESERVE, _UNRESERVE, _ABORT = range(7)
 _OPTIONS = (("grpc.so_reuseport", 0), ("grpc.max_send_message_length", -1))
-_WORKERS = 32
-"""Calls that are answered at the same time; further ones are refused at once."""
+_WORKERS = 32  # Calls that are answered at the same time; further ones are refused at once
 
 
 class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):

@@ -30,8 +30,7 @@ FINITE, CONTINUOUS = 10178, 10123
 FIRST, CURRENT, REFERENCE, FIRST_BEFORE, MOST_RECENT = REFERENCES = tuple(range(10424, 10429))
 """What a read is relative to."""
 _RETRIGGERABLE = number("TRIGGER", "START_TRIG_RETRIGGERABLE")
-LEAST = 2
-"""Smallest number of samples, of an acquisition and before or after a reference trigger."""
+LEAST = 2  # Smallest number of samples, of an acquisition and before or after a reference trigger
 _BUFFERS = ((100.0, 1_000), (10e3, 10_000), (1e6, 100_000))
 """Hz and samples: the default buffer of a continuous task up to a rate."""
 

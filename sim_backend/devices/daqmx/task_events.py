@@ -14,13 +14,10 @@ from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import FINITE
 
-_WAIT = 0.05
-"""s, after which a stream checks whether its client and its task are still there."""
+_WAIT = 0.05  # s, after which a stream checks whether its client and its task are still there
 _ACQUIRED = 1
-_SIGNALS = (12487, 12530)
-"""Sample clock and sample complete, which occur once for each sample."""
-EVERY_N, DONE, SIGNAL = "every n samples", "done", "signal"
-"""Kinds of events."""
+_SIGNALS = (12487, 12530)  # Sample clock and sample complete, which occur once for each sample
+EVERY_N, DONE, SIGNAL = "every n samples", "done", "signal"  # Kinds of events
 
 
 def _stream(method: Callable[..., Any]) -> Callable[..., Any]:

@@ -16,8 +16,7 @@ from sautereau.sim_backend.devices.daqmx.attributes import number
 from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import Input, invalid
 
-OFF, LOG, LOG_AND_READ = 10231, 15844, 15842
-"""Modes: with `LOG` a task cannot be read."""
+OFF, LOG, LOG_AND_READ = 10231, 15844, 15842  # Modes: with `LOG` a task cannot be read
 OPEN, OPEN_OR_CREATE, CREATE_OR_REPLACE, CREATE = 10437, 15846, 15847, 15848
 MODE, PATH, GROUP, OPERATION, PAUSED = (
     number("READ", name)

@@ -5,8 +5,7 @@ from collections.abc import Callable
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
 
-ARRAYS = 30
-"""Arrays that may be defined."""
+ARRAYS = 30  # Arrays that may be defined
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]{0,7}")
 

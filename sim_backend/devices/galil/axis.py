@@ -9,8 +9,7 @@ from sautereau.sim_backend.devices.galil.reference import entries
 
 AXES = "AB"
 LIMIT_CODES = (motion.StopCode.FORWARD_LIMIT, motion.StopCode.REVERSE_LIMIT)
-SEARCHES = ("HM", "FE", "FI")
-"""Modes of motion that end at a switch or an index."""
+SEARCHES = ("HM", "FE", "FI")  # Modes of motion that end at a switch or an index
 
 
 def factory_settings() -> dict[str, float]:

@@ -12,8 +12,7 @@ from sautereau.sim_backend.devices.galil.operands import function, operand, vari
 LARGEST_NUMBER = 2.0**31
 """Largest magnitude of a number in the controller, whose numbers are multiples of 1/65536."""
 QUERY = "?"
-STRING = 6
-"""Characters in a number."""
+STRING = 6  # Characters in a number
 
 _TOKEN = re.compile(
     r'(?P<string>"[^"]*")|(?P<axis>~[a-h])|'

@@ -6,11 +6,9 @@ from sautereau.sim_backend.devices.galil.axis import AXES, factory_settings
 from sautereau.sim_backend.devices.galil.program import Program
 from sautereau.sim_backend.devices.galil.reference import entries
 
-OUTPUTS = 8
-"""Digital outputs, numbered from 1."""
+OUTPUTS = 8  # Digital outputs, numbered from 1
 
-Config = dict[str, list[float]]
-"""Numbers of the controller, by the commands that set them."""
+Config = dict[str, list[float]]  # Numbers of the controller, by the commands that set them
 
 
 def factory_config() -> Config:

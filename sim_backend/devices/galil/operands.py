@@ -37,8 +37,7 @@ DATA_RECORD = (len(AXES), 52, 26, 36)
 """Axes, and bytes of general state, of a coordinated motion's and of an axis's, in the data
 record."""
 
-PVT = ("PV", "BT")
-"""Commands, and operands, that firmware without PVT lacks."""
+PVT = ("PV", "BT")  # Commands, and operands, that firmware without PVT lacks
 
 AXIS_OPERANDS: dict[str, Callable[[Machine, int], float]] = {
     "TP": Machine.position,

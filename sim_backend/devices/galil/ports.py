@@ -12,15 +12,12 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.formats import write_line
 from sautereau.sim_backend.devices.galil.program import split_commands
 
-HANDLES = "ABCDEFGH"
-"""Ethernet handles."""
+HANDLES = "ABCDEFGH"  # Ethernet handles
 
 RETURN, FEED = b"\r\n"
-DOWNLOAD_ENDS = b"\\\x1a\x11\x04"
-"""What ends DL: a backslash, control-Z, control-Q or control-D."""
+DOWNLOAD_ENDS = b"\\\x1a\x11\x04"  # What ends DL: a backslash, control-Z, control-Q or control-D
 
-Execute = Callable[[str], str | None]
-"""Carries out one command of the host and returns its answer."""
+Execute = Callable[[str], str | None]  # Carries out one command of the host and returns its answer
 
 
 @dataclass

@@ -32,8 +32,7 @@ QQ QR QS RI SL TN TR UI VA VD VE VM VP VR VS VV YA YB YC YR YS ZA
 ABSENT = frozenset(_ABSENT.split())
 """Commands of the reference that are not emulated: all are refused, and begin no variable."""
 
-SMALLEST = 1 / 65536
-"""Resolution of all numbers."""
+SMALLEST = 1 / 65536  # Resolution of all numbers
 NOT_STORED = (20 / 65536, 1 / 256)
 """Resolutions of outputs, voltages and filters; such a setting reads back as it was sent."""
 

@@ -6,13 +6,10 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.program import Program
 from sautereau.sim_backend.devices.galil.thread import ERROR_ROUTINES, Thread
 
-THREADS = 8
-"""Threads, numbered from 0."""
-LINE_TIME = 250e-6
-"""s, duration of any line of a program; the threads run alternately."""
+THREADS = 8  # Threads, numbered from 0
+LINE_TIME = 250e-6  # s, duration of any line of a program; the threads run alternately
 
-GOLDEN = (5**0.5 - 1) / 2
-"""Its multiples, modulo 1, are spread evenly."""
+GOLDEN = (5**0.5 - 1) / 2  # Its multiples, modulo 1, are spread evenly
 
 
 class Tasks:

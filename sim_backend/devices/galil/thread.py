@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.program import Program, split_commands
 
-DEPTH = 16
-"""Largest depth of nested subroutines."""
+DEPTH = 16  # Largest depth of nested subroutines
 
 ERROR_ROUTINES = ("#POSERR", "#LIMSWI", "#AMPERR", "#TCPERR")
 """Automatic subroutines that RE ends; the others are ended by EN."""

@@ -21,8 +21,7 @@ from sautereau.sim_backend.devices.emulators import AMPLIFIER_VOLTS, OnOutput, P
 from sautereau.sim_backend.devices.odrive.machine import Machine
 from sautereau.sim_backend.devices.odrive.properties import FLOAT, single
 
-_LINE = 256
-"""Largest number of bytes in a line; a longer one is ignored."""
+_LINE = 256  # Largest number of bytes in a line; a longer one is ignored
 _ANSWER = 63
 
 

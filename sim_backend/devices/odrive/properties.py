@@ -12,8 +12,7 @@ from typing import Literal
 
 LARGEST = 1e10
 """Largest magnitude of a number that the stand-in accepts; the firmware has no such limit."""
-_CUT = 9
-"""Characters of a property's value: the firmware writes it into a buffer of 10."""
+_CUT = 9  # Characters of a property's value: the firmware writes it into a buffer of 10
 _FLOAT = re.compile(r"\s*([+-]?(?:inf(?:inity)?|nan|(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?))", re.I)
 _INTEGER = re.compile(r"\s*([+-]?\d+)")
 
@@ -44,8 +43,7 @@ class Property:
 FLOAT, INTEGER, BOOL = Property("float"), Property("integer"), Property("bool")
 _READ = {kind: Property(kind, writable=False) for kind in ("float", "integer", "bool")}
 
-ROOT = {"error": INTEGER, "vbus_voltage": _READ["float"]}
-"""Properties of the device."""
+ROOT = {"error": INTEGER, "vbus_voltage": _READ["float"]}  # Properties of the device
 AXIS = {
     "config.enable_sensorless_mode": BOOL,
     "config.enable_step_dir": BOOL,

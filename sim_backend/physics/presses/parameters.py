@@ -1,15 +1,17 @@
-"""Parameters of presses, from a rig and values that vary between them."""
+"""Parameters of a press, from a rig and a scene."""
 
 import math
-from collections.abc import Mapping
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.choirs import choirs
+from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
+from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.structures import (
@@ -21,8 +23,11 @@ from sautereau.sim_backend.physics.exact.structures import (
     KEY,
     PASSING,
     RUN,
+    SLIDING,
+    STUCK,
     Press,
 )
+from sautereau.sim_backend.physics.presses.laws import law_of
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
 from sautereau.trajectory.motion import Floats
@@ -35,104 +40,70 @@ RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
 """A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
 order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
 
-_LIMITS = {"gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal}
 
-
-class Numbers:
-    """Values of a rig and of a scene's push by dotted key, SI; some may vary between presses.
-
-    Args:
-        rig: The true bench.
-        scene: With its push, if it has one.
-        given: Values that replace the rig's, each a number or of shape (presses,).
-    """
-
-    def __init__(self, rig: Rig, scene: Scene, given: Mapping[str, Floats]):
-        self.rig, self.scene, self.given = rig, scene, given
-        self.prefixes = ["", *(f"more_choirs.{k}." for k in range(len(rig.more_choirs)))]
-        """The first parts of the dotted keys of each choir."""
-        self.used: dict[str, tuple[Any, str]] = {}
-        """Model and name of every value asked for so far."""
-
-    def __call__(self, key: str) -> Any:
-        """Return the value of a dotted key, a number or of shape (presses,)."""
-        *path, name = _parts(key)
-        node: Any = self.scene if path[0] == "push" else self.rig
-        for part in path:
-            node = node[part] if isinstance(part, int) else getattr(node, part)
-        self.used[key] = type(node), name
-        return self.given[key] if key in self.given else getattr(node, name)
-
-    def within_limits(self, presses: int) -> NDArray[np.bool_]:
-        """Return the presses with all given values within their limits; shape (presses,)."""
-        good = np.ones(presses, bool)
-        for key, value in self.given.items():
-            model, name = self.used[key]
-            field = model.model_fields.get(name)
-            good &= np.isfinite(value) & (field is not None or value > 0)  # or a derived quantity
-            for limit in field.metadata if field else ():
-                for bound, holds in _LIMITS.items():
-                    if hasattr(limit, bound):
-                        good &= holds(value, getattr(limit, bound))
-        for at in self.prefixes:
-            good &= self(f"{at}string.plucking_point") < self(f"{at}string.length")
-            good &= self(f"{at}plectrum.overlap") < self(f"{at}plectrum.length")
-        back = self("jack.mass") * GRAVITY * self("key.jack_arm")
-        return good & (self("key.gravity_moment") < back)
-
-
-@cache
-def _parts(key: str) -> tuple[Any, ...]:
-    """Return the parts of a dotted key, and numbers of choirs as numbers."""
-    return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
-
-
-def benches(numbers: Numbers, presses: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the parameters of presses without their force laws.
+def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats]:
+    """Return the parameters of a press.
 
     Returns:
-        `KEY`s, shape (presses,), and `JACK`s, shape (presses, choirs).
+        One `KEY`, shape (1,); its `JACK`s, shape (1, choirs); and the cells of their force laws.
+
+    Raises:
+        SceneError: A plectrum and string have no pluck.
     """
-    scene, arm = numbers.scene, numbers("key.press_arm")
-    keys, jacks = np.zeros(presses, KEY), np.zeros((presses, len(numbers.prefixes)), JACK)
-    keys["inertia"], keys["gravity"] = numbers("key.inertia"), scene.gravity
-    keys["gravity_moment"] = numbers("key.gravity_moment") * (scene.gravity / GRAVITY)
-    keys["height"], keys["press_arm"] = numbers("key.jack_surface_height"), arm
+    key, arm, strings = rig.key, rig.key.press_arm, choirs(rig)
+    keys, jacks = np.zeros(1, KEY), np.zeros((1, len(strings)), JACK)
+    keys["inertia"], keys["gravity"] = key.inertia, scene.gravity
+    keys["gravity_moment"] = key.gravity_moment * (scene.gravity / GRAVITY)
+    keys["height"], keys["press_arm"] = key.jack_surface_height, arm
     if scene.friction:
-        keys["viscous"] = numbers("key.pivot_viscous_friction")
-        keys["dry"] = numbers("key.pivot_coulomb_friction")
-    keys["dip"] = numbers("key.dip") / arm if scene.felt else math.inf
+        keys["viscous"] = key.pivot_viscous_friction
+        keys["dry"] = key.pivot_coulomb_friction
+    keys["dip"] = key.dip / arm if scene.felt else math.inf
     if scene.felt:
-        keys["felt_stiffness"] = numbers("key.felt_stiffness") * arm * arm
-        keys["felt_damping"] = numbers("key.felt_damping") * arm * arm
+        keys["felt_stiffness"] = key.felt_stiffness * arm * arm
+        keys["felt_damping"] = key.felt_damping * arm * arm
     keys["push_end"] = math.inf
     if scene.push:
-        keys["force"], keys["push_end"] = numbers("push.force"), numbers("push.duration")
-    for k, at in enumerate(numbers.prefixes):
-        _set_jack(numbers, at, jacks[:, k])
-    return keys, jacks
+        keys["force"], keys["push_end"] = scene.push.force, scene.push.duration
+    cells, found = 0, [np.zeros((0, 5))]
+    for k, choir in enumerate(strings):
+        _set_jack(scene, choir, jacks[:, k])
+        if scene.plectrum == "none":
+            continue
+        try:
+            plectrum, string = choir.plectrum, choir.string
+            law = law_of(plectrum, string, scene.plectrum)  # pyright: ignore[reportArgumentType]
+        except ModelError as error:
+            at = f"more_choirs.{k - 1}." if k else ""
+            raise SceneError(f"rig {rig.name}: {at}{error}") from error
+        jack = jacks[:, k]
+        jack["first"] = law.first + cells
+        jack["range"][:, STUCK] += law.border[:2]
+        jack["range"][:, SLIDING] += law.border[1:]
+        cells += len(law.cells)
+        found.append(law.cells)
+    return keys, jacks, np.concatenate(found)
 
 
-def _set_jack(numbers: Numbers, at: str, jack: NDArray[Any]) -> None:
-    scene = numbers.scene
-    jack["mass"] = numbers(f"{at}jack.mass")
-    jack["arm"] = numbers(f"{at or 'key.'}jack_arm")
-    mute = scene.plectrum == "none"
-    jack["clearance"] = math.inf if mute else numbers(f"{at}jack.string_clearance")
-    jack["range"] = jack["clearance"][:, None, None]
-    jack["range"][:, BELOW, 0] = -math.inf
-    jack["range"][:, ABOVE, 1] = math.inf
+def _set_jack(scene: Scene, choir: Choir, found: NDArray[Any]) -> None:
+    jack, plectrum = choir.jack, choir.plectrum
+    found["mass"], found["arm"] = jack.mass, choir.jack_arm
+    found["clearance"] = math.inf if scene.plectrum == "none" else jack.string_clearance
+    found["range"] = found["clearance"][:, None, None]
+    found["range"][:, BELOW, 0] = -math.inf
+    found["range"][:, ABOVE, 1] = math.inf
     if scene.friction:
-        jack["friction"] = numbers(f"{at}jack.register_friction")
-    if scene.tongue:
-        overlap = numbers(f"{at}plectrum.overlap")
-        lever = numbers(f"{at}plectrum.length") - overlap
-        jack["tongue_force"] = numbers(f"{at}jack.tongue.bristle_moment") / lever
-        jack["tongue_stiffness"] = numbers(f"{at}jack.tongue.bristle_stiffness") / lever**2
-        jack["range"][:, PASSING, 0] -= lever * overlap / numbers(f"{at}jack.tongue.pivot")
-    jack["lift"] = numbers(f"{at}jack.damper.lift") if scene.damper else -math.inf
-    if scene.damper:
-        jack["damper"] = numbers(f"{at}jack.damper.stiffness")
+        found["friction"] = jack.register_friction
+    tongue = jack.tongue if scene.tongue else None
+    if tongue is not None:
+        lever = plectrum.length - plectrum.overlap
+        found["tongue_force"] = tongue.bristle_moment / lever
+        found["tongue_stiffness"] = tongue.bristle_stiffness / lever**2
+        found["range"][:, PASSING, 0] -= lever * plectrum.overlap / tongue.pivot
+    damper = jack.damper if scene.damper else None
+    found["lift"] = damper.lift if damper is not None else -math.inf
+    if damper is not None:
+        found["damper"] = damper.stiffness
 
 
 def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
@@ -165,7 +136,8 @@ def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any
 
 
 def new_presses(
-    numbers: Numbers,
+    rig: Rig,
+    scene: Scene,
     start: tuple[float, float],
     keys: NDArray,
     jacks: NDArray,
@@ -176,14 +148,15 @@ def new_presses(
     """Return presses at time 0 before their first sample, of which one at a time is played.
 
     Args:
-        numbers: Of a scene with its step.
+        rig: The true bench.
+        scene: With its step.
         start: rad, joints when power comes on.
         keys: Of `KEY`; shape (presses,).
         jacks: Of `JACK`; shape (presses, choirs).
         order: Of the steps, even, at most 8.
         tolerance: Dimensionless, relative error of a step; None for one that suits the step.
     """
-    rig, scene, run = numbers.rig, numbers.scene, np.zeros(1, RUN)
+    run = np.zeros(1, RUN)
     period = rig.controller.sample_period
     steps = steps_in_sample(rig, scene.step or period)
     if tolerance is None:

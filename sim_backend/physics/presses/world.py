@@ -3,7 +3,7 @@
 import numpy as np
 
 from sautereau.rig.schema import Arm, Rig
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
@@ -11,12 +11,10 @@ from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.play import play
 from sautereau.sim_backend.physics.finger import SETTLED, Finger, Reference, joint_cubics
-from sautereau.sim_backend.physics.presses.laws import set_laws
 from sautereau.sim_backend.physics.presses.parameters import (
     FINGERS,
     ORDER,
-    Numbers,
-    benches,
+    bench_of,
     new_presses,
 )
 from sautereau.sim_backend.scene import Scene
@@ -64,10 +62,8 @@ class ExactWorld(World):
         super().__init__(rig, scene, start)
         rig = self.rig
         check_scene(scene)
-        numbers = Numbers(rig, scene, {})
-        keys, jacks = benches(numbers, 1)
-        cells, _ = set_laws(numbers, jacks, np.ones(1, bool))
-        self._presses = new_presses(numbers, self.start, keys, jacks, cells, order, tolerance)
+        bench = bench_of(rig, scene)
+        self._presses = new_presses(rig, scene, self.start, *bench, order, tolerance)
         self._kind = FINGERS.index(scene.finger)
         self._steps = steps_in_sample(rig, scene.step or rig.controller.sample_period)
         self.finger = Finger(self.start)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 from sautereau.rig.instrument import Key
-from sautereau.rig.section import GRAVITY
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.physics.base import LARGEST_ANGLE
 from sautereau.sim_backend.physics.rigid.bodies import MM, RAIL_REACH
 from sautereau.sim_backend.physics.rigid.step_event import Event

@@ -26,26 +26,17 @@ from sautereau.trajectory.arm import fingertip_place, joints_holding_point
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.segments import Segments
 
-_FAST = 0.03
-"""Speed of the finger at a fast contact (m/s)."""
-_SLOW = 0.003
-"""Speed of the finger at a slow contact (m/s)."""
+_FAST = 0.03  # Speed of the finger at a fast contact (m/s)
+_SLOW = 0.003  # Speed of the finger at a slow contact (m/s)
 _APART = 0.6e-3
 """Distance of start and end from the key's surface (m), which is crossed at a constant speed."""
-_RAMP = 20e-3
-"""Duration of acceleration and of deceleration (s)."""
-_REST = 20e-3
-"""Rest before the motion (s)."""
-_SLOW_STARTS = 3
-"""Number of slow contacts."""
-_STARTS = 50
-"""Number of fast contacts."""
-_SIMULATED_STARTS = 5
-"""Number of fast contacts on the stand-in."""
-_LEVEL = 20e-3
-"""Increase of the force that counts as a contact (N). Its beginning is extrapolated."""
-_TOP = 3.0
-"""Multiple of that increase up to which the extrapolation uses the force."""
+_RAMP = 20e-3  # Duration of acceleration and of deceleration (s)
+_REST = 20e-3  # Rest before the motion (s)
+_SLOW_STARTS = 3  # Number of slow contacts
+_STARTS = 50  # Number of fast contacts
+_SIMULATED_STARTS = 5  # Number of fast contacts on the stand-in
+_LEVEL = 20e-3  # Increase of the force that counts as a contact (N). Its beginning is extrapolated.
+_TOP = 3.0  # Multiple of that increase up to which the extrapolation uses the force
 _CREEP = Creep(step=0.4e-3, speed=10e-3)
 _APPROACH = {"arm.approach_speed": "0.2 rad/s"}
 

@@ -17,8 +17,7 @@ BEFORE_POWER = (*identity.STEPS, *wiring.BY_HAND, *lines.STEPS, *wiring.STEPS)
 """Group A: the amplifiers have no power."""
 WITH_POWER = (*motion.STEPS, *alignment.STEPS, *motion.BY_HAND)
 """Group B: the motors are switched on with little torque."""
-LEAST_TORQUE = 0.05
-"""Fraction of the torque limit in group B; more where the arm's weight needs it."""
+LEAST_TORQUE = 0.05  # Fraction of the torque limit in group B; more where the arm's weight needs it
 _WEIGHT = 2.0  # times the largest weight that the joints can hold
 
 

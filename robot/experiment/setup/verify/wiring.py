@@ -17,8 +17,7 @@ _BITS = {
     "_AB": "the abort input (emergency stop)",
 }
 _LIFT = math.radians(5)
-_BY_EYE = 2.5
-"""Dimensionless, factor by which a joint that is turned by hand may turn less or more."""
+_BY_EYE = 2.5  # Dimensionless, factor by which a joint that is turned by hand may turn less or more
 _PROBE = 0.02  # of the torque limit
 _RECORDED = 16  # rows
 

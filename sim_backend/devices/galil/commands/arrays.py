@@ -12,12 +12,9 @@ from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, variable, whole
 from sautereau.sim_backend.devices.galil.ports import Download
 
-TRANSFER_NAME = 7
-"""Longest name of an array that is recorded or uploaded."""
-SOURCES = 8
-"""Arrays that are recorded at once."""
-FULL_TORQUE = 32_767
-"""Recorded number of a torque command of 10 V."""
+TRANSFER_NAME = 7  # Longest name of an array that is recorded or uploaded
+SOURCES = 8  # Arrays that are recorded at once
+FULL_TORQUE = 32_767  # Recorded number of a torque command of 10 V
 
 
 def _recorded_torque(machine: Machine, axis: int) -> float:

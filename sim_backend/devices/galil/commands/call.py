@@ -19,8 +19,7 @@ from sautereau.sim_backend.devices.galil.thread import Thread
 _SCALED = {"AC": 2, "DC": 2, "SD": 2, "SP": 1, "JG": 1, "HV": 1}
 """Power of 1000/TM by which a resolution grows."""
 _BEGINS = ("BG", "BT")
-_UNSIGNED = ("SP",)
-"""Commands that take a negative value as its absolute one."""
+_UNSIGNED = ("SP",)  # Commands that take a negative value as its absolute one
 
 
 @dataclass
@@ -70,8 +69,7 @@ class Call:
         return given
 
 
-Handler = Callable[[Machine, Call], str | None]
-"""Carries out a command; returns the answer."""
+Handler = Callable[[Machine, Call], str | None]  # Carries out a command; returns the answer
 
 
 def parse_call(machine: Machine, entry: Entry, text: str, thread: Thread | None) -> Call:

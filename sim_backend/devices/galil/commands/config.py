@@ -8,11 +8,9 @@ from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Memory
 from sautereau.sim_backend.devices.galil.operands import whole
 
-PASSWORD = 8
-"""Characters in a password."""
+PASSWORD = 8  # Characters in a password
 
-BURN_TIME = 1.0
-"""s, that BN takes; BP and BV take twice as long."""
+BURN_TIME = 1.0  # s, that BN takes; BP and BV take twice as long
 
 
 def configure(machine: Machine, call: Call) -> str | None:

@@ -18,8 +18,7 @@ from sautereau.sim_backend.devices.galil.grammar import evaluate, split_argument
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, DATA_RECORD
 
-CONTROL_Z = "\x1a"
-"""Ends what QU and UL upload."""
+CONTROL_Z = "\x1a"  # Ends what QU and UL upload
 
 _POSITIONS = ("TP", "RP", "TE", "TD", "RL")
 _FORMATS = re.compile(r"(?P<before>(?:\{[^}]*\} *)*)(?P<value>.*?)(?P<after>(?: *\{[^}]*\})*)")

@@ -18,11 +18,9 @@ from sautereau.sim_backend.devices.galil.operands import PVT
 from sautereau.sim_backend.devices.galil.reference import ABSENT, entries
 from sautereau.sim_backend.devices.galil.thread import Thread
 
-_WORDS = ("ELSE", "ENDIF")
-"""Commands of more than two letters."""
+_WORDS = ("ELSE", "ENDIF")  # Commands of more than two letters
 REVISION, MASTER_RESET, LOCK = "\x12\x16", "\x12\x13", "\x0c\x0b"
-_LOCKED = ("ED", "LS", "UL")
-"""Commands that a locked program refuses."""
+_LOCKED = ("ED", "LS", "UL")  # Commands that a locked program refuses
 
 HANDLERS: dict[str, Handler] = {
     **{code: settings.setting for code, entry in entries().items() if entry.form == "values"},

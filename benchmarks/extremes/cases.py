@@ -2,10 +2,7 @@
 
 from collections.abc import Iterator
 
-from sautereau.rig.schema import Rig
-from sautereau.rig.section import GRAVITY
-from sautereau.sim_backend.parts import Bending, Play
-from sautereau.sim_backend.trade.case_scenes import (
+from benchmarks.extremes.case_scenes import (
     ENGINES,
     LIMITLESS,
     MIDDLE,
@@ -23,6 +20,9 @@ from sautereau.sim_backend.trade.case_scenes import (
     servo_scene,
     stiffness_times,
 )
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import GRAVITY
+from sautereau.sim_backend.parts import Bending, Play
 
 STEPS = (1e-6, 1e-5, 1e-4, 5e-4, 2e-3)
 """s."""

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.extremes import case_scenes as scenes
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.parts import Bending, Play
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.trade import case_scenes as scenes
 
 
 @dataclass(frozen=True)

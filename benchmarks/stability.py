@@ -1,15 +1,19 @@
-"""Stability map: every case is as accurate as the engine claims, or refused with a reason."""
+"""Extreme scenes: each is simulated as accurately as the engine claims, or refused."""
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
+from benchmarks.extremes.case_scenes import Case
+from benchmarks.extremes.cases import grid
+from benchmarks.extremes.random_cases import random_cases
+from benchmarks.figures import Figure
 from sautereau.analysis.summary.text import table
 from sautereau.rig.errors import SautereauError
-from sautereau.rig.load import with_values
+from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.drive import Drive, drive_of
@@ -21,9 +25,6 @@ from sautereau.sim_backend.physics.observation import (
     reference,
 )
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.trade.case_scenes import Case
-from sautereau.sim_backend.trade.cases import grid
-from sautereau.sim_backend.trade.random_cases import random_cases
 from sautereau.sim_backend.trade.select import reached, select_solver
 
 RANDOM = 40
@@ -46,6 +47,21 @@ class Cell:
     """The error found."""
     reason: str = ""
     """Why the case was refused or has failed."""
+
+
+def run() -> list[Figure]:
+    """Print the map of all cases; return how many are accurate, refused, or failed in silence."""
+    found = run_stability(load_rig())
+    print("\n".join(stability_text(found)))
+    of, accurate, refused, failed = (
+        float(len(cells))
+        for cells in (found, *(with_verdict(found, v) for v in ("converged", "refused", "failed")))
+    )
+    return [
+        Figure("cases as accurate as claimed", accurate, "1", "all cases", of),
+        Figure("cases refused with the reason", refused, "1", "all cases", of),
+        Figure("cases that failed without an error", failed, "1", "limit", 0.0),
+    ]
 
 
 def run_stability(rig: Rig, cases: Iterable[Case] | None = None) -> list[Cell]:
@@ -101,16 +117,6 @@ def with_verdict(cells: Sequence[Cell], verdict: Verdict) -> list[Cell]:
     return [cell for cell in cells if cell.verdict == verdict]
 
 
-def stability_document(cells: Sequence[Cell]) -> dict[str, Any]:
-    """Return the JSON object of a map; errors in s and dimensionless, null where there is none."""
-    return {
-        "cases": [_document(cell) for cell in cells],
-        "converged": len(with_verdict(cells, "converged")),
-        "refused": len(with_verdict(cells, "refused")),
-        "silent_failures": [_document(cell) for cell in with_verdict(cells, "failed")],
-    }
-
-
 def stability_text(cells: Sequence[Cell]) -> list[str]:
     """Return the lines of a map: one for each case, and how many of each verdict."""
     heads = [
@@ -133,25 +139,6 @@ def _fault(found: Observation) -> str:
     if not (np.diff(motions.time) >= 0).all():
         return "time decreases"
     return ""
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
-def _document(cell: Cell) -> dict[str, Any]:
-    claim, error = cell.claim, cell.error
-    return {
-        "case": cell.case.name,
-        "engine": cell.case.scene.engine,
-        "dt": cell.case.scene.step,
-        "verdict": cell.verdict,
-        "claimed_error": _finite(claim and claim.time),
-        "claimed_force_error": _finite(claim and claim.force),
-        "error": _finite(error and error.time),
-        "force_error": _finite(error and error.force),
-        "reason": cell.reason or None,
-    }
 
 
 def _cells(cell: Cell) -> tuple[str, ...]:

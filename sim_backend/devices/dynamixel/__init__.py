@@ -1,1 +1,0 @@
-"""The emulated bus servos: Dynamixel X with Protocol 2.0."""
