@@ -18,6 +18,8 @@ _SHORT = 60
 """Characters of a text that is stored as it is; of a longer one only a hash is."""
 _UNSTORED = ("crc32", "started", "session", "daq")
 """Metadata that differ between two runs."""
+_BLOCKS = "/daq"
+"""Topic whose number of messages depends on when the host reads the card, in real time."""
 _UNIX = 1e9
 """s, above which a time is a date."""
 
@@ -67,6 +69,7 @@ def recording(path: Path) -> dict[str, Any]:
             raise ValueError(f"{path}: no summary")
         counts = summary.statistics.channel_message_counts
         topics = {c.topic: counts.get(i, 0) for i, c in sorted(summary.channels.items())}
+        topics |= dict.fromkeys({_BLOCKS} & topics.keys(), "some")
         metadata = {
             one.name: {k: _short(v) for k, v in one.metadata.items() if k not in _UNSTORED}
             for one in reader.iter_metadata()
