@@ -21,7 +21,7 @@ from sautereau.daq.file.recorded import Block, Recorded
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.text import rig_text
-from tests.golden.commands import COMMANDS
+from tests.golden.commands import COMMANDS, ON_BENCH
 from tests.golden.files import contents, invariable, signals_of
 from tests.golden.foreign import FOREIGN
 from tests.golden.plain import lines_of, plain
@@ -90,14 +90,17 @@ class Corpus:
         words = shlex.split(COMMANDS[name].format_map(given))
         before = _files(self.folder / out)
         status, printed, error = run(*words, *["--json"] * as_json)
-        result: dict[str, Any] = {"sampled": given.samples} if given.samples else {}
-        result |= {"status": status} | ({"error": error} if error else {})
+        result: dict[str, Any] = {"status": status} | ({"error": error} if error else {})
         if not as_json:
             return result | {"text": lines_of(printed)}
         result["json"] = plain(invariable(json.loads(printed))) if printed else None
         new = [path for path in _files(self.folder / out) if path not in before]
         written = {path.relative_to(self.folder / out).as_posix(): contents(path) for path in new}
-        return result | ({"files": written} if written else {})
+        on_bench = name in ON_BENCH  # where other samples are a changed stand-in
+        pressed = [path for path, one in written.items() if on_bench and "sampled" in one]
+        sampled = given.samples | {path: written[path]["sampled"] for path in pressed}
+        result |= {"files": written} if written else {}
+        return {"sampled": sampled} | result if sampled else result
 
 
 class _Given(dict[str, str]):

@@ -65,7 +65,8 @@ def _frames(corpus: Corpus) -> dict[str, Any]:
         "compare.conditions": compared.conditions,
         "identify.params": fit.params,
     }
-    return {name: shape_of(frame) for name, frame in frames.items()}
+    sampled = corpus.answer("press two", as_json=True)["sampled"]
+    return {"sampled": sampled} | {name: shape_of(frame) for name, frame in frames.items()}
 
 
 def _read(path: str, corpus: Corpus) -> dict[str, Any]:
