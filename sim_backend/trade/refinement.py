@@ -196,7 +196,7 @@ def encoder_noise(true: Rig) -> float:
     return true.arm.resolution / 2 / speed
 
 
-def stepped(true: Rig, scene: Scene, steps: int, **changes: str | int) -> Scene:
+def stepped(true: Rig, scene: Scene, steps: int, **changes: str) -> Scene:
     """Return a scene with a number of steps per controller sample, and other changes."""
     step = true.controller.sample_period / steps
     return scene.model_copy(update={"step": step, "accuracy": None, **changes})

@@ -8,8 +8,8 @@ from scipy.optimize import lsq_linear
 
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
-from sautereau.sim_backend.physics.exact.structures import JACK, KEY, one_press
-from sautereau.sim_backend.physics.presses.parameters import new_presses
+from sautereau.sim_backend.physics.exact.structures import JACK, KEY, opened
+from sautereau.sim_backend.physics.presses.parameters import new_press
 from tests import key_oracle
 from tests.sim_backend.scenes import RIG, pushed
 
@@ -25,7 +25,7 @@ def bench(*jacks, dry=0.0, friction=0.0):
         ("mass", "arm", "lift", "damper"), zip(*jacks, strict=True), strict=True
     ):
         found[name] = values
-    return one_press(new_presses(RIG, pushed(), (0.0, 0.0), key, found[None], np.zeros((1, 5))), 0)
+    return opened(new_press(RIG, pushed(), (0.0, 0.0), key, found, np.zeros((1, 5))))
 
 
 def surfaces(press, angle):

@@ -56,15 +56,13 @@ expanded = partial(_compiled, inline="always")
 
 
 def records(array: NDArray[Any]) -> Any:
-    """Return an array of records; without numba, where these are slow, as lists of objects.
+    """Return an array of records; without numba, where these are slow, as a list of objects.
 
     Args:
-        array: Of shape (n,) or (m, n); compiled functions change it in place.
+        array: Of shape (n,); compiled functions change it in place.
     """
     if njit is not None:
         return array
-    if array.ndim > 1:
-        return [records(row) for row in array]
     names = array.dtype.names or ()
     return [
         SimpleNamespace(

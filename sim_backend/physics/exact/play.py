@@ -1,4 +1,4 @@
-"""From event to event through controller samples and complete presses; compiled.
+"""From event to event through controller samples and a complete press; compiled.
 
 A step at whose end a guard of the mode is violated is repeated, and ends where the first one is.
 Impacts and the next mode then follow from the state alone. Where events accumulate, as when
@@ -25,7 +25,7 @@ NONSMOOTH = 1e-3
 MOST_STEPS, MORE_STEPS = 200_000, 1000
 """Divided steps of one call, and more of them per sample, above which a scene is too stiff."""
 
-one_press = expanded(ix.one_press)
+opened = expanded(ix.opened)
 
 
 @expanded
@@ -173,44 +173,25 @@ def play_sample(press, sample, cubics, powered):
 
 
 @entry
-def play(presses, sample, cubics, samples, powered, found, status):
-    """Advance presses by controller samples, and find each string's first contact and release.
+def play(given, sample, cubics, samples, powered):
+    """Advance a press by controller samples.
 
     Args:
-        presses: Their state is replaced.
+        given: The `structures.Press` as it comes from Python; its state is replaced.
         sample: Number of the first one; 0 starts from rest.
         cubics: rad, joints over each sample; shape (samples, 2, 4).
-        samples: Number of them for each press; shape (presses,).
+        samples: Number of them.
         powered: Whether the motors are on, and a push acts.
-        found: Contact and release [s], force at release [N], speed of the jack there [m/s], of the
-            events in these samples; shape (presses, choirs, 4).
-        status: Of each press, which is played if it is fine; shape (presses,).
 
     Returns:
-        The numbers of events and of rows of the last press.
+        Its status, and the numbers of events and of rows.
     """
-    run = presses.run[0]
-    for i in range(len(status)):
-        if status[i] != ix.FINE:
-            continue
-        press = one_press(presses, i)
-        run.events = run.rows = 0
-        run.left = MOST_STEPS + (MORE_STEPS + 2 * run.steps) * samples[i]
-        run.ends = run.steps * samples[i]
-        for j in range(samples[i]):
-            if status[i] == ix.FINE:
-                status[i] = play_sample(press, sample + j, cubics[j], powered)
-        find_plucks(press, found[i])
-    return run.events, run.rows
-
-
-@expanded
-def find_plucks(press, found):
-    """Find the first contact and release of each string among the events; see `play`."""
-    for e in range(press.run.events - 1, -1, -1):
-        event = press.events[e]
-        pluck = found[int(event[2])]
-        if event[1] == ix.CONTACT:
-            pluck[0] = event[0]
-        elif event[1] == ix.RELEASE:
-            pluck[1], pluck[2], pluck[3] = event[0], event[3], event[4]
+    press, status = opened(given), ix.FINE
+    run = press.run
+    run.events = run.rows = 0
+    run.left = MOST_STEPS + (MORE_STEPS + 2 * run.steps) * samples
+    run.ends = run.steps * samples
+    for j in range(samples):
+        if status == ix.FINE:
+            status = play_sample(press, sample + j, cubics[j], powered)
+    return status, run.events, run.rows

@@ -28,8 +28,7 @@ def update_strings(press):
                 break
             if event != NO_EVENT and run.events < ix.EVENTS:
                 found = press.events[run.events]
-                found[0], found[1], found[2] = run.time, event, k
-                found[3], found[4] = string_force(press, k), press.v[k + 1]
+                found[0], found[1], found[2], found[3] = run.time, event, k, string_force(press, k)
                 run.events += 1
             jack.string = following
 

@@ -111,8 +111,7 @@ RUN = _record("period step tolerance time start", "order steps left crowd change
 class Press(NamedTuple):
     """A bench and its state; all arrays and records are changed in place.
 
-    Presses to play have arrays in place of the records: of keys, of shape (presses,), and of jacks,
-    of shape (presses, choirs). As one at a time is played, they share the others of one element.
+    Compiled functions take it from Python with arrays of one element in place of the records.
     """
 
     key: Any
@@ -134,14 +133,14 @@ class Press(NamedTuple):
     work: Floats
     """Space for the steps, in which x, v and a are the first rows; shape (16, n)."""
     events: Floats
-    """Time [s], kind, choir, force [N] and jack's speed [m/s] of each; shape (EVENTS, 5)."""
+    """Time [s], kind, choir and force [N] of each; shape (EVENTS, 4)."""
     rows: Floats
     """Times and the other quantities of `Motions`; shape (rows, 6)."""
 
 
-def one_press(presses: Press, i: int) -> Press:
-    """Return one of some presses, which share all but key and jacks; for the types see `Press`."""
+def opened(press: Press) -> Press:
+    """Return a press with the records in place of arrays of one element."""
     return Press(
-        presses.key[i], presses.jacks[i], presses.cells, presses.finger[0], presses.run[0],
-        presses.x, presses.v, presses.a, presses.work, presses.events, presses.rows,
+        press.key[0], press.jacks, press.cells, press.finger[0], press.run[0],
+        press.x, press.v, press.a, press.work, press.events, press.rows,
     )  # fmt: skip

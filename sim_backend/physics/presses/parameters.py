@@ -45,13 +45,13 @@ def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats
     """Return the parameters of a press.
 
     Returns:
-        One `KEY`, shape (1,); its `JACK`s, shape (1, choirs); and the cells of their force laws.
+        One `KEY`, shape (1,); its `JACK`s, shape (choirs,); and the cells of their force laws.
 
     Raises:
         SceneError: A plectrum and string have no pluck.
     """
     key, arm, strings = rig.key, rig.key.press_arm, choirs(rig)
-    keys, jacks = np.zeros(1, KEY), np.zeros((1, len(strings)), JACK)
+    keys, jacks = np.zeros(1, KEY), np.zeros(len(strings), JACK)
     keys["inertia"], keys["gravity"] = key.inertia, scene.gravity
     keys["gravity_moment"] = key.gravity_moment * (scene.gravity / GRAVITY)
     keys["height"], keys["press_arm"] = key.jack_surface_height, arm
@@ -67,7 +67,7 @@ def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats
         keys["force"], keys["push_end"] = scene.push.force, scene.push.duration
     cells, found = 0, [np.zeros((0, 5))]
     for k, choir in enumerate(strings):
-        _set_jack(scene, choir, jacks[:, k])
+        _set_jack(scene, choir, jacks[k])
         if scene.plectrum == "none":
             continue
         try:
@@ -76,22 +76,22 @@ def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats
         except ModelError as error:
             at = f"more_choirs.{k - 1}." if k else ""
             raise SceneError(f"rig {rig.name}: {at}{error}") from error
-        jack = jacks[:, k]
+        jack = jacks[k]
         jack["first"] = law.first + cells
-        jack["range"][:, STUCK] += law.border[:2]
-        jack["range"][:, SLIDING] += law.border[1:]
+        jack["range"][STUCK] += law.border[:2]
+        jack["range"][SLIDING] += law.border[1:]
         cells += len(law.cells)
         found.append(law.cells)
     return keys, jacks, np.concatenate(found)
 
 
-def _set_jack(scene: Scene, choir: Choir, found: NDArray[Any]) -> None:
+def _set_jack(scene: Scene, choir: Choir, found: Any) -> None:
     jack, plectrum = choir.jack, choir.plectrum
     found["mass"], found["arm"] = jack.mass, choir.jack_arm
     found["clearance"] = math.inf if scene.plectrum == "none" else jack.string_clearance
-    found["range"] = found["clearance"][:, None, None]
-    found["range"][:, BELOW, 0] = -math.inf
-    found["range"][:, ABOVE, 1] = math.inf
+    found["range"] = found["clearance"]
+    found["range"][BELOW, 0] = -math.inf
+    found["range"][ABOVE, 1] = math.inf
     if scene.friction:
         found["friction"] = jack.register_friction
     tongue = jack.tongue if scene.tongue else None
@@ -99,7 +99,7 @@ def _set_jack(scene: Scene, choir: Choir, found: NDArray[Any]) -> None:
         lever = plectrum.length - plectrum.overlap
         found["tongue_force"] = tongue.bristle_moment / lever
         found["tongue_stiffness"] = tongue.bristle_stiffness / lever**2
-        found["range"][:, PASSING, 0] -= lever * plectrum.overlap / tongue.pivot
+        found["range"][PASSING, 0] -= lever * plectrum.overlap / tongue.pivot
     damper = jack.damper if scene.damper else None
     found["lift"] = damper.lift if damper is not None else -math.inf
     if damper is not None:
@@ -135,7 +135,7 @@ def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any
     return found
 
 
-def new_presses(
+def new_press(
     rig: Rig,
     scene: Scene,
     start: tuple[float, float],
@@ -145,14 +145,14 @@ def new_presses(
     order: int = ORDER,
     tolerance: float | None = None,
 ) -> Press:
-    """Return presses at time 0 before their first sample, of which one at a time is played.
+    """Return a press at time 0 before its first sample, as `play` takes it.
 
     Args:
         rig: The true bench.
         scene: With its step.
         start: rad, joints when power comes on.
-        keys: Of `KEY`; shape (presses,).
-        jacks: Of `JACK`; shape (presses, choirs).
+        keys: Of `KEY`; shape (1,).
+        jacks: Of `JACK`; shape (choirs,).
         order: Of the steps, even, at most 8.
         tolerance: Dimensionless, relative error of a step; None for one that suits the step.
     """
@@ -163,8 +163,8 @@ def new_presses(
         tolerance = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
     run["period"], run["step"], run["steps"] = period, period / steps, steps
     run["order"], run["tolerance"] = order, tolerance
-    work = np.zeros((16, 1 + jacks.shape[1] + (2 if scene.servo else 0)))
+    work = np.zeros((16, 1 + len(jacks) + (2 if scene.servo else 0)))
     return Press(
         records(keys), records(jacks), cells, records(finger_of(rig, scene, start)), records(run),
-        work[0], work[1], work[2], work, np.zeros((EVENTS, 5)), np.zeros((0, 6)),
+        work[0], work[1], work[2], work, np.zeros((EVENTS, 4)), np.zeros((0, 6)),
     )  # fmt: skip

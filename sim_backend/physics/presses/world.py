@@ -15,7 +15,7 @@ from sautereau.sim_backend.physics.presses.parameters import (
     FINGERS,
     ORDER,
     bench_of,
-    new_presses,
+    new_press,
 )
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import gravity_torque
@@ -63,7 +63,7 @@ class ExactWorld(World):
         rig = self.rig
         check_scene(scene)
         bench = bench_of(rig, scene)
-        self._presses = new_presses(rig, scene, self.start, *bench, order, tolerance)
+        self._press = new_press(rig, scene, self.start, *bench, order, tolerance)
         self._kind = FINGERS.index(scene.finger)
         self._steps = steps_in_sample(rig, scene.step or rig.controller.sample_period)
         self.finger = Finger(self.start)
@@ -76,7 +76,7 @@ class ExactWorld(World):
     @property
     def press(self) -> ix.Press:
         """Parameters and state."""
-        return ix.one_press(self._presses, 0)
+        return ix.opened(self._press)
 
     def advance(self, reference: Reference, powered: bool) -> Motions:
         return self._play(*reference(_ENDS), powered)
@@ -94,20 +94,19 @@ class ExactWorld(World):
         else:
             cubics = joint_cubics(self.start, counts, speeds, self.radians_per_count)
         room = samples * (self._steps + 2) + SPARE_ROWS
-        if len(self._presses.rows) < room:
-            self._presses = self._presses._replace(rows=np.empty((room, 6)))
-        presses, status = self._presses, np.zeros(1, np.int64)
-        plucks, played = np.empty((1, len(presses.x), 4)), np.array([samples])
-        events, last = play(presses, self.samples, cubics, played, powered, plucks, status)
+        if len(self._press.rows) < room:
+            self._press = self._press._replace(rows=np.empty((room, 6)))
+        press = self._press
+        fault, events, last = play(press, self.samples, cubics, samples, powered)
         self.samples += samples
-        rows, fault = presses.rows[:last], int(status[0])
+        rows = press.rows[:last]
         if fault == ix.FINE and not np.isfinite(rows).all():
             fault = ix.LOST
         if fault != ix.FINE:
             reached = rows[-1, 0] if last else 0.0
             raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[fault]}")
         lists = self.events.contacts, self.events.releases, self.events.returns
-        for time, event, choir, force, _ in presses.events[:events].tolist():
+        for time, event, choir, force in press.events[:events].tolist():
             lists[int(event)].append(StringEvent(time, int(choir), force))
         if kind == ix.IDEAL:
             first, second = (np.asarray(self.start) + counts[-1] * self.radians_per_count).tolist()
