@@ -1,5 +1,6 @@
-"""TOML files given by path, or by the name of one that is part of sautereau."""
+"""Files that are part of sautereau: TOML files by path or name, and tables beside modules."""
 
+import csv
 import difflib
 from importlib import resources
 from pathlib import Path
@@ -43,3 +44,9 @@ def packaged_names(package: str) -> list[str]:
     """Return the names of the TOML files in a package."""
     files = resources.files(package).iterdir()
     return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
+
+
+def table_beside(module: str) -> list[list[str]]:
+    """Return the rows below the head of ``NAME.csv``, for the `__file__` ``NAME.py``."""
+    with Path(module).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.reader(file))[1:]

@@ -4,10 +4,10 @@ They are in quantities.csv. Command line, JSON, DataFrames, plots, report and do
 them from here.
 """
 
-import csv
 import math
 from dataclasses import dataclass
-from pathlib import Path
+
+from sautereau.rig.packaged import table_beside
 
 DISPLAYED = {
     "s": (1e3, "ms"),
@@ -47,12 +47,6 @@ class Quantity:
         """
         unit = self.unit if unit is None else unit
         return f"{self.label} ({unit})" if unit not in ("", "1") else self.label
-
-
-def table_beside(module: str) -> list[list[str]]:
-    """Return the rows below the head of ``NAME.csv``, for the `__file__` ``NAME.py``."""
-    with Path(module).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.reader(file))[1:]
 
 
 SECTIONS: dict[str, dict[str, Quantity]] = {}  # Quantities by what reports them, and there by name

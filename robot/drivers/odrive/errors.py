@@ -4,7 +4,7 @@ errors.csv has them as `Firmware/odrive-interface.yaml` of odriverobotics/ODrive
 where flags without a `bit` follow the one before them.
 """
 
-from sautereau.rig.quantities import table_beside
+from sautereau.rig.packaged import table_beside
 
 DEVICE = "error"  # Property of the device; those below are an axis's
 CUT = 9  # Characters to which the firmware cuts a value: an error of so many digits may be longer
