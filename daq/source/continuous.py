@@ -9,7 +9,7 @@ from pathlib import Path
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.source.source import open_source
+from sautereau.daq.source.source import Source, open_source
 from sautereau.rig.schema import Rig
 
 NO_PRESS = 0  # Number of the press in a recording without a press
@@ -71,25 +71,36 @@ def record(
             with Recording(
                 path, rig, session=session, rate=acquisition.rate, scaling=acquisition.scaling
             ) as recording:
-                recording.before_trigger()
-                acquisition.start()
-                for block in acquisition.blocks():
-                    count = block.first_sample + block.n_samples
-                    if count > limit:
-                        count = int(limit)
-                        samples = block.samples[:, : count - block.first_sample]
-                        block = replace(block, samples=samples)
-                    recording.write_block(block)
-                    on_block(count)
-                    if count == limit:
-                        break
-                    if not keep_going():
-                        recording.event("stopped", "by the operator", count / acquisition.rate)
-                        break
-                acquisition.stop()
+                _fill(recording, acquisition, limit, keep_going, on_block)
             complete = True
     except DaqError as error:
         if complete:
             error.add_note(f"the recording {path} is complete")
         raise
     return recording.n_samples
+
+
+def _fill(
+    recording: Recording,
+    acquisition: Source,
+    limit: float,
+    keep_going: Callable[[], bool],
+    on_block: Callable[[int], None],
+) -> None:
+    """Acquire up to a number of samples of each channel, or until it is stopped; see `record`."""
+    recording.before_trigger()
+    acquisition.start()
+    for block in acquisition.blocks():
+        count = block.first_sample + block.n_samples
+        if count > limit:
+            count = int(limit)
+            samples = block.samples[:, : count - block.first_sample]
+            block = replace(block, samples=samples)
+        recording.write_block(block)
+        on_block(count)
+        if count == limit:
+            break
+        if not keep_going():
+            recording.event("stopped", "by the operator", count / acquisition.rate)
+            break
+    acquisition.stop()

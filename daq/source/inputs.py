@@ -17,8 +17,7 @@ from sautereau.rig.acquisition import Channel, Daq
 
 NOT_SUPPORTED = (-200197, -200452)
 """Codes of the error if the device or the task does not have a property."""
-LONGEST_DELAY = 1.0
-"""s, of an input's digital filter; those of cards take less than 0.1 s."""
+LONGEST_DELAY = 1.0  # s, of an input's digital filter; those of cards take less than 0.1 s
 EXCITATION_TOLERANCE = 0.1
 """Dimensionless, largest relative difference of the sensor's current from the requested one."""
 
@@ -147,8 +146,9 @@ def _skew(task: Any) -> float:
     if _optional(device, "ai_simultaneous_sampling_supported") in (None, True):
         return 0.0
     rate = _optional(task.timing, "ai_conv_rate")
-    # Without a rate it is unknown; a negative one becomes a delay that is refused.
-    return 0.0 if not rate else 1 / rate if rate > 0 else math.inf
+    if not rate:
+        return 0.0
+    return 1 / rate if rate > 0 else math.inf  # a delay that is refused with its input
 
 
 def _impossible(actual: InputSettings, rate: float) -> list[str]:
