@@ -1,1 +1,1 @@
-"""Presses for the exact engine: a scene's parameters and force laws, one world, or many presses."""
+"""Presses for the exact engine: a scene's parameters and force laws, and its world."""
