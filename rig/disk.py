@@ -11,9 +11,10 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TextIO
 
 _REPLACED: ContextVar[frozenset[Path]] = ContextVar("_REPLACED", default=frozenset())
+_NOT_REGULAR = "not a regular file"
 NEW = ".new"  # File extension of what is being written
 TEXT_LIMIT = 8_000_000
 """Largest size of a file of text that is read: rig, scene, table, manifest; bytes."""
@@ -232,16 +233,33 @@ def open_regular(path: Path) -> BufferedReader:
     Raises:
         OSError: It cannot be opened, or is not a regular file.
     """
-    # Without O_NONBLOCK, opening a pipe that nobody writes to never returns.
-    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    return os.fdopen(_regular(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)), "rb")
+
+
+def open_to_append(path: Path) -> TextIO:
+    """Open a regular file, or a new one, to append text; a device or a pipe is refused.
+
+    Raises:
+        OSError: It cannot be written, or is not a regular file.
+    """
+    entry = _regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+    return os.fdopen(entry, "a", encoding="utf-8", errors="backslashreplace")
+
+
+def _regular(path: Path, flags: int) -> int:
+    # Without O_NONBLOCK, opening a pipe that nobody writes to, or reads, never returns.
     try:
-        entry = os.open(path, flags)
+        entry = os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)
     except ValueError as error:  # NUL in the path, or characters that no file name can have
         raise OSError(errno.EINVAL, f"not the name of a file: {error}", str(path)) from error
+    except OSError as error:
+        if error.errno != errno.ENXIO:  # of a pipe that nobody reads
+            raise
+        raise OSError(errno.EINVAL, _NOT_REGULAR, str(path)) from error
     if not stat.S_ISREG(os.fstat(entry).st_mode):
         os.close(entry)
-        raise OSError(errno.EINVAL, "not a regular file", str(path))
-    return os.fdopen(entry, "rb")
+        raise OSError(errno.EINVAL, _NOT_REGULAR, str(path))
+    return entry
 
 
 def digest(path: Path) -> str:

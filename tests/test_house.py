@@ -73,7 +73,6 @@ OTHER_WAYS = {
     "sautereau/doctor.py": "measures the speed of a disk with a file that has no name",
     "sautereau/commands/app.py": "the terminal, and the device that drops everything",
     "sautereau/commands/output.py": "the device that drops everything",
-    "sautereau/commands/log.py": "a log is appended to",
     "sim_backend/devices/daqmx/tdms_log.py": "the log that a client of the card asks for",
 }
 """Files of the package that open files in another way than `rig.disk`, and why."""

@@ -1,10 +1,7 @@
 """The log of a command: steps and warnings on standard error, everything in a file."""
 
-import errno
 import logging
-import os
 import shlex
-import stat
 import sys
 import time
 import warnings
@@ -15,8 +12,8 @@ from typing import TextIO
 
 from sautereau.analysis.summary.text import wrapped
 from sautereau.commands.output import LATE_WARNINGS, Output, printable
+from sautereau.rig.disk import open_to_append
 
-NOT_REGULAR = "not a regular file"
 _ROOT = logging.getLogger("sautereau")
 
 
@@ -42,7 +39,7 @@ class _ToFile(logging.StreamHandler[TextIO]):
 
     def __init__(self, path: Path):
         self._path = path
-        super().__init__(_appending(path))
+        super().__init__(open_to_append(path))
         self.setFormatter(_Dated("%(asctime)s %(levelname)s %(name)s: %(message)s"))
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -70,22 +67,6 @@ class _ToFile(logging.StreamHandler[TextIO]):
         )
         with suppress(OSError):  # of what could not be written
             self.stream.close()
-
-
-def _appending(path: Path) -> TextIO:
-    """Open a regular file, or a new one, for appending; never wait for a pipe's reader."""
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
-    try:
-        entry = os.open(path, flags, 0o666)
-    except OSError as error:
-        if error.errno != errno.ENXIO:  # of a pipe that nobody reads
-            raise
-        raise OSError(errno.EINVAL, NOT_REGULAR) from error
-    file = os.fdopen(entry, "a", encoding="utf-8", errors="backslashreplace")
-    if not stat.S_ISREG(os.fstat(entry).st_mode):
-        file.close()
-        raise OSError(errno.EINVAL, NOT_REGULAR)
-    return file
 
 
 class _Dated(logging.Formatter):

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from sautereau.rig.errors import SautereauError
-from tests.fuzz.run import LONGEST, MOST_MEMORY, Wrong, one, run
+from tests.fuzz.run import Wrong, one, run
 from tests.fuzz.targets import TARGETS
 
 FOUND = [line.split() for line in Path(__file__).with_name("found.txt").read_text().splitlines()]
@@ -39,9 +39,8 @@ def test_damaged_rigs_and_files_of_other_programs_are_refused_or_read_right(tmp_
         one(target, name, number)
 
 
-def test_damaged_recordings_give_no_crash_no_hang_and_no_wrong_sample():
-    """In a process of its own, for its peak memory."""
-    words = ["recording", "lengths", "--first", "0", "--count", "15", "--seconds", "1000"]
+def fuzzed(*words):
+    """Return what a run prints: in a process of its own, for its peak memory and its threads."""
     done = subprocess.run(
         [sys.executable, "-W", "error", "-m", "tests.fuzz", *words],
         cwd=Path(__file__).parents[2],
@@ -50,20 +49,23 @@ def test_damaged_recordings_give_no_crash_no_hang_and_no_wrong_sample():
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "30 cases, 0 failed" in done.stdout
-    assert max(map(int, re.findall(r"(\d+) MiB", done.stdout))) < 500
-    recovered = re.findall(r"recovered (\d+)", done.stdout)
+    return done.stdout
+
+
+def test_damaged_recordings_give_no_crash_no_hang_and_no_wrong_sample():
+    said = fuzzed("recording", "lengths", "--first", "0", "--count", "15", "--seconds", "1000")
+    assert "30 cases, 0 failed" in said
+    assert max(map(int, re.findall(r"(\d+) MiB", said))) < 500
+    recovered = re.findall(r"recovered (\d+)", said)
     assert sum(map(int, recovered)) >= 15
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TARGETS)
 def test_a_short_run(name):
-    tally = run(name, TARGETS[name](), seconds=20)
-    assert tally.failures == {}
-    assert tally.cases > 5
-    assert tally.longest < LONGEST
-    assert tally.memory < MOST_MEMORY
+    """Cases that exceed a limit of time or memory count as failed."""
+    said = fuzzed(name, "--first", "0", "--seconds", "20")
+    assert int(re.search(r"(\d+) cases, 0 failed", said)[1]) > 5
 
 
 class Target:
