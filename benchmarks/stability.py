@@ -11,7 +11,7 @@ from benchmarks.extremes.case_scenes import Case
 from benchmarks.extremes.cases import grid
 from benchmarks.extremes.random_cases import random_cases
 from benchmarks.figures import Figure
-from sautereau.analysis.summary.text import table
+from sautereau.analysis.text import table
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.progress import tracked

@@ -16,18 +16,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from sautereau.analysis.results.comparison import Comparison as Comparison
+    from sautereau.analysis.results.fit import Fit as Fit
+    from sautereau.analysis.results.plan import Plan as Plan
+    from sautereau.analysis.results.prediction import Prediction as Prediction
+    from sautereau.analysis.results.rig import Rig as Rig
+    from sautereau.analysis.results.sweep import Sweep as Sweep
     from sautereau.entrance.bench import Bench as Bench
     from sautereau.entrance.bench import bench as bench
     from sautereau.entrance.bench import stand_in as stand_in
-    from sautereau.entrance.comparison import Comparison as Comparison
-    from sautereau.entrance.fit import Fit as Fit
-    from sautereau.entrance.plan import Plan as Plan
-    from sautereau.entrance.prediction import Prediction as Prediction
     from sautereau.entrance.press_file import PressFile as PressFile
-    from sautereau.entrance.rig import Rig as Rig
     from sautereau.entrance.session import Session as Session
     from sautereau.entrance.session import open as open
-    from sautereau.entrance.sweep import Sweep as Sweep
     from sautereau.entrance.watching import watch as watch
     from sautereau.robot.experiment.steps import ask as ask
     from sautereau.robot.experiment.steps import press as press
@@ -38,14 +38,14 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "entrance.bench": ("Bench", "bench", "stand_in"),
-    "entrance.comparison": ("Comparison",),
-    "entrance.fit": ("Fit",),
-    "entrance.plan": ("Plan",),
-    "entrance.prediction": ("Prediction",),
-    "entrance.rig": ("Rig",),
+    "analysis.results.comparison": ("Comparison",),
+    "analysis.results.fit": ("Fit",),
+    "analysis.results.plan": ("Plan",),
+    "analysis.results.prediction": ("Prediction",),
+    "analysis.results.rig": ("Rig",),
     "entrance.press_file": ("PressFile",),
     "entrance.session": ("Session", "open"),
-    "entrance.sweep": ("Sweep",),
+    "analysis.results.sweep": ("Sweep",),
     "entrance.watching": ("watch",),
     "robot.experiment.steps": ("ask", "press", "repeat_until", "scan"),
 }

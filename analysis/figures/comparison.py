@@ -14,7 +14,7 @@ from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.difference import Pair
-from sautereau.analysis.summary.text import counted
+from sautereau.analysis.text import counted
 
 BESIDE = 5e-3
 """s, before contact and after release, that force on deflection and the model are drawn of."""

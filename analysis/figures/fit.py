@@ -10,7 +10,7 @@ from sautereau.analysis.identify.combinations import IDENTIFIABLE
 from sautereau.analysis.identify.fit import Fit
 from sautereau.analysis.identify.identified import Estimate, Identified
 from sautereau.analysis.identify.parameters import values_of_rig
-from sautereau.analysis.summary.text import counted
+from sautereau.analysis.text import counted
 
 
 def fit_figure(fitted: Fit, found: Identified, simulated: bool) -> Figure:

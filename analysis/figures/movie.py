@@ -15,7 +15,7 @@ from PIL import Image
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.animation import animation_figure
 from sautereau.analysis.press.replay import Replay
-from sautereau.analysis.summary.text import counted
+from sautereau.analysis.text import counted
 from sautereau.rig.disk import make_folder, new_file
 from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from sautereau.analysis.figures.palette import ARM, GRAIN, LASER, PHASES, PRESSED, SKY
 from sautereau.analysis.figures.side import BenchPose
-from sautereau.analysis.summary.plan import check_cells
+from sautereau.analysis.text import check_cells
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.expected import Expectation

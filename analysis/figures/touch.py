@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from sautereau.analysis.campaign.touch import Felt, Touch
 from sautereau.analysis.figures.palette import GRID, MARKERS, SERIES
 from sautereau.analysis.session.repeatability import Spread
-from sautereau.analysis.summary.text import counted
+from sautereau.analysis.text import counted
 from sautereau.rig.quantities import QUANTITIES
 
 STYLES = {

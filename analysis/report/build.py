@@ -14,7 +14,7 @@ from sautereau.analysis.report import facts, figures, tables
 from sautereau.analysis.report.contents import Contents
 from sautereau.analysis.report.fits import Fit
 from sautereau.analysis.report.slow_motion import moving
-from sautereau.analysis.summary.text import counted
+from sautereau.analysis.text import counted
 from sautereau.rig.text import rig_text
 
 MOST_LONG = 60_000  # Longest text of a rig or a scene on the page, in characters

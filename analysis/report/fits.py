@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.summary.text import counted
+from sautereau.analysis.text import counted
 from sautereau.rig.disk import read_limited, why_unreadable
 from sautereau.rig.quantities import QUANTITIES
 

@@ -13,12 +13,12 @@ from sautereau.analysis.press.features import (
     title_of,
 )
 from sautereau.analysis.report.contents import PressRecord
+from sautereau.analysis.results.comparison import SIGNS, error_cells, feature_cells
+from sautereau.analysis.results.comparison import repeatability_rows as rows_of_repeatability
 from sautereau.analysis.session.compare import Comparison
 from sautereau.analysis.session.conditions import SessionAnalysis
 from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability
-from sautereau.analysis.summary.session import SIGNS, error_cells, feature_cells
-from sautereau.analysis.summary.session import repeatability_rows as rows_of_repeatability
 from sautereau.rig.quantities import QUANTITIES
 
 NONE = "–"

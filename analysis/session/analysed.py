@@ -99,7 +99,7 @@ def analyse_partial(path: Path) -> AnalysedPress:
     """Analyse the press of a recording's file that lacks the force or the velocity.
 
     What needs that signal is None in its `features`, and assumed in its `phases`, which are for
-    `sautereau.analysis.summary.press` only.
+    `sautereau.analysis.results.press` only.
 
     Raises:
         daq.errors.RecordingError: The file is not a complete recording.

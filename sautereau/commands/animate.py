@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from sautereau.analysis.summary.text import part_of
+from sautereau.analysis.results.result import part_of
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput
 

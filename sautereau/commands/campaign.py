@@ -5,7 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.text import SOME_SIMULATED, counted, part_of
+from sautereau.analysis.results.result import part_of
+from sautereau.analysis.text import SOME_SIMULATED, counted
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output, make_folders, save_plot
 
@@ -88,17 +89,12 @@ def touch(
     from sautereau.analysis.campaign.judgements import with_labels
     from sautereau.analysis.campaign.table import read_campaign
     from sautereau.analysis.campaign.touch import find_touch
-    from sautereau.analysis.summary.judged import judged_lines, judged_summary
-    from sautereau.analysis.summary.touch import touch_lines, touch_summary
+    from sautereau.analysis.results.touch import JudgedTouch
 
     table = read_campaign(file)
     if labels is not None:
         table = with_labels(table, labels)
-    found, judged = find_touch(table), find_judged(table)
-    result = touch_summary(found) | {"judged": judged_summary(judged)}
-    lines = [*touch_lines(found), *judged_lines(judged)]
+    found = JudgedTouch(find_touch(table), find_judged(table))
     if plot:
-        from sautereau.analysis.figures.touch import touch_figure
-
-        save_plot(plot, touch_figure(found))
-    return output.answer(result, lines, plot)
+        save_plot(plot, found.plot())
+    return output.answer(found.document, found.lines(), plot)

@@ -155,8 +155,8 @@ def bench(rig: "str | Rig", simulation: Simulation, *, moves: bool = True) -> "B
     Raises:
         RigError: The hardware would move by a packaged rig; its limits are of another arm.
     """
+    from sautereau.analysis.results.rig import Rig as Own
     from sautereau.entrance import bench as benches
-    from sautereau.entrance.rig import Rig as Own
 
     if simulation.requested:
         return benches.stand_in(rig, simulation.scene or "paper", simulation.seed)

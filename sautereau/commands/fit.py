@@ -1,11 +1,12 @@
 """Find the phases of recordings, compare them with the model, and fit the model to recordings."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.text import SOME_SIMULATED, counted, grouped
+from sautereau.analysis.text import SOME_SIMULATED, counted, grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, make_folders, save_plot
 
@@ -29,7 +30,7 @@ def phases(
         "52.1 ms +- 0.3 ms to 72.05 ms +- 0.05 ms", or "none" for no pluck. Repeat it for several
         plucks. All commands use the values until you delete FILE.phases.toml beside the recording.
     """
-    from sautereau.analysis.summary.press import HEADER
+    from sautereau.analysis.results.press import HEADER
     from sautereau.entrance.each import each
     from sautereau.entrance.session import Session, open
 
@@ -155,12 +156,11 @@ def identify(
     session, faults = common.opened(files, output, samples=True)
     with output.progress("fitting"):
         fit = session.identify(names, prior or (), level=level, starts=starts, robust=robust)
-    profiles = []
     if profile:
         with output.progress("profile likelihood"):
-            profiles = [fit.profile(e.name) for e in tracked(fit.found.estimates)]
-    result, lines = fit.document(profiles), fit.lines(profiles, every=output.verbose)
-    result |= {"faults": faults}
+            found = [fit.profile(e.name) for e in tracked(fit.found.estimates)]
+        fit = replace(fit, profiles=tuple(found))
+    result, lines = fit.document | {"faults": faults}, fit.lines(every=output.verbose)
     if plot:
         save_plot(plot, fit.plot())
     if out:

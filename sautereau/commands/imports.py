@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.summary.text import grouped
+from sautereau.analysis.text import grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput
 from sautereau.daq.convert.options import ImportOptions

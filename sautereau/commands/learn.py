@@ -4,7 +4,7 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sautereau.analysis.summary.text import part_of
+from sautereau.analysis.results.result import part_of
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput
 

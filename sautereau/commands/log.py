@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
-from sautereau.analysis.summary.text import wrapped
+from sautereau.analysis.text import wrapped
 from sautereau.commands.output import LATE_WARNINGS, Output, printable
 from sautereau.rig.disk import open_to_append
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from sautereau.analysis.summary.text import wrapped
+from sautereau.analysis.text import wrapped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

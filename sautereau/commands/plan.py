@@ -1,8 +1,6 @@
 """Plan a press, place the robot, predict a press by the model."""
 
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, json_text, save_plot
@@ -25,15 +23,13 @@ def plan(
     out
         File for the controller's segments, as JSON; written only if every check passes.
     """
-    from sautereau.analysis.summary.plan import plan_lines, plan_summary
-    from sautereau.entrance.rig import Rig
+    from sautereau.analysis.results.rig import Rig
     from sautereau.rig.disk import write_durably
     from sautereau.trajectory.segments import segments_document
 
     made = Rig(rig).plan()
-    nominal, draft, warnings = made.rig, made.trajectory, made.warnings
-    result = plan_summary(draft, warnings)
-    lines = plan_lines(nominal, draft, warnings, all_checks=output.verbose)
+    nominal, draft = made.rig, made.trajectory
+    lines = made.lines(all_checks=output.verbose)
     if out and made.feasible:
         period = nominal.controller.sample_period
         document = segments_document(draft.segments, period, draft.home, draft.hover)
@@ -47,7 +43,7 @@ def plan(
 
         save_plot(bench, bench_figure(nominal, draft))
         lines.append(f"bench: {bench}")
-    output.answer(result, lines)
+    output.answer(made.document, lines)
     if not made.feasible:
         faults = (f"{c}; {c.how_to_fix}" for c in draft.checks if not c.holds)
         return output.fail("\n  ".join(["the press is not feasible:", *faults]))
@@ -75,32 +71,25 @@ def mount(
     """
     import numpy as np
 
-    from sautereau.analysis.summary.plan import located_lines, located_summary, mount_lines
+    from sautereau.analysis.results.mount import Clamping
     from sautereau.rig.csv_files import read_touched_points
-    from sautereau.trajectory.mount.find import find_mount, mount_map
+    from sautereau.trajectory.mount.find import find_mount
     from sautereau.trajectory.mount.locate import locate_base
 
     if trust_homing and touches is None:
         return output.fail("--trust-homing: it concerns --touches FILE, which is missing", 2)
     bench = common.load_rig(rig)
-    result: dict[str, Any] = {}
-    lines = []
+    located = None
     if touches:
         read = read_touched_points(touches, bench.arm)
         offsets = 0 if trust_homing else None
         located = locate_base(bench, np.array(read.joints), np.array(read.points), offsets=offsets)
-        result["located"] = located_summary(located)
-        lines += located_lines(located)
     with output.progress("finding places"):
-        found = find_mount(bench)
-    result |= asdict(found)
-    lines += mount_lines(bench, found)
+        found = Clamping(bench, find_mount(bench), located)
     if plot:
-        from sautereau.analysis.figures.mount import mount_figure
-
         with output.progress("drawing the map"):
-            save_plot(plot, mount_figure(bench, mount_map(bench), found))
-    return output.answer(result, lines, plot)
+            save_plot(plot, found.plot())
+    return output.answer(found.document, found.lines(), plot)
 
 
 def predict(
@@ -111,11 +100,11 @@ def predict(
     output: FileOutput = FileOutput(),
 ) -> int:
     """Predict a press by the model alone; the plot shows all plectrum models."""
-    from sautereau.entrance.rig import Rig
+    from sautereau.analysis.results.rig import Rig
 
     with output.progress("predicting"):
         found = Rig(rig).predict(level=level)
     if plot:
         with output.progress("predicting by all plectrum models"):
             save_plot(plot, found.plot())
-    return output.answer(found.scalars, str(found).splitlines(), plot)
+    return output.answer(found.document, found.lines(), plot)

@@ -4,7 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
 
-from sautereau.analysis.summary.text import counted, grouped
+from sautereau.analysis.text import counted, grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output
 
@@ -17,7 +17,7 @@ def info(file: Path, /, *, output: Output = Output()) -> int:
     file
         Recording.
     """
-    from sautereau.analysis.summary.recording import recording_lines
+    from sautereau.analysis.results.recording import recording_lines
     from sautereau.daq.file.survey import describe
 
     found = describe(file)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sautereau.analysis.summary.text import SOME_SIMULATED
+from sautereau.analysis.text import SOME_SIMULATED
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.figures.comparison import PICTURED
-from sautereau.analysis.summary.press import HEADER, press_line
-from sautereau.analysis.summary.text import grouped
+from sautereau.analysis.results.comparison import Comparison
+from sautereau.analysis.results.press import HEADER, press_line
+from sautereau.analysis.text import grouped
 from sautereau.commands.live.watching import watching
 from sautereau.commands.output import Output
-from sautereau.entrance.comparison import Comparison
 from sautereau.entrance.devices import Connected
 from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.pressing import Observer, Pressing

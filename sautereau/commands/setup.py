@@ -7,7 +7,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from sautereau.analysis.summary.text import wrapped
+from sautereau.analysis.text import wrapped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output
 

@@ -27,7 +27,7 @@ def transient(
         "transducer=...". Repeat it for several.
     """
     from sautereau.analysis.alike import check_alike
-    from sautereau.analysis.summary.transient import transient_lines, transient_summary
+    from sautereau.analysis.results.transient import Transient
     from sautereau.analysis.transient import attribute, combine, examine
     from sautereau.entrance.each import each
 
@@ -40,14 +40,10 @@ def transient(
             session, lambda p: examined.append(examine(p.press, p.phases, len(examined)))
         )
     faults += [str(error) for _, error in others]
-    found = attribute(combine(examined), rig, measured)
+    found = Transient(tuple(examined), tuple(attribute(combine(examined), rig, measured)))
     if plot:
-        from sautereau.analysis.figures.transient import transient_figure
-
-        save_plot(plot, transient_figure(examined, found))
-    lines = transient_lines(examined, found)
-    result = transient_summary(examined, found) | {"faults": faults}
-    return output.answer(result, lines, plot, faults)
+        save_plot(plot, found.plot())
+    return output.answer(found.document | {"faults": faults}, found.lines(), plot, faults)
 
 
 def _known(texts: list[str]) -> "dict[Source, list[float]]":

@@ -24,8 +24,8 @@ def watch(
     n
         End when this number of presses has arrived.
     """
-    from sautereau.analysis.summary.press import HEADER, press_line
-    from sautereau.analysis.summary.text import counted
+    from sautereau.analysis.results.press import HEADER, press_line
+    from sautereau.analysis.text import counted
     from sautereau.entrance.watching import watch as watch_folder
 
     sessions = watch_folder(folder)

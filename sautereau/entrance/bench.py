@@ -4,10 +4,10 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
+from sautereau.analysis.results.rig import Rig
 from sautereau.entrance.devices import Devices
 from sautereau.entrance.learning import Learned, Learning
 from sautereau.entrance.pressing import Observer, Pressing, Replay, Settings
-from sautereau.entrance.rig import Rig
 from sautereau.entrance.session import Session
 from sautereau.rig import schema
 from sautereau.rig.errors import RigError

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sautereau.analysis.summary.text import wrapped
-from sautereau.entrance.rig import Rig
+from sautereau.analysis.results.rig import Rig
+from sautereau.analysis.text import wrapped
 from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
 from sautereau.robot.experiment.bench import Bench

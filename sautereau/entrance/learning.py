@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.model.predict import expected_of
+from sautereau.analysis.results.result import Shown
 from sautereau.daq.file.reading import read_session
 from sautereau.entrance.devices import Connected, Devices, fresh_seed
 from sautereau.entrance.session import Session
-from sautereau.entrance.shown import Shown
 from sautereau.rig.disk import may_replace
 from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.errors import RobotError

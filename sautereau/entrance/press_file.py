@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 from sautereau.analysis.errors import MissingSignalError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.results.press import HEADER, press_line, press_summary
+from sautereau.analysis.results.result import Shown, shown
+from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.session.analysed import AnalysedPress, analyse_file, analyse_partial
-from sautereau.analysis.summary.press import HEADER, press_line, press_summary
 from sautereau.daq.convert.to_xarray import to_xarray
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import SessionInfo
-from sautereau.entrance.rig import Rig
-from sautereau.entrance.shown import Shown, shown
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,16 +9,16 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.identified import evaluate
 from sautereau.analysis.identify.parameters import read_prior
+from sautereau.analysis.results.comparison import Comparison
+from sautereau.analysis.results.fit import Fit
+from sautereau.analysis.results.result import Shown, shown
+from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.session.conditions import analyse, differing, what_is_alike
 from sautereau.analysis.session.difference import side_by_side
-from sautereau.analysis.summary.text import counted
-from sautereau.entrance.comparison import Comparison
+from sautereau.analysis.text import counted
 from sautereau.entrance.each import each, every
-from sautereau.entrance.fit import Fit
 from sautereau.entrance.found import recordings_of
 from sautereau.entrance.press_file import PressFile
-from sautereau.entrance.rig import Rig
-from sautereau.entrance.shown import Shown, shown
 from sautereau.rig import schema
 from sautereau.rig.errors import require
 

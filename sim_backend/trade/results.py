@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from sautereau.analysis.figures.palette import MARKERS, SERIES
-from sautereau.analysis.summary.text import table
+from sautereau.analysis.text import table
 
 HEADS = (
     ("", "", "", "", "step", "error", "force", "build", "run", "x real"),

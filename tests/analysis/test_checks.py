@@ -12,7 +12,7 @@ from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.found import HeldString
 from sautereau.analysis.phases.signals import signals_of
 from sautereau.analysis.remark import Remark, divided
-from sautereau.analysis.summary.press import press_line, press_summary
+from sautereau.analysis.results.press import press_line, press_summary
 from sautereau.daq.signals.quality_flags import QualityFlag
 
 

@@ -7,7 +7,7 @@ from scipy.integrate import trapezoid
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import expectation, predict
-from sautereau.analysis.summary.prediction import prediction_lines, prediction_summary
+from sautereau.analysis.results.prediction import Prediction
 from sautereau.rig.instrument import Choir
 from sautereau.rig.units import GRAVITY
 from sautereau.trajectory.key import angle_of_rise, key_motion, rise_of_angle, rise_slope
@@ -120,16 +120,15 @@ def test_a_planner_expects_all_plucks(staggered):
 
 def test_text_and_json_say_the_same_of_every_string(paper, staggered):
     found = predict(staggered)
-    said = "\n".join(prediction_lines(staggered, found))
-    for each, choir in zip(
-        prediction_summary(staggered, found)["choirs"], found.choirs, strict=True
-    ):
+    result = Prediction(staggered, found)
+    said = str(result)
+    for each, choir in zip(result.document["choirs"], found.choirs, strict=True):
         assert each["pluck_duration"] == choir.pluck_duration == each["release"] - each["contact"]
         assert f"pluck duration {each['pluck_duration'] * 1e3:.4g} ms" in said
         assert f"{np.degrees(each['release_angle']):.4g} deg" in said
     assert f"release force {found.release_force:.4g} N of string 1" in said
     assert "Vosc of string 1" in said
-    assert "of string 1" not in "\n".join(prediction_lines(paper, predict(paper)))
+    assert "of string 1" not in str(Prediction(paper, predict(paper)))
 
 
 def test_faults_name_the_choir(paper):

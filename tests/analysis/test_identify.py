@@ -18,10 +18,9 @@ from sautereau.analysis.identify.profile import profile
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
+from sautereau.analysis.results.fit import Fit
 from sautereau.analysis.session.analysed import jack_speeds
 from sautereau.analysis.session.compare import compare
-from sautereau.analysis.summary.fit import fit_lines, fit_summary
-from sautereau.entrance.fit import Fit
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.text import rig_text
 from sautereau.sim_backend.physics.observation import observe
@@ -73,6 +72,11 @@ def made(two):
 @pytest.fixture(scope="module")
 def found(made):
     return evaluate(made)
+
+
+def shown(found):
+    """Return the result of an identification as its readers get it."""
+    return Fit(found.rig, True, (), None, found)
 
 
 def free_key(rig, seed=0):
@@ -190,7 +194,7 @@ def test_two_frictions_with_the_same_effect_are_not_identifiable(two):
     assert not worst.identifiable
     assert found.combinations[0].identifiable
     assert abs(worst.weights["key.pivot_coulomb_friction"]) > 0.5
-    text = "\n".join(fit_lines(found))
+    text = str(shown(found))
     assert "not all parameters are identifiable" in text
     assert "not identifiable from these recordings" in text
 
@@ -206,8 +210,8 @@ def test_a_weight_that_only_shifts_the_force_is_undetermined(two):
     assert by_name(found)["key.inertia"].identifiable
     assert by_name(found)["key.inertia"].measurements == ()
     assert unseen.measurements == ()
-    assert "no single measurement would change this" in "\n".join(fit_lines(found))
-    summary = fit_summary(found)
+    assert "no single measurement would change this" in str(shown(found))
+    summary = shown(found).document
     assert summary["parameters"]["key.gravity_moment"]["ci95"] is None
     assert summary["identifiable"]["all"] is False
 
@@ -222,7 +226,7 @@ def test_a_prior_determines_what_the_data_do_not(two, true):
     assert not estimate.identifiable
     assert estimate.unaided is None
     certain = replace(estimate, std=estimate.needed / 2)
-    text = " ".join(fit_lines(replace(found, estimates=(certain,))))
+    text = str(shown(replace(found, estimates=(certain,))))
     assert "is needed, and without its own prior it is undetermined" in text
 
 
@@ -348,10 +352,10 @@ def test_friction_that_the_rig_does_not_know_is_suggested_and_then_fits(rig):
     assert by_name(wrong)["plectrum.overlap"].value > 1.1 * true.plectrum.overlap
     friction = next(s for s in wrong.suggested if s.name == "plectrum.friction")
     assert friction.value == pytest.approx(0.15, abs=0.08)
-    text = "\n".join(fit_lines(wrong))
+    text = str(shown(wrong))
     assert "THE MODEL DOES NOT FIT" in text
     assert "suggested: free plectrum.friction" in text
-    assert fit_summary(wrong)["fits"] is False
+    assert shown(wrong).document["fits"] is False
     right = identify(pressed, phases, [*FREE, "plectrum.friction"], starts=1)
     assert right.quality.fits
     assert right.suggested == ()
@@ -376,7 +380,8 @@ def test_a_little_friction_is_found_unasked_where_the_string_lies_on_the_surface
         assert estimate.low < value_of(scene.true_rig(rig), name) < estimate.high
     assert by_name(made)["plectrum.overlap"].value == pytest.approx(0.34e-3, rel=0.05)
     assert made.rig.plectrum.friction == by_name(made)["plectrum.friction"].value
-    assert set(fit_summary(made)["sensitivity"]["key.press_arm"]["effects"]) == set(by_name(made))
+    effects = shown(made).document["sensitivity"]["key.press_arm"]["effects"]
+    assert set(effects) == set(by_name(made))
 
 
 def test_the_intervals_contain_the_calibrations_and_the_table_shows_each(two, found):
@@ -399,11 +404,11 @@ def test_the_intervals_contain_the_calibrations_and_the_table_shows_each(two, fo
     wider = by_name(identify(rough, phases, FREE, starts=1))
     for name in FREE[:3]:
         assert wider[name].std > 1.2 * by_name(found)[name].std
-    text = "\n".join(fit_lines(found, every=True))
+    text = "\n".join(shown(found).lines(every=True))
     assert "offset.velocity_gain" in text
     assert "plectrum.contact" in text
     assert "(* its standard uncertainty)" in " ".join(text.split())
-    assert set(fit_summary(found)["sensitivity"]) == set(table)
+    assert set(shown(found).document["sensitivity"]) == set(table)
 
 
 @pytest.mark.slow
@@ -431,7 +436,7 @@ def test_a_string_on_the_surface_of_a_rig_with_the_mid_line_is_suggested(rig):
     wrong = identify([press], [find_phases(press)], FREE, starts=1)
     assert not wrong.quality.fits
     assert wrong.suggested[0].name == "plectrum.contact"
-    assert 'suggested: set plectrum.contact = "surface"' in "\n".join(fit_lines(wrong))
+    assert 'suggested: set plectrum.contact = "surface"' in str(shown(wrong))
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from sautereau.analysis.campaign.judgements import with_labels
 from sautereau.analysis.campaign.labels import LEVELS, touch_in
 from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.summary.judged import judged_lines, judged_summary
+from sautereau.analysis.results.touch import judged_lines
 
 ODDS = 6.0
 """Of a harder judgement, per standard deviation of the logarithm of the release force."""
@@ -57,7 +58,7 @@ def test_known_odds_and_what_does_not_matter():
     means = list(force.means.values())
     assert means == sorted(means)
     assert found.notes == ("force_drop: not compared, 0 judgements have it",)
-    summary = json.loads(json.dumps(judged_summary(found), allow_nan=False))
+    summary = json.loads(json.dumps(asdict(found), allow_nan=False))
     assert summary["quantities"]["release_force"]["odds_ratio"]["value"] > 1
     lines = judged_lines(found)
     assert any(line.startswith("release force (N)") for line in lines)
@@ -94,8 +95,6 @@ def test_without_judgements_and_without_statsmodels(monkeypatch):
     rows = rows_of(20)
     none = [row | {"touch": None} for row in rows]
     assert find_judged(campaign_of(none)) is None
-    assert judged_lines(None) == []
-    assert judged_summary(None) is None
     monkeypatch.setitem(sys.modules, "statsmodels.miscmodels.ordinal_model", None)
     found = find_judged(campaign_of(rows))
     assert found.quantities["release_force"].odds_ratio is None

@@ -12,7 +12,7 @@ from sautereau.analysis.loading.press import SIGNALS, partial_press_of, press_of
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.one_signal import find_partial_phases
 from sautereau.analysis.press.features import NEED, UNITS, features
-from sautereau.analysis.summary.press import press_line, press_summary
+from sautereau.analysis.results.press import press_line, press_summary
 from sautereau.entrance.session import open as open_session
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.physics.observation import observe

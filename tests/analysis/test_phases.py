@@ -9,7 +9,7 @@ from sautereau.analysis.loading.first_press import first_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.release import find_falls
 from sautereau.analysis.phases.rows import Rows
-from sautereau.analysis.summary.press import press_summary
+from sautereau.analysis.results.press import press_summary
 from tests.budget import slow
 from tests.plots import texts
 from tests.presses import with_data

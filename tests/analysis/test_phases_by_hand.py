@@ -7,7 +7,7 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.by_hand import path_by_hand, write_by_hand
-from sautereau.analysis.summary.press import press_line, press_summary
+from sautereau.analysis.results.press import press_line, press_summary
 
 
 @pytest.fixture

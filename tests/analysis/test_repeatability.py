@@ -8,8 +8,8 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
+from sautereau.analysis.results.comparison import repeatability_lines
 from sautereau.analysis.session.repeatability import Spread, Trend, repeatability
-from sautereau.analysis.summary.session import repeatability_lines
 from sautereau.daq.file.recorded import Event
 from sautereau.trajectory.timing import press_law
 from tests.presses import with_data

@@ -19,7 +19,7 @@ from sautereau.analysis.report.contents import gather
 from sautereau.analysis.report.drawing import envelope
 from sautereau.analysis.report.facts import cleaned
 from sautereau.analysis.report.fits import Fit, read_fit
-from sautereau.analysis.summary.text import percent
+from sautereau.analysis.text import percent
 from sautereau.rig.load import parse_rig, with_values
 from tests.budget import slow
 

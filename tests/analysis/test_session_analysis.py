@@ -12,11 +12,11 @@ import sautereau as st
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.report.contents import gather
+from sautereau.analysis.results.comparison import Comparison, analysis_lines, pair_lines
 from sautereau.analysis.session.analysed import analyse_file
 from sautereau.analysis.session.conditions import analyse
 from sautereau.analysis.session.difference import difference, side_by_side
 from sautereau.analysis.session.pooled import pooled_features
-from sautereau.analysis.summary.session import analysis_lines, analysis_summary, pair_lines
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
 
@@ -41,11 +41,11 @@ def on_rig(presses, rig):
 def test_report_comparison_and_table_have_the_same_digits(four, tmp_path):
     """All of them show what one function returns."""
     folder, presses = four
-    found = analysis_summary(analyse(presses))
+    found = Comparison(analyse(presses)).document
     session = st.open(folder)
     assert session.compare().document == found
     contents = gather([press.path for press in session], "elastica")
-    assert analysis_summary(contents.analysis) == found
+    assert Comparison(contents.analysis).document == found
     frame = session.features
     mean = found["conditions"][0]["features"]["release_force"]["measured"]
     assert frame["release_force"].mean() == pytest.approx(mean, rel=1e-15)

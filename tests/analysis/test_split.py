@@ -11,7 +11,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.loading.presses import AGAIN, NO_END, REST, presses_of
 from sautereau.analysis.session.analysed import analyse_file, analyse_partial
-from sautereau.analysis.summary.text import WIDTH
+from sautereau.analysis.text import WIDTH
 from sautereau.commands.app import app
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording

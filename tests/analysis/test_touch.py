@@ -14,7 +14,7 @@ from sautereau.analysis.campaign.touch import FELT, find_touch
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.touch import touch_figure
 from sautereau.analysis.model.predict import predict
-from sautereau.analysis.summary.touch import touch_lines, touch_summary
+from sautereau.analysis.results.touch import JudgedTouch
 from sautereau.rig.load import load_rig, with_values
 
 EXPONENTS = {"release_force": (1.5, 0.0), "force_slope": (2.0, 0.0), "force_drop": (1.5, 0.7)}
@@ -125,9 +125,9 @@ def test_plectra_are_ordered_by_stiffness(found):
 
 
 def test_results_as_json_lines_and_plot(found, tmp_path):
-    summary = json.loads(json.dumps(touch_summary(found), allow_nan=False))
+    summary = json.loads(json.dumps(JudgedTouch(found).document, allow_nan=False))
     assert summary["felt"]["force_drop"]["exponents"]["plectrum_overlap"]["std"] > 0
-    lines = touch_lines(found)
+    lines = JudgedTouch(found).lines()
     assert lines[0].startswith("SIMULATED")
     assert max(map(len, lines)) <= 80
     assert any(line.lstrip().startswith("proportional to thickness^") for line in lines)
@@ -175,7 +175,7 @@ def test_exponents_are_not_biased_by_presses_without_a_drop():
     found = find_touch(campaign_of(without))
     assert list(found.felt) == ["release_force", "force_slope"]
     assert any(note.startswith("force_drop: 0 presses") for note in found.notes)
-    assert touch_lines(found)
+    assert JudgedTouch(found).lines()
     assert touch_figure(found)
 
 
@@ -200,7 +200,7 @@ def test_notes_name_what_is_not_identifiable(rows, note):
         assert (felt.plectrum is None) == alone
         assert (felt.session is None) == note.startswith("no plectrum")
         assert not felt.exponents or note.startswith("no plectrum")
-    assert touch_lines(found)
+    assert JudgedTouch(found).lines()
     if "vary" not in note:
         assert touch_figure(found)
 

@@ -15,7 +15,7 @@ from benchmarks.simulated import simulated_press
 from benchmarks.transient import true_phases, truth_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import Phases, find_phases
-from sautereau.analysis.summary.transient import transient_lines, transient_summary
+from sautereau.analysis.results.transient import Transient
 from sautereau.analysis.transient import Source, attribute, combine, examine
 from sautereau.analysis.transient.attribute import free_frequencies, held_frequencies
 from sautereau.analysis.transient.sources import MODELS
@@ -146,11 +146,12 @@ def test_a_negative_damping_is_explained(pressed, examined):
     for damping, cell in {-0.004: "< 0.6", -0.02: "grows", 0.004: "0.4 +- 0.3"}.items():
         wave = replace(found.oscillation, damping=damping, damping_std=0.003)
         shown = replace(found, oscillation=wave)
-        text = "\n".join(transient_lines([one], [shown]))
+        result = Transient((one,), (shown,))
+        text = str(result)
         assert f"  {cell}  " in text
         assert ("not damped measurably (estimate -0.4 +- 0.3 %)" in text) == (damping == -0.004)
         assert ("it grows (damping -2.0 +- 0.3 %)" in text) == (damping == -0.02)
-        (answer,) = transient_summary([one], [shown])["oscillations"]
+        (answer,) = result.document["oscillations"]
         assert answer["damping"] == damping
 
 

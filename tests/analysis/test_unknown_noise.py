@@ -48,7 +48,7 @@ def test_a_ramp_without_rest(tmp_path, paper):
     scales = [[paper.daq.channel(name).scale] for name in ("velocity", "force")]
     path = write_recording(tmp_path / "a.mcap", paper, np.array(signals) / scales)
     fit = Session([path]).identify(["plectrum.overlap"], starts=1)
-    found = fit.document()
+    found = fit.document
     assert found["fits"] is found["quality"]["noise"] is None
     assert found["parameters"]["plectrum.overlap"]["ci95"] is None
     assert fit.values == {}

@@ -5,7 +5,7 @@ import shutil
 
 import pytest
 
-from sautereau.analysis.summary.text import WIDTH, wrapped
+from sautereau.analysis.text import WIDTH, wrapped
 from sautereau.commands.app import app
 from tests.pages import ROOT
 

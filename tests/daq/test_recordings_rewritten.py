@@ -11,7 +11,7 @@ from mcap import writer as mcap_writer
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from sautereau.analysis.summary.recording import recording_lines
+from sautereau.analysis.results.recording import recording_lines
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import LARGEST_CHUNK, PREFIX, DamageError
 from sautereau.daq.file.reading import read_recording, read_session, read_window, stream

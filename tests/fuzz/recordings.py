@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.simulated import acquired
 from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.summary.press import press_summary
+from sautereau.analysis.results.press import press_summary
 from sautereau.commands.output import json_text
 from sautereau.daq.convert.export import export
 from sautereau.daq.convert.importing import import_file

@@ -14,8 +14,7 @@ from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.table import KEY, Campaign, read_campaign
 from sautereau.analysis.campaign.touch import find_touch
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.summary.judged import judged_summary
-from sautereau.analysis.summary.touch import touch_summary
+from sautereau.analysis.results.touch import JudgedTouch
 from sautereau.commands.output import json_text
 from tests.fuzz import mutate
 
@@ -77,9 +76,9 @@ class Campaigns:
         if dice.random() < 0.3:
             run_campaign(self._folder / "empty", self._path, 1)
             return "continued"
-        json_text({"judged": judged_summary(find_judged(table))})
+        judged = find_judged(table)
         try:
-            json_text(touch_summary(find_touch(table)))
+            json_text(JudgedTouch(find_touch(table), judged).document)
         except AnalysisError:
             return "read"
         return "compared"

@@ -10,7 +10,7 @@ import numpy as np
 from sautereau.analysis.figures.palette import DASHES, SERIES
 from sautereau.analysis.model.batch import DERIVED, PredictionBatch, predict_many
 from sautereau.analysis.model.pluck.paths import Status
-from sautereau.entrance.shown import Shown, shown
+from sautereau.analysis.results.result import Shown, shown
 from sautereau.rig.errors import RigError, require
 from sautereau.rig.faults import unit_of
 from sautereau.rig.named import full_key

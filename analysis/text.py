@@ -1,9 +1,12 @@
 """Phrases, tables and line breaks that all texts share."""
 
+import math
 import re
 import textwrap
 from collections.abc import Collection, Iterable, Sequence
-from typing import Any
+
+from sautereau.rig.quantities import DISPLAYED
+from sautereau.trajectory.checks import Check
 
 SOME_SIMULATED = "SIMULATED: at least one of these presses is simulated"
 """First line of the text on presses of which any was made on a stand-in."""
@@ -82,11 +85,27 @@ def _wrapped_line(line: str) -> str:
     )
 
 
-def part_of(found: object, *names: str) -> dict[str, Any]:
-    """Return some attributes of a result by their names."""
-    return {name: getattr(found, name) for name in names}
-
-
 def percent(ratio: float) -> str:
     """Return a signed ratio in per cent: `-6.6 %`, `+0.12 %`."""
     return f"{100 * ratio:+.{1 if abs(ratio) >= 0.01 else 2}f} %"
+
+
+def relative_margin(check: Check) -> float:
+    """Return the margin [1] over the limit; infinite where a limit of 0 is kept."""
+    if math.isnan(check.margin):
+        return -math.inf
+    if check.limit == 0:
+        return math.copysign(math.inf, check.margin) if check.margin else 0.0
+    return check.margin / abs(check.limit)
+
+
+def check_cells(check: Check) -> tuple[str, ...]:
+    """Return name, value in the unit of its limit, limit, margin, and whether the check fails."""
+    plain = "" if check.unit == "1" else check.unit.replace("*", " ")
+    scale, unit = DISPLAYED.get(check.unit, (1.0, plain))
+
+    relative = relative_margin(check)
+    margin = f"{100 * relative:.1f} %" if math.isfinite(relative) else "-"
+    limit = f"{'>=' if check.at_least else '<='} {check.limit * scale:.4g} {unit}".rstrip()
+    verdict = "" if check.holds else "FAILS"
+    return check.name, f"{check.value * scale:.4g}", limit, margin, verdict

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sautereau.entrance.shown import Shown
+from sautereau.analysis.results.result import Shown
 from sautereau.rig import load, schema
 from sautereau.rig.compared import flat
 from sautereau.rig.errors import RigError
@@ -14,9 +14,9 @@ from sautereau.rig.named import named_values
 if TYPE_CHECKING:
     import pandas as pd
 
-    from sautereau.entrance.plan import Plan
-    from sautereau.entrance.prediction import Prediction
-    from sautereau.entrance.sweep import Sweep
+    from sautereau.analysis.results.plan import Plan
+    from sautereau.analysis.results.prediction import Prediction
+    from sautereau.analysis.results.sweep import Sweep
 
 
 class Rig(Shown):
@@ -83,7 +83,7 @@ class Rig(Shown):
 
     def plan(self) -> "Plan":
         """Return the plan of one press, whether or not it is feasible."""
-        from sautereau.entrance.plan import plan
+        from sautereau.analysis.results.plan import plan
 
         return plan(self.values)
 
@@ -96,7 +96,7 @@ class Rig(Shown):
             ModelError: The level has no solution for this rig.
         """
         from sautereau.analysis.model.predict import predict
-        from sautereau.entrance.prediction import Prediction
+        from sautereau.analysis.results.prediction import Prediction
 
         rig = self.with_values(values, **named).values
         return Prediction(rig, predict(rig, level))
@@ -112,7 +112,7 @@ class Rig(Shown):
         Raises:
             ModelError: A value cannot be varied. A case out of range only has a status.
         """
-        from sautereau.entrance.sweep import sweep
+        from sautereau.analysis.results.sweep import sweep
 
         return sweep(self.values, {**(values or {}), **named})
 

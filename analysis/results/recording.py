@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
 
-from sautereau.analysis.summary.text import counted
+from sautereau.analysis.text import counted
 from sautereau.daq.file.recorded import UNCHECKED
 from sautereau.daq.file.survey import Description
 

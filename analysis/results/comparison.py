@@ -1,16 +1,21 @@
-"""The analysis of a session as JSON and as text: comparison, repeatability, drift, differences."""
+"""The analysis of a session: comparison, repeatability, drift, differences from another session."""
 
-from dataclasses import fields
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.press.features import split_column, title_of
+from sautereau.analysis.results.result import Result, frame_of, json_of, shown
 from sautereau.analysis.session.compare import Mean
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.difference import Difference, Pair
 from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
-from sautereau.analysis.summary.text import counted, percent, table
+from sautereau.analysis.text import counted, percent, table
 from sautereau.rig.quantities import QUANTITIES
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 INTERVALS = {"student": "Student's t", "bootstrap": "bootstrap of the presses (BCa)"}
 SIGNS = {
@@ -22,20 +27,91 @@ SIGNS = {
 DRIFTING = ("pluck_duration", "release_force")
 """Features whose drift the text reports: of more, some would be significant by chance."""
 NO_INTERVAL = "none (one press)"  # Text in place of the interval of a single press
+_INDEX = ["condition", "name"]  # Of the tables
 _OF_SEVERAL = ("presses", "changed", "warnings")
 """Keys of a condition that mean something else of a session."""
 
 
-def repeatability_summary(found: Repeatability) -> dict[str, Any]:
-    """Return a session's repeatability as JSON; SI units."""
+@dataclass(frozen=True, repr=False)
+class Comparison(Result):
+    """Presses by condition, compared with the model and with another set."""
 
-    def plain(value: Any) -> Any:
-        if not isinstance(value, Spread):
-            return value
-        key = "per_press" if isinstance(value, Trend) else "value"
-        return {key: value.value, "ci95": [value.low, value.high]}
+    found: SessionAnalysis
+    pairs: tuple[Pair, ...] = ()
+    """Conditions of this set and of the other; empty without another set."""
 
-    return {field.name: plain(getattr(found, field.name)) for field in fields(found)}
+    def __repr__(self) -> str:
+        conditions = counted(len(self.found.conditions), "condition")
+        return f"<Comparison of {counted(len(self.found.presses), 'press')}, {conditions}>"
+
+    def lines(self, features: bool = True) -> list[str]:
+        """Return the comparison as text, with or without the features."""
+        lines = analysis_lines(self.found, features)
+        return [*lines, *(line for pair in self.pairs for line in pair_lines(pair))]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The conditions as JSON, and of a single one its keys; SI units."""
+        conditions = [_condition_document(condition) for condition in self.found.conditions]
+        single = conditions[0] if len(conditions) == 1 else {}
+        own = {key: value for key, value in single.items() if key not in _OF_SEVERAL}
+        against = {"against": [_pair_document(pair) for pair in self.pairs]} if self.pairs else {}
+        return own | {"conditions": conditions, "simulated": self.found.simulated} | against
+
+    @property
+    def errors(self) -> "pd.DataFrame":
+        """Model errors, (model - measured) / measured, with 95 % intervals."""
+        rows = [
+            (number, name, error.value, error.low, error.high)
+            for number, condition in enumerate(self.found.conditions, 1)
+            for name in (SIGNS if condition.comparison else ())
+            for error in [getattr(condition.comparison, name)]
+        ]
+        return frame_of(rows, (*_INDEX, "value", "low", "high"), _INDEX)
+
+    @property
+    def features(self) -> "pd.DataFrame":
+        """Features with mean, 95 % interval, standard deviation, drift per press and the model."""
+        rows = [
+            (number, one.name, one.measured.value, one.measured.low, one.measured.high, one.std,
+             one.drift and one.drift.value, one.predicted, one.presses)
+            for number, condition in enumerate(self.found.conditions, 1)
+            for one in condition.features
+        ]  # fmt: skip
+        names = ("mean", "low", "high", "std", "drift", "predicted", "presses")
+        units = {one.name: one.unit for c in self.found.conditions for one in c.features}
+        return frame_of(rows, (*_INDEX, *names), _INDEX, units)
+
+    @property
+    def differences(self) -> "pd.DataFrame":
+        """Features of this set minus those of the other, with 95 % intervals (Welch)."""
+        rows = [
+            (number, one.name, one.first.measured.value, one.second.measured.value, one.value,
+             one.low, one.high, one.significant)
+            for number, pair in enumerate(self.pairs, 1)
+            for one in pair.differences
+        ]  # fmt: skip
+        names = ("first", "second", "difference", "low", "high", "significant")
+        return frame_of(rows, (*_INDEX, *names), _INDEX)
+
+    @property
+    def conditions(self) -> "pd.DataFrame":
+        """The conditions: number of presses, and the values that vary between them."""
+        rows = [
+            (number, len(condition.counted), self.found.label(condition))
+            for number, condition in enumerate(self.found.conditions, 1)
+        ]
+        return frame_of(rows, ("condition", "presses", "values"), "condition")
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Return the differences from the other set; without one, the features."""
+        return self.differences if self.pairs else self.features
+
+    def plot(self, condition: int | None = None) -> "Figure":
+        """Return a figure of the first presses of each condition, or of one, and of the model."""
+        from sautereau.analysis.figures.comparison import session_figure
+
+        return shown(session_figure(self.found, self.pairs, condition))
 
 
 def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str, bool]]:
@@ -77,16 +153,7 @@ def repeatability_lines(found: Repeatability) -> list[str]:
     ]
 
 
-def analysis_summary(found: SessionAnalysis) -> dict[str, Any]:
-    """Return the analysis of a session as JSON: its conditions, and of a single one its keys."""
-    conditions = [condition_summary(condition) for condition in found.conditions]
-    single = conditions[0] if len(conditions) == 1 else {}
-    own = {key: value for key, value in single.items() if key not in _OF_SEVERAL}
-    return own | {"conditions": conditions, "simulated": found.simulated}
-
-
-def condition_summary(found: Condition) -> dict[str, Any]:
-    """Return the presses of one condition as JSON; SI units."""
+def _condition_document(found: Condition) -> dict[str, Any]:
     result: dict[str, Any] = {
         "recordings": [str(press.press.path) for press in found.presses],
         "presses": len(found.counted),
@@ -94,25 +161,49 @@ def condition_summary(found: Condition) -> dict[str, Any]:
     }
     if found.comparison:
         for name in SIGNS:
-            error: Mean = getattr(found.comparison, name)
-            result[name] = {"value": error.value, "ci95": _ends(error)}
+            result[name] = json_of(getattr(found.comparison, name), "interval")
     if found.features:
         result["interval"] = found.features[0].measured.interval
-        result["features"] = {one.name: _feature_summary(one) for one in found.features}
+        result["features"] = {
+            one.name: {
+                "unit": one.unit,
+                "presses": one.presses,
+                "measured": one.measured.value,
+                "ci95": _ends(one.measured),
+                "std": one.std,
+                "drift": one.drift and _per_press(one.drift),
+                "predicted": one.predicted,
+            }
+            for one in found.features
+        }
     if found.repeatability:
-        result["repeatability"] = repeatability_summary(found.repeatability)
+        figures = {f.name: getattr(found.repeatability, f.name) for f in fields(Repeatability)}
+        drifts = {name: _per_press(v) for name, v in figures.items() if isinstance(v, Trend)}
+        spreads = {name: json_of(v) for name, v in figures.items() if isinstance(v, Spread)}
+        result["repeatability"] = figures | spreads | drifts
     return result | {"warnings": list(found.warnings)}
 
 
-def _feature_summary(one: PooledFeature) -> dict[str, Any]:
+def _per_press(drift: Trend) -> dict[str, Any]:
+    return {"per_press": drift.value, "ci95": _ends(drift)}
+
+
+def _pair_document(found: Pair) -> dict[str, Any]:
     return {
-        "unit": one.unit,
-        "presses": one.presses,
-        "measured": one.measured.value,
-        "ci95": _ends(one.measured),
-        "std": one.std,
-        "drift": one.drift and {"per_press": one.drift.value, "ci95": _ends(one.drift)},
-        "predicted": one.predicted,
+        "first": _condition_document(found.first),
+        "second": _condition_document(found.second),
+        "changed": {key: list(both) for key, both in found.changed.items()},
+        "differences": {
+            one.name: {
+                "unit": one.unit,
+                "first": one.first.measured.value,
+                "second": one.second.measured.value,
+                "difference": one.value,
+                "ci95": _ends(one),
+                "significant": one.significant,
+            }
+            for one in found.differences
+        },
     }
 
 
@@ -161,26 +252,6 @@ def _drift_lines(found: Condition) -> list[str]:
         if one.name in DRIFTING and one.drift and one.drift.significant
         for scale in [QUANTITIES[split_column(one.name)[0]].displayed[0]]
     ]
-
-
-def pair_summary(found: Pair) -> dict[str, Any]:
-    """Return two conditions side by side as JSON; SI units."""
-    return {
-        "first": condition_summary(found.first),
-        "second": condition_summary(found.second),
-        "changed": {key: list(both) for key, both in found.changed.items()},
-        "differences": {
-            one.name: {
-                "unit": one.unit,
-                "first": one.first.measured.value,
-                "second": one.second.measured.value,
-                "difference": one.value,
-                "ci95": _ends(one),
-                "significant": one.significant,
-            }
-            for one in found.differences
-        },
-    }
 
 
 def pair_lines(found: Pair) -> list[str]:

@@ -1,0 +1,274 @@
+"""Values of a rig that were fitted to recordings."""
+
+from dataclasses import asdict, dataclass
+from datetime import date
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sautereau.analysis.identify import fit as fitting
+from sautereau.analysis.identify.combinations import IDENTIFIABLE
+from sautereau.analysis.identify.fixed import Suggestion
+from sautereau.analysis.identify.identified import Estimate, FittedMode, Identified
+from sautereau.analysis.identify.parameter_names import CONTACT
+from sautereau.analysis.identify.parameters import rig_values
+from sautereau.analysis.identify.profile import Profile, profile
+from sautereau.analysis.identify.quality import Quality
+from sautereau.analysis.results.result import Result, frame_of, json_of, part_of, shown
+from sautereau.analysis.results.rig import Rig
+from sautereau.analysis.text import SOME_SIMULATED, counted, table
+from sautereau.rig import schema
+from sautereau.rig.edit import edit_rig, edited_text
+from sautereau.rig.load import parse_rig
+from sautereau.rig.quantities import QUANTITIES
+from sautereau.rig.text import rig_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+TOGETHER = 2  # Number of results in one table of effects, which then fits into 80 columns
+COLUMNS = ("name", "unit", "value", "std", "low", "high", "rig_value", "at_bound", "identifiable")
+"""Columns of the table of parameters."""
+
+
+@dataclass(frozen=True, repr=False)
+class Fit(Result):
+    """A fit; `found` has all its results."""
+
+    nominal: schema.Rig
+    """Rig of the recordings."""
+    simulated: bool
+    """Whether the stand-in made any of the presses."""
+    mixed: tuple[str, ...]
+    """Keys in which the presses differ although they were fitted together: the day, the scene."""
+    made: fitting.Fit
+    found: Identified
+    profiles: tuple[Profile, ...] = ()
+    """Profile likelihoods of the parameters; empty unless they were requested."""
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{e.name} {e.value:.4g} {e.unit}" for e in self.found.estimates)
+        presses = counted(len(self.found.presses), "press")
+        return f"<Fit to {presses}: {values}; {self.found.quality.verdict}>"
+
+    @property
+    def params(self) -> "pd.DataFrame":
+        """Each parameter with value, uncertainty and 95 % interval, SI."""
+        rows = [[getattr(e, name) for name in COLUMNS] for e in self.found.estimates]
+        return frame_of(rows, COLUMNS, "name")
+
+    @property
+    def identifiable(self) -> dict[str, bool]:
+        """Whether the recordings determine each parameter without its own prior."""
+        return {e.name: e.identifiable for e in self.found.estimates}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings about doubtful results."""
+        more = []
+        if self.mixed:
+            more.append(f"fitted together, although the presses differ in {', '.join(self.mixed)}")
+        if not self.simulated and self.found.contact_warning:
+            more.append(self.found.contact_warning)
+        return (*self.found.warnings, *more)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The fit as JSON; SI units."""
+        names = [e.name for e in self.found.estimates]
+        result: dict[str, Any] = {
+            "parameters": {e.name: json_of(e, "name") for e in self.found.estimates},
+            "correlation": {
+                name: dict(zip(names, row, strict=True))
+                for name, row in zip(names, self.found.correlation.tolist(), strict=True)
+            },
+            "identifiable": {
+                "all": all(c.identifiable for c in self.found.combinations),
+                "identifiable_below": IDENTIFIABLE,
+                "combinations": [asdict(c) for c in self.found.combinations],
+            },
+            "modes": [asdict(mode) for mode in self.found.modes],
+            "fits": self.found.quality.fits,
+            "quality": json_of(self.found.quality, "repetition", "quiet", "repeats"),
+            "suggested": [asdict(s) for s in self.found.suggested],
+            "sensitivity": {s.name: json_of(s, "name") for s in self.found.sensitivity},
+            "presses": list(self.found.presses),
+            **part_of(
+                self.found, "releases", "level", "residual", "residual_before", "rise_residual"
+            ),
+            "force_offsets": list(self.found.force_offsets),
+            "simulated": self.simulated,
+            "warnings": list(self.warnings),
+        }
+        if self.profiles:
+            result["profiles"] = {
+                p.name: {
+                    "values": p.values.tolist(),
+                    "rises": p.rises.tolist(),
+                    "ci95": [p.low, p.high],
+                }
+                for p in self.profiles
+            }
+        return result
+
+    def lines(self, *, every: bool = False) -> list[str]:
+        """Return the fit as text.
+
+        Args:
+            every: Whether to add the table of the fixed numbers' effects.
+        """
+        found = self.found
+        lines = [
+            *([SOME_SIMULATED] * self.simulated),
+            f"rig {found.rig.name}, plectrum model {found.level}, fitted to"
+            f" {counted(len(found.presses), 'press')} with {counted(found.releases, 'release')}",
+            f"{QUANTITIES['residual'].label}: {found.residual_before * 1e3:.3g} mN before the fit,"
+            f" {found.residual * 1e3:.3g} mN after",
+            *map(_mode_line, found.modes),
+            _quality_line(found.quality),
+            *(f"  {reason}" for reason in found.quality.reasons),
+            *(_suggestion_line(suggestion) for suggestion in found.suggested),
+            *table(map(_estimate_cells, found.estimates), left=(0, 2, 3, 4), indent=2, gap=1),
+            *(line for estimate in found.estimates for line in _needed_lines(estimate)),
+        ]
+        if not found.quality.fits:
+            lines.append("no 95 % intervals: the uncertainties are those of a model that fits")
+        for likely in self.profiles:
+            ends = ["a bound" if end is None else f"{end:.5g}" for end in (likely.low, likely.high)]
+            lines.append(f"  {likely.name}: 95 % by profile likelihood, {ends[0]} to {ends[1]}")
+        if all(c.identifiable for c in found.combinations):
+            lines.append("all parameters are identifiable from these recordings")
+        else:
+            lines.append(
+                "not all parameters are identifiable from these recordings; standard uncertainty of"
+                " the combinations of their relative changes:"
+            )
+            lines += [
+                f"  {'undetermined' if c.std is None else f'{c.std:.2g}'},"
+                f" {'identifiable' if c.identifiable else 'not identifiable'}: {c}"
+                for c in found.combinations
+            ]
+        if every:
+            lines += _table(found)
+        return lines + [f"warning: {warning}" for warning in self.warnings]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Identifiable values by dotted key; empty unless the model is known to fit."""
+        sure = [e for e in self.found.estimates if e.identifiable and self.found.quality.fits]
+        return rig_values(self.nominal, {e.name: e.value for e in sure})
+
+    @cached_property
+    def rig(self) -> Rig:
+        """The recordings' rig with `values`, which have this fit as their source."""
+        nominal = rig_text(self.nominal)
+        text = edited_text(nominal, "fit", Path(), self.values, self._source, every=True)
+        return Rig(parse_rig(text))
+
+    def write(self, path: Path) -> None:
+        """Write `values` into a rig file and keep its other values; a new file is that of `rig`.
+
+        Without `values` nothing is written.
+        """
+        if not self.values:
+            return
+        if path.exists():
+            edit_rig(path, self.values, self._source, every=True).save()
+        else:
+            self.rig.save(path)
+
+    @property
+    def _source(self) -> str:
+        first, more = self.found.presses[0], len(self.found.presses) - 1
+        return (
+            f"identified from {'SIMULATED ' * self.simulated}{first}"
+            f"{f' and {more} more' * (more > 0)} on {date.today().isoformat()}"
+        )
+
+    def profile(self, name: str) -> Profile:
+        """Return the profile likelihood of one parameter."""
+        return profile(self.made, self.found, name)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Return the parameters."""
+        return self.params
+
+    def plot(self) -> "Figure":
+        """Return a figure of force, residuals and correlation."""
+        from sautereau.analysis.figures.fit import fit_figure
+
+        return shown(fit_figure(self.made, self.found, self.simulated))
+
+
+def _mode_line(mode: FittedMode) -> str:
+    spread = "" if mode.frequency_std is None else f" +- {mode.frequency_std:.2g}"
+    return f"compliant key: mode at {mode.frequency:.4g}{spread} Hz, damping {mode.damping:.2g}"
+
+
+def _quality_line(good: Quality) -> str:
+    parts = [f"{good.free_residual * 1e3:.3g} mN without a string"]
+    if good.held_residual is not None:
+        parts.append(f"{good.held_residual * 1e3:.3g} mN while it is held")
+    if good.noise is not None:
+        parts.append(f"{good.noise * 1e3:.3g} mN of noise at rest")
+    return f"{good.verdict}{': ' if good.noise is not None else '; '}residual {', '.join(parts)}"
+
+
+def _suggestion_line(suggestion: Suggestion) -> str:
+    gain = f"weighted sum of squares {suggestion.reduction:.0f} less"
+    if suggestion.name == CONTACT:
+        return f'  suggested: set {CONTACT} = "surface" in the rig ({gain})'
+    value = _quantity(suggestion.value, suggestion.unit)
+    return f"  suggested: free {suggestion.name}, about {value} ({gain})"
+
+
+def _quantity(value: float, unit: str) -> str:
+    return f"{value:.4g} {_unit(unit)}".strip()
+
+
+def _table(found: Identified) -> list[str]:
+    """Return the effects of fixed numbers and calibrations, a line each."""
+    lines = [
+        "change in % of each result by a change of a number that is not a result"
+        " (* its standard uncertainty):"
+    ]
+    for first in range(0, len(found.estimates), TOGETHER):
+        names = [e.name for e in found.estimates[first : first + TOGETHER]]
+        rows = [("number", "change", *(name.rpartition(".")[2] for name in names))]
+        for s in found.sensitivity:
+            change = _quantity(s.change, s.unit) + "*" * s.stated
+            rows.append((s.name, change, *(f"{100 * s.effects[name]:+.2f}" for name in names)))
+        lines += table(rows, indent=2, gap=1)
+    return lines
+
+
+def _estimate_cells(estimate: Estimate) -> tuple[str, ...]:
+    """Return name, value, standard uncertainty, unit and the rig's own value."""
+    spread = "undetermined" if estimate.std is None else f"+- {estimate.std:.2g}"
+    rig = f"(rig: {estimate.rig_value:.5g})"
+    return estimate.name, f"{estimate.value:.5g}", spread, _unit(estimate.unit), rig
+
+
+def _needed_lines(estimate: Estimate) -> list[str]:
+    """Return what would make a parameter identifiable; nothing if it is."""
+    if estimate.identifiable:
+        return []
+
+    def spread(std: float) -> str:
+        return f"+- {std:.2g} {_unit(estimate.unit)}".strip()
+
+    prior = ""
+    if estimate.std is not None and estimate.std < estimate.needed:
+        unaided = "undetermined" if estimate.unaided is None else spread(estimate.unaided)
+        prior = f", and without its own prior it is {unaided}"
+    helps = [f"at best {spread(m.std)} if you {m.what}" for m in estimate.measurements]
+    return [
+        f"{estimate.name} is not identifiable from these recordings:"
+        f" {spread(estimate.needed)} is needed{prior}",
+        *(f"  {each}" for each in helps or ["no single measurement would change this"]),
+    ]
+
+
+def _unit(unit: str) -> str:
+    return unit.replace("**", "^").replace("*", " ")

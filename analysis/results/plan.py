@@ -1,0 +1,120 @@
+"""The plan of one press: its checks and its motion."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from sautereau.analysis.model.predict import expected_of
+from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.text import check_cells, counted, relative_margin, table
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.checks import Check
+from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.press import Trajectory, draft_press
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+TIGHTEST = 5  # Checks in the text unless all are requested
+COLUMNS = ("name", "value", "limit", "unit", "at_least", "margin", "holds", "how_to_fix")
+"""Columns of the table of checks."""
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(Result):
+    """One planned press; `trajectory` has all its arrays."""
+
+    rig: Rig
+    trajectory: Trajectory
+    expected: Expectation | None
+    """Force of the string on the finger; None if the model has no solution."""
+    warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        feasible = "feasible" if self.feasible else "NOT feasible"
+        return f"<Plan of rig {self.rig.name}: {self.trajectory.time[-1] * 1e3:.4g} ms, {feasible}>"
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every check holds."""
+        return all(check.holds for check in self.trajectory.checks)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The plan as JSON; SI units."""
+        draft = self.trajectory
+        return {
+            "cruise_speed": draft.cruise.speed,
+            "cruise_error_max": draft.cruise.error,
+            "cruise_time": [draft.cruise.start, draft.cruise.end],
+            "cruise_rise": list(draft.cruise.rise),
+            "tilt_max": float(abs(draft.tilt).max()),
+            "slide_max": float(abs(draft.slide).max()),
+            "duration": float(draft.time[-1]),
+            "segments": len(draft.segments),
+            "feasible": self.feasible,
+            "warnings": list(self.warnings),
+            "checks": [asdict(c) | {"margin": c.margin, "holds": c.holds} for c in draft.checks],
+        }
+
+    def lines(self, all_checks: bool = False) -> list[str]:
+        """Return the plan as text.
+
+        Args:
+            all_checks: List every check instead of the tightest and the failed ones.
+        """
+        draft, cruise = self.trajectory, self.trajectory.cruise
+        tilt, slide = math.degrees(abs(draft.tilt).max()), abs(draft.slide).max() * 1e3
+        return [
+            f"rig {self.rig.name}: {draft.time[-1] * 1e3:.4g} ms in"
+            f" {counted(len(draft.segments), 'segment')}",
+            f"{'cruise' if draft.law.steady else 'gesture'}: jack speed {cruise.speed:.6g} m/s,"
+            f" error at most {cruise.error * 100:.2g} %, from {cruise.start * 1e3:.4g} to"
+            f" {cruise.end * 1e3:.4g} ms after the start of motion,"
+            f" jack rise {cruise.rise[0] * 1e3:.4g} to {cruise.rise[1] * 1e3:.4g} mm",
+            f"finger: tilt at most {tilt:.3g} deg, slide at most {slide:.3g} mm",
+            *_check_lines(draft.checks, all_checks),
+            *(f"warning: {warning}" for warning in self.warnings),
+        ]
+
+    @property
+    def checks(self) -> "pd.DataFrame":
+        """Each check with value, limit and margin in its unit; SI."""
+        rows = [[getattr(check, name) for name in COLUMNS] for check in self.trajectory.checks]
+        return frame_of(rows, COLUMNS, "name")
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Return the checks."""
+        return self.checks
+
+    def plot(self) -> "Figure":
+        """Return a figure of poses, path, jack, joints and used limits."""
+        from sautereau.analysis.figures.plan import plan_figure
+
+        return shown(plan_figure(self.rig, self.trajectory, self.expected))
+
+
+def plan(rig: Rig) -> Plan:
+    """Plan the press of a rig with the force that the model expects.
+
+    Raises:
+        TrajectoryError: No such motion exists: there is no cruise, or it is out of reach.
+    """
+    expected, doubts = expected_of(rig)
+    draft = draft_press(rig, expected)
+    return Plan(rig, draft, expected, (*doubts, *draft.warnings))
+
+
+def _check_lines(checks: Sequence[Check], all_checks: bool) -> list[str]:
+    """Return the checks as a table, the tightest first."""
+    ordered = sorted(checks, key=relative_margin)
+    failed = sum(not check.holds for check in checks)
+    shown = ordered if all_checks else ordered[: max(TIGHTEST, failed)]
+    lines = table([("check", "value", "limit", "margin", ""), *map(check_cells, shown)])
+    if len(shown) < len(ordered):
+        lines.append(
+            f"{len(ordered) - len(shown)} more checks hold by larger margins; -v lists them"
+        )
+    return lines

@@ -1,0 +1,90 @@
+"""What all results offer: text, JSON, a table and a figure."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from html import escape
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from _typeshed import DataclassInstance
+    from matplotlib.figure import Figure
+
+
+class Shown(ABC):
+    """An object with a table."""
+
+    @abstractmethod
+    def to_frame(self) -> "pd.DataFrame":
+        """Return the object as a table in SI units; `attrs["units"]` has the units."""
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(repr(self))}</p>{self.to_frame()._repr_html_()}"  # pyright: ignore
+
+
+class Result(Shown):
+    """What a computation has found."""
+
+    @property
+    @abstractmethod
+    def document(self) -> dict[str, Any]:
+        """The result as JSON; SI units."""
+
+    @abstractmethod
+    def lines(self) -> list[str]:
+        """Return the result as text."""
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+
+def json_of(found: "DataclassInstance", *omitted: str) -> dict[str, Any]:
+    """Return the fields of a part of a result as JSON, except some.
+
+    The ends of a 95 % interval, `low` and `high`, become one value, which is None without them.
+    """
+    document = asdict(found)
+    if "low" in document:
+        ends = [document.pop("low"), document.pop("high")]
+        document["ci95"] = None if None in ends else ends
+    return {name: value for name, value in document.items() if name not in omitted}
+
+
+def part_of(found: object, *names: str) -> dict[str, Any]:
+    """Return some attributes of a result by their names."""
+    return {name: getattr(found, name) for name in names}
+
+
+def frame_of(
+    rows: Iterable[Sequence[Any]],
+    columns: Sequence[str],
+    index: str | list[str],
+    units: Mapping[str, str] | None = None,
+) -> "pd.DataFrame":
+    """Return rows as a table.
+
+    Args:
+        columns: Names of the values of a row.
+        index: Those of its index.
+        units: SI units of the values, for `attrs`.
+    """
+    import pandas as pd
+
+    frame = pd.DataFrame(list(rows), columns=list(columns)).set_index(index)
+    if units is not None:
+        frame.attrs = {"units": dict(units)}
+    return frame
+
+
+def shown(figure: "Figure") -> "Figure":
+    """Return a figure that notebooks show without pyplot."""
+
+    def png() -> bytes:
+        buffer = BytesIO()
+        figure.savefig(buffer, format="png", dpi=100)
+        return buffer.getvalue()
+
+    figure._repr_png_ = png  # pyright: ignore[reportAttributeAccessIssue]
+    return figure
