@@ -36,10 +36,10 @@ class Bend(NamedTuple):
 
 
 class PlectrumMap(Protocol):
-    """A cantilever loaded at material position s by a string that slides towards its tip.
+    """A cantilever loaded at material position s by a string.
 
     The load is the force F normal to the deformed surface and, along its tangent towards
-    the tip, friction times F.
+    the tip, the drag times F.
     """
 
     length: float
@@ -47,11 +47,22 @@ class PlectrumMap(Protocol):
     friction: float
     """Coulomb coefficient between plectrum and string, dimensionless, 0 to 0.5."""
 
-    def bend(self, s: ArrayLike, force: ArrayLike) -> Bend:
+    def bend(self, s: ArrayLike, force: ArrayLike, drag: ArrayLike | None = None) -> Bend:
         """Return the contact point for positions s [m] and forces F [N].
+
+        Args:
+            drag: Dimensionless, the string's force along the surface over F, positive towards the
+                tip; None for a string that slides to the tip: the friction.
 
         Raises:
             ModelError: A position is not on the plectrum, or a force not within 0 and its limit.
+        """
+        ...
+
+    def slope(self, s: ArrayLike) -> tuple[Floats, Floats]:
+        """Return the slope [rad] of the unloaded surface at positions s [m], and d(slope)/ds.
+
+        theta less this slope is the rotation of the section.
         """
         ...
 

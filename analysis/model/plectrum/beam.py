@@ -24,7 +24,7 @@ class Beam(Cantilever):
     _added = 0.0
     """1/(N m^2), additional compliance of the tip's section."""
 
-    def _bend(self, s: Floats, force: Floats) -> Bend:
+    def _bend(self, s: Floats, force: Floats, drag: Floats) -> Bend:
         ei, added, u = self.bending_stiffness, self._added, self._in_tip(s)
         theta_f = -(s**2 / (2 * ei) + u**2 / 2 * added)
         z_f = -(s**3 / (3 * ei) + u**3 / 3 * added)

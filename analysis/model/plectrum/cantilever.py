@@ -45,15 +45,20 @@ class Cantilever(ABC):
         if faults:
             raise ModelError("\n".join(faults))
 
-    def bend(self, s: ArrayLike, force: ArrayLike) -> Bend:
-        """Return the contact point for positions s [m] and forces F [N].
+    def bend(self, s: ArrayLike, force: ArrayLike, drag: ArrayLike | None = None) -> Bend:
+        """Return the contact point for positions s [m] and forces F [N]; see `PlectrumMap`.
 
         Raises:
             ModelError: A position is not on the plectrum, or a force not within 0 and its limit.
         """
-        s, force = np.broadcast_arrays(np.asarray(s, float), np.asarray(force, float))
+        along = self.friction if drag is None else drag
+        s, force, along = np.broadcast_arrays(*(np.asarray(a, float) for a in (s, force, along)))
         self._refuse_out_of_range(s, force)
-        return self._bend(s, force)
+        return self._bend(s, force, along)
+
+    def slope(self, s: ArrayLike) -> tuple[Floats, Floats]:
+        """Return zeros: the unloaded surface is straight along x."""
+        return np.zeros(np.shape(s)), np.zeros(np.shape(s))
 
     def force_limit(self, s: ArrayLike) -> Floats:
         """Return the force [N] that turns the tangent at s [m] by 90 degrees, or just less."""
@@ -62,8 +67,8 @@ class Cantilever(ABC):
             return self._force_limit(s)
 
     @abstractmethod
-    def _bend(self, s: Floats, force: Floats) -> Bend:
-        """Bend under loads that are in range, s and F of one shape."""
+    def _bend(self, s: Floats, force: Floats, drag: Floats) -> Bend:
+        """Bend under loads that are in range; s, F and drag of one shape."""
 
     @abstractmethod
     def _force_limit(self, s: Floats) -> Floats:

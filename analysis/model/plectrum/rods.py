@@ -47,23 +47,23 @@ class Rods(Cantilever):
         self.count = int(count)
         self._q_max = q_max(self.friction, self.count)
 
-    def _bend(self, s: Floats, force: Floats) -> Bend:
+    def _bend(self, s: Floats, force: Floats, drag: Floats) -> Bend:
         q = force * s**2 / self.bending_stiffness
-        return similar(s, force, self.bending_stiffness, march(q, self.friction, self.count))
+        return similar(s, force, self.bending_stiffness, march(q, drag, self.count))
 
     def _force_limit(self, s: Floats) -> Floats:
         return self._q_max * self.bending_stiffness / s**2
 
 
-def march(q: ArrayLike, friction: float, count: int) -> tuple[Floats, ...]:
+def march(q: ArrayLike, drag: ArrayLike, count: int) -> tuple[Floats, ...]:
     """Return x/s, z/s and theta of the loaded point, then their derivatives by q.
 
     Args:
         q: 1, loads F s^2 / EI, any shape.
-        friction: 1, mu.
+        drag: 1, force along the loaded rod over the one across it; any shape that fits.
         count: N, rods.
     """
-    q = np.asarray(q, float)
+    q, drag = np.asarray(q, float), np.asarray(drag, float)
     rod = 1 / count
     # psi: angle of the rod against the loaded one; along, across: components along and across the
     # loaded rod of the way from the loaded point to this rod's inner end; derivatives by q.
@@ -74,7 +74,7 @@ def march(q: ArrayLike, friction: float, count: int) -> tuple[Floats, ...]:
         x, z = rod * np.cos(psi), rod * np.sin(psi)
         along, along_q = along + x, along_q - psi_q * z
         across, across_q = across + z, across_q + psi_q * x
-        lever, lever_q = along + friction * across, along_q + friction * across_q
+        lever, lever_q = along + drag * across, along_q + drag * across_q
         turn, turn_q = rod * q * lever, rod * (lever + q * lever_q)
     # The joint at the clamp is twice as stiff.
     psi, psi_q = psi + turn / 2, psi_q + turn_q / 2

@@ -1,10 +1,11 @@
 """The string on the plectrum's surface: the map of its centre instead of the mid-line's.
 
-The wire lies on the upper surface, so that its centre is off the mid-line by half the thickness
-plus half its diameter, along the surface's normal. As the plectrum bends by the angle a, this
-offset d moves the centre outwards by d sin a and down by d (1 - cos a). The normal force acts
-through the mid-line nevertheless; the moment of the friction about it, mu F times half the
-thickness, is neglected: 1 % of that at the clamp at mu = 0.2.
+The wire lies on the upper surface. Its centre is off the mid-line by half the thickness along the
+section, as turned by the load, and by its radius along the normal of the surface: two directions
+where the unloaded top slopes. As the plectrum bends by the angle a, an offset d moves the centre
+outwards by d sin a and down by d (1 - cos a). The normal force acts through the mid-line
+nevertheless; the moment of the friction about it, T F times half the thickness, is neglected: 1 %
+of that at the clamp at mu = 0.2.
 """
 
 from typing import TYPE_CHECKING
@@ -19,55 +20,65 @@ from sautereau.analysis.model.plectrum.levels import plectrum_map
 if TYPE_CHECKING:
     from sautereau.rig.instrument import Plectrum, String
 
-STEPS = 20
-"""Largest number of Newton steps to the position at first contact; an unloaded top is nearly
-straight, and 3 are usual."""
-
 
 class StringCentre:
     """The map of the centre of a string on a plectrum; its z is counted from first contact.
 
     Args:
         overlap: m, from the string's centre at rest to the tip, along the undeformed mid-line.
-        offset: m, of the string's centre from the mid-line.
+        half: m, from the mid-line to the surface, along the section.
+        radius: m, of the wire, along the normal of the surface.
 
     Raises:
         ModelError: No position on the unloaded plectrum is below the string.
     """
 
-    def __init__(self, plectrum: PlectrumMap, overlap: float, offset: float):
-        self.mid_line, self.offset = plectrum, offset
+    def __init__(self, plectrum: PlectrumMap, overlap: float, half: float, radius: float):
+        self.mid_line, self.half, self.radius = plectrum, half, radius
         self.length, self.friction = plectrum.length, plectrum.friction
         self._z = 0.0
         rest = plectrum.length - overlap
-        self.first = rest
+        self.first = self._first(rest)
         """m, position of the string on the plectrum at first contact."""
-        for _ in range(STEPS):
-            at = self.bend(self.first, 0.0)
-            step = float((at.x - rest) / at.x_s)
-            self.first = float(np.clip(self.first - step, 0.0, plectrum.length))
-            if abs(step) <= 1e-14 * plectrum.length:
-                break
-        else:
-            raise ModelError(
-                f"plectrum.outline: no position on the plectrum lies below a string"
-                f" {overlap * 1e3:.4g} mm from its tip; change overlap or outline"
-            )
         self._z = float(self.bend(self.first, 0.0).z)
 
-    def bend(self, s: ArrayLike, force: ArrayLike) -> Bend:
-        """Return the string's centre for positions s [m] and forces F [N].
+    def _first(self, rest: float) -> float:
+        """Return the position at which a string at x = rest touches the unloaded plectrum."""
+        from scipy.optimize import root_scalar
+
+        def beyond(s: float) -> float:
+            return float(self.bend(s, 0.0).x) - rest
+
+        reach = self.half + self.radius  # a steep surface moves the centre by no more
+        low, high = max(rest - reach, rest / 2), self.length
+        if not beyond(low) <= 0 <= beyond(high):
+            raise ModelError(
+                f"plectrum.outline: no position on the plectrum lies below a string"
+                f" {(self.length - rest) * 1e3:.4g} mm from its tip; change overlap or outline"
+            )
+        return float(root_scalar(beyond, bracket=(low, high), xtol=1e-15, rtol=1e-14).root)
+
+    def bend(self, s: ArrayLike, force: ArrayLike, drag: ArrayLike | None = None) -> Bend:
+        """Return the string's centre for positions s [m] and forces F [N]; see `PlectrumMap`.
 
         Raises:
             ModelError: A position is not on the plectrum, or a force not within 0 and its limit.
         """
-        at, d = self.mid_line.bend(s, force), self.offset
-        out, up = -d * np.sin(at.theta), d * np.cos(at.theta)
+        at, (slope, slope_s) = self.mid_line.bend(s, force, drag), self.slope(s)
+        section, half, radius = at.theta - slope, self.half, self.radius
+        out, up = -half * np.sin(section), half * np.cos(section)
+        beyond, above = -radius * np.sin(at.theta), radius * np.cos(at.theta)
+        section_s = at.theta_s - slope_s
         return Bend(
-            at.x + out, at.z + up - self._z, at.theta,
-            at.x_s - up * at.theta_s, at.z_s + out * at.theta_s, at.theta_s,
-            at.x_f - up * at.theta_f, at.z_f + out * at.theta_f, at.theta_f,
+            at.x + out + beyond, at.z + up + above - self._z, at.theta,
+            at.x_s - up * section_s - above * at.theta_s,
+            at.z_s + out * section_s + beyond * at.theta_s, at.theta_s,
+            at.x_f - (up + above) * at.theta_f, at.z_f + (out + beyond) * at.theta_f, at.theta_f,
         )  # fmt: skip
+
+    def slope(self, s: ArrayLike) -> tuple[Floats, Floats]:
+        """Return the slope [rad] of the unloaded surface at positions s [m], and d(slope)/ds."""
+        return self.mid_line.slope(s)
 
     def force_limit(self, s: ArrayLike) -> Floats:
         """Return the largest force [N] at positions s [m] within the level's range."""
@@ -83,8 +94,8 @@ def string_map(plectrum: "Plectrum", string: "String", level: str) -> StringCent
     Raises:
         ModelError: There is no such level, or the plectrum is out of its range.
     """
-    mid_line, offset = plectrum_map(plectrum, level), 0.0
-    if plectrum.contact == "surface":
-        thickness = getattr(mid_line, "clamp_thickness", plectrum.thickness)
-        offset = (thickness + string.diameter) / 2
-    return StringCentre(mid_line, plectrum.overlap, offset)
+    mid_line = plectrum_map(plectrum, level)
+    if plectrum.contact == "mid-line":
+        return StringCentre(mid_line, plectrum.overlap, 0.0, 0.0)
+    thickness = getattr(mid_line, "clamp_thickness", plectrum.thickness)
+    return StringCentre(mid_line, plectrum.overlap, thickness / 2, string.diameter / 2)

@@ -1,10 +1,12 @@
 """The equilibria of plectrum and spring string, for many cases at once.
 
 The plectrum pushes the string with F along its surface's normal and T F along its tangent
-towards the clamp. In the clamp's frame, with a = -theta the angle by which the plectrum is
-bent down, the string goes out by F (sin a - T cos a) / K and up by F (cos a + T sin a) / K.
+towards the clamp; the string's drag on the plectrum is opposite and equal, and bends it too. In
+the clamp's frame, with a = -theta the angle by which the plectrum is bent down, the string goes out
+by F (sin a - T cos a) / K and up by F (cos a + T sin a) / K.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.pluck.loaded import Loaded, Plectra, Rows
+from sautereau.analysis.model.pluck.loaded import Loaded, Plectra, Rows, Stuck
 
 ROUNDING = 1e-15
 """Dimensionless; a residual below this fraction of the lengths it is the difference of is
@@ -26,6 +28,9 @@ TURN_POINTS = 33
 """Number of points of a search for the load at which the string turns."""
 TURN_NARROWINGS = 4
 """Number of such searches, each between the neighbours of the best point of the last one."""
+STICKING_STEPS = 40
+"""Most iterations of the drag of a string that sticks; 4 to 6 are usual."""
+CLOSE = 1e-12  # Dimensionless tolerance on that drag
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,7 @@ class Equilibria:
         """
         limit = self.plectra.load_limit(s)
         grid = LOADS * limit
-        residual, rounding = self._residual(self.plectra.under(grid)(s), s, grid)
+        residual, rounding = self._residual(self._sliding(grid)(s), s, grid)
         positive = residual > rounding
         last = len(LOADS) - 1 - np.argmax(positive[:, ::-1], axis=1)[:, None]
         never, found = ~positive.any(axis=1, keepdims=True), ~positive[:, -1:]
@@ -90,7 +95,7 @@ class Equilibria:
         high = np.where(found, LOADS[np.minimum(last + 1, len(LOADS) - 1)], 1.0) * limit
         load = high
         for _ in range(NEWTON_STEPS):
-            at = self.plectra.under(load)(s)
+            at = self._sliding(load)(s)
             value, rounding = self._residual(at, s, load)
             slope = self._by_load(at, s, load)[0]
             low, high = np.where(value > 0, load, low), np.where(value > 0, high, load)
@@ -112,7 +117,7 @@ class Equilibria:
         """
         none = np.zeros_like(self.rest)
         near = SMALL * self.plectra.load_limit(self.first) + none
-        at = self.plectra.under(near)(self.first)
+        at = self.plectra.under(near, 0.0)(self.first)
         pull = self._pull * near / self.first**2
         drag = (at.sine + (self.rest - at.x) / pull) / at.cosine
         if not np.any(drag < -self.plectra.friction):
@@ -146,14 +151,29 @@ class Equilibria:
 
     def stick(self, load: Floats) -> Curve:
         """Return the equilibria of a string that friction holds, or that slides to the clamp."""
-        s = self._sticking(load)
-        at = self.plectra.under(load)(s)
-        pull, back = self._pull * load / s**2, self.rest - at.x
-        # From K (x - rest) = F (sin a - T cos a).
-        drag = np.divide(back, pull, out=np.zeros_like(pull), where=pull > 0)
-        # At rest there is no friction, and no more than the coefficient allows but for rounding.
-        drag = np.clip((at.sine + drag) / at.cosine, -self.plectra.friction, self.plectra.friction)
+        s, mu = self._sticking(load), self.plectra.friction
+        stuck, pull = self.plectra.stuck(load, s), self._pull * load / s**2
+        drag = needed = before = gain = np.zeros_like(pull)
+        at = stuck(drag)
+        for step in range(STICKING_STEPS):
+            # From K (x - rest) = F (sin a - T cos a), of which a and x depend on T a little: the
+            # secant through two steps leaves some 1e-3 of the error. At rest there is no friction,
+            # and no more than the coefficient allows but for rounding.
+            back = np.divide(self.rest - at.x, pull, out=np.zeros_like(pull), where=pull > 0)
+            before, needed = needed, (at.sine + back) / at.cosine
+            miss = needed - drag
+            if np.all(np.abs(miss) <= CLOSE) or step == STICKING_STEPS - 1:
+                break
+            if step == 1:
+                moved = np.where(drag, drag, np.inf)
+                gain = np.clip((needed - before) / moved, -0.5, 0.5)
+            drag = np.clip(drag + miss / (1 - gain), -mu, mu)
+            at = stuck(drag)
         return self._curve(at, load, s, drag)
+
+    def _sliding(self, load: Floats) -> Callable[[Floats], Loaded]:
+        """Return the plectra under loads of a string that slides to the tip."""
+        return self.plectra.under(load, self.plectra.friction)
 
     def slide(self, load: Floats) -> Curve:
         """Return the equilibria of a string that slides towards the tip; NaN where not found."""
@@ -161,7 +181,7 @@ class Equilibria:
 
     def _slide(self, load: Floats, mu: float) -> Curve:
         """Return the equilibria of a string that slides, with its force to the clamp over F."""
-        under, pull = self.plectra.under(load), self._pull * load
+        under, pull = self.plectra.under(load, mu), self._pull * load
         rest = self.rest
         least, done = rest / 2, np.zeros(load.shape, bool)
         s = np.repeat(self.length, load.shape[1], axis=1)
@@ -189,18 +209,14 @@ class Equilibria:
 
     def stick_slope(self, curve: Curve) -> Floats:
         """Return d(height)/d(load) at the end of a stretch that sticks, shape (cases,)."""
-        s, load = curve.position[:, -1:], curve.load[:, -1:]
-        at = self.plectra.under(load)(s)
-        x_l, z_l, angle_l = self.plectra.load_slopes(s, load)
-        pull, tangent = self._pull / s**2, at.sine / at.cosine
-        # Of lift = F / (K cos a) + (rest - x) tan a.
-        turned = (pull * load * at.sine + self.rest - at.x) * angle_l / at.cosine**2
-        return (pull / at.cosine + turned - x_l * tangent - z_l)[:, 0]
+        # Backward differences of order 4: the points are even in the load.
+        ends = curve.height[:, -5:] @ (np.array([3, -16, 36, -48, 25]) / 12)
+        return ends / np.maximum(curve.load[:, -1] - curve.load[:, -2], np.finfo(float).tiny)
 
     def slide_slope(self, curve: Curve) -> Floats:
         """Return d(height)/d(load) at the end of a stretch that slides, shape (cases,)."""
         s, load = curve.position[:, -1:], curve.load[:, -1:]
-        at, mu = self.plectra.under(load)(s), self.plectra.friction
+        at, mu = self._sliding(load)(s), self.plectra.friction
         pull = self._pull * load / s**2
         out, up = pull * (at.sine - mu * at.cosine), pull * (at.cosine + mu * at.sine)
         residual_l, height_l = self._by_load(at, s, load)
@@ -221,7 +237,7 @@ class Equilibria:
         out, up = pull * (at.sine - mu * at.cosine), pull * (at.cosine + mu * at.sine)
         return x_l - out - load * up * angle_l, up - load * out * angle_l - z_l
 
-    def _curve(self, at: Loaded, load: Floats, s: Floats, drag: Floats) -> Curve:
+    def _curve(self, at: Loaded | Stuck, load: Floats, s: Floats, drag: Floats) -> Curve:
         pull = self._pull * load / (s * s)
         lift = pull * (at.cosine + drag * at.sine)
         shift = pull * (at.sine - drag * at.cosine)

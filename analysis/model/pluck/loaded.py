@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
-from sautereau.analysis.model.plectrum.elastica import Elastica, elastica_tables, q_max
+from sautereau.analysis.model.plectrum.elastica import (
+    Elastica,
+    elastica_tables,
+    q_max,
+    sticking_table,
+)
 from sautereau.analysis.model.plectrum.surface import StringCentre
 
 Rows = NDArray[np.intp]
@@ -39,6 +44,16 @@ class Loaded(NamedTuple):
     """rad/m, d(angle)/ds at the same load."""
 
 
+class Stuck(NamedTuple):
+    """The first fields of `Loaded`, without its derivatives."""
+
+    x: Floats
+    z: Floats
+    angle: Floats
+    sine: Floats
+    cosine: Floats
+
+
 class Plectra(Protocol):
     """Plectra of one friction; loads are given in `unit`."""
 
@@ -57,12 +72,21 @@ class Plectra(Protocol):
         """Return the largest load at positions s [m], shape (cases, 1) or (1, 1)."""
         ...
 
-    def under(self, load: Floats) -> Callable[[Floats], Loaded]:
-        """Return the plectra under loads as a function of the position s [m]."""
+    def under(self, load: Floats, drag: float) -> Callable[[Floats], Loaded]:
+        """Return the plectra under loads as a function of the position s [m].
+
+        Args:
+            drag: Dimensionless, the string's force along the surface towards the tip over F.
+        """
+        ...
+
+    def stuck(self, load: Floats, s: Floats) -> Callable[[Floats], Stuck]:
+        """Return the plectra under loads at positions s [m] as a function of the drag."""
         ...
 
     def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the derivatives of x [m], z [m] and angle [rad] by the load at the same s."""
+        """Return the derivatives of x [m], z [m] and angle [rad] by the load of a string that
+        slides to the tip, at the same s."""
         ...
 
     def subset(self, rows: Rows) -> Self:
@@ -98,13 +122,29 @@ class UniformPlectra:
         """Return the q that turns the tangent by nearly 90 degrees, shape (1, 1)."""
         return self._limit
 
-    def under(self, load: Floats) -> Callable[[Floats], Loaded]:
+    def under(self, load: Floats, drag: float) -> Callable[[Floats], Loaded]:
         """Return the elasticas under loads q as a function of the position s [m]."""
-        x, z, theta = np.moveaxis(self._table(load), -1, 0)
+        table = self._table if drag == self.friction else elastica_tables(drag)[0]
+        x, z, theta = np.moveaxis(table(load), -1, 0)
         x, z, angle = x.copy(), load * z, -load * theta
         sine, cosine = np.sin(angle), np.cos(angle)
         out, down = self._offset * sine, self._offset * (1 - cosine)
         return lambda s: Loaded(s * x + out, s * z - down, angle, sine, cosine, x, z, 0.0)
+
+    def stuck(self, load: Floats, s: Floats) -> Callable[[Floats], Stuck]:
+        """Return the elasticas under loads q at positions s [m] as a function of the drag."""
+        powers = np.moveaxis(sticking_table(self.friction)(load), (-2, -1), (0, 1))
+
+        def at(drag: Floats) -> Stuck:
+            share, (x, z, theta) = drag / self.friction, powers[-1]
+            for a, b, c in powers[-2::-1]:
+                x, z, theta = x * share + a, z * share + b, theta * share + c
+            angle = -load * theta
+            sine, cosine = np.sin(angle), np.cos(angle)
+            out, down = self._offset * sine, self._offset * (1 - cosine)
+            return Stuck(s * x + out, s * load * z - down, angle, sine, cosine)
+
+        return at
 
     def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the derivatives of x [m], z [m] and angle [rad] by q at the same s [m]."""
@@ -136,11 +176,12 @@ class OnePlectrum:
         """Return the largest load [N m^2] at positions s [m]."""
         return self._map.force_limit(s) * s**2
 
-    def under(self, load: Floats) -> Callable[[Floats], Loaded]:
+    def under(self, load: Floats, drag: float) -> Callable[[Floats], Loaded]:
         """Return the plectrum under loads [N m^2] as a function of the position s [m]."""
 
         def at(s: Floats) -> Loaded:
-            bend, force = self._map.bend(s, self._force(s, load)), self._force(s, load)
+            force = self._force(s, load)
+            bend = self._map.bend(s, force, drag)
             by_force = -2 * force / s  # dF/ds at the same load
             return Loaded(
                 bend.x,
@@ -152,6 +193,16 @@ class OnePlectrum:
                 bend.z_s + by_force * bend.z_f,
                 -bend.theta_s - by_force * bend.theta_f,
             )
+
+        return at
+
+    def stuck(self, load: Floats, s: Floats) -> Callable[[Floats], Stuck]:
+        """Return the plectrum under loads [N m^2] at positions s [m] as a function of the drag."""
+        force = self._force(s, load)
+
+        def at(drag: Floats) -> Stuck:
+            x, z, theta, *_ = self._map.bend(s, force, drag)
+            return Stuck(x, z, -theta, -np.sin(theta), np.cos(theta))
 
         return at
 
@@ -174,5 +225,7 @@ def plectra_of(plectrum: PlectrumMap) -> Plectra:
     uniform = centre.mid_line if centre else plectrum
     if isinstance(uniform, Elastica):
         length, stiffness = np.array([uniform.length]), np.array([uniform.bending_stiffness])
-        return UniformPlectra(uniform.friction, length, stiffness, centre.offset if centre else 0.0)
+        return UniformPlectra(
+            uniform.friction, length, stiffness, centre.half + centre.radius if centre else 0.0
+        )
     return OnePlectrum(plectrum)

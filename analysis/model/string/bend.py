@@ -32,7 +32,7 @@ def point_bend(plectrum: PlectrumMap) -> PointBend:
     centre = plectrum if isinstance(plectrum, StringCentre) else None
     uniform = centre.mid_line if centre else plectrum
     if isinstance(uniform, Elastica):
-        return _of_elastica(uniform, centre.offset if centre else 0.0)
+        return _of_elastica(uniform, centre.half + centre.radius if centre else 0.0)
     return _of_map(plectrum)
 
 

@@ -1,9 +1,11 @@
 """Compute the map of one plectrum shape by finite elements."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.fe.cache import (
     LOAD_LIMIT,
@@ -13,22 +15,23 @@ from sautereau.analysis.model.plectrum.fe.cache import (
 )
 from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
 from sautereau.analysis.model.plectrum.fe.profile import Profile, plectrum_grid
-from sautereau.analysis.model.plectrum.fe.solve import Body, rate, solve_loads
+from sautereau.analysis.model.plectrum.fe.solve import Body, newton, rate, solve_loads
 from sautereau.rig.progress import tracked
 
 ACCURACY = 2e-4
-"""Dimensionless; largest accepted error of the series between their nodes, relative to rotation,
-displacement and shortening. The specified accuracy is 5e-4."""
-_SIZES = ((9, 10), (17, 12), (33, 14))
+"""Dimensionless; error of the series between their nodes, relative to rotation, displacement and
+shortening, below which more nodes are not tried. The specified accuracy is 5e-4."""
+_SIZES = ((6, 8), (9, 10), (17, 12))
 """Numbers of positions and loads, tried one after another until the series are accurate."""
+_DRAGS = ((0.0, 1), (0.03, 2), (0.3, 3), (np.inf, 4))
+"""Half the range of drags up to which a number of nodes leaves an error of 2e-5."""
 
 
 class Solver:
     """The contact's displacement at any position and load, directly by finite elements."""
 
-    def __init__(self, profile: Profile, poisson_ratio: float, friction: float):
+    def __init__(self, profile: Profile, poisson_ratio: float):
         self.profile = profile
-        self.friction = friction
         self.body = Body(plectrum_grid(profile), poisson_ratio)
         frictionless = patch_at(self.body.grid, 1.0, profile.patch)
         bent = rate(self.body, frictionless, 0.0, np.zeros(self.body.size))
@@ -39,49 +42,68 @@ class Solver:
         self.limit = min(LOAD_LIMIT, 2 * STRAIN_LIMIT / profile.clamp_thickness)
         """Dimensionless, largest f."""
 
-    def contact(self, s: float, loads: Floats) -> Floats:
-        """Return displacements x, z [lengths] and rotation [rad] of the contact, shape (3, n).
+    def contact(self, s: float, loads: Floats, drags: Sequence[float] = (0.0,)) -> Floats:
+        """Return displacements x, z [lengths] and rotation [rad], shape (3, drags, n).
 
         Args:
             s: Position [lengths].
             loads: f, increasing, shape (n,).
+            drags: T, the force along the section towards the tip over the one normal to it.
 
         Raises:
             ModelError: No equilibrium is found.
         """
-        patch = patch_at(self.body.grid, s, self.profile.patch, self.friction)
-        section = section_at(self.body.grid, s)
-        arm = self.profile.contact_arm(s)
-        found = []
-        for u in solve_loads(self.body, patch, self.load * loads):
-            x, z = section.displacement(u)
-            turned = section.rotation(u)
-            found.append([x - arm * np.sin(turned), z + arm * (np.cos(turned) - 1), turned])
-        return np.array(found).T
+        patch, forces = patch_at(self.body.grid, s, self.profile.patch), self.load * loads
+        section = patch.section
+        # Of the mesh, which is straight between the edges of its columns; the outline may not be.
+        middle = section.mean @ self.body.grid.nodes[section.nodes, 1]
+        arm = self.profile.contact_line(s)[0] - middle + self.profile.clamp_middle
+        straight = solve_loads(self.body, patch, forces)
+        found = np.empty((3, len(drags), len(loads)))
+        for row, drag in enumerate(drags):
+            dragged = replace(patch, drag=drag)
+            for column, (u, force) in enumerate(zip(straight, forces.tolist(), strict=True)):
+                if drag:
+                    u = newton(self.body, dragged, force, u)
+                if u is None:
+                    u = solve_loads(self.body, dragged, forces[: column + 1])[-1]
+                x, z = section.displacement(u)
+                turned = section.rotation(u)
+                moved = x - arm * np.sin(turned), z + arm * (np.cos(turned) - 1), turned
+                found[:, row, column] = moved
+        return found
 
 
 def build(
     profile: Profile, poisson_ratio: float, friction: float, nearest: float
 ) -> DisplacementSeries:
-    """Solve on a grid of positions from ``nearest`` to the tip and of loads; fit the series.
+    """Solve on a grid of positions from ``nearest`` to the tip, of loads and drags; fit the series.
+
+    Args:
+        friction: Largest coefficient of friction of the map.
 
     Raises:
-        ModelError: The elements find no equilibrium, or the outline is too rough for the
-            largest series.
+        ModelError: The elements find no equilibrium.
     """
-    solver = Solver(profile, poisson_ratio, friction)
-    positions, error = 0, np.inf
+    solver = Solver(profile, poisson_ratio)
+    # Seen from the section, a load normal to a sloping top has a part along it.
+    tilts = np.arctan(profile.contact_line(np.linspace(nearest, 1.0, 401))[1])
+    least, most = (
+        np.tan(tilts.min() - np.arctan(friction)),
+        np.tan(tilts.max() + np.arctan(friction)),
+    )
+    half = (most - least) / 2
+    drags = _nodes(next(n for reach, n in _DRAGS if half <= reach), least, most)
     for positions, loads in _SIZES:
         s, f = _nodes(positions, nearest, 1.0), _nodes(loads, 0.0, solver.limit * MARGIN)
-        values = np.stack([solver.contact(place, f) / f for place in tracked([*s])], 1)
-        table = DisplacementSeries(_series(values), nearest, solver.load, solver.limit)
-        error = _error(table, solver)
-        if error <= ACCURACY:
-            return table
-    raise ModelError(
-        f"plectrum.outline: not smooth enough for a map: {positions} positions leave an error of"
-        f" {100 * error:.2g} %, of {100 * ACCURACY:.2g} % allowed; smooth the outline"
-    )
+        values = np.stack([solver.contact(p, f, drags.tolist()) / f for p in tracked([*s])], 2)
+        found = DisplacementSeries(
+            _series(values), nearest, least, most, solver.load, solver.limit, 0.0
+        )
+        table = replace(found, error=_error(found, solver))
+        if table.error <= ACCURACY or (positions, loads) == _SIZES[-1]:
+            break
+    return table
 
 
 def _nodes(count: int, low: float, high: float) -> Floats:
@@ -90,8 +112,8 @@ def _nodes(count: int, low: float, high: float) -> Floats:
 
 
 def _series(values: Floats) -> Floats:
-    """Return the Chebyshev series through values at `_nodes`, shape (fields, m, n)."""
-    for axis in (1, 2):
+    """Return the series through values at `_nodes`, shape (3, drags, positions, loads)."""
+    for axis in (1, 2, 3):
         count = values.shape[axis]
         basis = chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)
         transform = np.linalg.inv(basis)
@@ -101,12 +123,13 @@ def _series(values: Floats) -> Floats:
 
 def _error(table: DisplacementSeries, solver: Solver) -> float:
     """Return the largest relative error of a table between its nodes."""
-    reach = 1 - table.nearest
     f = solver.limit * np.array([0.15, 0.5, 0.965])
     worst = 0.0
-    for s in table.nearest + reach * np.array([0.22, 0.61, 0.87, 0.963, 1.0]):
-        exact = solver.contact(s, f)
-        found = table.values(np.full(3, s), f)[0] * f
+    for share, pulled in ((0.22, 0.9), (0.61, 0.3), (0.87, 0.0), (0.963, 0.6), (1.0, 0.5)):
+        s = table.nearest + (1 - table.nearest) * share
+        drag = table.least + (table.most - table.least) * pulled
+        exact = solver.contact(s, f, [drag])[:, 0]
+        found = table.values(np.full(3, s), f, np.full(3, drag))[0] * f
         scale = np.abs(exact)
         scale[0] += 0.02 * scale[1]  # of a carved plectrum, x may pass through zero
         worst = max(worst, float(np.max(np.abs(found - exact) / scale)))

@@ -10,7 +10,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 
@@ -26,7 +26,7 @@ STRAIN_LIMIT = 0.2
 """Largest strain of the edges at the clamp, which limits the load of thick plectra."""
 MARGIN = 1.02
 """Ratio of the tabulated to the accepted load, for differences taken across the limit."""
-VERSION = 1
+VERSION = 2
 """Version of the stored maps; increase it when mesh, element, load or series change."""
 
 _DAMAGED = (
@@ -38,35 +38,52 @@ _DAMAGED = (
 
 @dataclass(frozen=True)
 class DisplacementSeries:
-    """Series in s and f of x, z and rotation, in lengths and rad, each divided by f."""
+    """Series in s, f and T of x, z and rotation, in lengths and rad, each divided by f.
+
+    f and T are the load along the normal of the section under the string, and the one along its
+    tangent towards the tip over it.
+    """
 
     coefficients: Floats
-    """Dimensionless, shape (3, positions, loads)."""
+    """Dimensionless, shape (3, drags, positions, loads)."""
     nearest: float
     """Smallest s, in lengths."""
+    least: float
+    """Smallest T."""
+    most: float
+    """Largest T."""
     load: float
     """Force at f = 1, in E W L."""
     limit: float
     """Largest f, dimensionless."""
+    error: float
+    """Largest error between the nodes, relative to displacement and rotation."""
 
-    def values(self, s: Floats, f: Floats) -> Floats:
-        """Return the series, their slopes along s and along f, shape (3, 3, *s.shape)."""
-        chebyshev = np.polynomial.chebyshev
-        positions, loads = self.coefficients.shape[1:]
-        along = chebyshev.chebvander(2 * (s - self.nearest) / (1 - self.nearest) - 1, positions - 1)
-        across = chebyshev.chebvander(2 * f / (self.limit * MARGIN) - 1, loads - 1)
-        along, across = (basis.reshape(*s.shape, basis.shape[-1]) for basis in (along, across))
-        half = np.tensordot(along, self._series, (-1, 2))
-        return np.moveaxis((half @ across[..., None, :, None])[..., 0], (-2, -1), (0, 1))
+    def values(self, s: Floats, f: Floats, drag: Floats) -> Floats:
+        """Return the series, their slopes along s, along f and along T; shape (4, 3, *s.shape)."""
+        chebyshev, shape = np.polynomial.chebyshev, s.shape
+        terms = self.coefficients.shape[1:]
+        wide = self.most - self.least
+        pulled = chebyshev.chebvander(
+            (2 * drag.ravel() - self.least - self.most) / (wide or 1.0), terms[0] - 1
+        )
+        along = chebyshev.chebvander(
+            2 * (s.ravel() - self.nearest) / (1 - self.nearest) - 1, terms[1] - 1
+        )
+        across = chebyshev.chebvander(2 * f.ravel() / (self.limit * MARGIN) - 1, terms[2] - 1)
+        found = np.einsum("ijdpl,nl->ijdpn", self._series, across, optimize=True)
+        found = np.einsum("ijdpn,np->ijdn", found, along, optimize=True)
+        return np.einsum("ijdn,nd->ijn", found, pulled).reshape(4, 3, *shape)
 
     @cached_property
     def _series(self) -> Floats:
-        """The series, their slopes along s and along f, shape (3, 3, positions, loads)."""
-        series = np.zeros((3, *self.coefficients.shape))
+        """The series and their slopes along s, f and T, shape (4, *coefficients.shape)."""
+        series = np.zeros((4, *self.coefficients.shape))
         series[0] = self.coefficients
-        for axis, reach in ((1, 1 - self.nearest), (2, self.limit * MARGIN)):
+        reaches = (1 - self.nearest, self.limit * MARGIN, self.most - self.least or 1.0)
+        for number, (axis, reach) in enumerate(zip((2, 3, 1), reaches, strict=True), 1):
             slope = np.polynomial.chebyshev.chebder(self.coefficients, scl=2 / reach, axis=axis)
-            series[axis][:, : slope.shape[1], : slope.shape[2]] = slope
+            series[number][tuple(slice(size) for size in slope.shape)] = slope
         return series
 
 
@@ -110,7 +127,7 @@ def _read(path: Path, key: str) -> DisplacementSeries | None:
             seal = str(file["seal"])
     except _DAMAGED:
         return None
-    if coefficients.ndim != 3 or scales.shape != (3,) or seal != _seal(key, coefficients, scales):
+    if coefficients.ndim != 4 or scales.shape != (6,) or seal != _seal(key, coefficients, scales):
         return None
     return DisplacementSeries(coefficients, *scales.tolist())
 
@@ -118,7 +135,7 @@ def _read(path: Path, key: str) -> DisplacementSeries | None:
 def _write(path: Path, key: str, table: DisplacementSeries) -> None:
     """Store a map in one step, so that no other process reads an incomplete file."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    scales = np.array([table.nearest, table.load, table.limit])
+    scales = np.array([getattr(table, field.name) for field in fields(table)[1:]])
     seal = np.array(_seal(key, table.coefficients, scales))
     file = io.BytesIO()
     np.savez(file, coefficients=table.coefficients, scales=scales, seal=seal)

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Bend, Floats
+from sautereau.analysis.model.plectrum.cantilever import FRICTION_MAX
 from sautereau.analysis.model.plectrum.fe.cache import MARGIN, DisplacementSeries, stored
 from sautereau.analysis.model.plectrum.fe.profile import profile_of
 from sautereau.rig.instrument import Plectrum
@@ -39,33 +40,49 @@ class FE:
         self._table = _table_of(plectrum)
         self._load = self._table.load * plectrum.youngs_modulus * plectrum.width * self.length
 
-    def bend(self, s: ArrayLike, force: ArrayLike) -> Bend:
-        """Return the contact point for positions s [m] and forces F [N].
+    def bend(self, s: ArrayLike, force: ArrayLike, drag: ArrayLike | None = None) -> Bend:
+        """Return the contact point for positions s [m] and forces F [N]; see `PlectrumMap`.
 
         Raises:
             ModelError: A position or a force is outside the map.
         """
-        s, force = np.broadcast_arrays(np.asarray(s, float), np.asarray(force, float))
-        places, loads = s / self.length, force / self._load
-        self._refuse_outside(places, loads)
-        (x, z, turned), along, across = self._table.values(places, loads)
+        along = self.friction if drag is None else drag
+        s, force, pulled = np.broadcast_arrays(*(np.asarray(a, float) for a in (s, force, along)))
+        places = s / self.length
         height, slope, curvature = self.profile.contact_line(places)
-        # Fields are f times their series, lengths L; s is L times a place, F load times f.
+        tilt, tilt_s = np.arctan(slope), curvature / (1 + slope**2)
+        # Of the load on a sloping top, the parts along the normal and the tangent of the section.
+        share = np.cos(tilt) - pulled * np.sin(tilt)
+        loads, drags = force * share / self._load, np.tan(tilt + np.arctan(pulled))
+        self._refuse_outside(places, loads)
+        fields, along, across, pulls = self._table.values(places, loads, drags)
+        along = along + pulls * (1 + drags**2) * tilt_s
+        # f times its series, by the load and by the place: the slope turns f and T.
+        by_load = fields + loads * across
+        x_s, z_s, turned_s = loads * (along - by_load * drags * tilt_s)
+        (x, z, turned), (x_f, z_f, turned_f) = loads * fields, by_load * share / self._load
         return Bend(
-            self.length * (places + loads * x),
-            self.length * (height + loads * z),
-            np.arctan(slope) + loads * turned,
-            1 + loads * along[0],
-            slope + loads * along[1],
-            (curvature / (1 + slope**2) + loads * along[2]) / self.length,
-            (x + loads * across[0]) * self.length / self._load,
-            (z + loads * across[1]) * self.length / self._load,
-            (turned + loads * across[2]) / self._load,
+            self.length * (places + x),
+            self.length * (height + z),
+            tilt + turned,
+            1 + x_s,
+            slope + z_s,
+            (tilt_s + turned_s) / self.length,
+            x_f * self.length,
+            z_f * self.length,
+            turned_f,
         )
 
+    def slope(self, s: ArrayLike) -> tuple[Floats, Floats]:
+        """Return the slope [rad] of the unloaded top at positions s [m], and d(slope)/ds."""
+        _, slope, curvature = self.profile.contact_line(np.asarray(s, float) / self.length)
+        return np.arctan(slope), curvature / (1 + slope**2) / self.length
+
     def force_limit(self, s: ArrayLike) -> Floats:
-        """Return the largest force [N] of the map, the same at all positions s [m]."""
-        return np.full(np.shape(s), self._table.limit * self._load)
+        """Return the largest force [N] of the map at positions s [m], whatever the drag."""
+        slope, _ = self.slope(s)
+        share = np.cos(slope) + self.friction * abs(np.sin(slope))
+        return self._table.limit * self._load / share
 
     def _refuse_outside(self, places: Floats, loads: Floats) -> None:
         for what, unit, scale, values, low, high in (
@@ -92,12 +109,13 @@ def _table_of(plectrum: Plectrum) -> DisplacementSeries:
             f" {100 * REACHES[-1][0]:.0f} % of the plectrum's {plectrum.length * 1e3:.4g} mm, and"
             " what remains is no beam; lower overlap"
         )
-    ratios = np.array([plectrum.poisson_ratio, plectrum.friction, nearest])
+    friction = FRICTION_MAX if plectrum.friction else 0.0  # one map serves all above 0
+    ratios = np.array([plectrum.poisson_ratio, friction, nearest])
 
     def make() -> DisplacementSeries:
         # Imported here because it imports scikit-fem, which a stored map does not need.
         from sautereau.analysis.model.plectrum.fe.build import build
 
-        return build(profile, plectrum.poisson_ratio, plectrum.friction, nearest)
+        return build(profile, plectrum.poisson_ratio, friction, nearest)
 
     return stored([profile.x, profile.top, profile.bottom, ratios], make)

@@ -1,8 +1,10 @@
 """The string's load on the deformed surface, and the section under it.
 
 The string is a stiff wire across the plectrum. Its pressure is distributed smoothly along the
-surface and has one direction, normal to the mean tangent of the surface under it. Friction
-adds mu F along that tangent, towards the tip. The resultant is F for every mesh.
+surface and has one direction, given in the frame of the section under it, which turns with it:
+along its normal, and T times that along its tangent, towards the tip. So the slope of a carved top,
+which may be rough, is no part of what is computed. The resultant normal to the section is F for
+every mesh.
 """
 
 from dataclasses import dataclass
@@ -15,68 +17,9 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.fe.profile import Grid, bump
 
 
-def _shapes(xi: Floats) -> tuple[Floats, Floats]:
-    """Return the three quadratic shape functions on [0, 1] and their slopes, shape (3, n)."""
-    value = np.array([(1 - xi) * (1 - 2 * xi), 4 * xi * (1 - xi), xi * (2 * xi - 1)])
-    return value, np.array([4 * xi - 3, 4 - 8 * xi, 4 * xi - 1])
-
-
-@dataclass(frozen=True)
-class Patch:
-    """Distribution of the load over the nodes, and what its direction depends on."""
-
-    fractions: Floats
-    """Fraction of the load at each node; the sum is 1; shape (nodes,)."""
-    slopes: Floats
-    """Weights of the nodes' positions in the mean tangent, shape (nodes,)."""
-    friction: float
-    """Coulomb coefficient, dimensionless."""
-    sign: float
-    """1 for a load on the top, -1 for one on the bottom."""
-    nodes: Floats
-    """1, undeformed, shape (nodes, 2)."""
-
-    def angle(self, u: Floats) -> float:
-        """Return the mean direction [rad] of the deformed surface under the patch."""
-        tangent = self.slopes @ (self.nodes + u.reshape(-1, 2))
-        return float(np.arctan2(tangent[1], tangent[0]))
-
-    def unit_load(self, u: Floats) -> Floats:
-        """Return the nodal forces of F = 1, shape (size,)."""
-        return np.outer(self.fractions, self.direction(u)).ravel()
-
-    def turning(self, u: Floats) -> tuple[Floats, Floats]:
-        """Return g and p, for the tangent F g p^T of the load, each of shape (size,)."""
-        tangent = self.slopes @ (self.nodes + u.reshape(-1, 2))
-        across = np.array([-tangent[1], tangent[0]]) / (tangent @ tangent)
-        x, z = self.direction(u)
-        return np.outer(self.fractions, [-z, x]).ravel(), np.outer(self.slopes, across).ravel()
-
-    def direction(self, u: Floats) -> Floats:
-        """Return the load's direction, whose normal part has the length 1."""
-        cosine, sine = np.cos(self.angle(u)), np.sin(self.angle(u))
-        normal = self.sign * np.array([sine, -cosine])
-        return normal + self.friction * np.array([cosine, sine])
-
-
-def patch_at(
-    grid: Grid, s: float, half: float, friction: float = 0.0, side: Literal["top", "bottom"] = "top"
-) -> Patch:
-    """Return the load on a patch of half length ``half`` about s [both in lengths]."""
-    fractions, slopes = np.zeros(len(grid.nodes)), np.zeros(len(grid.nodes))
-    points, weights = np.polynomial.legendre.leggauss(6)  # exact for bump x quadratics
-    edge = grid.layers * 2 if side == "top" else 0
-    for column, (left, right) in enumerate(zip(grid.x[:-1], grid.x[1:], strict=True)):
-        low, high = max(left, s - half), min(right, s + half)
-        if low >= high:
-            continue
-        x = (low + high) / 2 + (high - low) / 2 * points
-        weight = weights * (high - low) / 2 * bump((x - s) / half) / half
-        value, slope = _shapes((x - left) / (right - left))
-        nodes = (2 * column + np.arange(3)) * grid.height + edge
-        fractions[nodes] += value @ weight
-        slopes[nodes] += slope @ weight / (right - left)
-    return Patch(fractions, slopes, friction, 1.0 if side == "top" else -1.0, grid.nodes)
+def _shapes(xi: Floats) -> Floats:
+    """Return the three quadratic shape functions on [0, 1], shape (3, n)."""
+    return np.array([(1 - xi) * (1 - 2 * xi), 4 * xi * (1 - xi), xi * (2 * xi - 1)])
 
 
 @dataclass(frozen=True)
@@ -99,6 +42,13 @@ class Section:
         x, z = self.director @ u.reshape(-1, 2)[self.nodes]
         return float(np.arctan2(-x, 1 + z))
 
+    def turning(self, u: Floats) -> Floats:
+        """Return d(rotation)/du, shape (size,)."""
+        x, z = self.director @ u.reshape(-1, 2)[self.nodes]
+        out = np.zeros_like(u).reshape(-1, 2)
+        out[self.nodes] = np.outer(self.director, [-(1 + z), x]) / (x**2 + (1 + z) ** 2)
+        return out.ravel()
+
     def rotation_rate(self, rate: Floats) -> float:
         """Return the initial angular velocity of the section when u grows from 0 by ``rate``."""
         return -float(self.director @ rate.reshape(-1, 2)[self.nodes, 0])
@@ -108,7 +58,7 @@ def section_at(grid: Grid, s: float) -> Section:
     """Return the section at s [lengths]; its integrals over the height are exact."""
     column = int(np.clip(np.searchsorted(grid.x, s, "right") - 1, 0, len(grid.x) - 2))
     xi = (s - grid.x[column]) / (grid.x[column + 1] - grid.x[column])
-    value, _ = _shapes(np.array([xi]))
+    value = _shapes(np.array([xi]))
     nodes = (2 * column + np.arange(3))[:, None] * grid.height + np.arange(grid.height)
     simpson: Floats = np.ones(grid.height)
     simpson[1::2] = 4
@@ -121,3 +71,52 @@ def section_at(grid: Grid, s: float) -> Section:
         np.outer(value[:, 0], simpson).ravel(),
         np.outer(value[:, 0], simpson * off).ravel() / (simpson @ off**2),
     )
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Distribution of the load over the nodes, and what its direction depends on."""
+
+    fractions: Floats
+    """Fraction of the load at each node; the sum is 1; shape (nodes,)."""
+    section: Section
+    """The section under the middle of the patch."""
+    sign: float
+    """1 for a load on the top, -1 for one on the bottom."""
+    drag: float = 0.0
+    """Load along the section's tangent, towards the tip, over the one along its normal."""
+
+    def unit_load(self, u: Floats) -> Floats:
+        """Return the nodal forces of F = 1, shape (size,)."""
+        return np.outer(self.fractions, self.direction(u)).ravel()
+
+    def turning(self, u: Floats) -> tuple[Floats, Floats]:
+        """Return g and p, for the tangent F g p^T of the load, each of shape (size,)."""
+        x, z = self.direction(u)
+        return np.outer(self.fractions, [-z, x]).ravel(), self.section.turning(u)
+
+    def direction(self, u: Floats) -> Floats:
+        """Return the load's direction, whose normal part has the length 1."""
+        turned = self.section.rotation(u)
+        cosine, sine = np.cos(turned), np.sin(turned)
+        normal = self.sign * np.array([sine, -cosine])
+        return normal + self.drag * np.array([cosine, sine])
+
+
+def patch_at(
+    grid: Grid, s: float, half: float, drag: float = 0.0, side: Literal["top", "bottom"] = "top"
+) -> Patch:
+    """Return the load on a patch of half length ``half`` about s [both in lengths]."""
+    fractions = np.zeros(len(grid.nodes))
+    points, weights = np.polynomial.legendre.leggauss(6)  # exact for bump x quadratics
+    edge = grid.layers * 2 if side == "top" else 0
+    for column, (left, right) in enumerate(zip(grid.x[:-1], grid.x[1:], strict=True)):
+        low, high = max(left, s - half), min(right, s + half)
+        if low >= high:
+            continue
+        x = (low + high) / 2 + (high - low) / 2 * points
+        weight = weights * (high - low) / 2 * bump((x - s) / half) / half
+        value = _shapes((x - left) / (right - left))
+        nodes = (2 * column + np.arange(3)) * grid.height + edge
+        fractions[nodes] += value @ weight
+    return Patch(fractions, section_at(grid, s), 1.0 if side == "top" else -1.0, drag)

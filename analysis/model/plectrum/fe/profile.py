@@ -35,6 +35,11 @@ class Profile:
         return float(self.top[0] - self.bottom[0])
 
     @property
+    def clamp_middle(self) -> float:
+        """Height of the mid-line at the clamp, in lengths."""
+        return float(self.top[0] + self.bottom[0]) / 2
+
+    @property
     def patch(self) -> float:
         """Half the length of the load's patch, in lengths: thickness / 4, at least 0.01."""
         return max(self.clamp_thickness / 4, 0.01)
@@ -62,15 +67,6 @@ class Profile:
             slopes[0] + passed @ turn,
             bump(u) @ turn / self.patch,
         )
-
-    def contact_arm(self, s: float) -> float:
-        """Return the height of the contact line above the mid-line at s.
-
-        The contact line is the top, lowered by half the thickness at the clamp.
-        """
-        top, bottom = self.edges(np.array([0.0, s]))
-        middle = (top + bottom) / 2
-        return float(self.contact_line(s)[0] - (middle[1] - middle[0]))
 
     def _slopes(self) -> Floats:
         return np.diff(self.top) / np.diff(self.x)
