@@ -13,7 +13,9 @@ from sautereau.analysis.model.plectrum.fe.level import FE
 from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig("paper").plectrum
-MADE = DisplacementSeries(np.random.default_rng(4).standard_normal((3, 9, 10)), 0.85, 1e-4, 2.0)
+MADE = DisplacementSeries(
+    np.random.default_rng(4).standard_normal((3, 3, 6, 8)), 0.85, -0.5, 0.5, 1e-4, 2.0, 1e-5
+)
 """In place of a map, which would take two seconds."""
 
 

@@ -30,7 +30,7 @@ def body():
 
 @pytest.fixture(scope="module")
 def patch(body):
-    return patch_at(body.grid, 0.9, CARVED.patch, friction=0.1)
+    return patch_at(body.grid, 0.9, CARVED.patch, 0.1)
 
 
 @pytest.fixture(scope="module")
@@ -100,13 +100,21 @@ def _mul(a, b):
     return np.einsum("ij...,jk...->ik...", a, b)
 
 
-def test_newton_converges_quadratically(body, patch, bent):
-    """Its order, of the last residuals above rounding."""
-    steps = list(iterates(body, patch, 1.1 * LOAD, bent))
-    residuals = np.array([residual for _, residual, _ in steps if residual > 1e-13])
-    assert len(residuals) <= 6
-    order = np.diff(np.log(residuals))
-    assert order[-1] / order[-2] > 1.9
+def test_newton_has_the_exact_tangent_and_needs_few_steps(body, patch, bent):
+    """The tangent of forces and load is their derivative; stiff and soft modes hide its order."""
+    _, band = body.linearised(bent)
+    g, p = patch.turning(bent)
+    step = np.random.default_rng(5).standard_normal(body.size)
+    step[: body.clamped] = 0
+
+    def residual(u):
+        return body.forces(u) - LOAD * patch.unit_load(u)
+
+    measured = (residual(bent + 1e-7 * step) - residual(bent - 1e-7 * step)) / 2e-7
+    tangent = dense(body, band) @ step - LOAD * g * (p @ step)
+    np.testing.assert_allclose(measured, tangent, atol=1e-7 * np.abs(tangent).max())
+    residuals = [size for _, size, _ in iterates(body, patch, 1.1 * LOAD, bent)]
+    assert sum(size > 1e-13 for size in residuals) <= 4
 
 
 def test_energy_is_the_work_of_the_load(body):
@@ -141,9 +149,6 @@ def test_the_patch_carries_one_newton_at_its_place(body):
         patch = patch_at(body.grid, s, CARVED.patch)
         assert patch.fractions.sum() == pytest.approx(1, rel=1e-14)
         assert patch.fractions @ body.grid.nodes[:, 0] == pytest.approx(s, rel=1e-13)
-        assert patch.slopes @ body.grid.nodes[:, 0] == pytest.approx(1, rel=1e-13)
-        _, slope, _ = CARVED.contact_line(s)
-        assert np.tan(patch.angle(np.zeros(body.size))) == pytest.approx(float(slope), abs=1e-3)
 
 
 def test_a_rigid_rotation_strains_nothing(body):

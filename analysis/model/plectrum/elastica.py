@@ -30,11 +30,11 @@ Q_MAX = 3.43
 Q_END = 3.45  # Dimensionless, end of the table over q
 DEGREE = 40
 """Degree in q of the Chebyshev series through the integrated elastica."""
-DRAG_DEGREE = 9
+DRAG_DEGREE = 12
 """Degree in T of the table."""
 STICKING_DEGREE = 5
 """Degree in T of the table of a string that sticks, over a smaller range of T."""
-CELLS = 128
+CELLS = 160
 """Equal cells of the table over q."""
 ORDER = 6
 """Coefficients of the polynomial in a cell."""

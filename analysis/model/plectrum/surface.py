@@ -49,7 +49,8 @@ class StringCentre:
         def beyond(s: float) -> float:
             return float(self.bend(s, 0.0).x) - rest
 
-        reach = self.half + self.radius  # a steep surface moves the centre by no more
+        # A steep surface moves the centre by no more; the last part is for rounding.
+        reach = self.half + self.radius + 1e-9 * self.length
         low, high = max(rest - reach, rest / 2), self.length
         if not beyond(low) <= 0 <= beyond(high):
             raise ModelError(

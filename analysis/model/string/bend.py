@@ -8,7 +8,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from sautereau.analysis.model.plectrum.base import PlectrumMap
-from sautereau.analysis.model.plectrum.elastica import CELLS, Elastica, elastica_tables
+from sautereau.analysis.model.plectrum.elastica import (
+    CELLS,
+    Elastica,
+    elastica_tables,
+    q_max,
+)
 from sautereau.analysis.model.plectrum.surface import StringCentre
 
 Bent = tuple[
@@ -56,9 +61,8 @@ def _of_elastica(plectrum: Elastica, offset: float) -> PointBend:
     table, _ = elastica_tables(plectrum.friction)
     # The polynomials of each cell, one tuple of coefficients for each of x, z / q, theta / q.
     cells = table.c.transpose(1, 2, 0).tolist()
-    q_max = float(table.x[-1])
+    width, largest = float(table.x[1]), q_max(plectrum.friction)
     stiffness, length, friction = plectrum.bending_stiffness, plectrum.length, plectrum.friction
-    width = q_max / CELLS
 
     def at(s: float, force: float) -> Bent:
         q_f = s * s / stiffness
@@ -86,6 +90,6 @@ def _of_elastica(plectrum: Elastica, offset: float) -> PointBend:
         )  # fmt: skip
 
     def limit(s: float) -> float:
-        return q_max * stiffness / min(s, length) ** 2
+        return largest * stiffness / min(s, length) ** 2
 
     return PointBend(at, limit)
