@@ -27,14 +27,13 @@ if TYPE_CHECKING:
 Q_MAX = 3.43
 """Dimensionless; largest load q without friction: the tangent has turned by 90 degrees at
 3.4376."""
-Q_END = 3.45  # Dimensionless, end of the table over q
 DEGREE = 40
 """Degree in q of the Chebyshev series through the integrated elastica."""
 DRAG_DEGREE = 12
 """Degree in T of the table."""
 STICKING_DEGREE = 5
 """Degree in T of the table of a string that sticks, over a smaller range of T."""
-CELLS = 160
+CELLS = 128
 """Equal cells of the table over q."""
 ORDER = 6
 """Coefficients of the polynomial in a cell."""
@@ -100,7 +99,7 @@ def _table(weights: Floats) -> "PPoly":
     from scipy.interpolate import PPoly
 
     cells = np.moveaxis(np.tensordot(weights, _cells(), 1), (-3, -2), (0, 1))
-    return PPoly(np.ascontiguousarray(cells), np.linspace(0.0, Q_END, CELLS + 1))
+    return PPoly(np.ascontiguousarray(cells), np.linspace(0.0, Q_MAX, CELLS + 1))
 
 
 @lru_cache(maxsize=128)
@@ -138,10 +137,10 @@ def _cells() -> Floats:
         psi, cosines, sines = y.reshape(3, -1)
         return np.ravel([cosines + drag * sines, np.cos(psi), np.sin(psi)])
 
-    at, start = np.sqrt(Q_END * nodes), np.zeros(3 * len(drag))
+    at, start = np.sqrt(Q_MAX * nodes), np.zeros(3 * len(drag))
     solution = solve_ivp(right, (0, at[-1]), start, "DOP853", t_eval=at, rtol=1e-13, atol=1e-16)
     psi, cosines, sines = solution.y.reshape(3, len(drag), len(nodes))
-    q = Q_END * nodes
+    q = Q_MAX * nodes
     x = (np.cos(psi) * cosines + np.sin(psi) * sines) / np.sqrt(q)
     z = (np.cos(psi) * sines - np.sin(psi) * cosines) / np.sqrt(q) / q
     laws = np.stack([x, z, -psi / q])
@@ -151,6 +150,6 @@ def _cells() -> Floats:
     series = [np.asarray(chebvander(2 * share - 1, DEGREE), float) for share in (places, nodes)]
     to_cells = series[0] @ np.linalg.inv(series[1])
     to_powers = np.linalg.inv(np.vander(within, increasing=False))
-    to_powers *= (CELLS / Q_END) ** np.arange(ORDER - 1.0, -1, -1)[:, None]
+    to_powers *= (CELLS / Q_MAX) ** np.arange(ORDER - 1.0, -1, -1)[:, None]
     to_drag = np.linalg.inv(_chebyshev(drag, DRAG_DEGREE))
     return np.einsum("fg,po,ocn,lgn->fpcl", to_drag, to_powers, to_cells, laws, optimize=True)
