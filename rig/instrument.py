@@ -168,12 +168,13 @@ class Plectrum(Section):
     friction: float = Field(default=0.0, strict=True, ge=0, le=0.5)
     """Dimensionless, coefficient of Coulomb friction between plectrum and string."""
     tip_thickness: Length | None = Field(default=None, gt=0)
-    """m, thickness of the section at the tip, for the level `two-beam`. Default: `thickness`."""
+    """m, thickness of the section at the tip, if it is cut thinner from below. Default:
+    `thickness`."""
     tip_length: Length | None = Field(default=None, gt=0)
-    """m, length of the section at the tip, for the level `two-beam`. Default: half the length."""
+    """m, length of the section at the tip. Default: half the length."""
     outline: Outline | None = None
-    """For the level `fe`; without it the section is uniform. It can be read from a file:
-    ``outline = { file = "contour.csv" }``."""
+    """Shape of a carved plectrum; without it the section is that of the thicknesses. It can be read
+    from a file: ``outline = { file = "contour.csv" }``."""
 
     @model_validator(mode="after")
     def _overlap_on_the_plectrum(self):
@@ -183,6 +184,22 @@ class Plectrum(Section):
                 f" {self.length * 1e3:.6g} mm; lower overlap"
             )
         return self
+
+    @model_validator(mode="after")
+    def _one_shape(self):
+        if self.outline is not None and self.tip_thickness is not None:
+            raise ValueError(
+                "tip_thickness: the outline has the thickness everywhere; remove tip_thickness, or"
+                " the outline"
+            )
+        return self
+
+    @property
+    def described(self) -> tuple[str, ...]:
+        """Names of the fields that give it another shape than a uniform section."""
+        if self.outline is not None:
+            return ("outline",)
+        return ("tip_thickness",) if self.tip_thickness not in (None, self.thickness) else ()
 
     @property
     def bending_stiffness(self) -> float:

@@ -157,7 +157,7 @@ class Scene(Section):
         if (self.step is None) == (self.accuracy is None):
             given = "neither is" if self.step is None else "both are"
             yield f"step, accuracy: {given} given; give one of them"
-        for name in ("engine", "plectrum", "string") if self.accuracy is None else ():
+        for name in ("engine", "string") if self.accuracy is None else ():
             if getattr(self, name) == "auto":
                 yield (
                     f'{name}: "auto" is chosen by the requested accuracy; give accuracy'

@@ -66,7 +66,7 @@ def inverse_dynamics(
     phases: Sequence[Phases],
     names: Sequence[str],
     priors: Mapping[str, Prior] | None = None,
-    level: str = "elastica",
+    level: str = "auto",
 ) -> InverseDynamics:
     """Return the inverse dynamics of presses with all parameters; arguments as for `identify`.
 

@@ -29,6 +29,7 @@ from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.quality import Quality, quality
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
+from sautereau.analysis.model.choirs import ignored, level_name
 from sautereau.analysis.phases import Phases
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
@@ -145,7 +146,7 @@ def identify(
     names: Sequence[str],
     priors: Mapping[str, Prior] | None = None,
     *,
-    level: str = "elastica",
+    level: str = "auto",
     starts: int = 3,
     robust: bool = False,
 ) -> Identified:
@@ -201,7 +202,7 @@ def evaluate(fitted: Fit) -> Identified:
         ),
         presses=tuple(press.name for press in dynamics.presses),
         releases=len(rises),
-        level=dynamics.level,
+        level=level_name(dynamics.rig, dynamics.level),
         residual=rms([f - w.trend(f) for f, w in zip(forces, found.whitenings, strict=True)]),
         residual_before=fitted.residual_before,
         rise_residual=rms([rises * dynamics.rise_stds]) if len(rises) else None,
@@ -295,6 +296,7 @@ def _estimate(
 
 def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple[str, ...]:
     found = [f"not fitted: {reason}" for reason in dynamics.unusable]
+    found += ignored(dynamics.rig, dynamics.level)
     by_name = {p.name: p for p in dynamics.free}
     for estimate in estimates:
         if estimate.at_bound:

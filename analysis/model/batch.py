@@ -1,4 +1,8 @@
-"""Predictions of many presses at once, with the elastica and the spring string."""
+"""Predictions of many presses at once, with the spring string.
+
+Uniform plectra are elasticas, computed together. A rig that describes another shape is predicted
+case by case.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -13,6 +17,7 @@ from sautereau.analysis.model.pluck.equilibria import Equilibria
 from sautereau.analysis.model.pluck.loaded import UniformPlectra
 from sautereau.analysis.model.pluck.paths import Paths, Status, ramp, solve_paths
 from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
+from sautereau.analysis.model.predict import predict
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY
 
@@ -83,6 +88,12 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
     varying = {n: np.broadcast_to(v, shape).ravel() for n, v in given.items() if v.ndim}
     fixed = of_rig | {name: float(v) for name, v in given.items() if not v.ndim}
     count = int(np.prod(shape))
+    if rig.plectrum.described:
+        cases = [{name: float(v[k]) for name, v in varying.items()} for k in range(count)]
+        same = {name: float(v) for name, v in given.items() if not v.ndim}
+        same["plectrum.friction"] = float(friction)
+        found = zip(*(_predicted(rig, same | case) for case in cases), strict=True)
+        return PredictionBatch(*(np.reshape(values, shape) for values in found))
     results = [
         np.empty(count, np.int8 if f.name == "status" else float) for f in fields(PredictionBatch)
     ]
@@ -95,6 +106,17 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
         for result, value in zip(results, found, strict=True):
             result[part] = value
     return PredictionBatch(*(result.reshape(shape) for result in results))
+
+
+def _predicted(rig: Rig, values: Mapping[str, float]) -> tuple[float | np.int8, ...]:
+    """Return the fields of `PredictionBatch` for one case of a carved plectrum."""
+    try:
+        found = predict(rig.replaced(dict(values)))
+    except ModelError:
+        return (*[np.nan] * (len(fields(PredictionBatch)) - 1), np.int8(Status.NOT_CONVERGED))
+    ended = Status.RELEASED_AT_FOLD if found.released_at_fold else Status.RELEASED
+    names = [field.name for field in fields(PredictionBatch)[:-1]]
+    return (*(getattr(found, name) for name in names), np.int8(ended))
 
 
 def _of(rig: Rig, name: str) -> float:
@@ -112,6 +134,11 @@ def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
         faults.append(
             "plectrum.friction: it must be one number within 0 to 0.5 for all cases; call once"
             " for each friction"
+        )
+    if rig.plectrum.described and (derived := sorted(set(given) & {*DERIVED})):
+        faults.append(
+            f"values: {', '.join(derived)} cannot be given for a plectrum with"
+            f" {' and '.join(rig.plectrum.described)}; give plectrum.youngs_modulus or the tension"
         )
     if rig.more_choirs:
         faults.append(

@@ -5,6 +5,7 @@ from functools import lru_cache
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.levels import AUTO, dropped, level_of
 from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
 from sautereau.analysis.model.string.string import release_speed
@@ -86,7 +87,7 @@ def key_of(rig: Rig, choir: Choir) -> Key:
     return rig.key.model_copy(update={"jack_arm": choir.jack_arm})
 
 
-def choir_pluck(choir: Choir, level: str = "elastica", sticks: bool = True) -> Pluck:
+def choir_pluck(choir: Choir, level: str = AUTO, sticks: bool = True) -> Pluck:
     """Return the pluck of a choir's plectrum and spring string; see `pluck_of`."""
     return pluck_of(choir.plectrum, choir.string, level, sticks)  # pyright: ignore[reportArgumentType]
 
@@ -102,6 +103,28 @@ def pluck_of(plectrum: Plectrum, string: String, level: str, sticks: bool = True
     """
     mapped = string_map(plectrum, string, level)
     return solve_pluck(mapped, string.static_stiffness, plectrum.overlap, sticks)
+
+
+def level_name(rig: Rig, level: str) -> str:
+    """Return the levels that `level` means for the choirs of a rig: `elastica`, `fe`, or both."""
+    return " and ".join(dict.fromkeys(level_of(c.plectrum, level) for c in choirs(rig)))  # pyright: ignore[reportArgumentType]
+
+
+def ignored(rig: Rig, level: str) -> list[str]:
+    """Return a text for each part of a plectrum that a level ignores, with what it changes."""
+    found = []
+    for number, choir in enumerate(choirs(rig)):
+        at = f"more_choirs[{number - 1}]." if number else ""
+        names = [f"{at}plectrum.{name}" for name in dropped(choir.plectrum, level)]  # pyright: ignore[reportArgumentType]
+        if not names:
+            continue
+        force, true = (float(choir_pluck(choir, name).force[-1]) for name in (level, AUTO))
+        found.append(
+            f"the plectrum model {level} ignores {', '.join(names)}: its plectrum force at release"
+            f" is {100 * (force / true - 1):+.1f} % off that of"
+            f" {level_of(choir.plectrum)}; use the level auto"  # pyright: ignore[reportArgumentType]
+        )
+    return found
 
 
 def hold(rig: Rig, level: str) -> list[PlacedPluck]:

@@ -69,7 +69,7 @@ class ModalPluck:
 
 def modal_pluck(
     rig: Rig,
-    level: str = "elastica",
+    level: str = "auto",
     *,
     step: float | None = None,
     modes: int = MODES,

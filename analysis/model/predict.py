@@ -13,7 +13,9 @@ from sautereau.analysis.model.choirs import (
     choir_pluck,
     choirs,
     hold,
+    ignored,
     key_of,
+    level_name,
     plucked,
 )
 from sautereau.analysis.model.key import finger_force
@@ -37,6 +39,9 @@ class Prediction(ChoirPluck):
     """
 
     level: str
+    """Of the plectra, as computed: for `auto` the level that was chosen."""
+    warnings: tuple[str, ...]
+    """What the level ignores."""
     time: Floats
     """s, after the jack leaves rest."""
     rise: Floats
@@ -97,7 +102,7 @@ def expectation(prediction: Prediction) -> Expectation:
     )
 
 
-def rig_pluck(rig: Rig, level: str = "elastica") -> Pluck:
+def rig_pluck(rig: Rig, level: str = "auto") -> Pluck:
     """Return the pluck of the rig's first choir.
 
     Raises:
@@ -106,7 +111,7 @@ def rig_pluck(rig: Rig, level: str = "elastica") -> Pluck:
     return choir_pluck(choirs(rig)[0], level)
 
 
-def predict(rig: Rig, level: str = "elastica", *, speed: JackSpeed | None = None) -> Prediction:
+def predict(rig: Rig, level: str = "auto", *, speed: JackSpeed | None = None) -> Prediction:
     """Predict the press of a rig: deflection and force while the jack rises.
 
     Args:
@@ -137,7 +142,8 @@ def predict(rig: Rig, level: str = "elastica", *, speed: JackSpeed | None = None
     first: dict[str, Any] = vars(all_choirs[0]) | {"work": sum(c.work for c in all_choirs)}
     return Prediction(
         **first,
-        level=level,
+        level=level_name(rig, level),
+        warnings=tuple(ignored(rig, level)),
         time=time,
         rise=rise,
         deflection=rig.key.laser_arm * angle.position,

@@ -50,7 +50,7 @@ class Sound:
 
 def sound_of(
     rig: Rig,
-    level: str = "elastica",
+    level: str = "auto",
     *,
     duration: float = 4.0,
     held: float | None = None,

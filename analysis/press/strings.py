@@ -134,7 +134,7 @@ def string_decay(string: String, modes: int, quality: float = QUALITY) -> Floats
 
 
 def vibrating_strings(
-    rig: Rig, level: str = "elastica", *, quality: float = QUALITY, highest: float | None = None
+    rig: Rig, level: str = "auto", *, quality: float = QUALITY, highest: float | None = None
 ) -> tuple[VibratingString, ...]:
     """Return the vibration of every choir's string after its pluck, in the order of the choirs.
 

@@ -217,7 +217,7 @@ def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
     for condition in found.conditions:
         if len(found.conditions) > 1:
             lines.append(f"{found.label(condition)}:")
-        lines += _comparison_lines(condition, found.level, features)
+        lines += _comparison_lines(condition, features)
         if condition.repeatability:
             lines += repeatability_lines(condition.repeatability)
         lines += _drift_lines(condition)
@@ -225,13 +225,13 @@ def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
     return lines
 
 
-def _comparison_lines(found: Condition, level: str, features: bool) -> list[str]:
-    if not found.comparison:
+def _comparison_lines(found: Condition, features: bool) -> list[str]:
+    if not (found.comparison and found.prediction):
         return []
     errors = [error_cells(name, getattr(found.comparison, name)) for name in SIGNS]
     lines = [
         "Model error, (model - measured) / measured,"
-        f" {counted(found.comparison.presses, 'press')}, plectrum model {level}:",
+        f" {counted(found.comparison.presses, 'press')}, plectrum model {found.prediction.level}:",
         *table([("feature", "error", "95 % interval", "the model is"), *errors], indent=2),
     ]
     compared = [one for one in found.features if one.predicted is not None]

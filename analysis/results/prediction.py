@@ -43,6 +43,8 @@ class Prediction(Result):
                     "release_angle", "work")  # fmt: skip
         return {
             **part_of(found, *names),
+            "level": found.level,
+            "warnings": list(found.warnings),
             "v_osc_first_mode": first_mode_release_speed(self.rig.string, found.release_lift),
             "released_string": {
                 name: speed if math.isfinite(speed := getattr(state, name)) else None
@@ -88,6 +90,7 @@ class Prediction(Result):
             f" {_shown('peak_force', found.peak_force)}, {_shown('work', found.work)}",
             f"{QUANTITIES['v_osc'].label}{first}: {found.v_osc:.4g} m/s (all modes);"
             f" largest velocity of the first mode alone: {first_mode:.3g} m/s",
+            *(f"warning: {warning}" for warning in found.warnings),
         ]
 
     def to_frame(self) -> "pd.DataFrame":
@@ -102,9 +105,9 @@ class Prediction(Result):
     def plot(self) -> "Figure":
         """Return a figure of the pluck by every plectrum model."""
         from sautereau.analysis.figures.pluck import pluck_figure
-        from sautereau.analysis.model.plectrum.levels import LEVELS
+        from sautereau.analysis.model.plectrum.levels import AUTO, LEVELS
 
-        return shown(pluck_figure(self.rig, LEVELS.names()))
+        return shown(pluck_figure(self.rig, [n for n in LEVELS.names() if n != AUTO]))
 
 
 def _shown(name: str, value: float) -> str:

@@ -88,7 +88,7 @@ class Rig(Shown):
         return plan(self.values)
 
     def predict(
-        self, values: Mapping[str, Any] | None = None, /, *, level: str = "elastica", **named: Any
+        self, values: Mapping[str, Any] | None = None, /, *, level: str = "auto", **named: Any
     ) -> "Prediction":
         """Return the press that the model predicts, with other values as in `with_values`.
 

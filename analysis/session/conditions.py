@@ -85,7 +85,7 @@ class SessionAnalysis(Generic[PressT]):
 
 
 def analyse(
-    presses: Sequence[PressT], level: str = "elastica", rig: Rig | None = None
+    presses: Sequence[PressT], level: str = "auto", rig: Rig | None = None
 ) -> SessionAnalysis[PressT]:
     """Analyse the presses of one or more sessions.
 
@@ -168,6 +168,7 @@ def _condition(
         ]
         plucked = [p[0] for press, p in zip(known, each, strict=True) if press.speeds]
         prediction = plucked[0] if plucked else predict(rig or own, level)
+        warnings += prediction.warnings
         firsts = [p[0] for p in each]
         comparison = compare([press.phases for press in known], firsts, gain_stds(own))
         predicted = predicted_means(rows, rig or own, each)

@@ -73,7 +73,7 @@ def listen(
     rig: common.RigName = "paper",
     *,
     out: Annotated[common.OutFile, common.written_as(".wav")],
-    level: common.Level = "elastica",
+    level: common.Level = "auto",
     duration: Annotated[common.Time, common.ABOVE_0] = common.Quantity(4),
     held: common.Duration | None = None,
     quality: Annotated[float, common.ABOVE_0] = 1500.0,

@@ -68,7 +68,7 @@ def compare(
     *,
     against: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
     rig: str | None = None,
-    level: common.Level = "elastica",
+    level: common.Level = "auto",
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:
@@ -113,7 +113,7 @@ def identify(
     *,
     free: Annotated[str, "NAMES"],
     prior: list[str] | None = None,
-    level: common.Level = "elastica",
+    level: common.Level = "auto",
     starts: common.Count = 3,
     robust: bool = False,
     profile: bool = False,

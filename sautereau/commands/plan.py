@@ -95,7 +95,7 @@ def mount(
 def predict(
     rig: common.RigName = "paper",
     *,
-    level: common.Level = "elastica",
+    level: common.Level = "auto",
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:

@@ -12,7 +12,7 @@ def report(
     /,
     *,
     out: common.OutFile | None = None,
-    level: common.Level = "elastica",
+    level: common.Level = "auto",
     output: FileOutput = FileOutput(),
 ) -> int:
     """Write one HTML page about a session, which works offline in any browser.

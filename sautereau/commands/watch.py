@@ -12,7 +12,7 @@ def watch(
     /,
     *,
     n: common.Number | None = None,
-    level: common.Level = "elastica",
+    level: common.Level = "auto",
     output: Output = Output(),
 ) -> int:
     """Show the presses of a folder and their analysis as recordings arrive, until Ctrl-C.

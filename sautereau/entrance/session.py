@@ -118,7 +118,7 @@ class Session(Shown, Sequence[PressFile]):
         against: "Session | str | Path | None" = None,
         *,
         rig: Rig | schema.Rig | str | Path | None = None,
-        level: str = "elastica",
+        level: str = "auto",
     ) -> Comparison:
         """Compare the presses with the model, with each other, and with those of another set.
 
@@ -145,7 +145,7 @@ class Session(Shown, Sequence[PressFile]):
         names: Sequence[str],
         priors: Sequence[str] = (),
         *,
-        level: str = "elastica",
+        level: str = "auto",
         starts: int = 3,
         robust: bool = False,
     ) -> Fit:
@@ -174,7 +174,7 @@ class Session(Shown, Sequence[PressFile]):
         mixed = tuple(sorted(keys & {"day", "scene"}))
         return Fit(presses[0].rig, simulated, mixed, made, evaluate(made))
 
-    def report(self, out: str | Path | None = None, *, level: str = "elastica") -> "Report":
+    def report(self, out: str | Path | None = None, *, level: str = "auto") -> "Report":
         """Write one HTML page about the presses, which replaces an earlier one.
 
         Args:

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from importlib.util import find_spec
 
+from sautereau.analysis.model.plectrum.levels import level_of
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
@@ -122,8 +123,7 @@ def best_models(true: Rig, scene: Scene) -> Scene:
         true: The simulated bench.
         scene: Of any kind.
     """
-    exact = "elastica" if true.plectrum.outline is None else "fe"  # the faster one of two
-    level = exact if scene.plectrum == "auto" else scene.plectrum
+    level = level_of(true.plectrum, scene.plectrum)
     string = "modal" if scene.string == "auto" else scene.string
     return scene.model_copy(update={"plectrum": level, "string": string})
 

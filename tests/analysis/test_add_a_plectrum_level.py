@@ -14,7 +14,7 @@ from sautereau.rig.load import load_rig
 
 def test_the_page_adds_a_level(follow, capsys):
     page = follow("add-a-plectrum-level.md")
-    assert LEVELS.names() == ["elastica", "fe", "rods", "beam", "two-beam", "hinge"]
+    assert LEVELS.names() == ["auto", "elastica", "fe", "rods", "beam", "two-beam", "hinge"]
     assert levels_help().endswith("two-beam, hinge.")
     tests = runpy.run_path("test_hinge_level.py")
     for name in [name for name in tests if name.startswith("test_")]:

@@ -10,10 +10,12 @@ if TYPE_CHECKING:
     from sautereau.rig.instrument import Plectrum
 
 _HERE = "sautereau.analysis.model.plectrum"
+AUTO = "auto"
 LEVELS = Registry(
     "sautereau.plectrum_levels",
     "plectrum level",
     {
+        AUTO: f"{_HERE}.levels:automatic",
         "elastica": f"{_HERE}.elastica:Elastica",
         "fe": f"{_HERE}.fe.level:FE",
         "rods": f"{_HERE}.rods:Rods",
@@ -22,7 +24,28 @@ LEVELS = Registry(
     },
     ModelError,
 )
-"""Classes that are constructed from a `Plectrum` and are a `PlectrumMap`; the default first."""
+"""Functions of a `Plectrum` that return a `PlectrumMap`; the default first."""
+REPRESENTED = {"fe": ("outline", "tip_thickness"), "two-beam": ("tip_thickness",)}
+"""What levels represent of a plectrum beyond a uniform section; all represent its friction and the
+place of the string."""
+
+
+def level_of(plectrum: "Plectrum", level: str = AUTO) -> str:
+    """Return the name of a level; of `auto` the cheapest that represents all that is described."""
+    if level != AUTO:
+        return level
+    return "fe" if plectrum.described else "elastica"
+
+
+def dropped(plectrum: "Plectrum", level: str) -> tuple[str, ...]:
+    """Return the fields of a plectrum that a level ignores."""
+    named = level_of(plectrum, level)
+    return tuple(f for f in plectrum.described if f not in REPRESENTED.get(named, ()))
+
+
+def automatic(plectrum: "Plectrum") -> "PlectrumMap":
+    """Return the map of a plectrum at the level of `level_of`."""
+    return plectrum_map(plectrum, level_of(plectrum))
 
 
 def plectrum_map(plectrum: "Plectrum", level: str) -> "PlectrumMap":
@@ -36,5 +59,8 @@ def plectrum_map(plectrum: "Plectrum", level: str) -> "PlectrumMap":
 
 def levels_help() -> str:
     """Return the help text of an option that takes a level, with all registered names."""
-    notes = {"elastica": " (default)", "fe": " (carved shape)"}
+    notes = {
+        AUTO: " (default: elastica for a uniform section, fe for any other)",
+        "fe": " (carved shape)",
+    }
     return f"Plectrum bending model: {', '.join(n + notes.get(n, '') for n in LEVELS.names())}."

@@ -51,7 +51,7 @@ class StringCentre:
 
         # A steep surface moves the centre by no more; the last part is for rounding.
         reach = self.half + self.radius + 1e-9 * self.length
-        low, high = max(rest - reach, rest / 2), self.length
+        low, high = max(rest - reach, getattr(self.mid_line, "nearest", 0.0)), self.length
         if not beyond(low) <= 0 <= beyond(high):
             raise ModelError(
                 f"plectrum.outline: no position on the plectrum lies below a string"

@@ -171,11 +171,10 @@ def check_scene(scene: Scene) -> None:
         SceneError: The scene has a part that the engine does not support, or an open choice.
     """
     faults = scene.unsolved
-    if scene.step is None or "auto" in (scene.plectrum, scene.string):
+    if scene.step is None or scene.string == "auto":
         faults.append(
-            "step, plectrum, string: the scene leaves them open; choose them with"
-            " `sautereau.sim_backend.trade.select.select_solver`, or give a step, a level and a"
-            " string"
+            "step, string: the scene leaves them open; choose them with"
+            " `sautereau.sim_backend.trade.select.select_solver`, or give a step and a string"
         )
     if faults:
         raise SceneError("\n".join(faults))

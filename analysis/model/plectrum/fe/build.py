@@ -23,8 +23,8 @@ ACCURACY = 2e-4
 shortening, below which more nodes are not tried. The specified accuracy is 5e-4."""
 _SIZES = ((6, 8), (9, 10), (17, 12))
 """Numbers of positions and loads, tried one after another until the series are accurate."""
-_DRAGS = ((0.0, 1), (0.03, 2), (0.3, 3), (np.inf, 4))
-"""Half the range of drags up to which a number of nodes leaves an error of 2e-5."""
+_DRAGS = ((0.0, 1), (0.6, 3), (np.inf, 4))
+"""Half the range of drags up to which a number of nodes leaves an error of 1e-4."""
 
 
 class Solver:

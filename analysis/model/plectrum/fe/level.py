@@ -38,6 +38,8 @@ class FE:
         self.clamp_thickness = self.profile.clamp_thickness * self.length
         """m, of which the contact point lies half below the upper edge."""
         self._table = _table_of(plectrum)
+        self.nearest = self._table.nearest * self.length
+        """m, smallest position of the map."""
         self._load = self._table.load * plectrum.youngs_modulus * plectrum.width * self.length
 
     def bend(self, s: ArrayLike, force: ArrayLike, drag: ArrayLike | None = None) -> Bend:
@@ -109,13 +111,12 @@ def _table_of(plectrum: Plectrum) -> DisplacementSeries:
             f" {100 * REACHES[-1][0]:.0f} % of the plectrum's {plectrum.length * 1e3:.4g} mm, and"
             " what remains is no beam; lower overlap"
         )
-    friction = FRICTION_MAX if plectrum.friction else 0.0  # one map serves all above 0
-    ratios = np.array([plectrum.poisson_ratio, friction, nearest])
+    ratios = np.array([plectrum.poisson_ratio, FRICTION_MAX, nearest])
 
     def make() -> DisplacementSeries:
         # Imported here because it imports scikit-fem, which a stored map does not need.
         from sautereau.analysis.model.plectrum.fe.build import build
 
-        return build(profile, plectrum.poisson_ratio, friction, nearest)
+        return build(profile, plectrum.poisson_ratio, FRICTION_MAX, nearest)
 
     return stored([profile.x, profile.top, profile.bottom, ratios], make)

@@ -78,15 +78,22 @@ def bump(u: Floats) -> Floats:
 
 
 def profile_of(plectrum: Plectrum) -> Profile:
-    """Return a plectrum's outline, or its uniform section, in units of its length.
+    """Return a plectrum's outline, or that of its thicknesses, in units of its length.
+
+    A thinner tip is cut from below; the step is a bevel that is as long as it is high.
 
     Raises:
         ModelError: The outline is not as long as the plectrum.
     """
     outline = plectrum.outline
     if outline is None:
-        half = plectrum.thickness / plectrum.length / 2
-        return Profile(np.array([0.0, 1.0]), np.full(2, half), np.full(2, -half))
+        half, places, depth = plectrum.thickness / plectrum.length / 2, [0.0, 1.0], [0.0, 0.0]
+        if plectrum.described:
+            step = (plectrum.thickness - (plectrum.tip_thickness or 0.0)) / plectrum.length
+            joint = 1 - (plectrum.tip_length or plectrum.length / 2) / plectrum.length
+            bevel = min(abs(step), 2 * joint, 2 * (1 - joint)) / 2
+            places, depth = [0.0, joint - bevel, joint + bevel, 1.0], [0.0, 0.0, step, step]
+        return Profile(np.array(places), np.full(len(places), half), np.array(depth) - half)
     end = outline.x[-1]
     if abs(end - plectrum.length) > SAME_LENGTH * plectrum.length:
         raise ModelError(
