@@ -38,9 +38,9 @@ class StringCurve:
     """Vertical force of the string [N] over the jack's rise above contact [m], as an elastica.
 
     With q = s^2 F / EI as the parameter, psi'' = cos psi + mu sin psi gives the contact point; the
-    string's horizontal equilibrium gives s, the vertical one h. By decision 0012 the friction that
-    bends the plectrum is always that of a string which slides out; the string itself slides towards
-    the clamp with a coefficient -mu, sticks, and slides out with mu.
+    string's horizontal equilibrium gives s, the vertical one h. The string slides towards the clamp
+    with a coefficient -mu, sticks, and slides out with mu; the friction that acts at each instant
+    also bends the plectrum.
     """
 
     def __init__(self, plectrum, string):
@@ -50,16 +50,20 @@ class StringCurve:
         self.offset = (plectrum.thickness + string.diameter) / 2 * (plectrum.contact == "surface")
         self.mu, length = plectrum.friction, plectrum.length
         self.start = length - plectrum.overlap
-        self.elastica = solve_ivp(
-            lambda _, u: (u[1], np.cos(u[0]) + self.mu * np.sin(u[0]), np.cos(u[0]), np.sin(u[0])),
-            (0, np.sqrt(LARGEST)),
-            (0, 0, 0, 0),
-            "DOP853",
-            rtol=1e-13,
-            atol=1e-15,
-            max_step=0.05,
-            dense_output=True,
-        ).sol
+        self.rubs = np.array([0.0]) if self.mu == 0 else self.mu * np.cos(np.pi * np.arange(9) / 8)
+        self.elasticas = [
+            solve_ivp(
+                lambda _, u, t=t: [u[1], np.cos(u[0]) + t * np.sin(u[0]), *_direction(u[0])],
+                (0, np.sqrt(LARGEST)),
+                (0, 0, 0, 0),
+                "DOP853",
+                rtol=1e-13,
+                atol=1e-15,
+                max_step=0.05,
+                dense_output=True,
+            ).sol
+            for t in self.rubs
+        ]
         pieces, q, stuck = [], 0.0, self.start
         if self.mu > 0:
             tiny = 1e-6
@@ -90,24 +94,35 @@ class StringCurve:
             lambda qs: np.array([self.at(q, place(q))[index] for q in qs]), 31, (low, high)
         )
 
-    def point(self, q):
-        """Return x / s and z / s of the contact and sine and cosine of its angle."""
-        xi = np.sqrt(q)
-        psi, _, along, across = self.elastica(xi)
+    def point(self, q, rub):
+        """Return x / s and z / s of the contact and sine and cosine of its angle.
+
+        The friction that bends the plectrum is the one that acts: of the elasticas at some
+        coefficients, Lagrange's polynomial at this one.
+        """
+        xi, apart = np.sqrt(q), self.rubs[:, None] - self.rubs
+        np.fill_diagonal(apart, 1.0)
+        steps = np.where(np.eye(len(apart)), 1.0, (rub - self.rubs) / apart)
+        psi, _, along, across = steps.prod(1) @ [sol(xi) for sol in self.elasticas]
         sin, cos = np.sin(psi), np.cos(psi)
         return (cos * along + sin * across) / xi, (cos * across - sin * along) / xi, sin, cos
 
     def coefficient(self, q, s):
         """Return the coefficient of friction with which the string rests at s."""
-        x, _, sin, cos = self.point(q)
-        pull = (s * x + self.offset * sin - self.start) * self.stiffness
-        return (sin - pull * s**2 / (q * self.rigidity)) / cos
+        rub = 0.0
+        for _ in range(40):
+            x, _, sin, cos = self.point(q, min(max(rub, -self.mu), self.mu))
+            pull = (s * x + self.offset * sin - self.start) * self.stiffness
+            last, rub = rub, (sin - pull * s**2 / (q * self.rigidity)) / cos
+            if abs(rub - last) < 1e-14:
+                break
+        return rub
 
     def slid(self, q, mu):
         """Return where the string lies when it slides with a coefficient."""
         if q <= 0:
             return self.start
-        x, _, sin, cos = self.point(q)
+        x, _, sin, cos = self.point(q, mu)
         push = q * self.rigidity * (sin - mu * cos) / self.stiffness
         return brentq(
             lambda s: s * x + self.offset * sin - self.start - push / s**2,
@@ -125,8 +140,8 @@ class StringCurve:
         """Return rise and force at a load q with the string at s."""
         if q <= 0:
             return 0.0, 0.0
-        _, z, sin, cos = self.point(q)
         mu = self.coefficient(q, s)
+        _, z, sin, cos = self.point(q, min(max(mu, -self.mu), self.mu))
         force = q * self.rigidity / s**2 * (cos + mu * sin)
         return force / self.stiffness - s * z + self.offset * (1 - cos), force
 
@@ -150,6 +165,10 @@ class StringCurve:
                 break
         self.last = min(u, 0.9)
         return _horner(force, u)
+
+
+def _direction(angle):
+    return np.cos(angle), np.sin(angle)
 
 
 def _powers(series):
