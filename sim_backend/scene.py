@@ -56,11 +56,11 @@ class Scene(Section):
     """`push` is a constant force, `ideal` follows the controller's reference exactly, `servo`
     has two links with motors."""
     plectrum: Literal["none", "auto", "elastica", "rods", "beam", "two-beam", "fe"]
-    """Plectrum bending model; `none` for no plucking. With an `accuracy`, `auto` lets the stand-in
-    choose, here and below."""
+    """Plectrum bending model; `none` for no plucking, `auto` for the one that represents all that
+    the rig describes."""
     string: Literal["none", "auto", "spring", "modal"]
     """String model: a massless `spring`, or `modal`, a string in its modes that vibrates after the
-    release."""
+    release. With an `accuracy`, `auto` lets the stand-in choose, here and below."""
     friction: bool
     """Whether pivot and registers have friction."""
     felt: bool

@@ -149,7 +149,9 @@ def test_levels_have_names_and_no_others_do():
     assert set(CLOSED) <= set(LEVELS.names())
     for level in CLOSED:
         assert set(plectrum_map(PLECTRUM, level).bend(1e-3, 0.1)._fields) == set(Bend._fields)
-    with pytest.raises(ModelError, match="plectrum level 'wood' is unknown; known: elastica, fe"):
+    with pytest.raises(
+        ModelError, match="plectrum level 'wood' is unknown; known: auto, elastica, fe"
+    ):
         plectrum_map(PLECTRUM, "wood")
 
 
