@@ -231,7 +231,3 @@ def test_string_stiffness_is_that_of_equation_2():
     b = 108 / 460
     assert pytest.approx(66.95 / (0.46 * b * (1 - b)), rel=1e-12) == STIFFNESS
     assert pytest.approx(810, rel=1e-3) == STIFFNESS
-
-
-def test_equilibrium_of_the_papers_pluck(pluck):
-    assert_equilibrium(pluck, Elastica(PLECTRUM), STIFFNESS, PLECTRUM.overlap)
