@@ -20,10 +20,6 @@ from sautereau.rig.load import with_values
 RATE = 51_200.0
 
 
-def with_high_pass(channel, corner):
-    return channel.model_copy(update={"high_pass": corner})
-
-
 @pytest.mark.parametrize("corner", [0.1, 0.5, 1.0])
 def test_droop_of_a_step_is_undone(velocity, corner):
     """A step through the high-pass is exp(-w t); the step itself must come back."""

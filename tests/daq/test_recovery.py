@@ -16,7 +16,6 @@ from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
 from tests.daq.damage import chunks, corrupt, record_and, write_chunks
 
-RATE = 51_200.0
 N = 60_000
 CHUNK = 10_240
 """Samples in a chunk of these recordings: 0.2 s."""
