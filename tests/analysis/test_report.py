@@ -66,10 +66,7 @@ def twenty(write_session, tmp_path_factory):
     return found, build_report(found, ABOUT)
 
 
-@given(
-    st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=400).map(np.array),
-    st.integers(0, 100),
-)
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=400).map(np.array), st.integers(0, 100))
 def test_an_envelope_keeps_every_peak(signal, points):
     kept = envelope(signal, points)
     assert (np.diff(kept) > 0).all()

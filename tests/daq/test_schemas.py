@@ -134,10 +134,7 @@ def test_a_scene_as_foxgloves_own_library_declares_it():
 def test_the_schema_holds_every_message():
     *others, file = descriptor_pb2.FileDescriptorSet.FromString(DATA).file
     assert [message.name for message in file.message_type] == ["Block", "Plan", "Joints", "Preview"]
-    assert [other.name for other in others] == [
-        "google/protobuf/timestamp.proto",
-        "foxglove.proto",
-    ]
+    assert [other.name for other in others] == ["google/protobuf/timestamp.proto", "foxglove.proto"]
 
 
 @given(hnp.arrays(np.uint64, st.integers(0, 50)))

@@ -38,11 +38,7 @@ def test_an_interrupt_in_mid_motion_stops_it(bench, lines):
 
 def test_a_second_interrupt_while_stopping_does_not_leave_the_motors_on(bench, lines):
     controller, _ = bench(
-        lines.connect,
-        lines.on,
-        [("ST AB", KeyboardInterrupt())],
-        lines.abort,
-        lines.off,
+        lines.connect, lines.on, [("ST AB", KeyboardInterrupt())], lines.abort, lines.off
     )
     with pytest.raises(KeyboardInterrupt), controller, controller.powered():
         raise KeyboardInterrupt
