@@ -236,6 +236,18 @@ def test_a_fit_of_identify_is_read(tmp_path):
     assert fit.warnings == ("few presses",)
 
 
+@pytest.mark.parametrize(
+    ("fits", "said"),
+    [({}, "is unknown"), ({"fits": None}, "is unknown"), ({"fits": False}, "does not fit")],
+)
+def test_the_verdict_of_a_fit_is_shown(tmp_path, fits, said):
+    path = tmp_path / "fit.json"
+    path.write_text(json.dumps(FIT | fits))
+    assert said in read_fit(path).about
+    path.write_text(json.dumps(FIT | {"fits": True}))
+    assert "fit" not in read_fit(path).about.partition("after")[2]
+
+
 @pytest.mark.parametrize("text", ["", "{}", "[1]", '{"parameters": 3}', "\x00\xff", "NaN"])
 def test_another_file_is_refused_as_a_fit(tmp_path, text):
     path = tmp_path / "fit.json"
