@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 from html import unescape
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from sautereau.commands.app import app
 from sautereau.commands.output import FileOutput
 from sautereau.commands.report import report
 from sautereau.daq.file.reading import read_recording
+from sautereau.rig.errors import MissingExtraError
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row
@@ -99,6 +101,13 @@ def test_a_page_is_overwritten(write_session, tmp_path, capsys):
     _, second = page_of(tmp_path, capsys)
     assert "1 press on rig" in first
     assert "2 presses on rig" in second
+
+
+def test_missing_packages_are_named(write_session, tmp_path, monkeypatch):
+    write_session(tmp_path, 1)
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    with pytest.raises(MissingExtraError, match=r"plotly; .*pip install 'sautereau\[report\]'"):
+        report(tmp_path)
 
 
 @pytest.mark.slow
