@@ -11,8 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 from rich.console import Console
 
 from sautereau.commands.live import LiveError
@@ -28,9 +26,6 @@ from tests.daq.declared import declared_class
 
 RIG = load_rig()
 RATE = 51_200.0
-SIGNALS = arrays.arrays(
-    np.float64, st.integers(1, 300), elements=st.floats(-1e3, 1e3) | st.just(np.nan)
-)
 
 
 PATIENT = 100.0

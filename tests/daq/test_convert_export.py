@@ -121,13 +121,9 @@ def test_targets(tmp_path):
     folder.mkdir()
     assert [t for _, t in targets(files, "csv", folder)] == [folder / "a.csv", folder / "b.csv"]
     assert targets(files[:1], "csv", tmp_path / "x.csv") == [(files[0], tmp_path / "x.csv")]
+    assert targets(files[:1], "csv", tmp_path / "new") == [(files[0], tmp_path / "new" / "a.csv")]
     with pytest.raises(RecordingError, match=r"x\.csv: 2 files would be converted to it"):
         targets(files, "csv", tmp_path / "x.csv")
-
-
-def test_a_name_without_extension_is_a_folder_also_for_one_file(tmp_path):
-    file = Path("a.mcap")
-    assert targets([file], "csv", tmp_path / "out") == [(file, tmp_path / "out" / "a.csv")]
 
 
 @pytest.mark.parametrize("name", ["a.parquet", "a.mcap", "a.v2"])

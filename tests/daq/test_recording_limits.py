@@ -15,7 +15,8 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
 from sautereau.rig.schema import Gesture
-from tests.daq.damage import chunks, corrupt, record_and
+from tests.daq.damage import corrupt_chunk, record_and
+from tests.recordings import write_recording
 
 VOLTS = np.zeros((2, 100))
 
@@ -27,16 +28,10 @@ def gesture_of(rig, n):
     return rig.model_copy(update={"press": rig.press.model_copy(update={"gesture": gesture})})
 
 
-def fill(path, rig, session):
-    with Recording(path, rig, session=session) as recording:
-        recording.write_block(Block(0, VOLTS))
-    return path
-
-
 @pytest.mark.parametrize("n", [0, 1_000_000, LARGEST_HEAD - 40_000])
 def test_long_notes_are_read_back(tmp_path, paper, session, n):
     session = replace(session, notes="ö" * (n // 2))
-    path = fill(tmp_path / "press.mcap", paper, session)
+    path = write_recording(tmp_path / "press.mcap", paper, VOLTS, session=session)
     assert read_recording(path).session == read_session(path) == session
     assert describe(path)["session"]["notes"] == session.notes
 
@@ -56,7 +51,7 @@ def test_longer_notes_are_refused_before_the_file_exists(tmp_path, paper, sessio
 
 def test_a_gesture_that_is_accepted_is_read_back(tmp_path, paper, session):
     rig = gesture_of(paper, 20_000)
-    path = fill(tmp_path / "press.mcap", rig, session)
+    path = write_recording(tmp_path / "press.mcap", rig, VOLTS, session=session)
     assert read_recording(path).rig == rig
 
 
@@ -84,8 +79,7 @@ def test_a_recovery_has_room_for_what_is_missing(tmp_path, paper, session):
     with Recording(path, paper, session=session, monotonic=lambda: 0.0) as recording:
         for at in range(0, 60_000, 100):
             recording.write_block(Block(at, VOLTS))
-    start, length = chunks(path)[2]
-    corrupt(path, start + length // 2)
+    corrupt_chunk(path, 2)
     found = describe(recover(path, tmp_path / "found.mcap").path)
     assert found["session"]["notes"] == session.notes
     assert found["recovered"]["from"] == "caf\\xe9.mcap"

@@ -120,12 +120,6 @@ def test_joint_2s_rotor_is_refused():
         new_world(geared(0, 1e-6), load_scene("paper"))
 
 
-def test_at_rest_the_torque_balances_the_weight(loops):
-    loops.engage((0.3, -1.2))
-    for _ in range(50):
-        assert loops.torque((0, 0), (0, 0)) == weight_torque((0.3, -1.2))
-
-
 def test_engaging_again_resets_the_integral(loops):
     loops.engage((0.3, -1.2))
     for _ in range(10):
