@@ -46,7 +46,7 @@ AxisT = TypeVar("AxisT", bound=StreamedAxis)
 
 
 class StreamedController(ABC, Generic[AxisT]):
-    """An `Emulator` of two axes, with simulated time that may wait for the host (decision 0006).
+    """An `Emulator` of two axes, with simulated time that may wait for the host (decision 0002).
 
     It is not thread-safe; see `GalilFirmware`.
 

@@ -38,7 +38,7 @@ class StringCurve:
     """Vertical force of the string [N] over the jack's rise above contact [m], as an elastica.
 
     With q = s^2 F / EI as the parameter, psi'' = cos psi + mu sin psi gives the contact point; the
-    string's horizontal equilibrium gives s, the vertical one h. By decision 0012 the friction that
+    string's horizontal equilibrium gives s, the vertical one h. By decision 0009 the friction that
     bends the plectrum is always that of a string which slides out; the string itself slides towards
     the clamp with a coefficient -mu, sticks, and slides out with mu.
     """
