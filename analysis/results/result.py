@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
-    from _typeshed import DataclassInstance
     from matplotlib.figure import Figure
 
 
@@ -40,8 +39,8 @@ class Result(Shown):
         return "\n".join(self.lines())
 
 
-def json_of(found: "DataclassInstance", *omitted: str) -> dict[str, Any]:
-    """Return the fields of a part of a result as JSON, except some.
+def json_of(found: Any, *omitted: str) -> dict[str, Any]:
+    """Return the fields of a part of a result, a dataclass, as JSON, except some.
 
     The ends of a 95 % interval, `low` and `high`, become one value, which is None without them.
     """
