@@ -29,6 +29,7 @@ from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.samples import TOPIC, SampleLayout, sample_layout
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_document, rig_json
+from sautereau.rig.packaged import made_by
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
@@ -162,11 +163,11 @@ def channel_from_json(topic: str, text: str) -> tuple[int, str, dict[str, str]]:
 
 @cache
 def software() -> dict[str, str]:
-    """Return the versions of Python and of the libraries in use."""
+    """Return the versions of Python, of sautereau with its code, and of the libraries in use."""
     versions = {"python": platform.python_version()}
     for name in LIBRARIES:
         try:
-            versions[name] = version(name)
+            versions[name] = made_by() if name == "sautereau" else version(name)
         except PackageNotFoundError:
             versions[name] = "not installed"
     return versions

@@ -79,7 +79,9 @@ def test_every_delay_is_corrected(paper, record, delay):
     late = rig.daq.channels[0].delay
     press, expected = sines(rig, record)
     np.testing.assert_allclose(press.data["velocity"] / 0.025, expected, atol=8e-5)
-    np.testing.assert_allclose(press.data["velocity"][16:-16] / 0.025, expected[16:-16], atol=1e-9)
+    np.testing.assert_allclose(
+        press.data["velocity"].iloc[16:-16] / 0.025, expected[16:-16], atol=1e-9
+    )
     np.testing.assert_allclose(press.data["force"], expected, atol=1e-12)
     assert len(press.data) == 4000 - int(np.ceil(late * RATE - 1e-9))
 

@@ -24,7 +24,9 @@ def recording(tmp_path, record, volts):
 
 
 def load(path):
-    return pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+    if path.suffix == ".parquet":
+        return pd.read_parquet(path)
+    return pd.read_csv(path, engine="pyarrow")  # bit for bit, also with pandas 2
 
 
 @pytest.mark.parametrize("to", ["parquet", "csv"])
