@@ -143,18 +143,18 @@ def _blocks(path: Path, samples: Array, *, compress: bool) -> None:
     from mcap.records import Channel, Schema
 
     with path.open("wb") as file:
-        writer = McapWriter(file, path.parent, compress=compress)
+        writer = McapWriter(file, compress=compress)
         schema = Schema(1, schema_data({}), "protobuf", "sautereau.Block")
-        writer.start("", [schema, Channel(1, "/daq", "protobuf", {}, 1)])
+        writer.begin("", [schema, Channel(1, "/daq", "protobuf", {}, 1)])
         held = np.empty((len(samples), HELD), samples.dtype)
         for at, pieces in _pieces(samples, HELD):
             for start, piece in _pieces(pieces):
                 held[:, start : start + piece.shape[1]] = piece
-            data = np.ascontiguousarray(held[:, : pieces.shape[1]]).data.cast("B")
-            writer.add_message(1, at, block_head(0, at, 51_200.0, 0, len(data)), data)
-            writer.close_chunk(least=0)
+            data = held[:, : pieces.shape[1]].tobytes()
+            head = block_head(0, at, 51_200.0, 0, len(data))
+            writer.add_message(1, at, head + data, at)
+            writer.flush()
         writer.finish()
-        writer.close()
 
 
 def _recording(

@@ -128,7 +128,7 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
         number, _, metadata = channel_from_json(topic, text)
         schema = schemas[json.loads(text)["schema"]]
         channels.append(Channel(number, topic, "protobuf", metadata, schema))
-    writer.start(
+    writer.begin(
         PROFILE,
         [
             *(Schema(n, schema_of(name, data), "protobuf", name) for name, n in schemas.items()),

@@ -66,14 +66,11 @@ def encode_transforms(date: int, frames: Mapping[str, NDArray[np.float64]]) -> b
     return message.SerializeToString()
 
 
-def encode_rows(columns: ArrayLike) -> NDArray[np.void]:
+def encode_rows(columns: ArrayLike) -> list[bytes]:
     """Return the wire bytes of messages with one row of a table each.
 
     Args:
         columns: Values of each field, in the order of their numbers, shape (n_fields, n).
-
-    Returns:
-        Shape (n,), each item a message.
     """
     with np.errstate(over="ignore"):  # samples may be any double
         values = np.asarray(columns, "<f4")
@@ -81,7 +78,7 @@ def encode_rows(columns: ArrayLike) -> NDArray[np.void]:
     data = np.frombuffer(bytearray(row * values.shape[1]), kind)
     for number, column in enumerate(values, 1):
         data[f"value {number}"] = column
-    return data
+    return data.view(f"V{kind.itemsize}").tolist()
 
 
 @cache

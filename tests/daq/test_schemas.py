@@ -87,7 +87,7 @@ def test_rows_at_once_are_messages():
     values = np.array([0.5, -0.0, np.inf, 5e-324])
     columns = [values + i for i in range(len(NAMES))]
     kind = declared_class(DATA, "sautereau.Preview")
-    rows = [kind.FromString(row.tobytes()) for row in encode_rows(columns)]
+    rows = [kind.FromString(row) for row in encode_rows(columns)]
     found = [[getattr(row, name) for row in rows] for name in NAMES]
     assert np.array_equal(found, np.asarray(columns, np.float32))
 

@@ -98,7 +98,7 @@ class FoxgloveView:
         columns = [row * channel.scale for channel, row in zip(channels, values, strict=True)]
         for place, row in zip(places.tolist(), encode_rows(columns), strict=True):
             at = self._t0 + round((self._first + place) / samples.rate * 1e9)
-            self._server.send(topic, at, row.tobytes())
+            self._server.send(topic, at, row)
 
     def _event(self, kind: str, text: str) -> None:
         now = time.time_ns()
