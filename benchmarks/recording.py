@@ -18,12 +18,11 @@ import numpy as np
 
 from benchmarks.figures import LOWER, Figure, check, timed
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.daq.file.counts import Scaling
-from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.reading import read_recording, stream
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo
-from sautereau.daq.file.samples import block_head
+from sautereau.daq.file.samples import Scaling, block_head
+from sautereau.daq.file.schemas import schema_data
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.convert.document import SIMULATED, volts_name
-from sautereau.daq.file.counts import TYPES
 from sautereau.daq.file.recorded import Recorded, Signal
-from sautereau.daq.file.samples import TOPIC, layout_from_metadata
+from sautereau.daq.file.samples import TOPIC, TYPES, layout_from_metadata
 from sautereau.daq.signals.calibration import restored
 from sautereau.rig.acquisition import Channel
 

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
-from sautereau.daq.file.counts import Samples, write_volts
-from sautereau.daq.file.descriptors import MOTION
 from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.recorded import Event, Signal
-from sautereau.daq.file.samples import TOPIC, SampleLayout, block_head
+from sautereau.daq.file.samples import TOPIC, SampleLayout, Samples, block_head, write_volts
 from sautereau.daq.file.schemas import (
+    MOTION,
     encode,
     encode_log,
     encode_rows,

@@ -7,11 +7,19 @@ from pathlib import Path
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import MAGIC, Opcode
 from sautereau.daq.file.contents import Contents
-from sautereau.daq.file.integrity import has_data_crc, head, indexed, opened, records, size_of
+from sautereau.daq.file.integrity import (
+    has_data_crc,
+    head,
+    indexed,
+    opened,
+    records,
+    size_of,
+    verified,
+    verifying,
+)
 from sautereau.daq.file.limits import FARTHEST_SAMPLE, FARTHEST_TIME
 from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch
 from sautereau.daq.file.runs import Runs
-from sautereau.daq.file.verified import verified, verifying
 
 MOST_LISTED = 8  # Gaps listed in one message
 

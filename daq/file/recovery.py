@@ -13,11 +13,10 @@ from sautereau.daq.file.container.chunks import find_intact, unpack_chunk
 from sautereau.daq.file.container.durable import PART, DurableFile
 from sautereau.daq.file.container.records import MESSAGE, Bytes, Opcode, records_within
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.daq.file.integrity import opened
+from sautereau.daq.file.integrity import opened, verified
 from sautereau.daq.file.provenance import HEAD, start_head
 from sautereau.daq.file.recorded import Gap
 from sautereau.daq.file.survey import Survey, survey
-from sautereau.daq.file.verified import verified
 from sautereau.rig.disk import as_text, hold
 
 ENDING = ".recovering.part"  # Appended to the name of a recovered recording until it is complete

@@ -9,7 +9,7 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.session.analysed import AnalysedPress, analyse_file, analyse_partial
 from sautereau.analysis.summary.press import HEADER, press_line, press_summary
-from sautereau.daq.convert.to_xarray import to_xarray
+from sautereau.daq.convert.export import to_xarray
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.entrance.rig import Rig

@@ -7,22 +7,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from sautereau.daq.file.counts import Scaling
-from sautereau.daq.file.descriptors import FIELDS, FRAME, schema_data
 from sautereau.daq.file.recorded import Event
 from sautereau.daq.file.samples import (
+    Scaling,
     block_head,
     layout_from_metadata,
     read_block,
     sample_layout,
 )
 from sautereau.daq.file.schemas import (
+    FIELDS,
+    FRAME,
     decode,
     doubles,
     encode,
     encode_log,
     encode_rows,
     encode_scene,
+    schema_data,
 )
 from tests.daq.declared import declared_class
 

@@ -7,12 +7,12 @@ from mcap.records import Channel, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.checksum import crc32
 from sautereau.daq.file.container.records import (
     CHUNK_SIZE,
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
     LIBRARY,
+    crc32,
     record_bytes,
     with_checksum,
 )

@@ -6,10 +6,9 @@ from types import MappingProxyType
 from typing import Any
 
 from sautereau.commands.live import LOOPBACK, LiveError
-from sautereau.daq.file.descriptors import LOG, PACKAGE, schema_data
 from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.recorded import Event
-from sautereau.daq.file.schemas import encode_log, encode_rows
+from sautereau.daq.file.schemas import LOG, PACKAGE, encode_log, encode_rows, schema_data
 from sautereau.daq.file.survey import LAYOUT
 from sautereau.rig.errors import require
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
