@@ -155,11 +155,6 @@ class Section:
             raise DamageError("it was truncated while it was read")
 
 
-def records(file: BufferedReader, start: int, end: int) -> Iterator[Record]:
-    """Return the records between two offsets of a file; see `Section.records`."""
-    return Section(file, start, end).records()
-
-
 def verified(file: BufferedReader) -> Iterator[Record]:
     """Yield the records of the data section, after verifying all checksums of the file.
 

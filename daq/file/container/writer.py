@@ -49,8 +49,10 @@ class McapWriter(Writer):
             compression=CompressionType.ZSTD if compress else CompressionType.NONE,
             enable_data_crcs=True,  # the library's default leaves the end of the data unverified
         )
-        self._different: dict[int, int] = {}  # sizes in bytes of definitions, by checksum
-        self._waiting = 0  # bytes of the definitions that are written with the first message
+        # Sizes in bytes of Metadata by their checksums, since copies count once; under 0 that of
+        # all schemas and channels.
+        self._sizes: dict[int, int] = {}
+        self._waiting = 0  # bytes of the definitions that the first message's chunk holds as well
 
     def begin(self, profile: str, definitions: Sequence[Schema | Channel]) -> None:
         """Write the header; the definitions go into the first chunk and the summary.
@@ -68,7 +70,7 @@ class McapWriter(Writer):
                 )
             if number != one.id:
                 raise ValueError(f"number {one.id} where {number} is next")
-        self._waiting = self._different[0] = sum(len(record_bytes(one)) for one in definitions)
+        self._waiting = self._sizes[0] = sum(len(record_bytes(one)) for one in definitions)
 
     def add_metadata(self, name: str, data: dict[str, str]) -> None:
         """Write a Metadata record with its own checksum immediately.
@@ -78,8 +80,8 @@ class McapWriter(Writer):
         """
         data = with_checksum(name, data)
         record = record_bytes(Metadata(name=name, metadata=data))
-        self._different |= {crc32(record): len(record)}
-        if (size := sum(self._different.values())) > LARGEST_DEFINITIONS:
+        self._sizes |= {crc32(record): len(record)}
+        if (size := sum(self._sizes.values())) > LARGEST_DEFINITIONS:
             raise RecordingError(
                 f"its definitions, with the {len(record)} bytes of the metadata {name}, have {size}"
                 f" bytes, more than the limit of {LARGEST_DEFINITIONS}; shorten them"
