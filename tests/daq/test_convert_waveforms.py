@@ -8,8 +8,7 @@ import pytest
 from nptdms import TdmsFile
 from scipy.io import wavfile
 
-from sautereau.daq.convert.columns import columns_of
-from sautereau.daq.convert.export import ENDING, export, to_xarray
+from sautereau.daq.convert.export import ENDING, columns_of, export, to_xarray
 from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
