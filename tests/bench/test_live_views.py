@@ -16,8 +16,8 @@ from rich.console import Console
 from sautereau.commands.live import LiveError
 from sautereau.commands.live.terminal import TerminalView
 from sautereau.commands.live.watching import watching
-from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.recorded import Block
+from sautereau.daq.file.schemas import schema_data
 from sautereau.daq.file.survey import LAYOUT
 from sautereau.rig.errors import MissingExtraError
 from sautereau.rig.load import load_rig

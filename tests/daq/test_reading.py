@@ -8,11 +8,10 @@ from mcap.writer import Writer
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file import runs
-from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.provenance import PROFILE
 from sautereau.daq.file.reading import read_recording, read_window, stream
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.file.schemas import encode
+from sautereau.daq.file.schemas import encode, schema_data
 from sautereau.daq.file.survey import describe
 from sautereau.rig.load import rig_json
 

@@ -15,10 +15,10 @@ from mcap.records import Channel, Chunk, Header, Metadata
 from mcap.stream_reader import StreamReader
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Event, Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
+from sautereau.daq.file.samples import Scaling
 from sautereau.daq.file.survey import describe
 from sautereau.rig.load import load_rig
 from tests.budget import examples

@@ -7,6 +7,7 @@ import pytest
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file import recording as written
+from sautereau.daq.file.container.records import LARGEST_CHUNK
 from sautereau.daq.file.limits import FARTHEST_TIME, HIGHEST_RATE
 from sautereau.daq.file.provenance import LARGEST_HEAD, check_recordable
 from sautereau.daq.file.reading import read_recording, read_session
@@ -91,6 +92,19 @@ def test_texts_of_events_show_the_bytes_of_file_names(tmp_path, paper, session):
         recording.write_block(Block(0, VOLTS))
         recording.event("fault", "caf\udce9: no such file", 0.0)
     assert [event.text for event in read_recording(path).events] == ["caf\\xe9: no such file"]
+
+
+def test_the_largest_plan_after_small_messages_is_read_back(tmp_path, paper, session):
+    t = np.full((LARGEST_CHUNK - 70_000) // 32, 1.0)
+    path = tmp_path / "press.mcap"
+    with Recording(path, paper, session=session, compress=False) as recording:
+        recording.write_block(Block(0, np.zeros((2, 2000))))
+        recording.event("fault", "x" * 100_000, 0.9)
+        recording.write_plan(t, t, t, t)
+    found = read_recording(path)
+    assert found.plan is not None
+    assert np.array_equal(found.plan.jack_rise, t)
+    assert len(found.events) == 1
 
 
 @pytest.mark.parametrize("time", [2 * FARTHEST_TIME, float("nan")])

@@ -175,6 +175,11 @@ def test_a_topic_that_another_program_has_added(tmp_path, original):
     path = rewrite(original, tmp_path / "again.mcap", more=_own_topic)
     assert np.array_equal(read_recording(path).volts["force"], VOLTS[1])
     assert describe(path)["messages"]["/comment"] == 1
+    start, length = chunks(path)[2]
+    corrupt(path, start + length // 2)
+    described = describe(recover(path).path)
+    assert described["channels"]["/comment"] == {"by": "a viewer"}
+    assert described["messages"]["/comment"] == 1
 
 
 def test_zstd_frames_that_were_written_as_streams(tmp_path, original, monkeypatch):

@@ -7,22 +7,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from sautereau.daq.file.counts import Scaling
-from sautereau.daq.file.descriptors import FIELDS, FRAME, schema_data
 from sautereau.daq.file.recorded import Event
 from sautereau.daq.file.samples import (
+    Scaling,
     block_head,
     layout_from_metadata,
     read_block,
     sample_layout,
 )
 from sautereau.daq.file.schemas import (
+    FIELDS,
+    FRAME,
     decode,
     doubles,
     encode,
     encode_log,
     encode_rows,
     encode_scene,
+    schema_data,
 )
 from tests.daq.declared import declared_class
 
@@ -83,7 +85,7 @@ def test_rows_at_once_are_messages():
     values = np.array([0.5, -0.0, np.inf, 5e-324])
     columns = [values + i for i in range(len(NAMES))]
     kind = declared_class(DATA, "sautereau.Preview")
-    rows = [kind.FromString(row.tobytes()) for row in encode_rows(columns)]
+    rows = [kind.FromString(row) for row in encode_rows(columns)]
     found = [[getattr(row, name) for row in rows] for name in NAMES]
     assert np.array_equal(found, np.asarray(columns, np.float32))
 
