@@ -19,11 +19,10 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Push, Sensors
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, drive_of
-from sautereau.sim_backend.physics.events import Motions
+from sautereau.sim_backend.physics.events import Motions, Truth, truths
 from sautereau.sim_backend.physics.observation import Observation, observe
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene, load_scene
-from sautereau.sim_backend.truth import Truth, truths
 from sautereau.trajectory.motion import Floats
 
 SCENES = ("ideal", "paper", "return", "two-choirs", "pluck", "free-key")

@@ -6,9 +6,8 @@ from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
+from sautereau.sim_backend.physics.events import PluckEvents, StringEvent, truths
 from sautereau.sim_backend.scene import load_scene
-from sautereau.sim_backend.truth import truths
 from tests.presses import mute_scene
 
 
