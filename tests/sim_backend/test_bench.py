@@ -69,7 +69,7 @@ def test_another_package_adds_the_emulator_of_a_controller(tmp_path, install):
     points = {"sautereau.emulators": {"toy": "toy_emulator:emulate"}}
     install(tmp_path, {"name": "toy", "version": "1.0", "entry-points": points})
     (tmp_path / "toy_emulator.py").write_text(
-        "from sautereau.sim_backend.controller_part import ControllerUnit\n"
+        "from sautereau.sim_backend.parts import ControllerUnit\n"
         "from sautereau.sim_backend.devices.galil.firmware import GalilFirmware\n"
         "def emulate(rig, plant, on_output, paced):\n"
         "    return GalilFirmware(plant, ControllerUnit(serial_number=77), on_output=on_output)\n"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.sim_backend.device_types import DeviceType
-from sautereau.sim_backend.sensors.converter import Converter
+from sautereau.sim_backend.sensors.chain import Converter
 
 ENDLESS = 2**62  # More samples than any acquisition reaches
 MOST_CHANNELS = 1024  # Channels that one range may name

@@ -23,7 +23,7 @@ from sautereau.sim_backend.devices.daqmx.triggers import (
     Trigger,
     terminal,
 )
-from sautereau.sim_backend.sensors.converter import Converter
+from sautereau.sim_backend.sensors.chain import Converter
 
 FINITE, CONTINUOUS = 10178, 10123
 FIRST, CURRENT, REFERENCE, FIRST_BEFORE, MOST_RECENT = REFERENCES = tuple(range(10424, 10429))
