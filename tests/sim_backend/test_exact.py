@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from benchmarks.extremes.random_cases import random_cases
+from benchmarks.extreme_cases import random_cases
 from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.analysis.model.key import finger_force
 from sautereau.rig.load import with_values
