@@ -13,7 +13,6 @@ from sautereau.rig.load import read_toml, with_values
 from sautereau.rig.packaged import named_text, packaged_names
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY, Angle, Section, Time
-from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.device_types import DEVICE_TYPES, IDEAL
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
@@ -21,6 +20,7 @@ from sautereau.sim_backend.parts import (
     Acceleration,
     Accuracy,
     Bending,
+    ControllerUnit,
     Fingertip,
     Play,
     Push,

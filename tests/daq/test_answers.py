@@ -13,7 +13,7 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.daq.source.driver_faults import KNOWN
 from sautereau.sim_backend.device_types import DEVICE_TYPES, IDEAL
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError
 from sautereau.sim_backend.devices.daqmx.server import Servicer
 from tests.cards import Card, volts
 

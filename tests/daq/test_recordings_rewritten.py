@@ -17,7 +17,7 @@ from sautereau.daq.file.container.records import LARGEST_CHUNK, PREFIX, DamageEr
 from sautereau.daq.file.reading import read_recording, read_session, read_window, stream
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
-from tests.daq.damage import corrupt_chunk, write_chunks
+from tests.daq.damage import chunks, corrupt, corrupt_chunk, write_chunks
 
 RATE, BEGIN, N = 51_200.0, -512, 40_960
 VOLTS = np.random.default_rng(40).standard_normal((2, N))

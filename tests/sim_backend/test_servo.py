@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
-from sautereau.sim_backend.physics.servo import PositionLoops
+from sautereau.sim_backend.physics.rigid.arm import PositionLoops
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.dynamics import gravity_torque, joint_torques, mass_matrix

@@ -1,7 +1,7 @@
-"""Serial lines for the stand-in: a pseudo-terminal, or a socket on loopback.
+"""Lines to the stand-in: a pseudo-terminal, a socket on loopback, or the controller's Ethernet.
 
-Each is a context manager with a `url` that pyserial opens, and a thread that passes the received
-bytes to a handler and sends back its answer.
+Each is a context manager with a `url` that the host opens, and a thread that passes the received
+bytes to the controller and sends back its answer.
 """
 
 import contextlib
@@ -13,6 +13,8 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Self
+
+from sautereau.sim_backend.devices.emulators import Handles
 
 Handler = Callable[[bytes], bytes]
 """Takes the received bytes and returns the answer; called in the port's thread. Without bytes it
@@ -56,10 +58,13 @@ def ready(readers: Sequence[End], writers: Sequence[End]) -> tuple[list[End], li
 def accepted(listener: socket.socket) -> socket.socket | None:
     """Accept a connection; None if it has gone, or the process has too many."""
     try:
-        return listener.accept()[0]
+        connection = listener.accept()[0]
     except OSError:
         time.sleep(_FULL)
         return None
+    connection.setblocking(False)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return connection
 
 
 class Port(ABC):
@@ -210,9 +215,73 @@ class SocketPort(Port):
             if self._listener in readable:
                 if (host := accepted(self._listener)) is None:
                     continue
-                host.setblocking(False)
-                host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 with host, contextlib.suppress(ConnectionError):
                     self._exchange(host, lambda host=host: host.recv(_CHUNK), host.send)
                 if self._stopping:
                     return
+
+
+class TcpPort(SocketPort):
+    """A TCP port on loopback, for several hosts or connections at a time."""
+
+    scheme = "tcp"
+
+    def __init__(self, controller: Handles) -> None:
+        super().__init__()
+        self._controller = controller
+        self._connections: dict[socket.socket, tuple[str, bytearray]] = {}
+
+    def _close(self) -> None:
+        for connection in self._connections:
+            connection.close()
+        self._connections.clear()
+        super()._close()
+
+    def _serve(self) -> None:
+        while True:
+            connections = self._connections
+            writers = [each for each, (_, answers) in connections.items() if answers]
+            listening = [c for c, (_, answers) in connections.items() if len(answers) < MOST_UNREAD]
+            sources = [self._listener, self._wake, *listening]
+            readable, writable = ready(sources, writers)
+            if self._stopping:
+                return
+            if self._wake in readable:
+                self._wake.recv(_CHUNK)
+                for handle, answers in connections.values():
+                    more = self._controller.receive(b"", handle)
+                    answers += more[: max(0, MOST_UNREAD - len(answers))]
+            if self._listener in readable:
+                self._accept()
+            for connection in [each for each in connections if each in readable]:
+                self._read(connection)
+            for connection in [each for each in writable if each in connections]:
+                _, answers = connections[connection]
+                with contextlib.suppress(BlockingIOError, ConnectionError):
+                    del answers[: connection.send(answers[:_CHUNK])]
+
+    def _accept(self) -> None:
+        connection = accepted(self._listener)
+        if connection is None:
+            return
+        handle = None
+        with contextlib.suppress(OSError):  # it may be gone already
+            handle = self._controller.connect(connection.getpeername()[1])
+        if handle is None:
+            connection.close()
+            return
+        self._connections[connection] = handle, bytearray()
+
+    def _read(self, connection: socket.socket) -> None:
+        handle, answers = self._connections[connection]
+        data = b""
+        with contextlib.suppress(BlockingIOError, ConnectionError):
+            data = connection.recv(_CHUNK)
+            if data:
+                with contextlib.suppress(PortGone):
+                    answers += self._controller.receive(data, handle)
+                    if self._controller.connected(handle):
+                        return
+        self._controller.disconnect(handle)
+        connection.close()
+        del self._connections[connection]

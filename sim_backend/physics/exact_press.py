@@ -1,14 +1,16 @@
-"""Parameters of a press, from a rig and a scene."""
+"""Parameters of a press for the exact engine, from a rig and a scene."""
 
 import math
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.choirs import choirs
-from sautereau.rig.instrument import Choir
+from sautereau.analysis.model.choirs import choirs, pluck_of
+from sautereau.rig.instrument import Choir, Plectrum, String
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
@@ -27,7 +29,6 @@ from sautereau.sim_backend.physics.exact.structures import (
     STUCK,
     Press,
 )
-from sautereau.sim_backend.physics.presses.laws import law_of
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
 from sautereau.trajectory.motion import Floats
@@ -39,6 +40,36 @@ ORDER = 4
 RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
 """A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
 order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """Force law of a string."""
+
+    cells: Floats
+    """Start of each cell [m], and the cubic of the force [N] from there; shape (cells, 5)."""
+    first: NDArray[np.int64]
+    """First cells where the string sticks and where it slides, and the end of the last; (3,)."""
+    border: Floats
+    """Heights there [m], equal where the string never sticks or never slides; shape (3,)."""
+
+
+@lru_cache(maxsize=256)
+def law_of(plectrum: Plectrum, string: String, level: str) -> Law:
+    """Return the law of one pluck, with the same cubics as its `force_on_jack`.
+
+    Raises:
+        ModelError: The plectrum and string have no pluck.
+    """
+    pluck = pluck_of(plectrum, string, level)  # pyright: ignore[reportArgumentType]
+    knots = pluck.height
+    places = np.array([1, 3, 5, 7]) / 8
+    steps = np.diff(knots)[:, None]
+    values = pluck.force_on_jack(knots[:-1, None] + steps * places)
+    cubics = np.linalg.solve(np.vander(places, 4, increasing=True), values.T).T
+    cells = np.column_stack([knots[:-1], cubics / steps ** np.arange(4)])
+    first = np.array([0, pluck.stretches[-1], len(cells)])
+    return Law(cells, first, knots[first])
 
 
 def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats]:
