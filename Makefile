@@ -7,7 +7,7 @@ CONSTRAINTS ?= /dev/null
 # Links to the folders under their import names, for tools that read source text.
 LINKS := build/checked
 
-.PHONY: press test test-all fuzz kills faults lint style layers bench docs gallery clean links lock audit sbom dist
+.PHONY: press test test-all fuzz kills faults lint style layers bench docs gallery clean links lock bounds audit sbom dist
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -68,18 +68,21 @@ gallery: $(VENV)/installed  ## redraw the README's picture; the site draws the o
 lock: $(VENV)/installed  ## the versions of this environment, into tests/constraints.txt
 	$(BIN)/python -m pip freeze --all --exclude-editable > tests/constraints.txt
 
-$(VENV)/audit: $(VENV)/installed
+$(VENV)/release: $(VENV)/installed
 	$(PYTHON) -m venv $(VENV)/tools
 	$(VENV)/tools/bin/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(VENV)/tools/bin/python -m pip install --quiet --group audit
+	$(VENV)/tools/bin/python -m pip install --quiet --group release
 	touch $@
 
-audit: $(VENV)/audit  ## consistency, without a network; then known vulnerabilities, with one
+bounds: $(VENV)/release links  ## the quick tests with the oldest and newest versions allowed
+	$(VENV)/tools/bin/python -m tests.bounds
+
+audit: $(VENV)/release  ## consistency, without a network; then known vulnerabilities, with one
 	$(BIN)/python -m pip check
 	$(VENV)/tools/bin/pip-audit --strict --no-deps --disable-pip -r tests/constraints.txt || { echo "audit:\
 	 where no vulnerability is listed, it was NOT checked: that needs pypi.org" >&2; exit 1; }
 
-sbom: $(VENV)/audit  ## what is installed, as CycloneDX, into build/sbom.json
+sbom: $(VENV)/release  ## what is installed, as CycloneDX, into build/sbom.json
 	mkdir -p build
 	$(VENV)/tools/bin/cyclonedx-py environment --output-reproducible --pyproject pyproject.toml \
 	  -o build/sbom.json $(BIN)/python

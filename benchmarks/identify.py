@@ -15,8 +15,7 @@ import numpy as np
 
 from benchmarks.figures import BenchmarkFault, Figure, timed
 from benchmarks.independent import ONE_FACTOR, Conditions, Pressed, press, random_conditions
-from benchmarks.judged import judged_press
-from benchmarks.simulated import acquired
+from benchmarks.simulated import acquired, judged_press
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.identified import Identified, identify
 from sautereau.analysis.identify.parameters import value_of

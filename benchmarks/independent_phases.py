@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.figures import Figure
 from benchmarks.independent import ONE_FACTOR, Conditions, press, random_conditions
-from benchmarks.judged import judged_press
 from benchmarks.phases import Judged, accuracy, by_ruptures, covered, judged
+from benchmarks.simulated import judged_press
 from sautereau.analysis.campaign.workers import run_over
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases

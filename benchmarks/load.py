@@ -17,7 +17,7 @@ from pathlib import Path
 from benchmarks.acquisition import served
 from benchmarks.campaign import write_presses
 from benchmarks.figures import Figure, check, table
-from benchmarks.recording import memory
+from benchmarks.recording import INDEX, memory
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.daq.source.continuous import record
 from sautereau.rig.load import load_rig, with_values
@@ -129,7 +129,7 @@ def _acquisition(folder: Path) -> list[Figure]:
         changes = {"address": address, "sample_rate": float(RATE), "block": RATE // 10}
         rig = load_rig().replaced({f"daq.{name}": value for name, value in changes.items()})
         record(rig, folder / "long.mcap", HOURS * 3600, on_block=watch)
-    return watch.figures(f"acquisition of {HOURS:g} h at {RATE} Hz", "a sample")
+    return watch.figures(f"acquisition of {HOURS:g} h at {RATE} Hz", "a sample", HOURS * INDEX)
 
 
 def _campaign(folder: Path, total: int) -> list[Figure]:

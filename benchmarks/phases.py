@@ -15,7 +15,7 @@ from benchmarks.simulated import random_case, simulated_press
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.press.features import features
-from sautereau.sim_backend.truth import Truth
+from sautereau.sim_backend.physics.events import Truth
 from sautereau.trajectory.motion import Floats
 
 CASES = 300

@@ -1,12 +1,15 @@
-"""Presses simulated in process: from the motion through the sensor chain to a `Press`."""
+"""Simulated presses as the analysis gets them, of the stand-in and the independent simulator."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.random import Generator
 
+from benchmarks.independent import Pressed, write_rig
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.loading.press import Press, press_of
 from sautereau.daq.file.recorded import Recorded, SessionInfo
@@ -19,11 +22,10 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Push, Sensors
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, drive_of
-from sautereau.sim_backend.physics.events import Motions
+from sautereau.sim_backend.physics.events import Motions, Truth, truths
 from sautereau.sim_backend.physics.observation import Observation, observe
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene, load_scene
-from sautereau.sim_backend.truth import Truth, truths
 from sautereau.trajectory.motion import Floats
 
 SCENES = ("ideal", "paper", "return", "two-choirs", "pluck", "free-key")
@@ -185,3 +187,26 @@ def _scene(random: Generator) -> Scene:
         }
         changes["faults"] = Faults.model_validate({"speckle": speckle})
     return scene.model_copy(update=changes)
+
+
+def judged_press(pressed: Pressed, values: Mapping[str, str | float] | None = None) -> Press:
+    """Return a press as loaded from its recording; see `judged_recording`."""
+    return press_of(judged_recording(pressed, values))
+
+
+def judged_recording(pressed: Pressed, values: Mapping[str, str | float] | None = None) -> Recorded:
+    """Return the recording of a press with the rig of its experimenter.
+
+    Args:
+        values: Of the rig by dotted key, which replace those of the experimenter.
+    """
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "rig.toml"
+        write_rig(pressed, path)
+        rig = load_rig(path)
+    if values:
+        rig = with_values(rig, values)
+    names = {channel.quantity: channel.name for channel in rig.daq.channels}
+    volts = {names["velocity"]: pressed.velocity_volts, names["force"]: pressed.force_volts}
+    first, name = -round(pressed.t0 * pressed.rate), f"independent-{pressed.seed}.mcap"
+    return as_recorded(rig, volts, pressed.rate, first, name, pressed.seed)

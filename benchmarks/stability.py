@@ -7,9 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from benchmarks.extremes.case_scenes import Case
-from benchmarks.extremes.cases import grid
-from benchmarks.extremes.random_cases import random_cases
+from benchmarks.extreme_cases import Case, grid, random_cases
 from benchmarks.figures import Figure
 from sautereau.analysis.text import table
 from sautereau.rig.errors import SautereauError

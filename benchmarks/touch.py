@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.figures import Figure
 from benchmarks.independent import ONE_FACTOR, Conditions, Pressed, press
-from benchmarks.judged import judged_recording
+from benchmarks.simulated import judged_recording
 from sautereau.analysis.campaign.row import row_of
 from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.campaign.touch import FELT, find_touch

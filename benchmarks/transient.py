@@ -12,9 +12,8 @@ from scipy.linalg import eigh
 
 from benchmarks.figures import Figure
 from benchmarks.independent import Choir, Conditions, Pressed, press, random_conditions
-from benchmarks.independent.assembly import body_of, string_modes
-from benchmarks.independent.key import key_model
-from benchmarks.judged import judged_press
+from benchmarks.independent.assembly import body_of, key_model, string_modes
+from benchmarks.simulated import judged_press
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import HeldString, Phases
 from sautereau.analysis.transient import (

@@ -26,7 +26,7 @@ _EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Add every decision and every module to the navigation."""
-    decisions = sorted((Path(config.docs_dir) / "decisions").glob("*.md"))
+    decisions = sorted((Path(config.docs_dir) / "decisions").glob("0*.md"))
     rooms = [
         {room: [_page(room), *({module: _page(module)} for module in modules(room))]}
         for room in ROOMS
@@ -34,7 +34,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     config.nav = [
         *(config.nav or []),
         {"Programming": rooms},
-        {"Decisions": [f"decisions/{page.name}" for page in decisions]},
+        {"Decisions": ["decisions/index.md", *(f"decisions/{page.name}" for page in decisions)]},
     ]
     return config
 

@@ -14,7 +14,6 @@ from importlib import metadata
 from pathlib import Path
 
 from sautereau.rig.acquisition import Daq
-from sautereau.rig.errors import MissingExtraError, require
 from sautereau.rig.schema import Rig
 
 LEAST_SPACE = 1e9  # Bytes that should be free for recordings: about 2,000 presses
@@ -140,10 +139,6 @@ def _daq(rig: Rig) -> Finding:
 
 
 def _stand_in() -> Finding:
-    try:
-        require("stand-in", "stand-in", "pymunk")
-    except MissingExtraError as error:
-        return Finding("stand-in", True, f"{error}, if you need it")
     kind = "a pseudo-terminal" if hasattr(os, "openpty") else "socket:// on loopback"
     return Finding("stand-in", True, f"runs here, over {kind}: sautereau press --sim --out out")
 

@@ -11,19 +11,18 @@ from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.card import BenchCard
 from sautereau.sim_backend.clock import Clock, FairLock
-from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.daqmx.runs import Wiring
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 from sautereau.sim_backend.devices.emulators import SERIAL, Networked, emulator_of
 from sautereau.sim_backend.devices.plant import ArmPlant
-from sautereau.sim_backend.devices.serial_port import PortGone, PtyPort, SocketPort
-from sautereau.sim_backend.devices.tcp_port import TcpPort
+from sautereau.sim_backend.devices.ports import PortGone, PtyPort, SocketPort, TcpPort
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import BadLine, FaultInjection
+from sautereau.sim_backend.parts import ControllerUnit
+from sautereau.sim_backend.physics.events import Truth, truths
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.sensors.simulated import SIMULATED
-from sautereau.sim_backend.truth import Truth, truths
 
 SETTLING = 2.0  # s, for which simulated time advances after a motion, so that the arm comes to rest
 BUSY = 20.0  # s of real time, in which a busy machine has computed any answer without faults

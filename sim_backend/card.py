@@ -5,10 +5,8 @@ from collections.abc import Callable
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.device_types import DEVICE_TYPES
-from sautereau.sim_backend.devices.daqmx.card import TaskSetup
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
-from sautereau.sim_backend.devices.daqmx.runs import SampledRun, Wiring
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, TaskSetup
+from sautereau.sim_backend.devices.daqmx.runs import RetriggeredRun, SampledRun, Wiring
 from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
 

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from sautereau.sim_backend.devices.daqmx.card import ServerGone
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, ServerGone
 from sautereau.sim_backend.devices.daqmx.runs import RunFault
 from sautereau.sim_backend.devices.plant import ArmPlant
-from sautereau.sim_backend.devices.serial_port import PortGone
+from sautereau.sim_backend.devices.ports import PortGone
 from sautereau.sim_backend.fault_tables import CableOut, Faults, LineFault
 
 _ON_ARM: dict[str, Callable[[ArmPlant, Any], None]] = {

@@ -13,7 +13,6 @@ from sautereau.rig.load import read_toml, with_values
 from sautereau.rig.packaged import named_text, packaged_names
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY, Angle, Section, Time
-from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.device_types import DEVICE_TYPES, IDEAL
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
@@ -21,6 +20,7 @@ from sautereau.sim_backend.parts import (
     Acceleration,
     Accuracy,
     Bending,
+    ControllerUnit,
     Fingertip,
     Play,
     Push,
@@ -186,6 +186,22 @@ class Scene(Section):
     def solvable(self) -> bool:
         """Whether the exact engine supports it."""
         return not self.unsolved
+
+    def on_rig(self, rig: Rig) -> "Scene":
+        """Return the scene with the plectrum level that `auto` means on a rig.
+
+        It stays `auto` if the rig's choirs need different ones.
+
+        Raises:
+            SceneError: As of `true_rig`.
+        """
+        # Imported here because it loads the model, which a scene alone does not need.
+        from sautereau.analysis.model.choirs import level_name
+
+        if self.plectrum != "auto":
+            return self
+        level = level_name(self.true_rig(rig), self.plectrum)
+        return self if " and " in level else self.model_copy(update={"plectrum": level})
 
     def true_rig(self, rig: Rig) -> Rig:
         """Return the simulated bench: the rig with the scene's `truth` and `more_choirs`.

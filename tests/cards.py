@@ -9,7 +9,7 @@ import pytest
 from nidaqmx import DaqError, GrpcSessionOptions
 
 from sautereau.sim_backend.device_types import IDEAL
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import cont2discrete, dlsim
 
-from benchmarks.independent.key import key_model
+from benchmarks.independent.assembly import key_model
 
 RATE, TAPS = 20e3, 6
 

@@ -64,7 +64,7 @@ OTHER_WAYS = {
     "rig/disk.py": "the one way",
     "rig/packaged.py": "rigs, scenes and tables of the package",
     "trajectory/urdf.py": "a template of the package",
-    "daq/file/descriptors.py": "schemas of the package",
+    "daq/file/schemas.py": "schemas of the package",
     "daq/file/container/durable.py": "a recording keeps the name NAME.part while it is written",
     "analysis/report/build.py": "styles and scripts of the package",
     "sim_backend/devices/galil/reference.py": "a table of the package",

@@ -13,9 +13,8 @@ from scipy.signal import find_peaks
 
 from benchmarks import independent
 from benchmarks.independent import Choir, Conditions, press, random_conditions
-from benchmarks.independent.assembly import string_modes
+from benchmarks.independent.assembly import key_model, string_modes
 from benchmarks.independent.elastica import shape, solve_contact, static_pluck
-from benchmarks.independent.key import key_model
 from benchmarks.independent.press import plucks_of, simulate
 from sautereau.rig.load import load_rig
 

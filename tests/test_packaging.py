@@ -17,6 +17,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from sautereau.rig.packaged import code_hash
+
 ROOT = Path(__file__).parents[1]
 ROOMS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -131,6 +133,23 @@ def test_the_wheel_has_its_metadata(built):
     assert fields["Keywords"]
 
 
+def test_the_wheel_has_the_hash_of_the_same_code(built, tmp_path):
+    with zipfile.ZipFile(built[0]) as wheel:
+        wheel.extractall(tmp_path)
+    assert code_hash(tmp_path / "sautereau") == code_hash(ROOT)
+
+
+def test_the_release_is_described():
+    """Citation and list of changes name the version and its date."""
+    citation = dict(
+        re.findall(r"(?m)^(version|date-released): (.+)$", (ROOT / "CITATION.cff").read_text())
+    )
+    assert citation["version"] == PROJECT["version"]
+    newest = re.search(r"(?m)^## \[([\d.]+)\] - (.+)$", (ROOT / "CHANGELOG.md").read_text("utf-8"))
+    assert newest
+    assert newest.groups() == (citation["version"], citation["date-released"])
+
+
 def imported(path: Path) -> set[str]:
     """Return the top-level names of all modules that a file imports."""
     pattern = r"(?m)^ *(?:from (\w+)[\w.]* import|import (\w+)[\w.]*(?: as \w+)?$)"
@@ -156,7 +175,6 @@ MISSING = {
     "live": "from sautereau.commands.live.foxglove import FoxgloveView; FoxgloveView('press')",
     "cluster": "from sautereau.analysis.campaign.workers import run_over;"
     " list(run_over(abs, [1], 'tcp://127.0.0.1:1'))",
-    "stand-in": "import sautereau.sim_backend.physics.rigid",
     "report": "st.Session([]).report('page.html')",
     "tdms": "from sautereau.daq.convert.from_loggers import open_tdms; open_tdms('a.tdms')",
     "xarray": "st.Rig().sweep(overlap=...).to_xarray()",
@@ -263,7 +281,7 @@ def test_an_empty_environment_presses_from_another_folder(built, tmp_path):
     venv.create(home, with_pip=True)
     python = interpreter(home)
     install = (python, "-m", "pip", "install", "--quiet")
-    wheel = f"sautereau[stand-in,report] @ {built[0].as_uri()}"
+    wheel = f"sautereau[report] @ {built[0].as_uri()}"
     run(*install, wheel, "robotframework>=7,<8", cwd=elsewhere)
     run(python, "-m", "pip", "check", cwd=elsewhere)
     use_beside_other_modules(python, elsewhere)

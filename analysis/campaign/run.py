@@ -3,13 +3,13 @@
 import os
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 
 from sautereau.analysis.campaign.row import Fault, Row, Source, read_batch
 from sautereau.analysis.campaign.table import SCHEMA, Campaign, empty_campaign, read_campaign
 from sautereau.analysis.campaign.workers import Where, run_over
 from sautereau.analysis.errors import AnalysisError
+from sautereau.rig.packaged import made_by
 from sautereau.rig.progress import tracked
 
 BATCH = 8  # Number of recordings that a process reads at a time: about 0.2 s of work
@@ -38,7 +38,7 @@ def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -
     """Make a table of all recordings in a folder and its subfolders.
 
     A recording that is in the table already is read again only if its size or date has changed or
-    another version of sautereau has written the table. Faulty recordings are tried again. The table
+    other code of sautereau has written the table. Faulty recordings are tried again. The table
     contains everything that was read, however the run ends; only a killed run loses the last few
     presses.
 
@@ -106,10 +106,9 @@ def find_recordings(folder: Path) -> list[Source]:
 
 
 def _earlier(out: Path) -> Campaign:
-    """Return the table of an earlier run; an empty one if another version has written it."""
-    made_by = version("sautereau")
+    """Return the table of an earlier run; an empty one if other code has written it."""
     if out.exists():
         earlier = read_campaign(out)
-        if (earlier.made_by, earlier.schema) == (made_by, SCHEMA):
+        if (earlier.made_by, earlier.schema) == (made_by(), SCHEMA):
             return earlier
-    return empty_campaign(out, made_by)
+    return empty_campaign(out, made_by())

@@ -5,7 +5,7 @@ groups and subgroups may have any numbers of values. The estimate is by restrict
 likelihood (REML; Patterson and Thompson 1971). For balanced numbers and positive variances it
 equals the nested analysis of variance. Inverse and determinant of the covariance are closed forms
 of sums over subgroups, so that the computing time depends on the number of subgroups and not on
-that of values. docs/decisions/0010 compares `statsmodels`.
+that of values. docs/decisions/0007 compares `statsmodels`.
 """
 
 from collections.abc import Callable

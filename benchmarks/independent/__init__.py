@@ -3,10 +3,9 @@
 It shares no code with the rest of the project.
 """
 
+from .chosen import ONE_FACTOR, random_conditions
 from .conditions import FORCE, VELOCITY, Choir, Conditions, Sensor
-from .drawn import random_conditions
 from .files import write_csv, write_rig
-from .one_factor import ONE_FACTOR
 from .press import Pluck, Pressed, Truth, press
 
 __all__ = [

@@ -8,7 +8,6 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from sautereau.daq.convert.document import Document
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
-from sautereau.rig.disk import open_regular
 from sautereau.rig.registry import Registry
 
 FORMATS = Registry(
@@ -89,11 +87,6 @@ class ImportSource:
 def extensions() -> str:
     """Return the file extensions of all registered formats, for help and messages."""
     return ", ".join(f".{name}" for name in FORMATS.names())
-
-
-def open_file(path: Path) -> BinaryIO:
-    """Open a file of another program, to read its bytes."""
-    return open_regular(path)
 
 
 def open_source(

@@ -14,8 +14,9 @@ import numpy as np
 
 from sautereau.daq.convert import array_reader
 from sautereau.daq.convert.document import Document, read_document, volts_name
-from sautereau.daq.convert.formats import Columns, ImportSource, open_file, refuse_rows
+from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.disk import open_regular
 
 HDF5_AT = (0, 512)
 """Bytes before the HDF5 signature; MATLAB writes 512 of its own."""
@@ -39,7 +40,7 @@ def open_mat(path: Path) -> ImportSource:
     Raises:
         RecordingError: It is damaged, or not a MATLAB file.
     """
-    with open_file(path) as file:
+    with open_regular(path) as file:
         head = file.read(HDF5_AT[-1] + len(HDF5_SIGNATURE))
     if any(head[at:].startswith(HDF5_SIGNATURE) for at in HDF5_AT):
         return open_hdf5(path)
@@ -75,9 +76,9 @@ def open_npz(path: Path) -> ImportSource:
         RecordingError: It is damaged, or not a numpy archive.
     """
     try:
-        with open_file(path) as file, zipfile.ZipFile(file) as archive:
+        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
             array_reader.refuse(sum(file.file_size for file in archive.infolist()) / 8, MOST_VALUES)
-        with open_file(path) as file, np.load(file, allow_pickle=False) as arrays:
+        with open_regular(path) as file, np.load(file, allow_pickle=False) as arrays:
             read = {name: arrays[name] for name in arrays.files}
             found = dict(array_reader.flat(read, "", array_reader.MOST_DEPTH))
     except Exception as error:  # numpy and zipfile raise many kinds, depending on the bytes

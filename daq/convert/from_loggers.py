@@ -16,8 +16,9 @@ from sautereau.daq.convert.document import (
     read_sidecar,
     volts_name,
 )
-from sautereau.daq.convert.formats import Columns, ImportSource, open_file, refuse_rows
+from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.disk import open_regular
 from sautereau.rig.errors import require
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription")
@@ -44,7 +45,7 @@ def open_tdms(path: Path) -> ImportSource:
     from nptdms import TdmsFile
 
     try:
-        with open_file(path) as file:
+        with open_regular(path) as file:
             file_metadata = TdmsFile.read_metadata(file)
             missing = _missing_bytes(file, path.stat().st_size)
     except Exception as error:  # nptdms raises many kinds, depending on the bytes
@@ -80,7 +81,7 @@ def open_tdms(path: Path) -> ImportSource:
     def read(names: list[str]) -> Columns:
         refuse_rows(max((len(of[name]) for name in names), default=0))
         try:
-            with open_file(path) as opened, TdmsFile.open(opened) as file:
+            with open_regular(path) as opened, TdmsFile.open(opened) as file:
                 data = {n: file[of[n].group_name][of[n].name][:] for n in names}
         except Exception as error:
             raise RecordingError(
@@ -144,7 +145,7 @@ def open_wav(path: Path) -> ImportSource:
     from scipy.io import wavfile
 
     try:
-        with open_file(path) as file, warnings.catch_warnings():
+        with open_regular(path) as file, warnings.catch_warnings():
             if lie := _lie_of_header(file, path.stat().st_size):
                 raise RecordingError(
                     f"its header and its content differ: {lie}; use a complete copy, or correct its"

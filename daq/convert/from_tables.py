@@ -11,7 +11,6 @@ from sautereau.daq.convert.document import PARQUET_KEY, read_document, read_side
 from sautereau.daq.convert.formats import (
     Columns,
     ImportSource,
-    open_file,
     refuse_missing,
     refuse_rows,
 )
@@ -26,6 +25,7 @@ from sautereau.daq.convert.text import (
     number_in,
 )
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.disk import open_regular
 from sautereau.rig.units import shown
 
 MOST_BYTES = 2**30
@@ -60,7 +60,7 @@ def open_csv(
             " single presses"
         )
     layout = find_layout(path, "." if document else decimal, skip, columns)
-    with open_file(path) as file:
+    with open_regular(path) as file:
         file.seek(-1, io.SEEK_END)
         ends_a_line = file.read(1) in b"\r\n"
 

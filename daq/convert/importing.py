@@ -1,4 +1,7 @@
-"""Import: make a recording of another program's file, or of an export."""
+"""Import: make a recording of another program's file, or of an export.
+
+Values that suggest an inverted sensor, a wrong unit or a channel without a signal are reported.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,18 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.convert.channel_column import ChannelColumn
 from sautereau.daq.convert.document import Document, digest, sha256, volts_name
 from sautereau.daq.convert.formats import Columns, ImportSource, open_source, refuse_missing
 from sautereau.daq.convert.options import ImportOptions
-from sautereau.daq.convert.plausible import doubts
-from sautereau.daq.convert.settings import ImportSettings, resolve_options
+from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolve_options
 from sautereau.daq.convert.times import PLAUSIBLE, UNIX, own_axis, start_and_rate
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.limits import FARTHEST_SAMPLE, time_faults
 from sautereau.daq.file.recorded import Block, SessionInfo, Signal
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
+from sautereau.rig.acquisition import MEASURED, Channel
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 
@@ -26,6 +28,14 @@ ENDING = ".importing.part"
 """Appended to the name of a recording until its import is complete."""
 SMOOTHED = 5
 """Number of samples that a polynomial of degree 4 is fitted to, to differentiate a displacement."""
+LIMITS = {"velocity": (1e-4, 10.0), "force": (1e-3, 200.0)}
+"""Smallest and largest plausible magnitude of a press, SI units, by quantity."""
+ONSET = 0.3
+"""Dimensionless, fraction of the largest magnitude above which the key counts as moving."""
+AVERAGED = 0.005
+"""Dimensionless, fraction of the record over which the first deviation is averaged."""
+REST = 0.02
+"""Dimensionless, fraction of the record, from its start, that counts as rest."""
 
 
 @dataclass(frozen=True)
@@ -220,6 +230,77 @@ def _time_axis(
     return start, rate, warnings, read_as
 
 
+def _volts(values: Signal, column: ChannelColumn, rate: float) -> Signal:
+    with np.errstate(over="ignore", invalid="ignore"):  # refused by the caller
+        scaled = values * column.unit_value
+        if column.unit == "m":
+            from scipy.signal import savgol_filter
+
+            if len(scaled) < SMOOTHED:
+                raise RecordingError(
+                    f"column {column.name!r} has {len(scaled)} rows, and the derivative of a"
+                    f" displacement needs {SMOOTHED}; give more rows"
+                )
+            scaled = np.asarray(savgol_filter(scaled, SMOOTHED, 4, deriv=1, delta=1 / rate), float)
+        return scaled if column.unit == "V" else to_volts(scaled, column.channel)
+
+
+def _joined(*texts: str) -> str:
+    return "\n".join(text for text in texts if text)
+
+
+def doubts(volts: Signal, channel: Channel) -> list[str]:
+    """Return what is implausible in the samples of a channel, and how to fix it.
+
+    The key goes down first and the finger presses on it, so the first large deviation from rest
+    is positive for velocity and force.
+
+    Args:
+        volts: Shape (n_samples,), V.
+    """
+    name, unit = channel.name, channel.unit
+    values = volts * channel.scale
+    if np.ptp(values) == 0:
+        return [
+            f"{name}: all samples are {values[0]:.6g} {unit}; check --column.{name} and the sensor"
+        ]
+    found = []
+    if (most := float(np.abs(volts).max())) > channel.range:
+        found.append(
+            f"{name}: reaches {most:.5g} V, beyond the range of {channel.range:.5g} V in the rig;"
+            f" check --unit.{name}, and scale and range of the rig's channel"
+        )
+    if channel.quantity not in LIMITS:
+        return found
+    least, limit = LIMITS[channel.quantity]
+    largest = float(np.abs(values).max())
+    if not least <= largest <= limit:
+        found.append(
+            f"{name}: reaches {largest:.5g} {unit}, which is implausible: a press reaches"
+            f" {least:g} to {limit:g} {unit}; check --unit.{name} and --column.{name}"
+        )
+    # A velocity has no offset that matters here, and a file may start in motion.
+    rest = 0.0 if channel.quantity == "velocity" else np.median(values[: _share(REST, values)])
+    if _first_sign(values - rest) < 0:
+        found.append(
+            f"{name}: the first large deviation from rest is negative, and positive means that"
+            f" {MEASURED.get(channel.quantity).positive}: the sensor seems inverted; if so,"
+            f" import again with --invert {name}"
+        )
+    return found
+
+
+def _first_sign(moved: Signal) -> float:
+    """Return the sign of the first large deviation from rest."""
+    magnitude = np.abs(moved)
+    first = int(np.argmax(magnitude > ONSET * np.quantile(magnitude, 0.999)))
+    return float(np.sign(moved[first : first + _share(AVERAGED, moved)].mean()))
+
+
+def _share(fraction: float, values: Signal) -> int:
+    return max(1, round(fraction * len(values)))
+
+
 @contextmanager
 def new_recording(
     out: Path,
@@ -269,22 +350,3 @@ def new_recording(
         if opened:  # the samples are in the imported file
             recording.part_path.unlink(missing_ok=True)
         raise
-
-
-def _volts(values: Signal, column: ChannelColumn, rate: float) -> Signal:
-    with np.errstate(over="ignore", invalid="ignore"):  # refused by the caller
-        scaled = values * column.unit_value
-        if column.unit == "m":
-            from scipy.signal import savgol_filter
-
-            if len(scaled) < SMOOTHED:
-                raise RecordingError(
-                    f"column {column.name!r} has {len(scaled)} rows, and the derivative of a"
-                    f" displacement needs {SMOOTHED}; give more rows"
-                )
-            scaled = np.asarray(savgol_filter(scaled, SMOOTHED, 4, deriv=1, delta=1 / rate), float)
-        return scaled if column.unit == "V" else to_volts(scaled, column.channel)
-
-
-def _joined(*texts: str) -> str:
-    return "\n".join(text for text in texts if text)

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from datetime import date
 from pathlib import Path
 
-from sautereau.daq.convert.formats import open_file
 from sautereau.daq.errors import RecordingError
+from sautereau.rig.disk import open_regular
 
 HEAD = 262_144
 """Bytes at the start of a file in which its rows must begin."""
@@ -48,7 +48,7 @@ def encoding_of(path: Path) -> str:
     Raises:
         RecordingError: It is not text.
     """
-    with open_file(path) as file:
+    with open_regular(path) as file:
         data = file.read(HEAD)
         complete = not file.read(1)
     if b"\0" in data:
@@ -71,7 +71,7 @@ def lines_of(path: Path, encoding: str) -> Iterator[str]:
     """
     rest = ""
     try:
-        with open_file(path) as raw, io.TextIOWrapper(raw, encoding) as file:
+        with open_regular(path) as raw, io.TextIOWrapper(raw, encoding) as file:
             while text := file.read(BLOCK):
                 *lines, rest = (rest + text).split("\n")
                 if len(rest) > LONGEST_LINE or any(len(line) > LONGEST_LINE for line in lines):

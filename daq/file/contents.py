@@ -21,7 +21,6 @@ from sautereau.daq.file.container.records import (
     read_metadata,
     records_within,
 )
-from sautereau.daq.file.descriptors import FIELDS, LOG
 from sautereau.daq.file.integrity import FOREIGN, IndexedChunk
 from sautereau.daq.file.limits import FARTHEST_SAMPLE, MOST_EVENTS, event_faults, series_faults
 from sautereau.daq.file.provenance import channel_from_json
@@ -40,7 +39,7 @@ from sautereau.daq.file.samples import (
     layout_from_metadata,
     read_block,
 )
-from sautereau.daq.file.schemas import decode, doubles
+from sautereau.daq.file.schemas import FIELDS, LOG, decode, doubles
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_from_json

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.checksum import crc32
 from sautereau.daq.file.container.records import (
     CHUNK_INDEX,
     INDEX_OFFSET,
@@ -22,6 +21,7 @@ from sautereau.daq.file.container.records import (
     DamageError,
     Opcode,
     Record,
+    crc32,
     text_within,
 )
 from sautereau.daq.file.provenance import HEAD, PROFILE
@@ -86,6 +86,110 @@ def opened(path: Path, *, damaged: bool = False) -> Iterator[BufferedReader]:
         ) from error
     except RecordingError as error:
         raise RecordingError(f"recording {path}: {error}") from error.__cause__
+
+
+class Section:
+    """Reads consecutive records of a file through one buffer, and sums their bytes."""
+
+    def __init__(self, file: BufferedReader, start: int, end: int):
+        """Start at an offset of the file; ``end`` is the offset of the byte after the last."""
+        self._file, self._left, self._start = file, end - start, start
+        self._buffer = memoryview(bytearray(min(PIECE, end - start)))
+        self._at = self._stop = 0  # range of unread bytes in the buffer
+        self.crc = 0
+        """Checksum of all bytes read so far."""
+
+    def records(self, skip: int = 0, used: Container[int] = USED) -> Iterator[Record]:
+        """Yield the records of the opcodes ``used`` that follow ``skip`` bytes.
+
+        The body of a record is valid until the next one is requested.
+
+        Raises:
+            RecordingError: A length is invalid.
+        """
+        self._file.seek(self._start)
+        self._need(skip)
+        self._at += skip
+        while self._at < self._stop or self._left:
+            self._need(PREFIX.size)
+            opcode, length = PREFIX.unpack_from(self._buffer, self._at)
+            if opcode in used:
+                self._need(PREFIX.size + length)
+                begin = self._at + PREFIX.size
+                self._at = begin + length
+                yield Record(opcode, self._buffer[begin : self._at])
+            else:
+                self._pass(PREFIX.size + length)
+
+    def _pass(self, n: int) -> None:
+        """Read and drop ``n`` bytes."""
+        self._within(n)
+        while n > 0:
+            self._need(piece := min(n, PIECE))
+            self._at += piece
+            n -= piece
+
+    def _within(self, n: int) -> None:
+        if n > self._stop - self._at + self._left:
+            raise RecordingError(f"a record of {n} bytes reaches beyond its section; {FOREIGN}")
+
+    def _need(self, n: int) -> None:
+        """Fill the buffer until it holds ``n`` unread bytes."""
+        held = self._stop - self._at
+        if held >= n:
+            return
+        self._within(n)
+        if n > LARGEST_CHUNK:
+            raise RecordingError(
+                f"a record of {n} bytes exceeds the limit of {LARGEST_CHUNK} bytes; {FOREIGN}"
+            )
+        rest = self._buffer[self._at : self._stop]
+        stop = min(max(n + _BEYOND, PIECE), held + self._left)
+        if stop > len(self._buffer):
+            self._buffer = memoryview(bytearray(stop))
+        self._buffer[:held] = rest
+        read = self._file.readinto(self._buffer[held:stop])
+        self._at, self._stop, self._left = 0, held + read, self._left - read
+        self.crc = crc32(self._buffer[held : self._stop], self.crc)
+        if self._stop < n:
+            raise DamageError("it was truncated while it was read")
+
+
+def verified(file: BufferedReader) -> Iterator[Record]:
+    """Yield the records of the data section, after verifying all checksums of the file.
+
+    Metadata that follow messages come first, and again in their place. The body of a record is
+    valid until the next one is requested.
+    """
+    end, _ = check_summary(file)
+    check_data(file, end)
+    yield from _in_order(file, Section(file, 0, end), end)
+
+
+@contextmanager
+def verifying(file: BufferedReader) -> Iterator[Iterator[Record]]:
+    """Yield the records as `verified` does, and verify all checksums by the end of the context.
+
+    The file is read once. The body of a record is valid until the next one is requested; what is
+    made of the records may be used only after the context.
+
+    Raises:
+        DamageError: A checksum does not match, also where that led to another error.
+    """
+    end, _ = check_summary(file)
+    data = Section(file, 0, end)
+    try:
+        yield _in_order(file, data, end)
+        check_data(file, end, data.crc)
+    except RecordingError:
+        check_data(file, end)
+        raise
+
+
+def _in_order(file: BufferedReader, data: Section, end: int) -> Iterator[Record]:
+    first, late = head(file, end)
+    yield from first if late else ()
+    yield from data.records(len(MAGIC))
 
 
 def check_summary(file: BufferedReader) -> tuple[int, int]:
@@ -210,78 +314,6 @@ def head(file: BufferedReader, end: int) -> tuple[list[Record], bool]:
         late |= opcode in (Opcode.CHUNK, Opcode.MESSAGE)
         at += PREFIX.size + length
     return found, late
-
-
-class Section:
-    """Reads consecutive records of a file through one buffer, and sums their bytes."""
-
-    def __init__(self, file: BufferedReader, start: int, end: int):
-        """Start at an offset of the file; ``end`` is the offset of the byte after the last."""
-        self._file, self._left, self._start = file, end - start, start
-        self._buffer = memoryview(bytearray(min(PIECE, end - start)))
-        self._at = self._stop = 0  # range of unread bytes in the buffer
-        self.crc = 0
-        """Checksum of all bytes read so far."""
-
-    def records(self, skip: int = 0, used: Container[int] = USED) -> Iterator[Record]:
-        """Yield the records of the opcodes ``used`` that follow ``skip`` bytes.
-
-        The body of a record is valid until the next one is requested.
-
-        Raises:
-            RecordingError: A length is invalid.
-        """
-        self._file.seek(self._start)
-        self._need(skip)
-        self._at += skip
-        while self._at < self._stop or self._left:
-            self._need(PREFIX.size)
-            opcode, length = PREFIX.unpack_from(self._buffer, self._at)
-            if opcode in used:
-                self._need(PREFIX.size + length)
-                begin = self._at + PREFIX.size
-                self._at = begin + length
-                yield Record(opcode, self._buffer[begin : self._at])
-            else:
-                self._pass(PREFIX.size + length)
-
-    def _pass(self, n: int) -> None:
-        """Read and drop ``n`` bytes."""
-        self._within(n)
-        while n > 0:
-            self._need(piece := min(n, PIECE))
-            self._at += piece
-            n -= piece
-
-    def _within(self, n: int) -> None:
-        if n > self._stop - self._at + self._left:
-            raise RecordingError(f"a record of {n} bytes reaches beyond its section; {FOREIGN}")
-
-    def _need(self, n: int) -> None:
-        """Fill the buffer until it holds ``n`` unread bytes."""
-        held = self._stop - self._at
-        if held >= n:
-            return
-        self._within(n)
-        if n > LARGEST_CHUNK:
-            raise RecordingError(
-                f"a record of {n} bytes exceeds the limit of {LARGEST_CHUNK} bytes; {FOREIGN}"
-            )
-        rest = self._buffer[self._at : self._stop]
-        stop = min(max(n + _BEYOND, PIECE), held + self._left)
-        if stop > len(self._buffer):
-            self._buffer = memoryview(bytearray(stop))
-        self._buffer[:held] = rest
-        read = self._file.readinto(self._buffer[held:stop])
-        self._at, self._stop, self._left = 0, held + read, self._left - read
-        self.crc = crc32(self._buffer[held : self._stop], self.crc)
-        if self._stop < n:
-            raise DamageError("it was truncated while it was read")
-
-
-def records(file: BufferedReader, start: int, end: int) -> Iterator[Record]:
-    """Return the records between two offsets of a file; see `Section.records`."""
-    return Section(file, start, end).records()
 
 
 def check_header(file: BufferedReader) -> None:

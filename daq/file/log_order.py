@@ -5,19 +5,19 @@ block. Messages that are given only after the samples of their time, such as the
 joints, follow at the end.
 """
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
-from sautereau.daq.file.counts import Samples, write_volts
-from sautereau.daq.file.descriptors import MOTION
 from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.recorded import Event, Signal
-from sautereau.daq.file.samples import TOPIC, SampleLayout, block_head
+from sautereau.daq.file.samples import TOPIC, SampleLayout, Samples, block_head, write_volts
 from sautereau.daq.file.schemas import (
+    MOTION,
     encode,
     encode_log,
     encode_rows,
@@ -80,7 +80,7 @@ class LogOrder:
             missing = np.full(len(times), np.nan)
             rows = encode_rows([columns.get(name, missing) for name in MOTION])
             self._pending += [
-                _Pending(now, time, "/motion", lambda _, row=row: row.tobytes())
+                _Pending(now, time, "/motion", lambda _, row=row: row)
                 for time, row in zip(times, rows, strict=True)
             ]
 
@@ -100,9 +100,9 @@ class LogOrder:
         """Write a block, after the previews and events up to its first sample."""
         self._preview(samples)
         self._write_views(writer, first)
-        data = np.ascontiguousarray(samples).data.cast("B")
-        head = block_head(self.t0 or 0, first, self._rate, self._begin, len(data))
-        writer.add_message(self.topics[TOPIC], self._date(first / self._rate), head, data)
+        head = block_head(self.t0 or 0, first, self._rate, self._begin, samples.nbytes)
+        date = self._date(first / self._rate)
+        writer.add_message(self.topics[TOPIC], date, head + samples.tobytes(), date)
 
     def write_rest(self, writer: McapWriter) -> None:
         """Write the remaining previews and all pending messages."""
@@ -128,24 +128,21 @@ class LogOrder:
         rows, self._values = encode_rows(self._values[:, :n]), self._values[:, n:]
         since_trigger = np.arange(place, place + step * n, step) * (1e9 / self._rate)
         times = np.maximum(0, (self.t0 or 0) + np.rint(since_trigger).astype(np.int64))
-        preview, at = self.topics["/preview"], 0
-        for date, topic, data in self._due(None if stop is None else stop / self._rate):
-            n = int(times.searchsorted(date))
-            writer.add_run(preview, times[at:n], rows[at:n])
-            writer.add_message(self.topics[topic], date, data(date))
-            writer.close_chunk()
-            at = n
-        writer.add_run(preview, times[at:], rows[at:])
+        preview = self.topics["/preview"]
+        previews = [(time, preview, row) for time, row in zip(times.tolist(), rows, strict=True)]
+        due = self._due(math.inf if stop is None else stop / self._rate)
+        for date, topic, data in sorted([*due, *previews], key=lambda one: one[0]):
+            writer.add_message(topic, date, data, date)
 
-    def _due(self, until: float | None) -> list[tuple[int, str, Callable[[int], bytes]]]:
-        """Remove and return the pending messages up to a time, s after the trigger, by date."""
-        due = [one for one in self._pending if until is None or one.time <= until]
-        if due:
-            self._pending = [
-                one for one in self._pending if not (until is None or one.time <= until)
-            ]
-        dated = [(self._date(one.time, one.now), one.topic, one.data) for one in due]
-        return sorted(dated, key=lambda one: one[0])
+    def _due(self, until: float) -> Iterator[tuple[int, int, bytes]]:
+        """Remove the pending messages up to a time, s after the trigger; yield them with dates."""
+        pending, self._pending = self._pending, []
+        for one in pending:
+            if one.time <= until:
+                date = self._date(one.time, one.now)
+                yield date, self.topics[one.topic], one.data(date)
+            else:
+                self._pending.append(one)
 
     def _date(self, time_s: float, now: int = 0) -> int:
         """Return the date of a time after the trigger, ns since 1970; ``now`` without a trigger.

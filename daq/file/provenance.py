@@ -14,7 +14,10 @@ from mcap.records import Channel, Schema
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import LARGEST_DEFINITIONS
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.daq.file.descriptors import (
+from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
+from sautereau.daq.file.recorded import SessionInfo
+from sautereau.daq.file.samples import TOPIC, SampleLayout, sample_layout
+from sautereau.daq.file.schemas import (
     FORMAT_1,
     LOG,
     MOTION,
@@ -24,11 +27,9 @@ from sautereau.daq.file.descriptors import (
     schema_data,
     schema_of,
 )
-from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
-from sautereau.daq.file.recorded import SessionInfo
-from sautereau.daq.file.samples import TOPIC, SampleLayout, sample_layout
 from sautereau.rig.faults import fault_list
 from sautereau.rig.load import rig_document, rig_json
+from sautereau.rig.packaged import made_by
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 
@@ -128,7 +129,7 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
         number, _, metadata = channel_from_json(topic, text)
         schema = schemas[json.loads(text)["schema"]]
         channels.append(Channel(number, topic, "protobuf", metadata, schema))
-    writer.start(
+    writer.begin(
         PROFILE,
         [
             *(Schema(n, schema_of(name, data), "protobuf", name) for name, n in schemas.items()),
@@ -162,11 +163,11 @@ def channel_from_json(topic: str, text: str) -> tuple[int, str, dict[str, str]]:
 
 @cache
 def software() -> dict[str, str]:
-    """Return the versions of Python and of the libraries in use."""
+    """Return the versions of Python, of sautereau with its code, and of the libraries in use."""
     versions = {"python": platform.python_version()}
     for name in LIBRARIES:
         try:
-            versions[name] = version(name)
+            versions[name] = made_by() if name == "sautereau" else version(name)
         except PackageNotFoundError:
             versions[name] = "not installed"
     return versions

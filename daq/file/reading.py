@@ -7,11 +7,19 @@ from pathlib import Path
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import MAGIC, Opcode
 from sautereau.daq.file.contents import Contents
-from sautereau.daq.file.integrity import has_data_crc, head, indexed, opened, records, size_of
+from sautereau.daq.file.integrity import (
+    Section,
+    has_data_crc,
+    head,
+    indexed,
+    opened,
+    size_of,
+    verified,
+    verifying,
+)
 from sautereau.daq.file.limits import FARTHEST_SAMPLE, FARTHEST_TIME
 from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch
 from sautereau.daq.file.runs import Runs
-from sautereau.daq.file.verified import verified, verifying
 
 MOST_LISTED = 8  # Gaps listed in one message
 
@@ -96,7 +104,7 @@ def read_session(path: str | Path) -> SessionInfo:
     """
     with opened(Path(path)) as file:
         contents = Contents(size_of(file))
-        for record in records(file, len(MAGIC), size_of(file)):
+        for record in Section(file, len(MAGIC), size_of(file)).records():
             if record.opcode == Opcode.CHUNK:
                 break
             list(contents.blocks([record]))
@@ -142,17 +150,6 @@ def stream(path: str | Path, seconds: float) -> Iterator[Stretch]:
             yield found
 
 
-def _window(path: str | Path, start: float, stop: float) -> str:
-    """Return the name of a window, for messages; refuse one that no recording can have."""
-    window = f"the window from {start:g} s to {stop:g} s"
-    if not all(abs(time) <= FARTHEST_TIME for time in (start, stop)):  # NaN too
-        raise RecordingError(
-            f"recording {path}: {window}: give times within FARTHEST_TIME = {FARTHEST_TIME:g} s"
-            " before and after the trigger"
-        )
-    return window
-
-
 def read_window(path: str | Path, start: float, stop: float) -> Stretch:
     """Read ``start <= t < stop`` (s after the trigger, negative before it) of a recording.
 
@@ -162,7 +159,12 @@ def read_window(path: str | Path, start: float, stop: float) -> Stretch:
         RecordingError: The window reaches beyond the recording or spans a gap, or as
             `read_recording`.
     """
-    window = _window(path, start, stop)
+    window = f"the window from {start:g} s to {stop:g} s"
+    if not all(abs(time) <= FARTHEST_TIME for time in (start, stop)):  # NaN too
+        raise RecordingError(
+            f"recording {path}: {window}: give times within FARTHEST_TIME = {FARTHEST_TIME:g} s"
+            " before and after the trigger"
+        )
     with opened(Path(path)) as file:
         definitions, chunks = indexed(file)
         contents, runs = Contents(size_of(file)), Runs(size=size_of(file))
@@ -174,7 +176,7 @@ def read_window(path: str | Path, start: float, stop: float) -> Stretch:
             clock = runs.clock
             if clock and chunk.last < max(0, clock.t0 + round(first * 1e9 / clock.rate)):
                 continue
-            for layout, block in contents.blocks(records(file, chunk.start, chunk.stop)):
+            for layout, block in contents.blocks(Section(file, chunk.start, chunk.stop).records()):
                 runs.add(layout, block)
                 first, last = (ceil(round(t * block.rate, 6)) for t in (start, stop))
             if runs.clock and (runs.reached(names) or first) >= last:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.counts import Samples, Scaling, write_volts
+from sautereau.daq.file.samples import Samples, Scaling, write_volts
 from sautereau.daq.file.trigger_date import Counted
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import FLUSH_PERIOD, PART, RecordingFile
-from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.limits import MOST_EVENTS, event_faults, series_faults, time_faults
 from sautereau.daq.file.log_order import LogOrder
 from sautereau.daq.file.provenance import head_of, start_head
@@ -22,7 +21,7 @@ from sautereau.daq.file.recorded import (
     SessionInfo,
     Signal,
 )
-from sautereau.daq.file.samples import sample_layout
+from sautereau.daq.file.samples import Scaling, sample_layout
 from sautereau.daq.file.trigger_date import Counted, TriggerDate
 from sautereau.rig.disk import as_text
 from sautereau.rig.faults import fault_list

@@ -1,21 +1,22 @@
 """Repair: make a readable recording of the intact parts of a damaged one, which is kept."""
 
 import json
-from contextlib import closing
 from dataclasses import dataclass
-from io import BufferedReader
+from io import BufferedReader, BytesIO
 from pathlib import Path
+
+from mcap.data_stream import ReadDataStream
+from mcap.records import Channel
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact, unpack_chunk
 from sautereau.daq.file.container.durable import PART, DurableFile
-from sautereau.daq.file.container.records import Opcode
+from sautereau.daq.file.container.records import MESSAGE, Bytes, Opcode, records_within
 from sautereau.daq.file.container.writer import McapWriter
-from sautereau.daq.file.integrity import opened
+from sautereau.daq.file.integrity import opened, verified
 from sautereau.daq.file.provenance import HEAD, start_head
 from sautereau.daq.file.recorded import Gap
 from sautereau.daq.file.survey import Survey, survey
-from sautereau.daq.file.verified import verified
 from sautereau.rig.disk import as_text, hold
 
 ENDING = ".recovering.part"  # Appended to the name of a recovered recording until it is complete
@@ -75,8 +76,8 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
         damage = found.damage or "it is undamaged, but its press was aborted"
         target = DurableFile(out, ending=ENDING)
         try:
-            with target.writing(), closing(McapWriter(target.stream, out.parent)) as writer:
-                _write(writer, file, found, path.name, damage)
+            with target.writing():
+                _write(McapWriter(target.stream), file, found, path.name, damage)
             target.close()
             target.publish()
         except BaseException:
@@ -111,9 +112,10 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
         raise RecordingError(
             f"its definitions are invalid: {type(error).__name__}: {error}; use a copy of it"
         ) from error
+    numbers = {number: number for number in range(1, len(metadata["channels"]) + 1)}
     for record in find_intact(file) if found.damage else verified(file):
         if record.opcode == Opcode.CHUNK:
-            writer.copy_chunk(record.body, unpack_chunk(record.body))
+            _copy(unpack_chunk(record.body), writer, numbers)
     end = found.contents.end()
     if end is None and found.damage is None:
         end = found.runs.last()
@@ -123,3 +125,24 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
     found_in = {"from": as_text(name), "damage": damage, "missing": missing}
     writer.add_metadata("recovered", found_in)
     writer.finish()
+
+
+def _copy(chunk: Bytes, writer: McapWriter, numbers: dict[int, int]) -> None:
+    """Copy the messages of an unpacked chunk into a chunk of their own.
+
+    Args:
+        numbers: Number of each MCAP channel in the new file, by its number in the damaged one.
+            Topics that another program has added are appended, without their schema.
+    """
+    for opcode, body, _ in records_within(chunk):
+        if opcode == Opcode.CHANNEL:
+            one = Channel.read(ReadDataStream(BytesIO(body)))
+            if one.id not in numbers:
+                numbers[one.id] = writer.register_channel(
+                    one.topic, one.message_encoding, 0, one.metadata
+                )
+        elif opcode == Opcode.MESSAGE:
+            number, sequence, log_time, publish_time = MESSAGE.unpack_from(body)
+            data = bytes(body[MESSAGE.size :])
+            writer.add_message(numbers[number], log_time, data, publish_time, sequence)
+    writer.flush()

@@ -6,11 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.counts import write_volts
 from sautereau.daq.file.integrity import FOREIGN
 from sautereau.daq.file.limits import MOST_VOLTS, VOLTS_PER_BYTE, time_faults
 from sautereau.daq.file.recorded import Gap, Signal, Stretch
-from sautereau.daq.file.samples import SampleLayout, WireBlock
+from sautereau.daq.file.samples import SampleLayout, WireBlock, write_volts
 from sautereau.rig.faults import fault_list
 
 MOST_RUNS = 10_000  # Limit for one channel

@@ -3,22 +3,34 @@
 import json
 import math
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.daq.file.counts import TYPES, Scaling
-from sautereau.daq.file.schemas import varint
-
 TOPIC = "/daq"  # Topic of the samples of all channels
+Samples = NDArray[np.float64] | NDArray[np.int16] | NDArray[np.int32]
+"""Volts, or the counts of a converter."""
+TYPES = {"int16": "<i2", "int32": "<i4", "float64": "<f8"}
+"""Type on the wire of each type of samples."""
+_PIECE = 16384  # samples converted at a time, which the cache of a processor holds
 # Fields 1 to 4 of a Block, each a tag and 64 bits; the tag of field 5, its length follows.
 _HEAD = struct.Struct("<BqBqBdBqB")
 _TAGS = (0x09, 0x11, 0x19, 0x21, 0x2A)
 _LENGTH = 5
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Type of a device's counts, and the polynomials that convert them to volts."""
+
+    kind: str
+    """Type of a count: `int16` or `int32`."""
+    coefficients: NDArray[np.float64]
+    """Shape (n_channels, n_coefficients), V per count to the power of 0, 1, 2 ..."""
 
 
 class WireBlock(NamedTuple):
@@ -40,6 +52,14 @@ def block_head(t0: int, first_sample: int, rate: float, begin: int, size: int) -
     """Return the bytes of a Block that precede ``size`` bytes of samples."""
     a, b, c, d, e = _TAGS
     return _HEAD.pack(a, t0, b, first_sample, c, rate, d, begin, e) + varint(size, _LENGTH)
+
+
+@lru_cache(64)
+def varint(value: int, length: int = 1) -> bytes:
+    """Return an integer as a varint of at least ``length`` bytes."""
+    while value >> 7 * length:
+        length += 1
+    return bytes(value >> 7 * i & 127 | 128 * (i < length - 1) for i in range(length))
 
 
 def read_block(data: memoryview) -> WireBlock:
@@ -130,3 +150,36 @@ def layout_from_metadata(metadata: Mapping[str, str]) -> SampleLayout:
     ):
         raise ValueError(f"samples of the type {kind!r}, the channels {names}, scaling {scaling}")
     return SampleLayout(tuple(names), kind, scaling)
+
+
+def write_volts(
+    samples: Samples,
+    scaling: Sequence[Sequence[float]],
+    into: NDArray[np.float64] | NDArray[np.float32],
+) -> None:
+    """Write the volts of samples.
+
+    Those of counts x are c0 + x (c1 + x (c2 + ...)), evaluated in this order in doubles.
+
+    Args:
+        samples: Shape (n_channels, n).
+        scaling: c0, c1, ... of each channel, V per count to the power of 0, 1, ...; none for volts.
+        into: Volts, shape (n_channels, n), V.
+    """
+    if not scaling:
+        into[:] = samples
+    for row, (*lower, highest) in enumerate(scaling):
+        for at in range(0, samples.shape[1], _PIECE):
+            x, volts = samples[row, at : at + _PIECE], into[row, at : at + _PIECE]
+            if len(lower) == 1:  # four times as fast as the general way
+                volts[:] = x
+                volts *= highest
+            else:
+                volts[:] = highest
+                for coefficient in lower[:0:-1]:
+                    volts *= x
+                    volts += coefficient
+                if lower:
+                    volts *= x
+            if lower and lower[0]:
+                volts += lower[0]

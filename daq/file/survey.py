@@ -10,10 +10,9 @@ from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact
 from sautereau.daq.file.container.records import DamageError, Opcode, Record
 from sautereau.daq.file.contents import Contents
-from sautereau.daq.file.integrity import check_header, has_data_crc, opened, size_of
+from sautereau.daq.file.integrity import check_header, has_data_crc, opened, size_of, verifying
 from sautereau.daq.file.recorded import Gap, SessionInfo
 from sautereau.daq.file.runs import Runs
-from sautereau.daq.file.verified import verifying
 from sautereau.rig.schema import Rig
 
 LAYOUT = Path(__file__).parents[1] / "foxglove-layout.json"

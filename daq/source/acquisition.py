@@ -8,16 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import DaqError
-from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
+from sautereau.daq.file.samples import Scaling
 from sautereau.daq.file.trigger_date import Counted
-from sautereau.daq.source.connection import connect
-from sautereau.daq.source.counter import DATING, SampleCounter
+from sautereau.daq.source.connection import connect, create_task
 from sautereau.daq.source.driver_faults import NOT_YET_AVAILABLE, driver_errors
 from sautereau.daq.source.inputs import read_inputs, read_scaling
-from sautereau.daq.source.server_session import create_task
 from sautereau.daq.source.source import InputSettings, SourceSettings
-from sautereau.daq.source.task import build_task, plan_task, trigger_terminal
+from sautereau.daq.source.task import DATING, SampleCounter, build_task, plan_task, trigger_terminal
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sautereau.daq.errors import DaqError
-from sautereau.daq.file.counts import Scaling
+from sautereau.daq.file.samples import Scaling
 from sautereau.daq.source.source import InputSettings
 from sautereau.rig.acquisition import Channel, Daq
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.daq.errors import DaqError
-from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
-from sautereau.daq.source.server_session import hold_card
+from sautereau.daq.file.samples import Scaling
+from sautereau.daq.source.connection import hold_card
 from sautereau.daq.source.source import InputSettings, SourceSettings
 from sautereau.daq.source.task import accepted_rate, plan_task
 from sautereau.rig.acquisition import Channel, Daq

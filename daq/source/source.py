@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, Self
 
-from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recorded import Block
+from sautereau.daq.file.samples import Scaling
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.registry import SOURCES
 from sautereau.rig.schema import Rig

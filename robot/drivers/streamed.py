@@ -51,7 +51,7 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
 
     @abstractmethod
     def pass_time(self, seconds: float) -> None:
-        """Advance the time of a stand-in that waits for the host, see docs/decisions/0006."""
+        """Advance the time of a stand-in that waits for the host, see docs/decisions/0002."""
 
     @abstractmethod
     def check_running(self, what: str) -> None:
@@ -154,7 +154,7 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
 
 
 class HostTime:
-    """Simulated time of a stand-in that waits for the host, see docs/decisions/0006.
+    """Simulated time of a stand-in that waits for the host, see docs/decisions/0002.
 
     Args:
         wait: Advances the stand-in's time by seconds.

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from sautereau.daq.source.server_session import hold_card
+from sautereau.daq.source.connection import hold_card
 from sautereau.rig.disk import make_folder
 from sautereau.rig.lock import Taken, locked
 from sautereau.rig.schema import Rig

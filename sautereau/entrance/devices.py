@@ -77,6 +77,11 @@ class Devices:
         return self.rig.values if self.scene is None else None
 
     @property
+    def scene_text(self) -> str:
+        """The stand-in's scene on this rig as JSON; empty for the hardware."""
+        return self.scene.on_rig(self.rig.values).model_dump_json() if self.scene else ""
+
+    @property
     def where(self) -> str:
         """Name of the bench in messages."""
         return f"rig {self.rig.name} on {_where(self.scene is not None)}"
@@ -99,13 +104,14 @@ class Devices:
 
         seed = self.seed if seed is None else seed
         seed = fresh_seed() if seed is None else seed
-        with StandIn(rig, self.scene, seed) as served:
+        scene = self.scene.on_rig(rig)
+        with StandIn(rig, scene, seed) as served:
             yield Connected(
                 served.rig,
-                self.scene.model_dump_json(),
+                scene.model_dump_json(),
                 seed,
                 str(served.bench.reached or ""),
-                (lambda: served.truth()[-1]) if self.scene.record_truth else None,
+                (lambda: served.truth()[-1]) if scene.record_truth else None,
             )
 
 

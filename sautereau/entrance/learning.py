@@ -73,7 +73,7 @@ class Learning:
         self._plan = Plan(
             self._nominal,
             (Row(self._nominal, n, notes=notes),),
-            scene=bench.scene.model_dump_json() if bench.scene else "",
+            scene=bench.scene_text,
             files=files | ({"feed_forward": self._pushed} if feed_forward else {}),
         )
         expected, doubts = expected_of(self._nominal)

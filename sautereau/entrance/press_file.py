@@ -11,7 +11,7 @@ from sautereau.analysis.results.press import HEADER, press_line, press_summary
 from sautereau.analysis.results.result import Shown, shown
 from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.session.analysed import AnalysedPress, analyse_file, analyse_partial
-from sautereau.daq.convert.to_xarray import to_xarray
+from sautereau.daq.convert.export import to_xarray
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import SessionInfo
 

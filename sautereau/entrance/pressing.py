@@ -85,7 +85,7 @@ class Pressing:
             rows,
             settings.warm_up,
             parse_quantity(rest, "s") if isinstance(rest, str) else rest,
-            bench.scene.model_dump_json() if bench.scene else "",
+            bench.scene_text,
             self.planner.files,
         )
         self.planner.plan_all(rows or ())

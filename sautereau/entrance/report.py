@@ -124,5 +124,7 @@ def _again(manifest: Manifest, presses: tuple[PressRecord, ...]) -> Again:
 def _packaged(scene: str) -> str:
     """Return the name of the packaged scene with this text; empty for none."""
     document = current_scene(from_json(scene))
+    # A recording names the plectrum level that `auto` was on its rig.
+    document["plectrum"] = "auto" if document["plectrum"] != "none" else "none"
     dumped = {name: load_scene(name).model_dump(mode="json") for name in packaged_scenes()}
     return next((name for name, packaged in dumped.items() if packaged == document), "")

@@ -73,7 +73,7 @@ def reference(
     Raises:
         SceneError: The scene has a modal string or no chosen level, or its motion diverges.
     """
-    from sautereau.sim_backend.physics.presses.world import ExactWorld
+    from sautereau.sim_backend.physics.exact_world import ExactWorld
 
     drive = drive or drive_of(rig, scene)
     fine = scene.model_copy(update={"step": step, "accuracy": None})

@@ -26,7 +26,7 @@ def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) 
             " with `sautereau.sim_backend.trade.select.select_solver`"
         )
     if scene.engine == "exact":
-        from sautereau.sim_backend.physics.presses.world import ExactWorld
+        from sautereau.sim_backend.physics.exact_world import ExactWorld
 
         return ExactWorld(rig, scene, start)
     from sautereau.sim_backend.physics.rigid.engine import RigidWorld

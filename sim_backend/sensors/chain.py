@@ -1,6 +1,7 @@
 """The sensor chain of one channel: from the measured quantity to volts at the terminal block."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,23 @@ from scipy import signal
 
 from sautereau.rig.acquisition import Channel
 from sautereau.sim_backend.parts import Sensors, Transducer
-from sautereau.sim_backend.sensors.converter import Converter
 from sautereau.sim_backend.sensors.simulated import SIMULATED, Disturbance
 from sautereau.trajectory.motion import Floats
+
+
+@dataclass(frozen=True)
+class Converter:
+    """Rounds volts to its steps, and clips them at its range."""
+
+    range: float
+    """V, full scale either way."""
+    bits: int
+
+    def convert(self, volts: Floats) -> Floats:
+        """Return what it reads [V]."""
+        step = 2 * self.range / 2**self.bits
+        return np.clip(np.rint(volts / step) * step, -self.range, self.range - step)
+
 
 IDEAL_CONVERTER = Converter(range=10.0, bits=24)
 """Converter of the ideal card, if the scene has sensors."""

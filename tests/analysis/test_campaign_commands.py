@@ -54,17 +54,3 @@ def test_processes_and_cluster_exclude_each_other(recordings, tmp_path, capsys):
     assert run("campaign", recordings, "--out", out, *places) == 2
     assert "--processes and --cluster" in capsys.readouterr().err
     assert not out.exists()
-
-
-@pytest.mark.slow
-def test_touch(table, tmp_path, capsys):
-    picture = tmp_path / "touch.png"
-    assert run("touch", table, "--plot", picture, "--json") == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["simulated"] is True
-    assert len(result["plectra"]) == 3
-    assert result["units"]["release_force"] == "N"
-    assert result["felt"]["release_force"]["press"]["value"] < 0.02
-    assert picture.stat().st_size > 10_000
-    assert run("touch", table) == 0
-    assert "between sessions" in capsys.readouterr().out

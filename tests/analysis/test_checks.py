@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.independent import ONE_FACTOR, press
-from benchmarks.judged import judged_press
+from benchmarks.simulated import judged_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.checks import about_exchange, about_flags, about_instants
 from sautereau.analysis.phases.contact import Contact

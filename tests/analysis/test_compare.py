@@ -189,11 +189,7 @@ def test_without_a_pluck_there_is_nothing_to_compare(prediction, phases):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("n", "kind", "repeats", "within"),
-    [
-        (2, "student", 2000, 0.015),
-        (20, "bootstrap", 400, 0.045),
-        slow(5, "student", 2000, 0.015),
-    ],
+    [(2, "student", 2000, 0.015), (20, "bootstrap", 400, 0.045), slow(5, "student", 2000, 0.015)],
 )
 def test_the_interval_covers_the_mean_in_95_of_100(n, kind, repeats, within):
     """Resampling of 20 covers 93 of 100 and no less, where the values are normal."""

@@ -61,10 +61,10 @@ def test_a_stored_map_comes_back_without_the_elements_library(uniform, folder):
 
 def test_modulus_and_width_need_no_other_map(uniform, monkeypatch):
     monkeypatch.delattr("sautereau.analysis.model.plectrum.fe.build.build")
-    other = FE(
-        PLECTRUM.model_copy(update={"youngs_modulus": 5.8e9, "width": 1.5e-3, "friction": 0.1})
-    )
+    other = FE(PLECTRUM.model_copy(update={"youngs_modulus": 5.8e9, "width": 1.5e-3}))
     assert other.bend(4.3e-3, 2.0).z == pytest.approx(float(uniform.bend(4.3e-3, 0.5).z))
+    rubbed = FE(PLECTRUM.model_copy(update={"friction": 0.1}))
+    assert rubbed.bend(4.3e-3, 0.5) == uniform.bend(4.3e-3, 0.5, 0.1)
 
 
 @pytest.mark.parametrize(

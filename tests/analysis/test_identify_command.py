@@ -86,13 +86,3 @@ def test_a_rig_file_keeps_its_comments_and_profiles_are_reported(recordings, tmp
     sources = load_rig(rig).sources
     assert sources["plectrum.overlap"] == sources["key.inertia"]
     assert sources["key.inertia"].startswith("identified from SIMULATED press-0001.mcap on ")
-
-
-@pytest.mark.slow
-def test_an_error_elsewhere_in_the_rig_is_reported_and_its_cause_suggested(recordings, capsys):
-    """With a wrong overlap the model does not fit, and freeing the overlap is suggested."""
-    _, out = run(capsys, "identify", recordings[0], "--free", "key.inertia", "--starts", 1, "-v")
-    assert "THE MODEL DOES NOT FIT" in out
-    assert "suggested: free plectrum.overlap" in out
-    assert "no 95 % intervals" in out
-    assert "offset.velocity_gain" in out

@@ -97,24 +97,26 @@ def test_a_force_that_bends(make_press, curvature):
 
 
 @pytest.mark.parametrize(
-    ("speed", "contact", "release", "slope"),
+    ("speed", "contact", "release", "slope", "rate"),
     [
-        (0.02, 0.12, 0.19, 7),
-        (0.072, 0.052, 0.072, 27),
-        (0.15, 0.043, 0.053, 50),
-        (0.3, 0.039, 0.044, 100),
+        (0.005, 0.5, 0.9, 1.25, 51.2e3),
+        (0.02, 0.12, 0.19, 7, 51.2e3),
+        (0.072, 0.052, 0.072, 27, 51.2e3),
+        (0.15, 0.043, 0.053, 50, 51.2e3),
+        (0.3, 0.039, 0.044, 100, 51.2e3),
+        (1.0, 0.0335, 0.0365, 167, 51.2e3),
+        (1.0, 0.0335, 0.0365, 167, 200e3),
     ],
 )
-def test_speeds(make_press, speed, contact, release, slope):
-    press = make_press(
-        speed=speed, contact=contact, release=release, slope=slope, until=release + 0.5, **NOISY
-    )
-    held, phases = only_pluck(press)
+def test_speeds(make_press, speed, contact, release, slope, rate):
+    times = {"contact": contact, "release": release, "until": release + 0.5}
+    held, phases = only_pluck(make_press(speed=speed, slope=slope, rate=rate, **times, **NOISY))
     assert held.contact == pytest.approx(contact, abs=max(0.1e-3, 3 * held.contact_std))
     assert held.contact == pytest.approx(contact, abs=0.6e-3)
     assert held.release == pytest.approx(release, abs=0.1e-3)
-    assert phases.free_speed == pytest.approx(speed, rel=0.01)
-    assert phases.held_speed == pytest.approx(speed, rel=0.01)
+    if speed < 1.0:  # which has its contact in the run-up
+        assert phases.free_speed == pytest.approx(speed, rel=0.01)
+        assert phases.held_speed == pytest.approx(speed, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -173,24 +175,20 @@ def test_a_vibrometer_of_the_wrong_sign_gives_a_warning(make_press):
 
 
 @pytest.mark.parametrize(
-    "n", [0, 1, 2, 5, 16, 50, 200, 1000, 1500, 1600, 1700, 2000, 3000, 3680, 3690, 3750]
+    ("first", "rows"),
+    [
+        (0, (0, 1, 2, 5, 16, 50, 200, 1000, 1500, 1600, 1700, 2000, 3000, 3680, 3690, 3750)),
+        (2000, (16, 40, 60, 100, 300)),
+    ],
+    ids=["from nothing to just after release", "in the middle"],
 )
-def test_a_press_that_was_cut_short(make_press, n):
-    """From nothing to just after release: found, or none and a warning, never a crash."""
-    phases = find_phases(cut(make_press(**NOISY), slice(0, n)))
-    assert_finite(phases)
-    assert phases.plucks or phases.warnings
-
-
-@pytest.mark.parametrize("n", [16, 40, 60, 100, 300])
-def test_a_stretch_in_the_middle_of_a_press(make_press, n):
+def test_a_part_of_a_press(make_press, first, rows):
+    """Found, or none and a warning, never a crash."""
     press = make_press(**NOISY)
-    velocity, force = (
-        press.data[name].to_numpy()[2000 : 2000 + n] for name in ("velocity", "force")
-    )
-    phases = find_phases(make_press.build(velocity, force, press.rate))
-    assert_finite(phases)
-    assert phases.warnings
+    for n in rows:
+        phases = find_phases(cut(press, slice(first, first + n)))
+        assert_finite(phases)
+        assert phases.warnings or (phases.plucks and not first)
 
 
 @pytest.mark.parametrize(("contact", "release"), [(0.029, 0.072), (0.029, 0.0375), (0.027, 0.031)])
@@ -222,28 +220,17 @@ def test_random_force_on_a_moving_key_is_no_pluck(make_press):
 
 
 @pytest.mark.parametrize(
-    ("speed", "contact", "release", "rate"),
-    [(1.0, 0.0335, 0.0365, 51.2e3), (1.0, 0.0335, 0.0365, 200e3), (0.005, 0.5, 0.9, 51.2e3)],
+    ("peak", "press", "limit"),
+    [
+        (50.0, {"force_noise": 5e-3}, 0.1e-3),
+        (0.1, {"force_noise": 1e-4}, 0.1e-3),
+        (5e-3, {"level": 5e-3, "force_noise": 5e-5, "velocity_noise": 1e-6}, 0.3e-3),
+        (5.0, {"level": 5.0, "force_noise": 0.05, "velocity_noise": 1e-6}, 0.3e-3),
+    ],
 )
-def test_presses_of_milliseconds_and_of_two_seconds(make_press, speed, contact, release, rate):
-    press = make_press(
-        speed=speed,
-        contact=contact,
-        release=release,
-        slope=0.5 / (release - contact),
-        until=max(0.08, 2.2 * release),
-        rate=rate,
-        **NOISY,
-    )
-    held, _ = only_pluck(press)
-    assert held.contact == pytest.approx(contact, abs=max(0.3e-3, 4 * held.contact_std))
-    assert held.release == pytest.approx(release, abs=0.1e-3)
-
-
-@pytest.mark.parametrize(("peak", "noise"), [(50.0, 5e-3), (0.1, 1e-4)])
-def test_strong_and_weak_forces(make_press, peak, noise):
-    held, _ = only_pluck(make_press(slope=peak / 0.020, force_noise=noise))
-    assert held.contact == pytest.approx(CONTACT, abs=0.1e-3)
+def test_forces_from_5_mn_to_50_n(make_press, peak, press, limit):
+    held, _ = only_pluck(make_press(slope=peak / 0.020, **press))
+    assert held.contact == pytest.approx(CONTACT, abs=limit)
     assert held.release == pytest.approx(RELEASE, abs=0.03e-3)
     assert held.force_drop == pytest.approx(peak, rel=0.02)
 
@@ -308,15 +295,6 @@ def test_finding_does_not_change_the_press(make_press):
     for name, signal in press.samples.items():
         np.testing.assert_array_equal(signal, before[name])
     assert find_phases(press) == first
-
-
-@pytest.mark.parametrize("force", [5e-3, 5.0])
-def test_forces_from_5_mn_to_5_n(make_press, force):
-    noise = {"force_noise": force / 100, "velocity_noise": 1e-6}
-    held, _ = only_pluck(make_press(slope=force / 0.02, level=force, **noise))
-    assert held.contact == pytest.approx(CONTACT, abs=0.3e-3)
-    assert held.release == pytest.approx(RELEASE, abs=0.05e-3)
-    assert held.force_drop == pytest.approx(force, rel=0.03)
 
 
 @pytest.mark.parametrize(("contact", "release"), [(150, 250), (100, 108), (100, 300)])

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.independent import ONE_FACTOR, press
 from benchmarks.independent.conditions import Choir
 from benchmarks.independent_phases import judge, random_press
-from benchmarks.judged import judged_press
+from benchmarks.simulated import judged_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.compliant.event import refine_event
 from sautereau.analysis.phases.compliant.response import pole

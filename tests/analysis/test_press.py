@@ -64,17 +64,24 @@ def test_constant_speed_through_the_lever(paper, record):
     )
 
 
+def sines(rig, record):
+    """Return a press of sines of 200 Hz with the lags of the rig's channels, and the true one."""
+    time = np.arange(4000) / RATE
+    volts = [np.sin(2 * np.pi * 200 * (time - channel.lag)) for channel in rig.daq.channels]
+    press = load_press(record(rig, np.stack(volts)))
+    return press, np.sin(2 * np.pi * 200 * press.data.index.to_numpy())
+
+
 @pytest.mark.parametrize("delay", ["0 s", "10 us", "19.53125 us", "1.1 ms"])
 def test_every_delay_is_corrected(paper, record, delay):
     """A sine with a calibrated delay is shifted back, also by fractions of a sample."""
     rig = ideal(paper, **{"daq.channels.0.delay": delay})
-    late, f = rig.daq.channels[0].delay, 200.0
-    time = np.arange(4000) / RATE
-    volts = np.stack([np.sin(2 * np.pi * f * (time - late)), np.sin(2 * np.pi * f * time)])
-    press = load_press(record(rig, volts))
-    expected = np.sin(2 * np.pi * f * press.data.index.to_numpy())
+    late = rig.daq.channels[0].delay
+    press, expected = sines(rig, record)
     np.testing.assert_allclose(press.data["velocity"] / 0.025, expected, atol=8e-5)
-    np.testing.assert_allclose(press.data["velocity"][16:-16] / 0.025, expected[16:-16], atol=1e-9)
+    np.testing.assert_allclose(
+        press.data["velocity"].iloc[16:-16] / 0.025, expected[16:-16], atol=1e-9
+    )
     np.testing.assert_allclose(press.data["force"], expected, atol=1e-12)
     assert len(press.data) == 4000 - int(np.ceil(late * RATE - 1e-9))
 
@@ -83,11 +90,8 @@ def test_every_delay_is_corrected(paper, record, delay):
 def test_an_input_that_a_multiplexer_samples_later(paper, record, early):
     """Its samples are of later instants than its rows say; the first rows have no sample of it."""
     rig = ideal(paper, **{"daq.channels.1.input_delay": early})
-    late, f = rig.daq.channels[1].lag, 200.0
-    time = np.arange(4000) / RATE
-    volts = np.stack([np.sin(2 * np.pi * f * time), np.sin(2 * np.pi * f * (time - late))])
-    press = load_press(record(rig, volts))
-    expected = np.sin(2 * np.pi * f * press.data.index.to_numpy())
+    late = rig.daq.channels[1].lag
+    press, expected = sines(rig, record)
     np.testing.assert_allclose(press.data["velocity"] / 0.025, expected, atol=1e-12)
     np.testing.assert_allclose(press.data["force"], expected, atol=8e-5)
     skipped = int(np.ceil(-late * RATE - 1e-9))

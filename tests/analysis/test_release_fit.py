@@ -54,8 +54,7 @@ def test_an_overlap_is_found_again(overlap):
 
 
 @pytest.mark.parametrize(
-    ("duration", "v_osc"),
-    [(0.0, 0.46), (20e-3, -1.0), (float("nan"), 0.46), (20e-3, float("inf"))],
+    ("duration", "v_osc"), [(0.0, 0.46), (20e-3, -1.0), (float("nan"), 0.46), (20e-3, float("inf"))]
 )
 def test_what_is_no_release_is_refused(duration, v_osc):
     with pytest.raises(ModelError, match="must be finite and above 0"):

@@ -66,10 +66,7 @@ def twenty(write_session, tmp_path_factory):
     return found, build_report(found, ABOUT)
 
 
-@given(
-    st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=400).map(np.array),
-    st.integers(0, 100),
-)
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=400).map(np.array), st.integers(0, 100))
 def test_an_envelope_keeps_every_peak(signal, points):
     kept = envelope(signal, points)
     assert (np.diff(kept) > 0).all()
@@ -237,6 +234,18 @@ def test_a_fit_of_identify_is_read(tmp_path):
         ("string.tension, not identifiable from these recordings", "66 N", "undetermined", "none"),
     )
     assert fit.warnings == ("few presses",)
+
+
+@pytest.mark.parametrize(
+    ("fits", "said"),
+    [({}, "is unknown"), ({"fits": None}, "is unknown"), ({"fits": False}, "does not fit")],
+)
+def test_the_verdict_of_a_fit_is_shown(tmp_path, fits, said):
+    path = tmp_path / "fit.json"
+    path.write_text(json.dumps(FIT | fits))
+    assert said in read_fit(path).about
+    path.write_text(json.dumps(FIT | {"fits": True}))
+    assert "fit" not in read_fit(path).about.partition("after")[2]
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[1]", '{"parameters": 3}', "\x00\xff", "NaN"])

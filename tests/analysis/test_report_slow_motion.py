@@ -125,20 +125,18 @@ def test_recorded_and_simulated_parts_are_named(two, write_session, tmp_path):
     assert "SIMULATED" not in measured.section
 
 
-def test_without_a_pluck_there_is_a_sentence(write_session, tmp_path):
-    page = page_of(write_session(tmp_path, 1, scale=0.0))
+@pytest.mark.parametrize(
+    ("clearance", "scale", "reason"),
+    [("2 mm", 0.0, "no press has a pluck."), ("9.9 mm", 1.0, "press.jack_rise: 10 mm ends before")],
+    ids=["no pluck", "the model has none"],
+)
+def test_where_no_plectrum_can_be_drawn_the_reason_is_given(
+    write_session, tmp_path, clearance, scale, reason
+):
+    rig = with_values(write_session.one.rig, {"jack.string_clearance": clearance})
+    page = page_of(write_session(tmp_path, 2, rig=rig, scale=scale))
     assert not page.pictures
-    assert "No press can be shown in slow motion: no press has a pluck." in page.section
-
-
-def test_where_the_model_has_no_pluck_there_is_a_sentence(write_session, tmp_path):
-    """The press has a pluck, but no plectrum can be drawn."""
-    rig = with_values(write_session.one.rig, {"jack.string_clearance": "9.9 mm"})
-    page = page_of(write_session(tmp_path, 2, rig=rig))
-    assert not page.pictures
-    assert (
-        "No press can be shown in slow motion: press.jack_rise: 10 mm ends before" in page.section
-    )
+    assert f"No press can be shown in slow motion: {reason}" in page.section
 
 
 @pytest.mark.parametrize("more", [1, slow(3)])

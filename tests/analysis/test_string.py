@@ -42,13 +42,6 @@ def advance(step, state, before, after):
     )
 
 
-def test_all_modes_leave_at_the_slopes_of_the_triangle():
-    """By d'Alembert each of the two waves takes half of the kink, c/2 (h/bL + h/(1-b)L)."""
-    c, h, length = 2 * STRING.length * STRING.frequency, 1e-3, STRING.length
-    expected = c / 2 * (h / (B * length) + h / ((1 - B) * length))
-    assert release_speed(STRING, h) == pytest.approx(expected)
-
-
 def test_the_first_mode_leaves_at_its_part_of_the_triangle():
     expected = 2 * np.pi * STRING.frequency * np.sin(np.pi * B) * triangle(1)[0]
     assert first_mode_release_speed(STRING, 1.0) == pytest.approx(expected, rel=1e-6)

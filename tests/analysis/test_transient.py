@@ -10,8 +10,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from benchmarks.independent import ONE_FACTOR, press
-from benchmarks.judged import judged_press
-from benchmarks.simulated import simulated_press
+from benchmarks.simulated import judged_press, simulated_press
 from benchmarks.transient import true_phases, truth_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import Phases, find_phases

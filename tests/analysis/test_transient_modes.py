@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.transient.modes import esprit, fit_modes
+from tests.budget import slow
 
 RATE, SAMPLES = 10_240.0, 256
 TIME = np.arange(SAMPLES) / RATE
@@ -40,45 +41,26 @@ def _coverage(draws):
         assert len(found) == 2
         for mode, (frequency, decay, amplitude) in zip(found, truth, strict=True):
             away = mode.amplitude[0] - NOISE[0] * amplitude
-            errors.append(
-                [
-                    (mode.frequency - frequency) / mode.frequency_std,
-                    (mode.decay - decay) / mode.decay_std,
-                    away.real / mode.amplitude_std[0],
-                    away.imag / mode.amplitude_std[0],
-                ]
-            )
+            of_frequency = (mode.frequency - frequency) / mode.frequency_std
+            of_decay = (mode.decay - decay) / mode.decay_std
+            of_amplitude = [part / mode.amplitude_std[0] for part in (away.real, away.imag)]
+            errors.append([of_frequency, of_decay, *of_amplitude])
     return np.array(errors)
 
 
-def _check_coverage(draws):
+@pytest.mark.parametrize("draws", [5, slow(300)])
+def test_uncertainties_cover(draws):
     errors = np.abs(_coverage(draws))
     tolerance = 3 * np.sqrt(0.25 / len(errors))
     assert np.mean(errors < 1, axis=0) == pytest.approx(0.683, abs=tolerance)
     assert np.mean(errors < 1.96, axis=0) == pytest.approx(0.95, abs=tolerance)
 
 
-def test_uncertainties_cover():
-    _check_coverage(5)
-
-
-@pytest.mark.slow
-def test_uncertainties_cover_in_many_draws():
-    _check_coverage(300)
-
-
-def _alarms(draws):
+@pytest.mark.parametrize(("draws", "most"), [(6, 0), slow(2000, 6)])
+def test_false_alarms_are_rarer_than_stated(draws, most):
+    """Of noise and a trend; 2 of 2000 are expected."""
     rng = np.random.default_rng(1)
-    return sum(len(fit_modes(noisy(rng), RATE, NOISE).modes) > 0 for _ in range(draws))
-
-
-def test_noise_and_trend_have_no_mode():
-    assert _alarms(6) == 0
-
-
-@pytest.mark.slow
-def test_false_alarms_are_rarer_than_stated():
-    assert _alarms(2000) <= 6  # 2 expected
+    assert sum(len(fit_modes(noisy(rng), RATE, NOISE).modes) > 0 for _ in range(draws)) <= most
 
 
 def test_noise_larger_than_stated_is_recognised():

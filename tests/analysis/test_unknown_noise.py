@@ -1,6 +1,5 @@
 """What is unknown is not counted as passed."""
 
-import json
 import math
 from dataclasses import replace
 
@@ -11,19 +10,10 @@ from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.phases.checks import about_instants
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.find import find_phases
-from sautereau.analysis.report.fits import read_fit
 from sautereau.entrance.session import Session
 from tests.recordings import write_recording
 
 GOOD = Quality(1e-3, 1e-3, None, None, 1.0, 0.0, {}, True, False, ())
-FIT = {
-    "parameters": {
-        "key.inertia": {
-            "unit": "kg*m**2", "value": 7e-4, "std": 1e-5, "ci95": None, "identifiable": True
-        }
-    },
-    "presses": ["a"], "level": "elastica", "residual": 1e-3, "residual_before": 1e-3,
-}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -55,18 +45,6 @@ def test_a_ramp_without_rest(tmp_path, paper):
     text = "\n".join(fit.lines())
     assert "whether the model fits is unknown" in text
     assert "no 95 % intervals" in text
-
-
-@pytest.mark.parametrize(
-    ("fits", "said"),
-    [({}, "is unknown"), ({"fits": None}, "is unknown"), ({"fits": False}, "does not fit")],
-)
-def test_the_report_shows_the_verdict(tmp_path, fits, said):
-    path = tmp_path / "fit1.json"
-    path.write_text(json.dumps(FIT | fits))
-    assert said in read_fit(path).about
-    path.write_text(json.dumps(FIT | {"fits": True}))
-    assert "fit" not in read_fit(path).about.partition("after")[2]
 
 
 def test_an_uncertainty_that_is_not_a_number_is_large(make_press):

@@ -2,7 +2,6 @@
 
 import errno
 import json
-import math
 import os
 import re
 import signal
@@ -50,20 +49,6 @@ def test_help_imports_nothing_heavy(tmp_path):
     assert "stand-in" in done.stdout
 
 
-def test_plan_answers_the_keys_of_the_contract(sautereau, tmp_path):
-    done = sautereau("plan", "--json", "--out", "plan.json")
-    assert done.returncode == 0
-    result = json.loads(done.stdout)
-    assert {
-        "cruise_speed", "cruise_error_max", "tilt_max", "slide_max", "duration", "segments",
-        "feasible", "checks",
-    } <= set(result)  # fmt: skip
-    assert result["cruise_speed"] == pytest.approx(0.072, rel=1e-3)
-    assert result["feasible"] is True
-    plan = json.loads((tmp_path / "plan.json").read_text())
-    assert len(plan["steps"]) == result["segments"]
-
-
 def test_an_infeasible_plan_is_reported_and_plotted_but_not_written(sautereau, rig_file, tmp_path):
     path = rig_file(dip='"7 mm"')
     done = sautereau("plan", path, "--json", "--out", "plan.json", "--plot", "plan.png")
@@ -71,13 +56,6 @@ def test_an_infeasible_plan_is_reported_and_plotted_but_not_written(sautereau, r
     assert json.loads(done.stdout)["feasible"] is False
     assert (tmp_path / "plan.png").exists()
     assert not (tmp_path / "plan.json").exists()
-
-
-def test_mount_answers_the_keys_of_the_contract(sautereau):
-    done = sautereau("mount", "--json")
-    found = json.loads(done.stdout)
-    assert {"base_x", "base_z", "elbow", "tilt_max", "slide_max", "tilt_per_metre"} <= set(found)
-    assert found["tilt_max"] < math.radians(0.1)
 
 
 def test_mount_locates_the_base_from_touches(sautereau, tmp_path):
@@ -102,9 +80,6 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path
     made = sautereau("press", rig_file(), *words)
     assert made.returncode == 0, made.stderr
     result = json.loads(made.stdout)
-    assert [Path(p).name for p in result["recordings"]] == [
-        "press-0001.mcap", "press-0002.mcap",
-    ]  # fmt: skip
     assert result["simulated"] is True
     assert result["seed"] == 3
     assert all(0.025 < press["contact"] < press["release"] for press in result["presses"])
@@ -112,10 +87,7 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path
 
     found = json.loads(sautereau("phases", *result["recordings"], "--json").stdout)
     assert len(found["files"]) == 2
-    assert {"path", "plucks", "speeds", "forces", "warnings"} <= set(found["files"][0])
-    pluck = found["files"][0]["plucks"][0]
-    assert {"contact", "release", "contact_std", "release_std"} <= set(pluck)
-    assert pluck["contact"] == result["presses"][0]["contact"]
+    assert found["files"][0]["plucks"][0]["contact"] == result["presses"][0]["contact"]
 
     compared = json.loads(sautereau("compare", *result["recordings"], "--json").stdout)
     for key in ("slope_error", "magnitude_error", "duration_error"):
@@ -133,23 +105,22 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path
     shown = read_page("first-press.md").bodies("console")[0].splitlines()
     assert "\n".join(shown[2:5]) in again.stdout
 
-    described = sautereau("info", result["recordings"][0]).stdout
-    assert described.startswith("SIMULATED")
-    assert "kB, complete\n" in described
-    assert json.loads(sautereau("info", result["recordings"][0], "--json").stdout)["simulated"]
     done = sautereau("compare", result["recordings"][0], "--plot", "figure.svg")
     assert "SIMULATED" in done.stdout
     assert "simulated" in (tmp_path / "figure.svg").read_text()
 
 
-def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
-    predicted = json.loads(sautereau("predict", "--json").stdout)
-    assert {
-        "pluck_duration", "release_force", "release_lift", "release_angle",
-        "peak_force", "v_osc", "work", "released_string",
-    } <= set(predicted)  # fmt: skip
+def test_the_doctor_says_how_to_fix_what_it_finds(sautereau):
     checks = json.loads(sautereau("doctor", "--json").stdout)["checks"]
     assert all(check["how_to_fix"] for check in checks if not check["ok"])
+
+
+def test_a_press_is_heard(sautereau, tmp_path):
+    done = sautereau("listen", "--out", "pluck.wav", "--duration", "300 ms", "--json")
+    result = json.loads(done.stdout)
+    assert (result["sample_rate"], result["duration"]) == (48_000, pytest.approx(0.3))
+    assert 0.1 < result["full_scale"] < 1.0
+    assert (tmp_path / "pluck.wav").stat().st_size > 2 * 14_400
 
 
 @pytest.mark.parametrize(
@@ -177,6 +148,8 @@ def test_predict_and_doctor_answer_the_keys_of_the_contract(sautereau):
         ("identify a.mcap --free plectrum.overlap --prior plectrum.overlap", "expected a key"),
         ("transient a.mcap --known key", 'write it like "key=350 Hz"'),
         ("animate a.mcap --out a.gif --slow nan", "Must be > 0."),
+        ("animate a.mcap --out a.gif --since 60", "has no unit"),
+        ("animate a.mcap --out a.gif --since 3kg", "--since"),
         ("animate a.mcap --out a.txt", "extension .txt; use .gif, .mp4."),
         ("listen --out a.mp3", "extension .mp3; use .wav."),
         ("listen --out a.wav --quality 0", "Must be > 0."),

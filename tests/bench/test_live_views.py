@@ -11,15 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 from rich.console import Console
 
 from sautereau.commands.live import LiveError
 from sautereau.commands.live.terminal import TerminalView
 from sautereau.commands.live.watching import watching
-from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.recorded import Block
+from sautereau.daq.file.schemas import schema_data
 from sautereau.daq.file.survey import LAYOUT
 from sautereau.rig.errors import MissingExtraError
 from sautereau.rig.load import load_rig
@@ -28,9 +26,6 @@ from tests.daq.declared import declared_class
 
 RIG = load_rig()
 RATE = 51_200.0
-SIGNALS = arrays.arrays(
-    np.float64, st.integers(1, 300), elements=st.floats(-1e3, 1e3) | st.just(np.nan)
-)
 
 
 PATIENT = 100.0

@@ -173,8 +173,9 @@ def test_folders_that_cannot_be_written_are_all_reported_first(sautereau, tmp_pa
     assert (tmp_path / "d" / "e" / "f.json").is_file()
 
 
-def test_all_missing_recordings_are_reported(sautereau):
-    done = sautereau("phases", "a.mcap", "b.mcap")
+@pytest.mark.parametrize("words", ["phases a.mcap b.mcap", "compare a.mcap --against b.mcap"])
+def test_all_missing_recordings_are_reported(sautereau, words):
+    done = sautereau(*words.split())
     assert done.returncode == 1
     assert "a.mcap: there is no such file" in done.stderr
     assert "b.mcap: there is no such file" in done.stderr
@@ -213,13 +214,6 @@ def test_all_damaged_recordings_are_named_where_there_is_no_result(sautereau, da
     assert (done.returncode, done.stdout) == (1, "")
     message = json.loads(done.stderr)["error"]["message"]
     assert all(f"recording {name}: it is truncated" in message for name in ("a.mcap", "c.mcap"))
-
-
-def test_missing_recordings_of_both_sets_are_named(sautereau):
-    done = sautereau("compare", "a.mcap", "--against", "b.mcap")
-    assert done.returncode == 1
-    assert "a.mcap: there is no such file" in done.stderr
-    assert "b.mcap: there is no such file" in done.stderr
 
 
 def test_characters_that_the_output_lacks_are_escaped(monkeypatch):

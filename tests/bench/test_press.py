@@ -73,12 +73,6 @@ def test_contact_and_release_behind_a_slow_low_pass_are_those_of_the_key(order, 
     assert held.release == pytest.approx(truth.releases[0], abs=0.1e-3)
 
 
-def test_ideal_sensors_have_no_low_pass_whatever_the_rig_states(quick_rig):
-    rig = with_values(quick_rig, {"daq.channels.1.low_pass_order": 2})
-    (_, force) = load_scene("ideal").as_wired(rig).daq.channels
-    assert (force.low_pass, force.low_pass_order, force.lag) == (0, 0, 0)
-
-
 @pytest.fixture(scope="module")
 def paper(bench, servo, tmp_path_factory):
     """Return a press of the scene `servo` with a seed, and its truth; pressed once."""

@@ -31,14 +31,6 @@ def test_init_writes_a_rig_that_plans(sautereau, tmp_path):
     assert sautereau("plan", "rigs/mine.toml").returncode == 0
 
 
-def test_init_overwrites_nothing(sautereau, tmp_path):
-    (tmp_path / "my-rig.toml").write_text("mine")
-    done = sautereau("init")
-    assert done.returncode == 1
-    assert "my-rig.toml already exists" in done.stderr
-    assert (tmp_path / "my-rig.toml").read_text() == "mine"
-
-
 @pytest.mark.parametrize(
     ("words", "meant", "status"),
     [

@@ -6,6 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sautereau.daq.convert.importing import import_file
+from sautereau.daq.convert.options import ImportOptions
+from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
 from sautereau.rig.load import with_values
@@ -75,6 +78,29 @@ def record(paper, session):
         return write_recording(path, paper, volts, **options)
 
     return write
+
+
+STATED = {
+    "trigger": "0 s",
+    "started": "2026-02-03T04:05:06+01:00",
+    "simulated": False,
+    "without": ("force",),
+}
+"""Options of an import that its file need not state."""
+
+
+@pytest.fixture
+def bring(tmp_path, paper):
+    """Write a file, if there is content, import it, and return the answer and the recording."""
+
+    def bring(content, name="table.csv", **given):
+        path, out = tmp_path / name, tmp_path / "back.mcap"
+        if isinstance(content, str | bytes):
+            path.write_bytes(content.encode() if isinstance(content, str) else content)
+        done = import_file(path, out, rig=paper, options=ImportOptions(**(STATED | given)))
+        return done, read_recording(out)
+
+    return bring
 
 
 @pytest.fixture

@@ -20,10 +20,6 @@ from sautereau.rig.load import with_values
 RATE = 51_200.0
 
 
-def with_high_pass(channel, corner):
-    return channel.model_copy(update={"high_pass": corner})
-
-
 @pytest.mark.parametrize("corner", [0.1, 0.5, 1.0])
 def test_droop_of_a_step_is_undone(velocity, corner):
     """A step through the high-pass is exp(-w t); the step itself must come back."""
@@ -58,20 +54,13 @@ def test_the_sampled_filter_is_undone_exactly(corner):
 
 @pytest.mark.parametrize(("order", "corner"), [(1, 1000.0), (2, 1000.0), (2, 22_400.0), (8, 500.0)])
 def test_the_low_pass_lags_as_scipys_does(velocity, order, corner):
-    """Group delay of the analogue Butterworth filter far below its corner, by its phase."""
+    """By the phase of the analogue filter; the NEXUS's of order 2 are stated as 225 and 10 us."""
     channel = velocity.model_copy(update={"low_pass": corner, "low_pass_order": order})
     b, a = signal.butter(order, 2 * math.pi * corner, analog=True)
     slow = corner * 1e-3
     _, response = signal.freqs(b, a, [2 * math.pi * slow])
     expected = -np.angle(response[0]) / (2 * math.pi * slow)
     assert channel.lag - channel.delay == pytest.approx(expected, rel=1e-5)
-
-
-def test_the_nexus_low_pass_lags_by_10_to_225_us(velocity):
-    """As its data sheet says for 22.4 and 1 kHz: a filter of second order."""
-    for corner, lag in ((22_400.0, 10e-6), (1000.0, 225e-6)):
-        calibration = {"delay": 0.0, "low_pass": corner, "low_pass_order": 2}
-        assert velocity.model_copy(update=calibration).lag == pytest.approx(lag, rel=0.01)
 
 
 def test_without_an_order_the_delay_is_all(velocity):

@@ -9,13 +9,10 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.io import wavfile
 
 from sautereau.commands.app import app
-from sautereau.daq.convert.importing import import_file
-from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 
 STARTED = "2026-02-03T04:05:06+01:00"
-KNOWN = {"trigger": "0 s", "started": STARTED, "simulated": False, "without": ("force",)}
 V = {"column": {"velocity": "v"}, "unit": {"velocity": "V"}}
 RATED = V | {"rate": "1 kHz"}
 TIMED = V | {"time": "t"}
@@ -25,17 +22,14 @@ VALUES = 0.1 + np.sin(np.pi * np.arange(N) / N) ** 2
 
 
 @pytest.fixture
-def bring(tmp_path, paper):
+def bring(bring):
     """Return a function that imports a text or a file, and returns its answer and its volts."""
 
-    def bring(content, name="table.csv", **given):
-        path, out = tmp_path / name, tmp_path / "back.mcap"
-        if isinstance(content, str | bytes):
-            path.write_bytes(content.encode() if isinstance(content, str) else content)
-        done = import_file(path, out, rig=paper, options=ImportOptions(**(KNOWN | given)))
-        return done, read_recording(out).volts["velocity"]
+    def brought(*content, **given):
+        done, found = bring(*content, **given)
+        return done, found.volts["velocity"]
 
-    return bring
+    return brought
 
 
 @pytest.fixture
@@ -185,24 +179,23 @@ SIGLENT = [
     "Sample Interval,Analog:1.000000E-03",
     "Vertical Units,CH1:V,,",
 ]
-PREAMBLES = [
-    ([*SIGLENT, "Second,v"], {}),
-    (["#Sample rate: 1000Hz", "#Samples: 40", "", "Time (s),v"], {}),
-    (["Sampling rate = 1 kSa/s", "Points = 40 pts", "t,v"], {}),
-    (["# sample frequency; 1e3 Hz", "Number of samples; 40", "t,v"], {}),
-    (['"Record Length","40"', '"Sample Interval","1 ms"', "t,v"], {}),
+HEADS = [
+    [*SIGLENT, "Second,v"],
+    ["#Sample rate: 1000Hz", "#Samples: 40", "", "Time (s),v"],
+    ["Sampling rate = 1 kSa/s", "Points = 40 pts", "t,v"],
+    ["# sample frequency; 1e3 Hz", "Number of samples; 40", "t,v"],
+    ['"Record Length","40"', '"Sample Interval","1 ms"', "t,v"],
 ]
 
 
-@pytest.mark.parametrize(("head", "given"), PREAMBLES)
-def test_decorated_keys(bring, refused, head, given):
+@pytest.mark.parametrize("head", HEADS)
+def test_decorated_keys(bring, refused, head):
     lines = [*head, *rows("{t:+.6E},{v:+.9E}")]
-    options = V | given
-    done, volts = bring(text(lines), **options)
+    done, volts = bring(text(lines), **V)
     assert done.rate == 1000.0
     assert len(volts) == N
     assert "rate 1000 Hz" in done.read_as
-    message = refused(text(lines[:-10]), **options)
+    message = refused(text(lines[:-10]), **V)
     assert "40 rows" in message
     assert "30" in message
 
@@ -316,10 +309,13 @@ def test_the_guess_is_shown_and_recorded(tmp_path, monkeypatch, capsys):
     (tmp_path / "a.csv").write_text(text(lines))
     words = "import a.csv --out a.mcap --rig paper --without force --column.velocity v --measured"
     words = [*words.split(), "--unit.velocity", "m/s", "--trigger", "0 s", "--started", STARTED]
-    assert app([*words, "--time", "Zeit (ms)"], print_error=False, exit_on_error=False) == 0
+    words += ["--time", "Zeit (ms)", "--notes", "old"]
+    assert app(words, print_error=False, exit_on_error=False) == 0
     guess = "2 lines before the rows, names in line 2, delimiter ';', decimal comma"
     assert f"read as: {guess}" in " ".join(capsys.readouterr().out.split())
-    assert read_recording(tmp_path / "a.mcap").events[-1].text.endswith(f"read as: {guess}")
+    found = read_recording(tmp_path / "a.mcap")
+    assert found.events[-1].text.endswith(f"read as: {guess}")
+    assert found.session.notes.startswith("old\nimported from a.csv, sha256 ")
 
 
 def test_a_format_without_such_an_option(refused):

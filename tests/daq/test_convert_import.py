@@ -314,18 +314,14 @@ def test_a_rate_that_is_not_the_files_replaces_it_with_a_warning(tmp_path, back,
     assert "51200 Hz" in done.warnings[0]
 
 
+GAP = "no finite number in 1 row, the first is row 2 (line 3); gaps"
+
+
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("a\n1\n\n", None),
-        (
-            "a,b\n1,2\n,4\n",
-            "no finite number in 1 row, the first is row 2 (line 3); gaps",
-        ),
-        (
-            "a,b\n1,2\nnan,4\n",
-            "no finite number in 1 row, the first is row 2 (line 3); gaps",
-        ),
+        ("a,b\n1,2\n,4\n", GAP),
+        ("a,b\n1,2\nnan,4\n", GAP),
         ("a,b\n1,2\nx,4\n", "'x' in line 3 is not a number"),
         ("a,b\n1,2\n3\n", "line 3, '3', has 1 cells"),
         ("a,b\n", "it has no rows of numbers"),
@@ -337,11 +333,7 @@ def test_a_rate_that_is_not_the_files_replaces_it_with_a_warning(tmp_path, back,
 def test_rows_that_are_none(tmp_path, back, paper, text, word):
     path = tmp_path / "table.csv"
     path.write_text(text)
-    options = answers(**ONE, rate="1 kHz")
-    if word is None:
-        import_file(path, back, rig=paper, options=options)
-    else:
-        assert word in refused(path, back, paper, options)
+    assert word in refused(path, back, paper, answers(**ONE, rate="1 kHz"))
 
 
 def test_a_missing_file_and_no_rig(tmp_path, back, paper):

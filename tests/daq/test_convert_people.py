@@ -7,31 +7,14 @@ import pytest
 from scipy.io import savemat
 
 from sautereau.commands.app import app
-from sautereau.daq.convert.importing import import_file
-from sautereau.daq.convert.options import ImportOptions
-from sautereau.daq.convert.profile import load_profile, save_profile
+from sautereau.daq.convert.options import ImportOptions, load_profile, save_profile
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 
 STARTED = "2026-02-03T04:05:06+01:00"
-KNOWN = {"trigger": "0 s", "started": STARTED, "simulated": False, "without": ("force",)}
 ROWS = 40
 SPEED = 0.05 * np.sin(np.pi * np.arange(ROWS) / ROWS) ** 2
 """m/s, of a key that goes down."""
-
-
-@pytest.fixture
-def bring(tmp_path, paper):
-    """Return a function that writes a file, imports it, and returns its answer and recording."""
-
-    def bring(content, name="table.csv", **given):
-        path, out = tmp_path / name, tmp_path / "back.mcap"
-        if isinstance(content, str | bytes):
-            path.write_bytes(content.encode() if isinstance(content, str) else content)
-        done = import_file(path, out, rig=paper, options=ImportOptions(**(KNOWN | given)))
-        return done, read_recording(out)
-
-    return bring
 
 
 def velocity(recorded):
@@ -246,15 +229,19 @@ def run(*words):
     return app([str(word) for word in words], print_error=False, exit_on_error=False)
 
 
+OPTIONS = (
+    *("--rig", "paper", "--without", "force", "--column.velocity", "v", "--time", "t"),
+    *("--unit.velocity", "m/s", "--trigger", "0 s", "--started", "modified", "--measured"),
+)
+
+
 def test_a_profile_for_a_folder(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "out").mkdir()
     (tmp_path / "lab").mkdir()
     for name in "ab":
         (tmp_path / f"{name}.csv").write_text(table("t,v\n"))
-    words = ["--rig", "paper", "--without", "force", "--column.velocity", "v", "--time", "t"]
-    words += ["--unit.velocity", "m/s", "--trigger", "0 s", "--started", "modified", "--measured"]
-    assert run("import", "a.csv", "--out", "a.mcap", *words, "--save-profile", "lab/p.toml") == 0
+    assert run("import", "a.csv", "--out", "a.mcap", *OPTIONS, "--save-profile", "lab/p.toml") == 0
     assert load_profile(tmp_path / "lab" / "p.toml").rig == "paper"
     (tmp_path / "c.csv").write_text("t,w\n1,2\n")
     capsys.readouterr()
@@ -272,10 +259,8 @@ def test_what_applies_to_several_files_is_said_once(tmp_path, monkeypatch, capsy
     for name in "abcd":
         (tmp_path / f"{name}.csv").write_text(table("t,v\n"))
         (tmp_path / f"{name}{name}.csv").write_text("t,w\n1,2\n")
-    words = ["--rig", "paper", "--without", "force", "--column.velocity", "v", "--time", "t"]
-    words += ["--unit.velocity", "m/s", "--trigger", "0 s", "--started", "modified", "--measured"]
     files = sorted(path.name for path in tmp_path.glob("*.csv"))
-    assert run("import", *files, "--out", "out", *words, "--invert", "velocity") == 1
+    assert run("import", *files, "--out", "out", *OPTIONS, "--invert", "velocity") == 1
     said = capsys.readouterr()
     text = " ".join(said.out.split())
     assert text.count("seems inverted") == 1
@@ -287,7 +272,7 @@ def test_what_applies_to_several_files_is_said_once(tmp_path, monkeypatch, capsy
 
 def test_faults_of_a_profile(tmp_path):
     path = tmp_path / "p.toml"
-    save_profile(path, ImportOptions(**KNOWN, column={"force": "a"}), None)
+    save_profile(path, ImportOptions(started=STARTED, trigger="0 s", column={"force": "a"}), None)
     assert load_profile(path).under(ImportOptions(column={"velocity": "b"})).column == {
         "force": "a",
         "velocity": "b",

@@ -8,16 +8,14 @@ import pytest
 from nptdms import TdmsFile
 from scipy.io import wavfile
 
-from sautereau.daq.convert.columns import columns_of
-from sautereau.daq.convert.export import ENDING, export
+from sautereau.daq.convert.export import ENDING, columns_of, export, to_xarray
 from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions
-from sautereau.daq.convert.to_xarray import to_xarray
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Block, Joints
 from sautereau.daq.file.recording import Recording
+from sautereau.daq.file.samples import Scaling
 from sautereau.daq.signals.calibration import to_si, undo_high_pass
 from tests.recordings import write_recording
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.recording import Block, Recording
 from sautereau.daq.file.recovery import recover
+from sautereau.daq.file.samples import Scaling
 from tests.daq.damage import chunks, corrupt
 
 FOLDER = Path(__file__).with_name("mcap_core")

@@ -8,11 +8,10 @@ from mcap.writer import Writer
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file import runs
-from sautereau.daq.file.descriptors import schema_data
 from sautereau.daq.file.provenance import PROFILE
 from sautereau.daq.file.reading import read_recording, read_window, stream
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.file.schemas import encode
+from sautereau.daq.file.schemas import encode, schema_data
 from sautereau.daq.file.survey import describe
 from sautereau.rig.load import rig_json
 
@@ -105,13 +104,9 @@ def forge(path, rig, session, blocks, *, metadata=None):
 
 
 def test_a_hole_is_named_and_never_filled(tmp_path, paper, session):
-    block = np.zeros(512)
-    path = forge(
-        tmp_path / "hole.mcap",
-        paper,
-        session,
-        [("velocity", 0, block), ("velocity", 1024, block), ("force", 0, block)],
-    )
+    places = (("velocity", 0), ("velocity", 1024), ("force", 0))
+    blocks = [(*place, np.zeros(512)) for place in places]
+    path = forge(tmp_path / "hole.mcap", paper, session, blocks)
     message = refused(path)
     assert "samples 512 to 1023 of velocity are missing, 10 ms to 20 ms" in message
     assert "daq.file.reading.read_parts" in message
@@ -120,16 +115,20 @@ def test_a_hole_is_named_and_never_filled(tmp_path, paper, session):
     ]
 
 
-def test_a_channel_that_ends_early_is_a_hole(tmp_path, paper, session):
-    blocks = [("velocity", 0, np.zeros(1024)), ("force", 0, np.zeros(512))]
-    path = forge(tmp_path / "early.mcap", paper, session, blocks)
-    assert "samples 512 to 1023 of force are missing" in refused(path)
-
-
-def test_a_block_that_is_there_twice(tmp_path, paper, session):
-    blocks = [("velocity", 0, np.zeros(512)), ("velocity", 256, np.zeros(512))]
-    path = forge(tmp_path / "twice.mcap", paper, session, blocks)
-    assert "samples 256 to 511 of velocity are repeated" in refused(path)
+@pytest.mark.parametrize(
+    ("blocks", "message"),
+    [
+        ([("velocity", 0, 1024), ("force", 0, 512)], "samples 512 to 1023 of force are missing"),
+        (
+            [("velocity", 0, 512), ("velocity", 256, 512)],
+            "samples 256 to 511 of velocity are repea",
+        ),
+    ],
+    ids=["a channel ends early", "a block is there twice"],
+)
+def test_blocks_that_do_not_follow_each_other(tmp_path, paper, session, blocks, message):
+    blocks = [(name, first, np.zeros(n)) for name, first, n in blocks]
+    assert message in refused(forge(tmp_path / "blocks.mcap", paper, session, blocks))
 
 
 @pytest.mark.parametrize(

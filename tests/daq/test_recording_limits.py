@@ -7,6 +7,7 @@ import pytest
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file import recording as written
+from sautereau.daq.file.container.records import LARGEST_CHUNK
 from sautereau.daq.file.limits import FARTHEST_TIME, HIGHEST_RATE
 from sautereau.daq.file.provenance import LARGEST_HEAD, check_recordable
 from sautereau.daq.file.reading import read_recording, read_session
@@ -15,7 +16,8 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
 from sautereau.rig.schema import Gesture
-from tests.daq.damage import chunks, corrupt, record_and
+from tests.daq.damage import corrupt_chunk, record_and
+from tests.recordings import write_recording
 
 VOLTS = np.zeros((2, 100))
 
@@ -27,16 +29,10 @@ def gesture_of(rig, n):
     return rig.model_copy(update={"press": rig.press.model_copy(update={"gesture": gesture})})
 
 
-def fill(path, rig, session):
-    with Recording(path, rig, session=session) as recording:
-        recording.write_block(Block(0, VOLTS))
-    return path
-
-
 @pytest.mark.parametrize("n", [0, 1_000_000, LARGEST_HEAD - 40_000])
 def test_long_notes_are_read_back(tmp_path, paper, session, n):
     session = replace(session, notes="ö" * (n // 2))
-    path = fill(tmp_path / "press.mcap", paper, session)
+    path = write_recording(tmp_path / "press.mcap", paper, VOLTS, session=session)
     assert read_recording(path).session == read_session(path) == session
     assert describe(path)["session"]["notes"] == session.notes
 
@@ -56,7 +52,7 @@ def test_longer_notes_are_refused_before_the_file_exists(tmp_path, paper, sessio
 
 def test_a_gesture_that_is_accepted_is_read_back(tmp_path, paper, session):
     rig = gesture_of(paper, 20_000)
-    path = fill(tmp_path / "press.mcap", rig, session)
+    path = write_recording(tmp_path / "press.mcap", rig, VOLTS, session=session)
     assert read_recording(path).rig == rig
 
 
@@ -84,8 +80,7 @@ def test_a_recovery_has_room_for_what_is_missing(tmp_path, paper, session):
     with Recording(path, paper, session=session, monotonic=lambda: 0.0) as recording:
         for at in range(0, 60_000, 100):
             recording.write_block(Block(at, VOLTS))
-    start, length = chunks(path)[2]
-    corrupt(path, start + length // 2)
+    corrupt_chunk(path, 2)
     found = describe(recover(path, tmp_path / "found.mcap").path)
     assert found["session"]["notes"] == session.notes
     assert found["recovered"]["from"] == "caf\\xe9.mcap"
@@ -97,6 +92,19 @@ def test_texts_of_events_show_the_bytes_of_file_names(tmp_path, paper, session):
         recording.write_block(Block(0, VOLTS))
         recording.event("fault", "caf\udce9: no such file", 0.0)
     assert [event.text for event in read_recording(path).events] == ["caf\\xe9: no such file"]
+
+
+def test_the_largest_plan_after_small_messages_is_read_back(tmp_path, paper, session):
+    t = np.full((LARGEST_CHUNK - 70_000) // 32, 1.0)
+    path = tmp_path / "press.mcap"
+    with Recording(path, paper, session=session, compress=False) as recording:
+        recording.write_block(Block(0, np.zeros((2, 2000))))
+        recording.event("fault", "x" * 100_000, 0.9)
+        recording.write_plan(t, t, t, t)
+    found = read_recording(path)
+    assert found.plan is not None
+    assert np.array_equal(found.plan.jack_rise, t)
+    assert len(found.events) == 1
 
 
 @pytest.mark.parametrize("time", [2 * FARTHEST_TIME, float("nan")])

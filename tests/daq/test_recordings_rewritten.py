@@ -15,11 +15,9 @@ from sautereau.analysis.results.recording import recording_lines
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import LARGEST_CHUNK, PREFIX, DamageError
 from sautereau.daq.file.reading import read_recording, read_session, read_window, stream
-from sautereau.daq.file.recorded import Block
-from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
-from tests.daq.damage import chunks, corrupt
+from tests.daq.damage import chunks, corrupt, corrupt_chunk, write_chunks
 
 RATE, BEGIN, N = 51_200.0, -512, 40_960
 VOLTS = np.random.default_rng(40).standard_normal((2, N))
@@ -30,15 +28,7 @@ NONE, LZ4, ZSTD = CompressionType.NONE, CompressionType.LZ4, CompressionType.ZST
 def original(tmp_path_factory, paper, session):
     """A recording with several chunks, a plan and events."""
     path = tmp_path_factory.mktemp("original") / "press.mcap"
-    t = np.linspace(0, 1, 7)
-    with Recording(
-        path, paper, session=session, clock=lambda: 10**18, monotonic=lambda: 0.0
-    ) as recording:
-        recording.write_plan(t, t + 1, t + 2, t + 3)
-        recording.event("trigger", "PFI0 rose", 0.0, 1e-5)
-        for at in range(0, N, 512):
-            recording.write_block(Block(BEGIN + at, VOLTS[:, at : at + 512]))
-    return path
+    return write_chunks(path, paper, session, VOLTS, BEGIN)
 
 
 def rewrite(source, target, *, late=False, renumber=False, reverse=False, more=None, **options):
@@ -185,6 +175,11 @@ def test_a_topic_that_another_program_has_added(tmp_path, original):
     path = rewrite(original, tmp_path / "again.mcap", more=_own_topic)
     assert np.array_equal(read_recording(path).volts["force"], VOLTS[1])
     assert describe(path)["messages"]["/comment"] == 1
+    start, length = chunks(path)[2]
+    corrupt(path, start + length // 2)
+    described = describe(recover(path).path)
+    assert described["channels"]["/comment"] == {"by": "a viewer"}
+    assert described["messages"]["/comment"] == 1
 
 
 def test_zstd_frames_that_were_written_as_streams(tmp_path, original, monkeypatch):
@@ -215,8 +210,7 @@ def test_damage_is_found_and_the_rest_recovered(tmp_path, original, compression,
         late=late,
         enable_data_crcs=data_crcs,
     )
-    start, length = chunks(path)[2]
-    corrupt(path, start + length // 2)
+    corrupt_chunk(path, 2)
     with pytest.raises(DamageError):
         read_recording(path)
     found = recover(path)
@@ -228,16 +222,14 @@ def test_damage_is_found_and_the_rest_recovered(tmp_path, original, compression,
 
 def test_nothing_without_a_checksum_counts_as_intact(tmp_path, original):
     path = rewrite(original, tmp_path / "again.mcap", enable_crcs=False, enable_data_crcs=True)
-    start, length = chunks(path)[2]
-    corrupt(path, start + length // 2)
+    corrupt_chunk(path, 2)
     with pytest.raises(RecordingError, match="no chunk with a matching checksum"):
         recover(path)
 
 
 def test_new_numbers_are_not_recovered_under_the_old_ones(tmp_path, original):
     path = rewrite(original, tmp_path / "again.mcap", renumber=True)
-    start, length = chunks(path)[2]
-    corrupt(path, start + length // 2)
+    corrupt_chunk(path, 2)
     with pytest.raises(RecordingError, match="renumbered"):
         recover(path)
 

@@ -1,7 +1,6 @@
 """The intact part of a damaged recording is recovered, and the loss reported."""
 
 import itertools
-import json
 import shutil
 from functools import cache
 
@@ -10,16 +9,13 @@ import pytest
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
-from sautereau.commands import recordings
-from sautereau.commands.output import FileOutput
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_parts, read_recording
-from sautereau.daq.file.recording import Block, Recording
+from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.survey import describe
-from tests.daq.damage import chunks, corrupt, record_and
+from tests.daq.damage import chunks, corrupt, record_and, write_chunks
 
-RATE = 51_200.0
 N = 60_000
 CHUNK = 10_240
 """Samples in a chunk of these recordings: 0.2 s."""
@@ -35,14 +31,7 @@ def recorded(tmp_path_factory, paper, session):
     @cache
     def made(begin):
         path = tmp_path_factory.mktemp("recorded") / "press.mcap"
-        t = np.linspace(0, 1, 7)
-        with Recording(
-            path, paper, session=session, clock=lambda: 10**18, monotonic=lambda: 0.0
-        ) as recording:
-            recording.write_plan(t, t + 1, t + 2, t + 3)
-            for at in range(0, N, 512):
-                recording.write_block(Block(begin + at, VOLTS[:, at : at + 512]))
-        return path
+        return write_chunks(path, paper, session, VOLTS, begin)
 
     return made
 
@@ -202,36 +191,6 @@ def test_nothing_is_overwritten(make, tmp_path):
         recover(path, taken)
     assert taken.read_text() == "precious"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["press.mcap", "taken.mcap"]
-
-
-def test_the_command(make, capsys):
-    path = make()
-    corrupt(path, chunks(path)[1][0])
-    assert recordings.info(path, output=FileOutput(json=True)) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert f"`sautereau recover {path}`" in result["damage"]
-    missing = [
-        {
-            "channel": name,
-            "first_sample": CHUNK,
-            "stop_sample": 2 * CHUNK,
-            "start": CHUNK / RATE,
-            "stop": 2 * CHUNK / RATE,
-        }
-        for name in ("velocity", "force")
-    ]
-    assert result["missing"] == missing
-    out = path.with_name("repaired.mcap")
-    assert recordings.recover(path, out=out, output=FileOutput(json=True)) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["missing"] == missing
-    assert result["path"] == str(out)
-    assert result["samples"] == {"velocity": N - CHUNK, "force": N - CHUNK}
-    out.unlink()
-    assert recordings.recover(path, out=out) == 0
-    assert "samples 10240 to 20479 of velocity are missing, 200 ms to 400 ms" in (
-        capsys.readouterr().out
-    )
 
 
 def test_a_recovered_file_damaged_again(make):

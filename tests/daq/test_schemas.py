@@ -7,22 +7,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from sautereau.daq.file.counts import Scaling
-from sautereau.daq.file.descriptors import FIELDS, FRAME, schema_data
 from sautereau.daq.file.recorded import Event
 from sautereau.daq.file.samples import (
+    Scaling,
     block_head,
     layout_from_metadata,
     read_block,
     sample_layout,
 )
 from sautereau.daq.file.schemas import (
+    FIELDS,
+    FRAME,
     decode,
     doubles,
     encode,
     encode_log,
     encode_rows,
     encode_scene,
+    schema_data,
 )
 from tests.daq.declared import declared_class
 
@@ -73,12 +75,8 @@ def test_metadata_that_are_no_layout_are_refused(changes):
 def test_a_viewer_reads_the_declared_message():
     data = encode("Plan", t=[0.0, 1.0], q1=[2.0, 3.0], q2=[4.0, 5.0], jack_rise=[6.0, 7.0])
     plan = declared_class(DATA, "sautereau.Plan").FromString(data)
-    assert [list(getattr(plan, name)) for name in FIELDS["Plan"]] == [
-        [0.0, 1.0],
-        [2.0, 3.0],
-        [4.0, 5.0],
-        [6.0, 7.0],
-    ]
+    found = [list(getattr(plan, name)) for name in FIELDS["Plan"]]
+    assert found == np.arange(8.0).reshape(4, 2).tolist()
     assert plan.SerializeToString() == data
 
 
@@ -87,7 +85,7 @@ def test_rows_at_once_are_messages():
     values = np.array([0.5, -0.0, np.inf, 5e-324])
     columns = [values + i for i in range(len(NAMES))]
     kind = declared_class(DATA, "sautereau.Preview")
-    rows = [kind.FromString(row.tobytes()) for row in encode_rows(columns)]
+    rows = [kind.FromString(row) for row in encode_rows(columns)]
     found = [[getattr(row, name) for row in rows] for name in NAMES]
     assert np.array_equal(found, np.asarray(columns, np.float32))
 
@@ -115,11 +113,8 @@ def test_messages_for_foxglove_are_those_of_its_own_library(name):
                 assert field.number not in their.fields_by_number
                 continue
             known = their.fields_by_name[field.name]
-            assert (field.number, field.type, field.is_repeated) == (
-                known.number,
-                known.type,
-                known.is_repeated,
-            )
+            for property_ in ("number", "type", "is_repeated"):
+                assert getattr(field, property_) == getattr(known, property_)
             compared += 1
             if field.message_type and (inner := field.message_type.full_name) != own_name:
                 pairs.append((inner, known.message_type.full_name))
@@ -141,10 +136,7 @@ def test_a_scene_as_foxgloves_own_library_declares_it():
 def test_the_schema_holds_every_message():
     *others, file = descriptor_pb2.FileDescriptorSet.FromString(DATA).file
     assert [message.name for message in file.message_type] == ["Block", "Plan", "Joints", "Preview"]
-    assert [other.name for other in others] == [
-        "google/protobuf/timestamp.proto",
-        "foxglove.proto",
-    ]
+    assert [other.name for other in others] == ["google/protobuf/timestamp.proto", "foxglove.proto"]
 
 
 @given(hnp.arrays(np.uint64, st.integers(0, 50)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.reading import read_recording, read_window, stream
+from sautereau.daq.file.reading import read_window, stream
 from sautereau.daq.file.recovery import recover
 from tests.daq.damage import chunks, corrupt
 from tests.recordings import write_recording
@@ -33,14 +33,6 @@ def holed(long):
     found = recover(long)
     assert {(g.first_sample, g.stop_sample) for g in found.gaps} == {(19_480, 29_720)}
     return found.path
-
-
-def test_samples_before_the_trigger(long, volts):
-    read = read_recording(long)
-    assert read.first_sample == BEGIN
-    assert read.time[0] == BEGIN / RATE
-    assert read.time[1000] == 0.0
-    assert np.array_equal(read.volts["velocity"], volts[0])
 
 
 @pytest.mark.parametrize("seconds", [0.01, 0.25, 100.0])

@@ -10,6 +10,7 @@ from sautereau.daq.file.survey import describe
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import StandIn
+from tests.budget import slow
 from tests.presses import QUICK, mute_scene, press_on
 
 WAIT = 0.2
@@ -63,20 +64,13 @@ def errors(stand_in, folder, session, n):
     return found
 
 
+@pytest.mark.parametrize("n", [3, slow(100)])
 @pytest.mark.parametrize("before", [0.0, 0.05])
-def test_the_edge_is_within_the_stated_interval(tmp_path, session, before):
+def test_95_of_100_edges_are_within_the_stated_interval(tmp_path, session, before, n):
     """On a busy machine the interval is wider."""
     with at_real_time(before) as stand_in:
-        for error, std in errors(stand_in, tmp_path, session, 3):
-            assert abs(error) <= PERCENT_95 * std
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("before", [0.0, 0.05])
-def test_95_of_100_edges_are_within_the_stated_interval(tmp_path, session, before):
-    with at_real_time(before) as stand_in:
-        found = errors(stand_in, tmp_path, session, 100)
-    assert sum(abs(error) <= PERCENT_95 * std for error, std in found) >= 95
+        found = errors(stand_in, tmp_path, session, n)
+    assert sum(abs(error) <= PERCENT_95 * std for error, std in found) >= 0.95 * n
 
 
 @pytest.mark.slow

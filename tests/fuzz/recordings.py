@@ -17,7 +17,6 @@ from sautereau.daq.convert.export import export
 from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.counts import Scaling
 from sautereau.daq.file.reading import (
     read_parts,
     read_recording,
@@ -28,6 +27,7 @@ from sautereau.daq.file.reading import (
 from sautereau.daq.file.recorded import Block, Joints, SessionInfo
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.recovery import recover
+from sautereau.daq.file.samples import Scaling
 from sautereau.daq.file.survey import describe
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.physics.observation import observe

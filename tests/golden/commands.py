@@ -66,7 +66,7 @@ AT_DESK = {
 COMMANDS = ON_BENCH | AT_DESK
 VARIABLE = (
     "real_time_factor", "build_time", "run_time", "machine", "pareto", "recommended",
-    "size", "sha256",
+    "size", "sha256", "samples_sha256", "software",
 )  # fmt: skip
 """Keys of answers that measure the machine, or depend on the versions that a recording names."""
 WITHOUT_TEXT = {"trade": "its table lists times of this machine"}

@@ -33,12 +33,16 @@ def shape_of(frame: pd.DataFrame) -> dict[str, Any]:
     """Return names, dtypes and units of a table's columns, and a checksum of its numbers."""
     numbers = frame.select_dtypes("number")
     return {
-        "columns": {str(name): str(dtype) for name, dtype in frame.dtypes.items()},
-        "index": [str(frame.index.name), str(frame.index.dtype)],
+        "columns": {str(name): _dtype(dtype) for name, dtype in frame.dtypes.items()},
+        "index": [str(frame.index.name), _dtype(frame.index.dtype)],
         "rows": len(frame),
         "attrs": plain(frame.attrs),
         "numbers": {str(name): checksum(numbers[name]) for name in numbers},
     }
+
+
+def _dtype(dtype: Any) -> str:
+    return "object" if dtype == "str" else str(dtype)  # as pandas 2 holds texts
 
 
 def invariable(value: Any) -> Any:
@@ -168,8 +172,10 @@ class _Rows(HTMLParser):
 
 
 def _page(path: Path) -> Any:
-    rows = _Rows(path.read_text(encoding="utf-8")).rows
-    return [" | ".join(map(_short_cell, row)) for row in rows if row]
+    """Return the rows of the tables of a page but the versions, which are the last table."""
+    rows = [row for row in _Rows(path.read_text(encoding="utf-8")).rows if row]
+    versions = rows.index(["name", "version, recordings", "version, this page"])
+    return [" | ".join(map(_short_cell, row)) for row in rows[: versions + 1]]
 
 
 def _short_cell(text: str) -> str:

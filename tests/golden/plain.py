@@ -18,7 +18,9 @@ VARIABLE = (
     (r"/dev/pts/\d+|tcp://127\.0\.0\.1:\d+", "PORT"),
     (r"127\.0\.0\.1:\d+", "ADDRESS"),
     (r"\b[0-9a-f]{32}\b", "ID"),
+    (r"\b[0-9a-f]{64}\b", "SHA-256"),
     (r"\b0x[0-9a-f]{6,}\b", "MEMORY"),
+    (r"(?m)^software: .*(\n +\S.*)*", "software: VERSIONS"),
     (r"sautereau \d+\.\d+\.\d+\S*", "sautereau VERSION"),
     (r"\d+ characters per second", "N characters per second"),
     (r"/tmp/[\w./-]*", "TEMPORARY"),
@@ -38,7 +40,7 @@ def normal(text: str) -> str:
 
 def lines_of(text: str) -> list[str]:
     """Return the lines of a text, normalised and without spaces at their ends."""
-    return [normal(line).rstrip() for line in text.splitlines()]
+    return [line.rstrip() for line in normal(text).splitlines()]
 
 
 def subject(warning: str) -> str:

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.independent import ONE_FACTOR, press, random_conditions
-from benchmarks.judged import judged_recording
-from benchmarks.simulated import acquired, random_case
+from benchmarks.simulated import acquired, judged_recording, random_case
 from sautereau.analysis.loading.press import press_of
 from sautereau.analysis.phases import find_phases
 from sautereau.daq.file.recorded import Recorded

@@ -20,10 +20,11 @@ OTHER = 1e-6
 no text shows more than six digits of them."""
 ZERO = 1e-12
 """SI, a difference below which a float counts as 0: that of two equal values of any quantity."""
-SAMPLES = 2.0**-22
-"""Of the largest sample, on the signed sum of a signal: four steps of a converter of 24 bits. It
-lets single samples fall into the next step, as rounding does on another machine, while another
-seed, filter or motion changes thousands of samples."""
+SAMPLES = 2.0**-19
+"""Of the largest sample, on the signed sum of a signal: 32 steps of a converter of 24 bits. It lets
+single samples fall into the next step, as rounding does on another machine and with another numpy
+(2.0 and 2.4 differ by 5 steps), while another seed, filter or motion changes thousands of samples
+by more than a step."""
 LAST_PLACE = 1.01
 """Units of the last place of a number with decimals in a text: rounding on another machine."""
 RELATIVE = {"wire": 0.0, "model": MODEL}

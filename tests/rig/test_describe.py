@@ -5,7 +5,6 @@ import tomllib
 
 import pytest
 
-from sautereau.rig.errors import RigError
 from sautereau.rig.faults import model_keys
 from sautereau.rig.load import load_rig, parse_rig
 from sautereau.rig.schema import Rig
@@ -86,10 +85,3 @@ def test_defaults_that_stand_as_comments_are_valid():
 def test_lines_are_short_enough_to_read():
     comments = [line for line in commented_rig().splitlines() if line.startswith("#")]
     assert max(map(len, comments)) <= 88
-
-
-def test_a_name_that_nearly_is_one_is_offered():
-    with pytest.raises(RigError, match="did you mean 'paper'"):
-        load_rig("papr")
-    with pytest.raises(RigError, match=r"give the path of a \.toml file"):
-        load_rig("nothing-like-it")

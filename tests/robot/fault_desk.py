@@ -18,7 +18,7 @@ from sautereau.rig.text import rig_text
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.parts import ControllerUnit
 from sautereau.trajectory.press import plan_press
 from tests.forked import Command, CommandServer
 from tests.presses import QUICK, mute_scene

@@ -8,11 +8,6 @@ from sautereau.robot.drivers.galil.capture import plan_capture
 from sautereau.robot.drivers.galil.program import SETTLE, controller_program
 from sautereau.robot.errors import UnsafeRequest
 
-row = st.tuples(
-    *[st.integers(-(2**31), 2**31)] * 4,
-    st.integers(1, 2048),
-)
-
 
 @pytest.mark.parametrize("output", [1, 16])
 def test_capture_trigger_and_motion_start_on_one_line(output):

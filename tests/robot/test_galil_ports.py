@@ -7,7 +7,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.controller import play
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.parts import ControllerUnit
 from sautereau.trajectory.press import plan_press
 from tests.presses import mute_scene
 

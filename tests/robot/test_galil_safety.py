@@ -11,11 +11,10 @@ from sautereau.robot.errors import (
     GarbledAnswer,
     MotionFault,
     NotReady,
-    SettingNotTaken,
     UnsafeRequest,
 )
 from sautereau.trajectory.segments import Segments
-from tests.robot.motions import fails, no_keep_alive, press
+from tests.robot.motions import no_keep_alive
 
 FAULTS = ("#CMDERR", "#POSERR", "#LIMSWI", "#AMPERR", "#TCPERR", "#SAFE")
 
@@ -38,23 +37,6 @@ def test_routines_end_as_the_reference_says_and_send_no_message():
     assert not any("MG" in line for line in program)
     assert max(map(len, ends)) <= 8
     assert signature(3) != signature(4)
-
-
-@pytest.mark.parametrize(
-    ("state", "said"),
-    [
-        ("0.0000 1.0000 1.0000 1.0000 1.0000", "abort input is active; release"),
-        (
-            "1.0000 1.0000 0.0000 1.0000 0.0000",
-            "forward limit of joint 2, reverse limit of joint 2",
-        ),
-    ],
-)
-def test_an_active_input_keeps_the_power_off(bench, lines, state, said):
-    asked = [(lines.on[0][0], f" {state}\r\n:")]
-    controller, _ = bench(lines.connect, asked, lines.off)
-    with controller, pytest.raises(SettingNotTaken, match=said), controller.powered():
-        pass
 
 
 @pytest.mark.parametrize(
@@ -168,15 +150,6 @@ def test_uploads_in_pieces_cover_every_row(rows, longest):
     found = list(pieces(rows, longest))
     assert [row for first, last in found for row in range(first, last + 1)] == list(range(rows))
     assert all(2 <= last - first + 1 <= max(longest, 3) for first, last in found)
-
-
-def test_a_press_that_ends_elsewhere_than_planned(bench, lines, segments):
-    sent, answer = lines.wait[-1]
-    other = (sent, answer.replace("1050.", "1049."))
-    script = [*lines.started, *lines.wait[:-1], other, *lines.abort]
-    controller, _ = bench(script)
-    with fails(controller, MotionFault, "ended at 1049 and -501025 counts"):
-        press(controller, segments)
 
 
 def end_of_search(lines, stopped_by):

@@ -10,7 +10,7 @@ from sautereau.robot.drivers.settings import refuse_changes
 from sautereau.robot.errors import MotionFault, SettingChanged
 from sautereau.robot.experiment.monitor import Stage
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.parts import ControllerUnit
 from tests.presses import QUICK, mute_scene, press_on
 from tests.robot.motions import OFF, fails
 

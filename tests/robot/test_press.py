@@ -43,10 +43,7 @@ def test_firmwares_that_count_the_end_of_the_motion_as_a_segment(bench, lines, s
 def test_a_motion_never_played_is_cleared_before_the_next(bench, lines, segments):
     controller, _ = bench(
         lines.homed,
-        [
-            ("MG _PVA,_PVB", " 200.0000 255.0000\r\n:"),
-            ("PVA=0,0,-1;PVB=0,0,-1", "::"),
-        ],
+        [("MG _PVA,_PVB", " 200.0000 255.0000\r\n:"), ("PVA=0,0,-1;PVB=0,0,-1", "::")],
         lines.load,
         lines.off,
     )

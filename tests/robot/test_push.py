@@ -180,10 +180,7 @@ def test_a_torque_that_the_controller_reads_back_differently(bench):
         assert controller.state is State.HOMED
 
 
-@pytest.mark.parametrize(
-    ("joint", "counts"),
-    [(1, 300), *(slow(2, n) for n in (-300, 3000))],
-)
+@pytest.mark.parametrize(("joint", "counts"), [(1, 300), *(slow(2, n) for n in (-300, 3000))])
 def test_an_encoder_that_has_slipped_is_found_at_the_home_switch(bench, joint, counts):
     stand_in, controller = bench(slip={"press": 1, "joint": joint, "counts": counts})
     with pytest.raises(MotionFault, match=f"home switch of joint {joint} is not") as caught:  # noqa: PT012, SIM117

@@ -12,7 +12,7 @@ from sautereau.robot.experiment.setup.contact import NoContact
 from sautereau.robot.experiment.setup.verify.alignment import delay_of, onset, place_at, stroke
 from sautereau.robot.experiment.setup.verify.run import trial_torque, verify
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.parts import ControllerUnit
 from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.segments import motion_at, segment_cubics
 from tests.budget import slow

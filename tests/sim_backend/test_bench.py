@@ -6,9 +6,8 @@ from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
+from sautereau.sim_backend.physics.events import PluckEvents, StringEvent, truths
 from sautereau.sim_backend.scene import load_scene
-from sautereau.sim_backend.truth import truths
 from tests.presses import mute_scene
 
 
@@ -70,7 +69,7 @@ def test_another_package_adds_the_emulator_of_a_controller(tmp_path, install):
     points = {"sautereau.emulators": {"toy": "toy_emulator:emulate"}}
     install(tmp_path, {"name": "toy", "version": "1.0", "entry-points": points})
     (tmp_path / "toy_emulator.py").write_text(
-        "from sautereau.sim_backend.controller_part import ControllerUnit\n"
+        "from sautereau.sim_backend.parts import ControllerUnit\n"
         "from sautereau.sim_backend.devices.galil.firmware import GalilFirmware\n"
         "def emulate(rig, plant, on_output, paced):\n"
         "    return GalilFirmware(plant, ControllerUnit(serial_number=77), on_output=on_output)\n"

@@ -71,11 +71,7 @@ IEPE = {"current_excit_val": 0.002, "current_excit_source": ExcitationSource.INT
         ),
         ("add_ai_accel_chan", {"sensitivity": 100.0}, 0.1),
         ("add_ai_velocity_iepe_chan", {"min_val": -40.0, "max_val": 40.0}, 0.1),
-        (
-            "add_ai_microphone_chan",
-            {"mic_sensitivity": 10.0, "units": SoundPressureUnits.PA},
-            0.01,
-        ),
+        ("add_ai_microphone_chan", {"mic_sensitivity": 10.0, "units": SoundPressureUnits.PA}, 0.01),
     ],
 )
 def test_a_sensor_is_read_in_its_unit(task, add, settings, volts_per_unit):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from benchmarks.extremes.random_cases import random_cases
+from benchmarks.extreme_cases import random_cases
 from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.analysis.model.key import finger_force
 from sautereau.rig.load import with_values
@@ -16,9 +16,9 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, PushDrive, drive_of
 from sautereau.sim_backend.physics.exact.compile import Announcement
 from sautereau.sim_backend.physics.exact.inclusion import select
+from sautereau.sim_backend.physics.exact_world import ExactWorld
 from sautereau.sim_backend.physics.observation import errors, observe, reference
-from sautereau.sim_backend.physics.presses.world import ExactWorld
-from sautereau.sim_backend.physics.servo import PositionLoops
+from sautereau.sim_backend.physics.rigid.arm import PositionLoops
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.key import (
     angle_of_rise,

@@ -7,7 +7,7 @@ import pytest
 
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
-from sautereau.sim_backend.devices.serial_port import PortGone
+from sautereau.sim_backend.devices.ports import PortGone
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import BadLine, disturbed
 from sautereau.sim_backend.fault_tables import Drift, Faults, Overload, Speckle

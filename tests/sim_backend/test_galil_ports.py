@@ -8,11 +8,11 @@ import serial
 
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import Bench, StandIn
-from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.emulators import EMULATORS, emulator_of
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
+from sautereau.sim_backend.parts import ControllerUnit
 from sautereau.sim_backend.scene import parse_scene
 from tests.presses import MUTE_TEXT
 from tests.sim_backend.scenes import MUTE, scene_of

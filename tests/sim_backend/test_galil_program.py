@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.galil.tasks import LINE_TIME
+from sautereau.sim_backend.parts import ControllerUnit
 
 
 def capture(bench, *sources, exponent=1, size=100):

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
-from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.parts import ControllerUnit
 
 RATE = 1024
 """Samples that the firmware counts as a second."""

@@ -2,9 +2,9 @@
 
 import pytest
 
-from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.galil.commands.table import HANDLERS
 from sautereau.sim_backend.devices.galil.reference import ABSENT, MODELS, entries
+from sautereau.sim_backend.parts import ControllerUnit
 
 ENTRIES = list(entries().values())
 SETTINGS = [entry for entry in ENTRIES if entry.form == "values" and entry.code != "IP"]

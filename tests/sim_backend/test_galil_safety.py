@@ -2,7 +2,7 @@
 
 import pytest
 
-from sautereau.sim_backend.controller_part import ControllerUnit
+from sautereau.sim_backend.parts import ControllerUnit
 
 
 def trip(bench, limit=300):

@@ -5,11 +5,11 @@ import pytest
 
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.bench import Bench
-from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
+from sautereau.sim_backend.parts import ControllerUnit
 from tests.sim_backend.scenes import MUTE, scene_of
 
 

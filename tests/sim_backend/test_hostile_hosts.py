@@ -17,7 +17,7 @@ from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
-from sautereau.sim_backend.devices.serial_port import MOST_UNREAD, PtyPort, SocketPort
+from sautereau.sim_backend.devices.ports import MOST_UNREAD, PtyPort, SocketPort
 from tests.cards import Card
 from tests.fuzz.protocols import Unmoved
 

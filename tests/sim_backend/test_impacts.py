@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from benchmarks.extremes.case_scenes import mass_ratio
+from benchmarks.extreme_cases import mass_ratio
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents

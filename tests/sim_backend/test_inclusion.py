@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.structures import JACK, KEY, opened
-from sautereau.sim_backend.physics.presses.parameters import new_press
+from sautereau.sim_backend.physics.exact_press import new_press
 from tests import key_oracle
 from tests.sim_backend.scenes import RIG, pushed
 

@@ -6,8 +6,7 @@ import pytest
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
-from sautereau.sim_backend.devices.daqmx.retriggered import RetriggeredRun
-from sautereau.sim_backend.devices.daqmx.runs import RunFault, SampledRun, Wiring
+from sautereau.sim_backend.devices.daqmx.runs import RetriggeredRun, RunFault, SampledRun, Wiring
 from sautereau.sim_backend.fault_tables import Faults, Speckle
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import load_scene

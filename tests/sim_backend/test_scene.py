@@ -3,7 +3,7 @@
 import pytest
 
 from sautereau.rig.errors import RigError
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import (
     current_scene,
@@ -22,15 +22,8 @@ def rig():
 
 
 def test_shipped_scenes_load():
-    assert packaged_scenes() == [
-        "free-key",
-        "ideal",
-        "paper",
-        "pluck",
-        "return",
-        "transient",
-        "two-choirs",
-    ]
+    names = "free-key ideal paper pluck return transient two-choirs"
+    assert packaged_scenes() == names.split()
     for name in packaged_scenes():
         scene = load_scene(name)
         assert len(scene.description) > 20
@@ -93,11 +86,7 @@ def test_all_faults_are_reported_at_once():
         ('"ideal"', '"servo"\nsensors = { hum = "1 V" }', r"sensors\.hum"),
         ('step = "100 us"', "", "step, accuracy: neither is given"),
         ("iterations = 10", 'accuracy = "10 us"', "step, accuracy: both are given"),
-        (
-            "iterations = 10",
-            'engine = "auto"',
-            '"auto" is chosen by the requested accuracy',
-        ),
+        ("iterations = 10", 'engine = "auto"', '"auto" is chosen by the requested accuracy'),
         ('step = "100 us"', 'accuracy = "5 mm"', r"accuracy: '5 mm' has the dimension \[length\]"),
         ('step = "100 us"', 'accuracy = "20 ms"', "accuracy: '20 ms' must lie between 0 and 10 ms"),
         (
@@ -152,11 +141,10 @@ def test_truth_that_is_no_part_of_a_rig(rig):
 
 
 def test_without_sensors_the_calibrations_are_those_of_ideal_ones(rig):
-    for channel, chart in zip(
-        load_scene("ideal").as_wired(rig).daq.channels, rig.daq.channels, strict=True
-    ):
-        assert (channel.delay, channel.low_pass, channel.high_pass) == (0, 0, 0)
-        assert (channel.scale, channel.range, channel.terminal) == (
-            chart.scale, chart.range, chart.terminal,
-        )  # fmt: skip
+    rig = with_values(rig, {"daq.channels.1.low_pass_order": 2})
+    ideal = load_scene("ideal").as_wired(rig).daq.channels
+    for channel, stated in zip(ideal, rig.daq.channels, strict=True):
+        assert (channel.delay, channel.low_pass, channel.high_pass, channel.lag) == (0, 0, 0, 0)
+        for name in ("scale", "range", "terminal"):
+            assert getattr(channel, name) == getattr(stated, name)
     assert load_scene("paper").as_wired(rig) is rig

@@ -36,8 +36,7 @@ def events_at(contact, release, force=0.5, steps=2):
     time = np.linspace(contact, release, steps + 1)
     motions = Motions(time, still, still, still, still + 1.2, still)
     return Observation(
-        motions,
-        PluckEvents([StringEvent(contact, 0, 0.0)], [StringEvent(release, 0, force)]),
+        motions, PluckEvents([StringEvent(contact, 0, 0.0)], [StringEvent(release, 0, force)])
     )
 
 

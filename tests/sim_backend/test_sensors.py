@@ -239,8 +239,3 @@ def test_a_jump_is_kept_sharp():
     signal.extend(np.array([2.6, 2.6, 4.0]), np.array([2.6, 0.5, 0.5]))
     found = signal.at(np.array([2.3, 2.5999, 2.6, 2.6001, 3.0, 3.7]))
     np.testing.assert_allclose(found, [2.3, 2.5999, 0.5, 0.5, 0.5, 0.5], atol=1e-9)
-
-
-def test_the_same_seed_gives_the_same_bits():
-    np.testing.assert_array_equal(noisy(3).volts(0, 5000), noisy(3).volts(0, 5000))
-    assert np.any(noisy(3).volts(0, 5000) != noisy(4).volts(0, 5000))

@@ -6,7 +6,7 @@ import threading
 import pytest
 import serial
 
-from sautereau.sim_backend.devices.serial_port import PtyPort, SocketPort
+from sautereau.sim_backend.devices.ports import PtyPort, SocketPort
 
 PORTS = [
     pytest.param(

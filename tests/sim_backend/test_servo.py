@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
-from sautereau.sim_backend.physics.servo import PositionLoops
+from sautereau.sim_backend.physics.rigid.arm import PositionLoops
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.dynamics import gravity_torque, joint_torques, mass_matrix
@@ -118,12 +118,6 @@ def test_the_free_arm_follows_its_equations(rotor):
 def test_joint_2s_rotor_is_refused():
     with pytest.raises(SceneError, match=r"rotor_inertias: joint 2's .* 0\.0009 kg m\^2 .*truth"):
         new_world(geared(0, 1e-6), load_scene("paper"))
-
-
-def test_at_rest_the_torque_balances_the_weight(loops):
-    loops.engage((0.3, -1.2))
-    for _ in range(50):
-        assert loops.torque((0, 0), (0, 0)) == weight_torque((0.3, -1.2))
 
 
 def test_engaging_again_resets_the_integral(loops):

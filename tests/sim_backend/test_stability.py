@@ -1,8 +1,7 @@
 import pytest
 
 from benchmarks import stability
-from benchmarks.extremes.cases import grid
-from benchmarks.extremes.random_cases import random_cases
+from benchmarks.extreme_cases import grid, random_cases
 from benchmarks.stability import (
     judge,
     run_stability,

@@ -169,10 +169,3 @@ def test_a_correction_of_another_press_is_refused():
 
 def test_a_correction_beyond_the_limits_fails_the_checks():
     assert not all(check.holds for check in draft_press(RIG, correction=addition(8e-3)).checks)
-
-
-def test_a_zero_correction_changes_nothing():
-    law = Correction(KNOTS, np.zeros_like(KNOTS)).onto(LAW)
-    fine = np.linspace(0, LAW.law.duration, 5001)
-    for ours, theirs in zip(law.law.at(fine), LAW.law.at(fine), strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-12)

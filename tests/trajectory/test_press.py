@@ -85,8 +85,7 @@ def test_each_check_can_fail(name, values, fix):
 
 def test_every_failed_check_is_listed_with_its_fix():
     rig = with_values(
-        PAPER,
-        {"key.dip": "7 mm", "arm.speed_limit": "0.5 rad/s", "press.hover": "5 mm"},
+        PAPER, {"key.dip": "7 mm", "arm.speed_limit": "0.5 rad/s", "press.hover": "5 mm"}
     )
     with pytest.raises(SautereauError) as raised:
         plan_press(rig)

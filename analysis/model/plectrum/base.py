@@ -42,6 +42,8 @@ class PlectrumMap(Protocol):
     the tip, the drag times F.
     """
 
+    represents: tuple[str, ...]
+    """Fields of `Plectrum.described` that are represented; others are reported as ignored."""
     length: float
     """m, from clamp to tip."""
     friction: float

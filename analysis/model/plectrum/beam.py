@@ -51,6 +51,8 @@ class Beam(Cantilever):
 class TwoBeam(Beam):
     """A plectrum thinned towards its tip, of two rigidly joined sections."""
 
+    represents = ("tip_thickness",)
+
     def __init__(self, plectrum: Plectrum):
         """Read and check the plectrum's parameters.
 

@@ -19,7 +19,9 @@ ROUNDING = 1e-12
 
 
 class Cantilever(ABC):
-    """A plectrum clamped at x = 0, loaded at s by F and by friction times F."""
+    """A plectrum clamped at x = 0, loaded at s by F and by the drag times F."""
+
+    represents: tuple[str, ...] = ()
 
     def __init__(self, plectrum: Plectrum):
         """Read and check the plectrum's parameters.

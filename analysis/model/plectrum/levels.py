@@ -25,9 +25,6 @@ LEVELS = Registry(
     ModelError,
 )
 """Functions of a `Plectrum` that return a `PlectrumMap`; the default first."""
-REPRESENTED = {"fe": ("outline", "tip_thickness"), "two-beam": ("tip_thickness",)}
-"""What levels represent of a plectrum beyond a uniform section; all represent its friction and the
-place of the string."""
 
 
 def level_of(plectrum: "Plectrum", level: str = AUTO) -> str:
@@ -39,8 +36,8 @@ def level_of(plectrum: "Plectrum", level: str = AUTO) -> str:
 
 def dropped(plectrum: "Plectrum", level: str) -> tuple[str, ...]:
     """Return the fields of a plectrum that a level ignores."""
-    named = level_of(plectrum, level)
-    return tuple(f for f in plectrum.described if f not in REPRESENTED.get(named, ()))
+    represented = getattr(LEVELS.get(level_of(plectrum, level)), "represents", ())
+    return tuple(field for field in plectrum.described if field not in represented)
 
 
 def automatic(plectrum: "Plectrum") -> "PlectrumMap":

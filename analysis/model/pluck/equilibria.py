@@ -157,8 +157,8 @@ class Equilibria:
         at = stuck(drag)
         for step in range(STICKING_STEPS):
             # From K (x - rest) = F (sin a - T cos a), of which a and x depend on T a little: the
-            # secant through two steps leaves a thousandth of the error. At rest there is no friction,
-            # and no more than the coefficient allows but for rounding.
+            # secant through two steps leaves a thousandth of the error. At rest there is no
+            # friction, and no more than the coefficient allows but for rounding.
             back = np.divide(self.rest - at.x, pull, out=np.zeros_like(pull), where=pull > 0)
             before, needed = needed, (at.sine + back) / at.cosine
             miss = needed - drag

@@ -13,7 +13,6 @@ import lz4.frame
 import zstandard
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.checksum import crc32
 from sautereau.daq.file.container.records import (
     CRC_KEY,
     LARGEST_CHUNK,
@@ -24,6 +23,7 @@ from sautereau.daq.file.container.records import (
     DamageError,
     Opcode,
     Record,
+    crc32,
     read_metadata,
 )
 from sautereau.rig.units import shown

@@ -122,7 +122,7 @@ class RecordingFile(DurableFile):
         self.broken = False
         """Whether something could not be written completely."""
         super().__init__(path, ending=ending)
-        self._writer = McapWriter(self.stream, path.parent, compress=compress)
+        self._writer = McapWriter(self.stream, compress=compress)
         self._seconds = seconds
         self._flushed = self._synced = seconds()
 
@@ -162,21 +162,15 @@ class RecordingFile(DurableFile):
         self._flushed = self._seconds()
         with self.writing():
             yield self._writer
-            self._writer.close_chunk(least=0)
-            self.stream.flush()
+            self._writer.flush()
 
     def finish(self, end: dict[str, str]) -> None:
         """Complete the file, flush it to the disk and close it, still under its ``.part`` name."""
         try:
             with self.writing():
-                self._writer.close_chunk(least=0)
+                self._writer.flush()
                 self._writer.add_metadata("end", end)
                 self._writer.finish()
             self.close()
         finally:
             self.abandon()
-
-    def abandon(self) -> None:
-        """Close the file without completing it."""
-        super().abandon()
-        self._writer.close()

@@ -13,9 +13,13 @@ from mcap.writer import LIBRARY_IDENTIFIER
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from sautereau.daq.errors import RecordingError
-from sautereau.daq.file.container.checksum import crc32
 
-__all__ = ["MAGIC", "Opcode"]
+try:
+    from isal.isal_zlib import crc32  # 13 times as fast as zlib's
+except ImportError:  # no wheel for this processor
+    from zlib import crc32
+
+__all__ = ["MAGIC", "Opcode", "crc32"]
 
 LIBRARY = f"sautereau; {LIBRARY_IDENTIFIER}"
 """Library in the header of a file that `McapWriter` wrote: all its checksums are available."""

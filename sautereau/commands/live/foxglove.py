@@ -6,10 +6,9 @@ from types import MappingProxyType
 from typing import Any
 
 from sautereau.commands.live import LOOPBACK, LiveError
-from sautereau.daq.file.descriptors import LOG, PACKAGE, schema_data
 from sautereau.daq.file.preview import Decimator
 from sautereau.daq.file.recorded import Event
-from sautereau.daq.file.schemas import encode_log, encode_rows
+from sautereau.daq.file.schemas import LOG, PACKAGE, encode_log, encode_rows, schema_data
 from sautereau.daq.file.survey import LAYOUT
 from sautereau.rig.errors import require
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
@@ -98,7 +97,7 @@ class FoxgloveView:
         columns = [row * channel.scale for channel, row in zip(channels, values, strict=True)]
         for place, row in zip(places.tolist(), encode_rows(columns), strict=True):
             at = self._t0 + round((self._first + place) / samples.rate * 1e9)
-            self._server.send(topic, at, row.tobytes())
+            self._server.send(topic, at, row)
 
     def _event(self, kind: str, text: str) -> None:
         now = time.time_ns()

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.sim_backend.device_types import DeviceType
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
-from sautereau.sim_backend.sensors.converter import Converter
+from sautereau.sim_backend.sensors.chain import Converter
 
+ENDLESS = 2**62  # More samples than any acquisition reaches
 MOST_CHANNELS = 1024  # Channels that one range may name
 _SPAN = re.compile(r"(.*?)(\d+):(?:.*?)(\d+)")
 
@@ -20,7 +20,14 @@ class ServerGone(Exception):  # noqa: N818 - the name says what happened
     """Raised by a card whose server stops: no later call is answered."""
 
 
-ENDLESS = 2**62  # More samples than any acquisition reaches
+class DaqmxError(Exception):
+    """An error as the driver answers it: its code and text."""
+
+    def __init__(self, code: int, message: str):
+        super().__init__(message)
+        self.code = code
+        self.samples_read: int | None = None
+        """Samples of each channel that a failed read returned; None where nothing was read."""
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,16 @@
-"""The calls that add channels to a task: what each measures, and the sensitivity of its sensor."""
+"""The calls that create channels, with the sensitivities of their sensors, and custom scales."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from nidaqmx._stubs import nidaqmx_pb2_grpc
+
 from sautereau.sim_backend.device_types import DeviceType
-from sautereau.sim_backend.devices.daqmx.attributes import call, given, number
+from sautereau.sim_backend.devices.daqmx.attributes import call, given, kept, number
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, invalid
-from sautereau.sim_backend.devices.daqmx.scales import find_scale
 
 G = 9.80665  # m/s^2, standard gravity
 POUND_FORCE = 0.45359237 * G  # N
@@ -153,4 +155,81 @@ def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
     return call(create, name)
 
 
-CREATORS = {name: _creator(name, sensor) for name, sensor in SENSORS.items()}
+VOLTS = 10348
+_LINEAR = 10447
+_SLOPE = number("SCALE", "LIN_SLOPE")
+_INTERCEPT = number("SCALE", "LIN_Y_INTERCEPT")
+
+SCALE = kept(
+    "SCALE",
+    {
+        "DESCR": "",
+        "LIN_SLOPE": 1.0,
+        "LIN_Y_INTERCEPT": 0.0,
+        "PRE_SCALED_UNITS": VOLTS,
+        "SCALED_UNITS": "",
+        "TYPE": _LINEAR,
+    },
+)
+"""The properties of a scale; a channel takes those of its creation."""
+
+
+class Scale:
+    """Volts times a slope, plus an intercept, are units."""
+
+    def __init__(self, slope: float, intercept: float, units: str):
+        self.stored: dict[int, Any] = {
+            _SLOPE: slope,
+            _INTERCEPT: intercept,
+            number("SCALE", "SCALED_UNITS"): units,
+        }
+
+    @property
+    def line(self) -> tuple[float, float]:
+        """V per unit, and the units of 0 V.
+
+        Raises:
+            DaqmxError: The slope is zero.
+        """
+        if not self.stored[_SLOPE]:
+            raise DaqmxError(-200409, "Slope of the linear scale is zero.")
+        return 1 / self.stored[_SLOPE], self.stored[_INTERCEPT]
+
+
+def find_scale(server: Any, name: str) -> Scale:
+    """Return a scale of a server by its name.
+
+    Raises:
+        DaqmxError: There is none.
+    """
+    if name not in server.scales:
+        raise DaqmxError(-200378, f"Custom scale specified does not exist.\nCustom Scale: {name}")
+    return server.scales[name]
+
+
+def _create_scale(self: Any, request: Any, context: Any) -> None:
+    """Create a scale that lasts as long as the server."""
+    if given(request, "pre_scaled_units") != VOLTS:
+        raise DaqmxError(-200077, "The stand-in's scales have volts as the pre-scaled units.")
+    self.scales[request.name] = Scale(request.slope, request.y_intercept, request.scaled_units)
+
+
+def _refused(name: str, code: int, what: str) -> Any:
+    def refuse(self: Any, request: Any, context: Any) -> None:
+        raise DaqmxError(code, f"The stand-in has no {what}.")
+
+    return call(refuse, name)
+
+
+_TEDS = ("ConfigureTEDS", "ClearTEDS", "WriteToTEDSFromArray", "WriteToTEDSFromFile")
+CREATING = {
+    **{
+        name: _refused(name, -200431, "sensor for this measurement")
+        for name in vars(nidaqmx_pb2_grpc.NiDAQmxServicer)
+        if name.startswith(("CreateAI", "CreateTEDSAI"))
+    },
+    **{name: _refused(name, -200741, "TEDS sensors") for name in _TEDS},
+    **{name: _creator(name, sensor) for name, sensor in SENSORS.items()},
+    "CreateLinScale": call(_create_scale, "CreateLinScale"),
+}
+"""Methods that create channels and scales, or refuse to, by the call of nidaqmx.proto."""

@@ -14,7 +14,7 @@ from sautereau.sim_backend.devices.daqmx.attributes import (
     stored,
     table,
 )
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, NO_EXCITATION, Input
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 

@@ -9,7 +9,7 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from numpy.typing import NDArray
 
 from sautereau.sim_backend.device_types import DeviceType
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError
 
 REMOVE_FILTER_DELAY = pb.CHANNEL_ATTRIBUTE_AI_REMOVE_FILTER_DELAY
 INTERNAL, NO_EXCITATION = 10200, 10230  # Sources of an excitation

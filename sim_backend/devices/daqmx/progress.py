@@ -9,8 +9,7 @@ from contextlib import AbstractContextManager
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.sim_backend.devices.daqmx.card import ENDLESS, Run, ServerGone
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import ENDLESS, DaqmxError, Run, ServerGone
 from sautereau.sim_backend.devices.daqmx.task import (
     CONTINUOUS,
     CURRENT,

@@ -5,8 +5,7 @@ from typing import Any
 
 from sautereau.sim_backend.device_types import C_SERIES, IDEAL, USB_DAQ
 from sautereau.sim_backend.devices.daqmx.attributes import Attribute, table
-from sautereau.sim_backend.devices.daqmx.card import Card, owner_of
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, owner_of
 from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, FINITE
 from sautereau.sim_backend.devices.daqmx.triggers import terminals
 

@@ -16,10 +16,8 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc
 from session_pb2 import Session
 
 from sautereau.sim_backend.devices.daqmx.attributes import Table, call, calls, given
-from sautereau.sim_backend.devices.daqmx.card import Card, owner_of, physical_channels
-from sautereau.sim_backend.devices.daqmx.configuring import CONFIGURING
-from sautereau.sim_backend.devices.daqmx.creation import CREATORS
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError, error_text
+from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, owner_of, physical_channels
+from sautereau.sim_backend.devices.daqmx.creation import CREATING, SCALE, Scale, find_scale
 from sautereau.sim_backend.devices.daqmx.input_properties import CHANNEL, Seat
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.properties import (
@@ -29,12 +27,9 @@ from sautereau.sim_backend.devices.daqmx.properties import (
     TASK,
     Chassis,
 )
-from sautereau.sim_backend.devices.daqmx.reading import Reading
-from sautereau.sim_backend.devices.daqmx.reading_properties import BUFFER, READ
-from sautereau.sim_backend.devices.daqmx.scales import SCALE, CreateLinScale, Scale, find_scale
+from sautereau.sim_backend.devices.daqmx.reading import BUFFER, READ, Reading
 from sautereau.sim_backend.devices.daqmx.task_events import Events
-from sautereau.sim_backend.devices.daqmx.timing_properties import TIMING, TRIGGER
-from sautereau.sim_backend.devices.daqmx.unsupported import REFUSED
+from sautereau.sim_backend.devices.daqmx.timing import CONFIGURING, TIMING, TRIGGER
 
 _INITIALIZE, _ATTACH = 1, 2
 _START, _STOP, _VERIFY, _COMMIT, _RESERVE, _UNRESERVE, _ABORT = range(7)
@@ -180,7 +175,13 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
 
     @call
     def GetErrorString(self, request, context):  # noqa: N802
-        return {"error_string": error_text(request.error_code)}
+        from nidaqmx.error_codes import DAQmxErrors  # slow
+
+        try:
+            text = DAQmxErrors(request.error_code).name.replace("_", " ").capitalize() + "."
+        except ValueError:
+            text = "Error code could not be found."
+        return {"error_string": text}
 
     @call
     def GetNthTaskDevice(self, request, context):  # noqa: N802
@@ -236,8 +237,7 @@ PROPERTIES: dict[str, tuple[Callable[[Any, Any], Any], Table]] = {
 for _subject, (_find, _table) in PROPERTIES.items():
     for _name, _method in calls(_subject, _find, _table).items():
         setattr(Servicer, _name, _method)
-_CALLS = {**REFUSED, **CREATORS, **CONFIGURING, "CreateLinScale": CreateLinScale}
-for _name, _method in _CALLS.items():
+for _name, _method in {**CREATING, **CONFIGURING}.items():
     setattr(Servicer, _name, _method)
 for _name in dir(nidaqmx_pb2_grpc.NiDAQmxServicer):
     if "TimingAttributeEx" in _name:

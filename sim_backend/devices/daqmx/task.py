@@ -8,12 +8,12 @@ from sautereau.sim_backend.devices.daqmx.attributes import number
 from sautereau.sim_backend.devices.daqmx.card import (
     ENDLESS,
     Card,
+    DaqmxError,
     Run,
     TaskSetup,
     physical_channels,
     split_names,
 )
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import Input, invalid
 from sautereau.sim_backend.devices.daqmx.triggers import (
     DIGITAL_EDGE,
@@ -23,8 +23,7 @@ from sautereau.sim_backend.devices.daqmx.triggers import (
     Trigger,
     terminal,
 )
-from sautereau.sim_backend.devices.daqmx.unsupported import refuse_unsupported
-from sautereau.sim_backend.sensors.converter import Converter
+from sautereau.sim_backend.sensors.chain import Converter
 
 FINITE, CONTINUOUS = 10178, 10123
 FIRST, CURRENT, REFERENCE, FIRST_BEFORE, MOST_RECENT = REFERENCES = tuple(range(10424, 10429))
@@ -33,6 +32,18 @@ _RETRIGGERABLE = number("TRIGGER", "START_TRIG_RETRIGGERABLE")
 LEAST = 2  # Smallest number of samples, of an acquisition and before or after a reference trigger
 _BUFFERS = ((100.0, 1_000), (10e3, 10_000), (1e6, 100_000))
 """Hz and samples: the default buffer of a continuous task up to a rate."""
+UNFOLLOWED: dict[str, dict[str, object]] = {
+    "TRIGGER": {
+        "REF_TRIG_RETRIGGERABLE": False,
+        "START_TRIG_DELAY": 0.0,
+        "REF_TRIG_DELAY": 0.0,
+        "PAUSE_TRIG_TYPE": NONE,
+        "ARM_START_TRIG_TYPE": NONE,
+    },
+    "TIMING": {"DELAY_FROM_SAMP_CLK_DELAY": 0.0},
+    "READ": {"OVERWRITE": 10159, "LOGGING_SAMPS_PER_FILE": 0},  # do not overwrite
+}
+"""Only supported value of properties that the stand-in would not follow, by prefix and name."""
 
 
 @dataclass
@@ -200,7 +211,7 @@ class TaskSettings:
             raise DaqmxError(-200452, "The stand-in has no external clock: use the onboard clock.")
         for trigger in triggers:
             trigger.verify(self.card)
-        refuse_unsupported(self.stored)
+        self._verify_stored()
         self._verify_reference()
         if self.retriggerable and not self.device.retriggers:
             raise DaqmxError(-200452, "This device has no retriggerable start trigger.")
@@ -211,6 +222,17 @@ class TaskSettings:
                 "Retriggering needs a start trigger, no reference trigger, and a finite number of"
                 " samples.",
             )
+
+    def _verify_stored(self) -> None:
+        """Refuse stored properties that request what would not be done."""
+        for prefix, names in UNFOLLOWED.items():
+            for name, default in names.items():
+                if (value := self.stored.get(number(prefix, name), default)) != default:
+                    raise DaqmxError(
+                        -200452,
+                        f"The stand-in does not follow property {name}, which is set to {value};"
+                        " reset it.",
+                    )
 
     def _verify_reference(self) -> None:
         if not self.keeps_before:

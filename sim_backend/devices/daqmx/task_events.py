@@ -9,8 +9,7 @@ import grpc
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
 from sautereau.sim_backend.devices.daqmx.attributes import call, given, refuse
-from sautereau.sim_backend.devices.daqmx.card import Run, ServerGone
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, Run, ServerGone
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import FINITE
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sautereau.rig.disk import open_regular
 from sautereau.sim_backend.devices.daqmx.attributes import number
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError
 from sautereau.sim_backend.devices.daqmx.inputs import Input, invalid
 
 OFF, LOG, LOG_AND_READ = 10231, 15844, 15842  # Modes: with `LOG` a task cannot be read

@@ -3,8 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from sautereau.sim_backend.devices.daqmx.card import Card, owner_of
-from sautereau.sim_backend.devices.daqmx.driver_errors import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, owner_of
 from sautereau.sim_backend.devices.daqmx.inputs import invalid
 
 NONE, DIGITAL_EDGE, ANALOG_EDGE, ANALOG_WINDOW = 10230, 10150, 10099, 10103  # Types of a trigger

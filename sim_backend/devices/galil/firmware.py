@@ -8,12 +8,12 @@ only clock of the firmware is `GalilFirmware.tick`.
 from collections import deque
 
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.emulators import SERIAL, OnOutput, Plant, along
 from sautereau.sim_backend.devices.galil.commands.table import execute
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.ports import Download, Port, answer_line
+from sautereau.sim_backend.parts import ControllerUnit
 from sautereau.trajectory.motion import Floats
 
 RETRIES = 5 * 250

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.emulators import SERIAL, OnOutput, Plant
 from sautereau.sim_backend.devices.galil.arrays import Arrays, Capture
 from sautereau.sim_backend.devices.galil.axis import AXES, Axis
@@ -11,10 +10,10 @@ from sautereau.sim_backend.devices.galil.formats import write_line
 from sautereau.sim_backend.devices.galil.memory import Memory, Parameters
 from sautereau.sim_backend.devices.galil.motion import SAMPLES_PER_SECOND
 from sautereau.sim_backend.devices.galil.ports import HANDLES, Ports
-from sautereau.sim_backend.devices.galil.program import Limits, Program
+from sautereau.sim_backend.devices.galil.program import Limits, Program, Thread
 from sautereau.sim_backend.devices.galil.safety import CheckedAxes
 from sautereau.sim_backend.devices.galil.tasks import Tasks
-from sautereau.sim_backend.devices.galil.thread import Thread
+from sautereau.sim_backend.parts import ControllerUnit
 
 Execute = Callable[["Machine", str, Thread | None], str | None]
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from sautereau.sim_backend.controller_part import ControllerUnit
 from sautereau.sim_backend.devices.emulators import OnOutput, Plant
 from sautereau.sim_backend.devices.galil.axis import LIMIT_CODES, Axis
 from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Config
 from sautereau.sim_backend.devices.galil.motion import Pvt, StopCode
 from sautereau.sim_backend.devices.galil.tasks import Tasks
+from sautereau.sim_backend.parts import ControllerUnit
 
 FEW_COUNTS = 4
 """Counts of motion below which an encoder has failed, while the torque exceeds OV for OT."""

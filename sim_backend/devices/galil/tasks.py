@@ -3,8 +3,7 @@
 from collections.abc import Callable, Collection
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.program import Program
-from sautereau.sim_backend.devices.galil.thread import ERROR_ROUTINES, Thread
+from sautereau.sim_backend.devices.galil.program import ERROR_ROUTINES, Program, Thread
 
 THREADS = 8  # Threads, numbered from 0
 LINE_TIME = 250e-6  # s, duration of any line of a program; the threads run alternately

@@ -8,7 +8,7 @@ After `Firmware/communication/ascii_protocol.cpp` of odriverobotics/ODrive, tag 
 its commands q, v, c, e and h, and without those that save and reboot. Its properties include no
 pin of the device, so that nothing sets an output.
 
-One property is the stand-in's own: `stand_in.wait` advances simulated time (docs/decisions/0006).
+One property is the stand-in's own: `stand_in.wait` advances simulated time (docs/decisions/0002).
 """
 
 import functools

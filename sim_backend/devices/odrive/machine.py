@@ -1,15 +1,18 @@
-"""The state of the emulated ODrive, and its properties by name."""
+"""The state of the emulated ODrive, its properties by name, and its simulated time."""
 
-from sautereau.sim_backend.devices.emulators import Plant
+from sautereau.sim_backend.devices.emulators import Plant, along
 from sautereau.sim_backend.devices.odrive.axis import MOTOR_FAILED, SYSTEM_LEVEL, OdriveAxis, State
 from sautereau.sim_backend.devices.odrive.properties import AXIS, ROOT, Property
-from sautereau.sim_backend.devices.streamed import StreamedController
+from sautereau.trajectory.motion import Floats
 
+LONGEST_WAIT = 60.0  # s, by which the host may advance simulated time at once
 _SUPPLY = 24.0  # V
 
 
-class Machine(StreamedController[OdriveAxis]):
-    """A controller at power-up: motors off.
+class Machine:
+    """A controller at power-up: motors off. Simulated time may wait for the host (decision 0002).
+
+    It is not thread-safe; see `GalilFirmware`.
 
     Args:
         per_turn: Encoder counts per turn of each motor.
@@ -17,6 +20,9 @@ class Machine(StreamedController[OdriveAxis]):
         stepped: Whether time waits for the host while it streams positions.
         torque_per_volt: N m/V of each motor, for the plant's commands [V].
     """
+
+    phase = 0.0
+    """There is no output that could change within a sample."""
 
     def __init__(
         self,
@@ -27,7 +33,8 @@ class Machine(StreamedController[OdriveAxis]):
         stepped: bool,
         torque_per_volt: tuple[float, float],
     ):
-        super().__init__(plant, period, stepped=stepped)
+        self.plant, self.period, self.stepped = plant, period, stepped
+        self._granted = 0
         encoders, switches = plant.encoder_counts(), plant.home_counts()
         self.axes = [
             OdriveAxis(number, *values)
@@ -39,7 +46,54 @@ class Machine(StreamedController[OdriveAxis]):
 
     @property
     def streaming(self) -> bool:
+        """Whether the motion is the host's, position by position."""
         return any(axis.following for axis in self.axes)
+
+    @property
+    def motors_on(self) -> tuple[bool, bool]:
+        """Whether each axis is powered."""
+        first, second = self.axes
+        return first.on, second.on
+
+    @property
+    def watching(self) -> bool:
+        """Whether a watchdog runs while its motor is on."""
+        return any(axis.watched for axis in self.axes)
+
+    @property
+    def held(self) -> bool:
+        """Whether time waits for the host, which streams setpoints."""
+        return self.stepped and self.streaming and not self._granted
+
+    @property
+    def moving(self) -> bool:
+        """Whether time must advance, because a setpoint changes or the host waits."""
+        if self.held:
+            return False
+        return self._granted > 0 or any(axis.moving for axis in self.axes)
+
+    def outgoing(self) -> dict[str, bytes]:
+        """Return what the controller has sent by itself: nothing."""
+        return {}
+
+    def grant(self, seconds: float | None) -> bool:
+        """Let time advance by some seconds; return False where that is refused."""
+        if seconds is None or not self.stepped or not 0 <= seconds <= LONGEST_WAIT:
+            return False
+        self._granted += max(1, round(seconds / self.period))
+        return True
+
+    def tick(self) -> None:
+        """Do one sample of the bench."""
+        watching = not self.stepped or (self.streaming and self._granted > 0)
+        self._granted = max(0, self._granted - 1)
+        counts, homes = self.plant.encoder_counts(), self.plant.home_counts()
+        for axis, raw, home in zip(self.axes, counts, homes, strict=True):
+            axis.sample(raw, home, self.period, watching=watching)
+
+    def reference(self, fractions: Floats) -> tuple[Floats, Floats]:
+        """Return the reference within the sample last ticked; see `Emulator`."""
+        return along((axis.cubic for axis in self.axes), fractions)
 
     def trip(self, error: int) -> None:
         """Switch both motors off for an error of the device, such as too low a supply."""

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pymunk
 
-from sautereau.rig.schema import Rig
+from sautereau.rig.schema import Arm, Rig
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
 from sautereau.sim_backend.physics.finger import SETTLED, Reference
@@ -15,11 +16,61 @@ from sautereau.sim_backend.physics.rigid.ideal import touching_angle
 from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
 from sautereau.sim_backend.physics.rigid.step_event import Kick
-from sautereau.sim_backend.physics.servo import PositionLoops
 from sautereau.sim_backend.scene import Scene
-from sautereau.trajectory.dynamics import armature
+from sautereau.trajectory.dynamics import armature, gravity_torque
 
 _ENDS = np.array([0.0, 1.0])
+
+
+class PositionLoops:
+    """Compute the torque of each joint from reference and encoder, once per sample."""
+
+    def __init__(self, servo: Servo, arm: Arm, period: float, gravity: float = GRAVITY):
+        self.servo = servo
+        self.arm = arm
+        self.period = period
+        self._gravity = gravity
+        self.radians = arm.radians_per_count
+        self.offsets = (0.0, 0.0)
+        """N m, added to the loops' torques."""
+        self.limits = (arm.torque_limit, arm.torque_limit)
+        """N m, of the controller; the motors have limits of their own."""
+        self._integral = [0.0, 0.0]
+        self._last = [0.0, 0.0]
+
+    def engage(self, joints: tuple[float, float]) -> None:
+        """Take over an arm at rest: the integrators start at the torques of its weight."""
+        weight = gravity_torque(self.arm, np.array(joints)) * (self._gravity / GRAVITY)
+        self._integral = weight.tolist()
+        self._last = [0.0, 0.0]
+
+    def torque(
+        self, error: tuple[float, float], acceleration: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Return the joint torques [N m] for the sample that starts.
+
+        Args:
+            error: Counts, reference minus encoder.
+            acceleration: rad/s^2, of the reference.
+        """
+        servo = self.servo
+        torques = []
+        for j in (0, 1):
+            limit = min(self.limits[j], self.arm.torque_limit)
+            lag = error[j] * self.radians
+            rate = (lag - self._last[j]) / self.period
+            self._last[j] = lag
+            torque = (
+                servo.stiffness[j] * lag
+                + servo.damping[j] * rate
+                + servo.feedforward[j] * acceleration[j]
+                + self._integral[j]
+                + self.offsets[j]
+            )
+            if abs(torque) < limit:  # no integrator wind-up while the amplifier saturates
+                self._integral[j] += servo.stiffness[j] * lag * self.period / servo.integral_time
+            torques.append(max(-limit, min(limit, torque)))
+        return torques[0], torques[1]
 
 
 class ServoFinger(SteppedFinger):

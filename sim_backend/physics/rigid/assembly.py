@@ -16,15 +16,13 @@ from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.events import PluckEvents
 from sautereau.sim_backend.physics.rigid.arm import ServoFinger
-from sautereau.sim_backend.physics.rigid.bending import BendingKey
 from sautereau.sim_backend.physics.rigid.bodies import INERTIA, MM, add_pivot_friction
 from sautereau.sim_backend.physics.rigid.finger import PushFinger, SteppedFinger
-from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, touching_angle
+from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, PaddedIdealFinger, touching_angle
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
 from sautereau.sim_backend.physics.rigid.key import StiffKey
-from sautereau.sim_backend.physics.rigid.padded import PaddedIdealFinger
 from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
-from sautereau.sim_backend.physics.rigid.sinking import SinkingKey
+from sautereau.sim_backend.physics.rigid.yielding import BendingKey, SinkingKey
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
 

@@ -1,15 +1,18 @@
-"""A fingertip exactly at the reference, whatever force acts on it."""
+"""Fingertips exactly at the reference, whatever force acts on them: rigid, or with a pad."""
 
 import math
 
+import numpy as np
 import pymunk
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.finger import Reference
+from sautereau.sim_backend.parts import Fingertip
+from sautereau.sim_backend.physics.finger import Reference, joint_cubics
 from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver, impulse_of
+from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.key import StiffKey
-from sautereau.sim_backend.physics.rigid.prescribed import PrescribedFinger
+from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.trajectory.key import contact_angle
 from sautereau.trajectory.motion import Floats, dot
@@ -20,6 +23,7 @@ SAME = 1e-9
 """ms, below which two times are the same."""
 SETTLING = 4
 """Steps in which an impact ends: it takes two, and the next start with its impulses."""
+_ENDS = np.array([0.0, 1.0, 2.0])  # of a controller sample, and of the next
 
 
 def touching_angle(rig: Rig, centre: Floats) -> Floats:
@@ -39,6 +43,80 @@ def _at_pin(height: float) -> SceneError:
         f"contact: the fingertip comes within {height * 1e3:.4g} mm of the balance pin, where"
         " no angle of the key gives a contact; start elsewhere, or move arm.base_x"
     )
+
+
+class PrescribedFinger(SteppedFinger):
+    """A finger whose joints follow the reference exactly.
+
+    Args:
+        start: rad, joints when power comes on.
+    """
+
+    def __init__(self, rig: Rig, start: tuple[float, float]):
+        super().__init__(start)
+        arm = rig.arm
+        self._start, self._radians = start, arm.radians_per_count
+        self._period = rig.controller.sample_period * MM
+        self._base = arm.base_x * MM, arm.base_z * MM
+        self._lengths = arm.upper_length * MM, arm.lower_length * MM
+        self._height = (rig.key.surface_height + arm.fingertip_radius) * MM
+        """mm, of the fingertip's centre above the surface through the pin, in contact."""
+        still = [[angle, 0.0, 0.0, 0.0] for angle in start]
+        self._cubics = [still, still]
+
+    def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
+        """Adopt the reference of a controller sample and of the next; see `SteppedFinger`."""
+        self._cubics = joint_cubics(self._start, *reference(_ENDS), self._radians).tolist()
+        first, second = map(sum, self._cubics[0])
+        self._joints = first, second
+        return False
+
+    def tip(self, elapsed: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return place [mm] and velocity [mm/ms] of the fingertip's centre at a time [ms]."""
+        u = elapsed / self._period
+        cubics = self._cubics[u > 1]
+        u -= u > 1
+        first, second = (a + u * (b + u * (c + u * d)) for a, b, c, d in cubics)
+        rate1, rate2 = ((b + u * (2 * c + u * 3 * d)) / self._period for _, b, c, d in cubics)
+        return fingertip_state(self._base, self._lengths, (first, second), (rate1, rate2))
+
+
+class PaddedIdealFinger(PrescribedFinger):
+    """A fingertip of prescribed motion with a pad.
+
+    Args:
+        start: rad, joints when power comes on.
+    """
+
+    def __init__(self, key: StiffKey, rig: Rig, fingertip: Fingertip, start: tuple[float, float]):
+        super().__init__(rig, start)
+        self._pad = self.pad = Pad(fingertip, key, self._height)
+        self._elapsed = 0.0
+
+    def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
+        self._elapsed = 0.0
+        return super().begin_sample(reference, powered, time)
+
+    def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
+        """Apply the pad's force; see `SteppedFinger`."""
+        self._elapsed = elapsed
+        self._pad.press(*self.tip(elapsed), angle, omega, kick)
+
+    def contact_force(self, weight: float) -> float:
+        self._pad.end_step()
+        return self._pad.force
+
+    def reaches_key(self, angle: float, step: float) -> bool:
+        return self.gap(angle, step, step) < 0
+
+    def gap(self, angle: float, time: float, ahead: float) -> float:
+        if not self._pad.separated:
+            return math.inf
+        x, z = self.tip(self._elapsed + time)[0]
+        return self._pad.gap(x, z - self._pad.pin.at(time, ahead), angle)
+
+    def make_contact(self, time: float) -> None:
+        self._pad.make_contact()
 
 
 class IdealFinger(PrescribedFinger):

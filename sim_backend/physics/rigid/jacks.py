@@ -6,9 +6,10 @@ from functools import partial
 import pymunk
 
 from sautereau.analysis.model.choirs import key_of
-from sautereau.rig.instrument import Choir, Damper
+from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.rigid import bodies
+from sautereau.sim_backend.physics.rigid.bodies import MM
 from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.pluck import StringForce
 from sautereau.sim_backend.physics.rigid.step_event import Event
@@ -36,8 +37,8 @@ class CarriedJack:
         string: StringForce | None,
     ):
         lever = key_of(rig, choir)
-        self.arm, self.top = lever.jack_arm * bodies.MM, lever.jack_surface_height * bodies.MM
-        self.mass = choir.jack.mass * bodies.MM
+        self.arm, self.top = lever.jack_arm * MM, lever.jack_surface_height * MM
+        self.mass = choir.jack.mass * MM
         self.string, self._pin = string, key.pin
         self.rise = self.next = self.surface(key.value)
         self.speed = self.acceleration = 0.0
@@ -104,13 +105,7 @@ class CarriedJack:
 
     def load(self, time: float, step: float) -> None:
         """Apply string and damper at the end of a step [s] that started at a time [s]."""
-        if self.string is not None:
-            self.pull = force = self.string.force(self.next, self.rise, time, step)
-        else:
-            force = 0.0
-        if self._damper is not None:
-            force -= _carried(self._damper, self.next)
-        if force:
+        if force := self.forces(time, step):
             bodies.set_force(self.body, (0.0, -force))
 
     def forces(self, time: float, step: float) -> float:
@@ -122,7 +117,8 @@ class CarriedJack:
             self.pull = self.string.force(self.next, self.rise, time, step)
         if self._damper is None:
             return self.pull
-        return self.pull - _carried(self._damper, self.next)
+        # The damper's felt carries the jack.
+        return self.pull - max(0.0, self._damper.stiffness * (self._damper.lift - self.next / MM))
 
     def possible_events(self, key: StiffKey, ahead: float) -> list[Event]:
         """Return the events that may occur to it.
@@ -177,8 +173,3 @@ class CarriedJack:
             self.rise = self.surface(angle) + self._pin.value
         bodies.set_position(self.body, (self.arm, self.top + self.rise))
         return max(abs(x - self.arm), abs(z - self.top - self.rise))
-
-
-def _carried(damper: Damper, rise: float) -> float:
-    """Return the force [N] with which the damper's felt carries a jack at a rise [mm]."""
-    return max(0.0, damper.stiffness * (damper.lift - rise / bodies.MM))

@@ -25,6 +25,8 @@ class FE:
     edge; friction acts there too, and bends the plectrum slightly more than on the mid-line.
     """
 
+    represents = ("outline", "tip_thickness")
+
     def __init__(self, plectrum: Plectrum):
         """Read the plectrum's map from the cache, or build it (3 s).
 

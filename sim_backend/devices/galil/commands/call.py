@@ -13,8 +13,8 @@ from sautereau.sim_backend.devices.galil.grammar import (
     split_arguments,
 )
 from sautereau.sim_backend.devices.galil.machine import Machine
+from sautereau.sim_backend.devices.galil.program import Thread
 from sautereau.sim_backend.devices.galil.reference import Entry
-from sautereau.sim_backend.devices.galil.thread import Thread
 
 _SCALED = {"AC": 2, "DC": 2, "SD": 2, "SP": 1, "JG": 1, "HV": 1}
 """Power of 1000/TM by which a resolution grows."""

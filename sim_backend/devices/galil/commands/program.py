@@ -2,17 +2,16 @@
 
 from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.commands.call import Call
-from sautereau.sim_backend.devices.galil.commands.config import BURN_TIME
 from sautereau.sim_backend.devices.galil.commands.report import write_variable
+from sautereau.sim_backend.devices.galil.commands.settings import BURN_TIME
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.grammar import evaluate, parse_assignment, split_arguments
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.motion import StopCode
 from sautereau.sim_backend.devices.galil.operands import whole
 from sautereau.sim_backend.devices.galil.ports import Download
-from sautereau.sim_backend.devices.galil.program import Program
+from sautereau.sim_backend.devices.galil.program import Program, Thread
 from sautereau.sim_backend.devices.galil.tasks import THREADS
-from sautereau.sim_backend.devices.galil.thread import Thread
 
 
 def assign(machine: Machine, text: str) -> str | None:

@@ -4,9 +4,7 @@ import re
 
 from sautereau.sim_backend.devices.galil.commands import (
     arrays,
-    config,
     motion,
-    ports,
     report,
     settings,
 )
@@ -15,8 +13,8 @@ from sautereau.sim_backend.devices.galil.commands.call import Handler, parse_cal
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import PVT
+from sautereau.sim_backend.devices.galil.program import Thread
 from sautereau.sim_backend.devices.galil.reference import ABSENT, entries
-from sautereau.sim_backend.devices.galil.thread import Thread
 
 _WORDS = ("ELSE", "ENDIF")  # Commands of more than two letters
 REVISION, MASTER_RESET, LOCK = "\x12\x16", "\x12\x13", "\x0c\x0b"
@@ -24,12 +22,12 @@ _LOCKED = ("ED", "LS", "UL")  # Commands that a locked program refuses
 
 HANDLERS: dict[str, Handler] = {
     **{code: settings.setting for code, entry in entries().items() if entry.form == "values"},
-    **dict.fromkeys(("EI", "LZ", "SM", "TM", "US", "CN"), config.configure),
+    **dict.fromkeys(("EI", "LZ", "SM", "TM", "US", "CN"), settings.configure),
     **dict.fromkeys(("TP", "RP", "TE", "TD", "TT", "TS", "SC", "TV", "RL"), report.tell),
-    **dict.fromkeys(("SB", "CB"), config.set_bit),
+    **dict.fromkeys(("SB", "CB"), settings.set_bit),
     **dict.fromkeys(("PA", "PR", "JG"), motion.aim),
     **dict.fromkeys(("HM", "FE", "FI"), motion.search),
-    **dict.fromkeys(("PF", "VF"), config.format_numbers),
+    **dict.fromkeys(("PF", "VF"), settings.format_numbers),
     **report.LISTS,
     "IP": motion.increment,
     "AG": settings.gain,
@@ -49,18 +47,18 @@ HANDLERS: dict[str, Handler] = {
     "BT": motion.begin_pvt,
     "ST": motion.stop,
     "AB": motion.abort,
-    "AZ": config.clear_amplifier,
-    "PW": config.set_password,
-    "OP": config.output_port,
-    "OB": config.output_bit,
-    "BN": config.burn,
-    "BV": config.burn_variables,
-    "RS": config.reset,
-    "EO": ports.echo,
-    "CW": ports.mark,
-    "CF": ports.unsolicited,
-    "TH": ports.tell_handles,
-    "WH": ports.which_handle,
+    "AZ": settings.clear_amplifier,
+    "PW": settings.set_password,
+    "OP": settings.output_port,
+    "OB": settings.output_bit,
+    "BN": settings.burn,
+    "BV": settings.burn_variables,
+    "RS": settings.reset,
+    "EO": settings.echo,
+    "CW": settings.mark,
+    "CF": settings.unsolicited,
+    "TH": settings.tell_handles,
+    "WH": settings.which_handle,
     "ID": report.identify,
     "MG": report.message,
     "TB": report.tell_status,
@@ -106,9 +104,9 @@ def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | 
     if text == REVISION and thread is None:
         return machine.unit.revision
     if text == MASTER_RESET and thread is None:
-        return config.master_reset(machine)
+        return settings.master_reset(machine)
     if text.startswith(LOCK) and thread is None:
-        return config.lock(machine, text.removeprefix(LOCK).strip(" "))
+        return settings.lock(machine, text.removeprefix(LOCK).strip(" "))
     if text.startswith("'") or (thread is not None and text.startswith("#")):
         return None
     code = next((word for word in _WORDS if text == word), text[:2])

@@ -1,1 +1,0 @@
-"""Extreme scenes."""

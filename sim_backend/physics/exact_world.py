@@ -1,0 +1,180 @@
+"""The exact engine as a world."""
+
+import numpy as np
+
+from sautereau.rig.schema import Arm, Rig
+from sautereau.rig.units import GRAVITY
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_sample
+from sautereau.sim_backend.physics.drive import Drive
+from sautereau.sim_backend.physics.events import Motions, StringEvent
+from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics.exact.play import play
+from sautereau.sim_backend.physics.exact_press import (
+    FINGERS,
+    ORDER,
+    bench_of,
+    new_press,
+)
+from sautereau.sim_backend.physics.finger import SETTLED, Finger, Reference, joint_cubics
+from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.dynamics import gravity_torque
+from sautereau.trajectory.motion import Floats
+
+SPARE_ROWS = 64
+"""Rows for changes of mode, in a call and in every sample; further ones are not kept."""
+
+_ENDS = np.array([0.0, 1.0])
+_FAULTS = {
+    ix.TURNED_OVER: TURNED_OVER,
+    ix.LOST: "the simulation diverged or is too stiff; the scene's forces are out of its range:"
+    " lower masses, stiffness or damping",
+    ix.JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
+    ix.AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
+    " contact; keep the arm in front of it",
+}
+
+
+class ExactWorld(World):
+    """The physics of a scene with a spring string; see `physics.world.World`.
+
+    Args:
+        scene: With its step.
+        start: rad, joints when power comes on; None for home and the scene's offset.
+        order: Of the steps, even, at most 8.
+        tolerance: Dimensionless, relative error of a step; None for one that suits the step.
+
+    Raises:
+        SceneError: This engine does not support the scene, or its plectrum has no pluck.
+    """
+
+    _compiled = False
+
+    def __init__(
+        self,
+        rig: Rig,
+        scene: Scene,
+        start: tuple[float, float] | None = None,
+        *,
+        order: int = ORDER,
+        tolerance: float | None = None,
+    ):
+        super().__init__(rig, scene, start)
+        rig = self.rig
+        check_scene(scene)
+        bench = bench_of(rig, scene)
+        self._press = new_press(rig, scene, self.start, *bench, order, tolerance)
+        self._kind = FINGERS.index(scene.finger)
+        self._steps = steps_in_sample(rig, scene.step or rig.controller.sample_period)
+        self.finger = Finger(self.start)
+        if scene.servo:
+            self.finger = ServoFinger(self.press, rig.arm, scene.gravity)
+        if not ExactWorld._compiled:  # now, and not while a host waits for an answer
+            self._play(np.zeros((1, 2)), np.zeros((1, 2)), False)
+            ExactWorld._compiled = True
+
+    @property
+    def press(self) -> ix.Press:
+        """Parameters and state."""
+        return ix.opened(self._press)
+
+    def advance(self, reference: Reference, powered: bool) -> Motions:
+        return self._play(*reference(_ENDS), powered)
+
+    def play(self, drive: Drive) -> Motions:
+        return self._play(*drive.ends(), True)
+
+    def _play(self, counts: Floats, speeds: Floats, powered: bool) -> Motions:
+        """Advance through controller samples with a reference at their ends."""
+        kind, samples = self._kind, len(counts) - 1
+        if isinstance(self.finger, ServoFinger):
+            self.finger.switch(powered)
+        if kind == ix.PUSH:
+            cubics = np.zeros((samples, 2, 4))
+        else:
+            cubics = joint_cubics(self.start, counts, speeds, self.radians_per_count)
+        room = samples * (self._steps + 2) + SPARE_ROWS
+        if len(self._press.rows) < room:
+            self._press = self._press._replace(rows=np.empty((room, 6)))
+        press = self._press
+        fault, events, last = play(press, self.samples, cubics, samples, powered)
+        self.samples += samples
+        rows = press.rows[:last]
+        if fault == ix.FINE and not np.isfinite(rows).all():
+            fault = ix.LOST
+        if fault != ix.FINE:
+            reached = rows[-1, 0] if last else 0.0
+            raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[fault]}")
+        lists = self.events.contacts, self.events.releases, self.events.returns
+        for time, event, choir, force in press.events[:events].tolist():
+            lists[int(event)].append(StringEvent(time, int(choir), force))
+        if kind == ix.IDEAL:
+            first, second = (np.asarray(self.start) + counts[-1] * self.radians_per_count).tolist()
+            self.finger = Finger((first, second))
+        return Motions(*rows.T.copy())
+
+
+class ServoFinger(Finger):
+    """Two links, their motors under the position loops; see `physics.finger.Finger`.
+
+    Args:
+        press: Its arm is set to its start.
+        gravity: m/s^2.
+    """
+
+    def __init__(self, press: ix.Press, arm: Arm, gravity: float):
+        self._arm, self._gravity = arm, gravity
+        self._finger, self._angles, self._speeds = press.finger, press.x[-2:], press.v[-2:]
+        self._angles[:] = press.finger.start
+        self._powered, self._blocked = False, np.zeros(2, bool)
+
+    def joints(self) -> tuple[float, float]:
+        return float(self._angles[0]), float(self._angles[1])
+
+    def torques(self) -> tuple[float, float]:
+        return float(self._finger.torque[0]), float(self._finger.torque[1])
+
+    @property
+    def settled(self) -> bool:
+        """Whether both loops are within `SETTLED` counts, or the motors are off."""
+        return (
+            not self._powered or max(map(abs, self._finger.lag)) <= SETTLED * self._finger.radians
+        )
+
+    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
+        self._finger.offset[:] = offsets
+        self._finger.limit[:] = np.minimum(limits, self._arm.torque_limit)
+
+    def block(self, joint: int) -> None:
+        self._blocked[joint] = True
+        self._lock()
+
+    def switch(self, powered: bool) -> None:
+        """Switch the motors on at the torques of the arm's weight, or off with their brakes on."""
+        if powered == self._powered:
+            return
+        finger, self._powered = self._finger, powered
+        weight = gravity_torque(self._arm, self._angles) * (self._gravity / GRAVITY)
+        finger.integral[:], finger.lag[:], finger.torque[:] = weight, 0.0, 0.0
+        self._lock()
+
+    def _lock(self) -> None:
+        locked = self._blocked | (not self._powered)
+        self._finger.locked[:] = locked
+        self._speeds[locked] = 0.0
+
+
+def check_scene(scene: Scene) -> None:
+    """Refuse a scene that the exact engine does not support.
+
+    Raises:
+        SceneError: The scene has a part that the engine does not support, or an open choice.
+    """
+    faults = scene.unsolved
+    if scene.step is None or scene.string == "auto":
+        faults.append(
+            "step, string: the scene leaves them open; choose them with"
+            " `sautereau.sim_backend.trade.select.select_solver`, or give a step and a string"
+        )
+    if faults:
+        raise SceneError("\n".join(faults))

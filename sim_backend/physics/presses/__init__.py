@@ -1,1 +1,0 @@
-"""Presses for the exact engine: a scene's parameters and force laws, and its world."""
