@@ -9,6 +9,7 @@ Lengths are in mm in CalculiX's input, in m elsewhere.
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 import tempfile
@@ -21,7 +22,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from tests.oracles.outline import Outline, polygon
+from tests.oracles.outline import Outline
 from tests.oracles.pluck import pluck, string_stiffness
 
 LOADED = 4
@@ -76,7 +77,7 @@ def mesh(outline: Outline, size: float, rows: int, fine: int) -> Mesh:
     ends = [0.0, *(b for b in outline.breaks if b < start - size / 2), start, outline.length]
     pieces = [
         np.linspace(a, b, max(round((b - a) / size), 1) + 1)[1:]
-        for a, b in zip(ends[:-1], ends[1:], strict=True)
+        for a, b in itertools.pairwise(ends)
     ]
     columns = np.concatenate([[0.0], *pieces])
     x = np.interp(np.arange(2 * len(columns) - 1) / 2, np.arange(len(columns)), columns)
@@ -100,8 +101,14 @@ def mesh(outline: Outline, size: float, rows: int, fine: int) -> Mesh:
 
 
 def run(
-    body: Mesh, end: int, loads: Sequence[float], *, modulus: float, poisson: float,
-    width: float, loaded: int = LOADED,
+    body: Mesh,
+    end: int,
+    loads: Sequence[float],
+    *,
+    modulus: float,
+    poisson: float,
+    width: float,
+    loaded: int = LOADED,
 ) -> Loads:
     """Press on the `loaded` elements before column `end`, by a pressure normal to the surface.
 
@@ -128,18 +135,28 @@ def run(
     for name, members in (("CLAMP", body.lines[0]), ("LINE", line)):
         text += [f"*NSET, NSET={name}", *(f"{n + 1}," for n in members)]
     text += [
-        "*MATERIAL, NAME=PLECTRUM", "*ELASTIC", f"{modulus * 1e-6 * UNIT:.12g}, {poisson:.12g}",
-        "*SOLID SECTION, ELSET=BODY, MATERIAL=PLECTRUM", f"{SLICE:.12g}",
-        "*BOUNDARY", "CLAMP, 1, 2",
+        "*MATERIAL, NAME=PLECTRUM",
+        "*ELASTIC",
+        f"{modulus * 1e-6 * UNIT:.12g}, {poisson:.12g}",
+        "*SOLID SECTION, ELSET=BODY, MATERIAL=PLECTRUM",
+        f"{SLICE:.12g}",
+        "*BOUNDARY",
+        "CLAMP, 1, 2",
     ]
     for load in loads:
         pressure = load * scale / area
         text += [
-            "*STEP, NLGEOM", "*CONTROLS, PARAMETERS=FIELD", "1e-8,1e-8,,,1e-8,1e-12,1e-8,1e-12",
-            "*STATIC, DIRECT", "1., 1.",
+            "*STEP, NLGEOM",
+            "*CONTROLS, PARAMETERS=FIELD",
+            "1e-8,1e-8,,,1e-8,1e-12,1e-8,1e-12",
+            "*STATIC, DIRECT",
+            "1., 1.",
             "*DLOAD",
             *(f"{e}, P3, {pressure:.12g}" for e in pressed),
-            "*NODE PRINT, NSET=LINE", "U", "*NODE PRINT, NSET=CLAMP, TOTALS=ONLY", "RF",
+            "*NODE PRINT, NSET=LINE",
+            "U",
+            "*NODE PRINT, NSET=CLAMP, TOTALS=ONLY",
+            "RF",
             "*END STEP",
         ]
     text.append("")
@@ -187,15 +204,29 @@ def _loads(
     height = body.nodes[line, 1] - body.nodes[line, 1].mean()
     top = [lines[-1] for lines in body.lines]
     ends = body.nodes[top[middle + loaded // 2]] - body.nodes[top[middle - loaded // 2]]
-    rows = [(0.0, atan(-ends[1] / ends[0]), 0.0, body.columns[middle] * 1e-3,
-             (body.nodes[line, 1].mean() - base) * 1e-3)]
+    rows = [
+        (
+            0.0,
+            atan(-ends[1] / ends[0]),
+            0.0,
+            body.columns[middle] * 1e-3,
+            (body.nodes[line, 1].mean() - base) * 1e-3,
+        )
+    ]
     for places, (right, up) in zip(moved, reactions, strict=True):
         points = body.nodes[line] + [places[n] for n in line]
         # the section's direction by least squares over its nodes
         across = height @ points
         centre = points.mean(axis=0)
-        rows.append((hypot(right, up), atan2(right, up), atan2(across[0], across[1]),
-                     centre[0] * 1e-3, (centre[1] - base) * 1e-3))
+        rows.append(
+            (
+                hypot(right, up),
+                atan2(right, up),
+                atan2(across[0], across[1]),
+                centre[0] * 1e-3,
+                (centre[1] - base) * 1e-3,
+            )
+        )
     force, angle, rotation, x, z = np.array(rows).T
     return Loads(body.columns[middle] * 1e-3, force, angle, rotation, x, z)
 
@@ -237,8 +268,15 @@ def release(
     body = mesh(outline, patch / LOADED / refine, rows * refine, 4 * LOADED * refine)
     last = len(body.columns) - 1
     runs = [
-        run(body, last - n * refine, loads, modulus=modulus, poisson=poisson, width=width,
-            loaded=LOADED * refine)
+        run(
+            body,
+            last - n * refine,
+            loads,
+            modulus=modulus,
+            poisson=poisson,
+            width=width,
+            loaded=LOADED * refine,
+        )
         for n in before_tip
     ]
 
@@ -289,7 +327,10 @@ def main() -> None:
     from tests.oracles.cases import arched, wedge
 
     case = {
-        "modulus": 2.9e9, "width": 0.75e-3, "overlap": 0.263e-3, "radius": 0.155e-3,
+        "modulus": 2.9e9,
+        "width": 0.75e-3,
+        "overlap": 0.263e-3,
+        "radius": 0.155e-3,
         "stiffness": string_stiffness(66.95, 0.46, 0.108),
     }
     for name, outline in (("wedge", wedge()), ("arched", arched())):

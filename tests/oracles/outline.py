@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -43,7 +44,7 @@ class Outline:
         # Simpson's rule: exact for straight pieces and parabolas
         area = sum(
             (hi - lo) / 6 * (self.top(lo) + 4 * self.top((lo + hi) / 2) + self.top(hi))
-            for lo, hi in zip(edges[:-1], edges[1:], strict=True)
+            for lo, hi in itertools.pairwise(edges)
         )
         return area / (end - start), (self.top(end) - self.top(start)) / (end - start)
 
@@ -81,9 +82,7 @@ def polygon(x: Sequence[float], top: Sequence[float], bottom: Sequence[float]) -
 
     top_height, top_slope = straight(top)
     bottom_height, bottom_slope = straight(bottom)
-    return Outline(
-        x[-1], top_height, bottom_height, top_slope, bottom_slope, tuple(x[1:-1])
-    )
+    return Outline(x[-1], top_height, bottom_height, top_slope, bottom_slope, tuple(x[1:-1]))
 
 
 def _flat(_: float) -> float:
