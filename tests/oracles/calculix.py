@@ -2,16 +2,17 @@
 
 An independent solution by another program, for outlines of which the elastica of `pluck.py` is an
 approximation. It needs `ccx` (Debian: `apt-get install calculix-ccx`).
-`python -m tests.oracles.calculix` prints the releases of two outlines.
+`python -m tests.oracles.calculix` writes the releases of two outlines to `calculix.csv`: the mesh
+changes them by 0.01 %, the choice of patches for the extrapolation to the tip by up to 0.3 %.
 
 Lengths are in mm in CalculiX's input, in m elsewhere.
 """
 
 from __future__ import annotations
 
+import csv
 import itertools
 import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -323,7 +324,7 @@ def first_height(outline: Outline, x: float, radius: float) -> float:
 
 
 def main() -> None:
-    """Print the releases of two outlines, by CalculiX and by the elastica."""
+    """Write `calculix.csv`: the releases of two outlines in SI units, on two meshes."""
     from tests.oracles.cases import arched, wedge
 
     case = {
@@ -333,14 +334,17 @@ def main() -> None:
         "radius": 0.155e-3,
         "stiffness": string_stiffness(66.95, 0.46, 0.108),
     }
-    for name, outline in (("wedge", wedge()), ("arched", arched())):
-        elastica = pluck(outline, **case)
-        loads = [f * elastica.force for f in (0.5, 0.9, 1.0, 1.1)]
-        for refine in (1, 2):
-            result = release(outline, loads=loads, poisson=0.35, refine=refine, rows=6, **case)
-            sys.stdout.write(f"{name}, CalculiX, refined {refine}: {result}\n")
-        values = {key: getattr(elastica, key) for key in result if key != "rotation"}
-        sys.stdout.write(f"{name}, elastica: {values}\n")
+    with (Path(__file__).parent / "calculix.csv").open("w", newline="") as file:
+        quantities = ["height", "force", "lift", "shift", "angle", "rotation"]
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(["shape", "rows", *quantities])
+        for name, outline in (("wedge", wedge()), ("arched", arched())):
+            elastica = pluck(outline, nodes=8, **case)
+            loads = [f * elastica.force for f in (0.5, 0.9, 1.0, 1.1)]
+            for refine in (1, 2):
+                result = release(outline, loads=loads, poisson=0.35, refine=refine, rows=6, **case)
+                values = [f"{result[quantity]:.6g}" for quantity in quantities]
+                table.writerow([name, 6 * refine, *values])
 
 
 if __name__ == "__main__":

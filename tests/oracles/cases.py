@@ -1,7 +1,7 @@
 """Cases of the independent solution of the pluck, and their table `plucks.csv`.
 
 `outlines.csv` holds the outlines as points, straight between them. Curved outlines are solved
-exactly, not through these points, which lie so densely that it makes no difference.
+exactly, not through these points: with them force and height differ by up to 0.06 and 0.1 %.
 """
 
 from __future__ import annotations
