@@ -27,19 +27,14 @@ from sautereau.daq.file.samples import block_head
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
-SAMPLES = 8_192_000
-"""Of all channels together: 64 MiB as float64."""
+SAMPLES = 8_192_000  # Of all channels together: 64 MiB as float64
 BLOCK = 1024
-HELD = 10 * BLOCK
-"""Samples of each channel in one message of our own."""
+HELD = 10 * BLOCK  # Samples of each channel in one message of our own
 RUNS = 5
 CHUNK = 256 * 1024
-SIXTEEN = 16
-"""Channels of a continuous recording."""
-STEP = 20 / 65536
-"""V per count."""
-HOUR = 3600
-"""Duration over which its memory is measured, s; with previews."""
+SIXTEEN = 16  # Channels of a continuous recording
+STEP = 20 / 65536  # V per count
+HOUR = 3600  # Duration over which its memory is measured, s; with previews
 SESSION = SessionInfo(1, "2026-01-01T00:00:00Z", True, "none", "none")
 
 Array = np.ndarray[Any, Any]

@@ -33,10 +33,8 @@ from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
 from sautereau.trajectory.motion import Floats
 
-FINGERS = ("push", "ideal", "servo")
-"""Kinds of finger, as the structures number them."""
-ORDER = 4
-"""Order of the steps with which a scene is simulated."""
+FINGERS = ("push", "ideal", "servo")  # Kinds of finger, as the structures number them
+ORDER = 4  # Order of the steps with which a scene is simulated
 RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
 """A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
 order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""

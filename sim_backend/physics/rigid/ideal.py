@@ -17,12 +17,9 @@ from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.trajectory.key import contact_angle
 from sautereau.trajectory.motion import Floats, dot
 
-CHECKED = 8
-"""Equal parts of a sample at whose ends a finger is checked to stay off a key at rest."""
-SAME = 1e-9
-"""ms, below which two times are the same."""
-SETTLING = 4
-"""Steps in which an impact ends: it takes two, and the next start with its impulses."""
+CHECKED = 8  # Equal parts of a sample at whose ends a finger is checked to stay off a key at rest
+SAME = 1e-9  # ms, below which two times are the same
+SETTLING = 4  # Steps in which an impact ends: it takes two, and the next start with its impulses
 _ENDS = np.array([0.0, 1.0, 2.0])  # of a controller sample, and of the next
 
 

@@ -13,8 +13,7 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
 from sautereau.sim_backend.scene import Scene
 
-TABLE = 2048
-"""Cells of the table of force over height."""
+TABLE = 2048  # Cells of the table of force over height
 MM = 1e3
 
 
