@@ -123,12 +123,10 @@ class OdriveFirmware(Machine):
             return ["invalid command format"]
         name, word = words[1], words[2] if len(words) > 2 else None
         if name == "stand_in.wait":
-            return self._wait(None if word is None else FLOAT.scan(word))
+            seconds = None if word is None else FLOAT.scan(word)
+            # The answer makes the host wait until time has advanced.
+            return [f"waiting {seconds:.6f}" if self.grant(seconds) else "not implemented"]
         return self.write(name, word)
-
-    def _wait(self, seconds: float | None) -> list[str]:
-        """Advance time; the answer makes the host wait until that is done."""
-        return [f"waiting {seconds:.6f}" if self.grant(seconds) else "not implemented"]
 
 
 def _for_axis(command: Callable[..., list[str]], least: int) -> Callable[[str], list[str]]:

@@ -147,9 +147,8 @@ def brakes(
     space: pymunk.Space, upper: pymunk.Body, lower: pymunk.Body
 ) -> tuple[constraints.SimpleMotor, constraints.SimpleMotor]:
     """Return the brakes that hold both joints while they are added to the space."""
-    return constraints.SimpleMotor(space.static_body, upper, 0), constraints.SimpleMotor(
-        upper, lower, 0
-    )
+    first = constraints.SimpleMotor(space.static_body, upper, 0)
+    return first, constraints.SimpleMotor(upper, lower, 0)
 
 
 def _hard(joint: Constraint) -> Constraint:

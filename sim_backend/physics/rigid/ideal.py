@@ -131,8 +131,7 @@ class IdealFinger(PrescribedFinger):
         super().__init__(rig, start)
         self._body, self._contact = add_driver(space, key.lever)
         self._reach, self._struck = 1.0, 0
-        self._next = math.nan, 0.0
-        """ms and mm, end of the next step and the contact's arm there."""
+        self._next = math.nan, 0.0  # ms and mm, end of the next step and the contact's arm there
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         self._next = math.nan, 0.0

@@ -42,7 +42,6 @@ class StringForce(Protocol):
             time: s of simulated time, at its start.
             step: s.
         """
-        ...
 
     def cross(self, upwards: bool, time: float) -> None:
         """Enter the next mode: the jack has reached `high`, or else `low`.
@@ -51,7 +50,6 @@ class StringForce(Protocol):
             upwards: Whether it has reached `high`.
             time: s of simulated time.
         """
-        ...
 
 
 class Plucking:
@@ -116,7 +114,7 @@ class Plucking:
         self._enter(self._passing, low, high, self._yielding, self._return, self._go_above)
 
     def _return(self, time: float) -> None:
-        force = self._passing_force(self.clearance - self._travel)
+        force = self._passing(self.clearance - self._travel)
         self.events.returns.append(StringEvent(time, self.number, force))
         self._go_below()
 
@@ -143,10 +141,9 @@ class Plucking:
         low = min(max(int(cell), 0), TABLE)
         return self._force[low] + (cell - low) * self._rises[low]
 
-    def _passing(self, rise: float, previous: float, time: float, step: float) -> float:
-        return self._passing_force(rise)
-
-    def _passing_force(self, rise: float) -> float:
+    def _passing(
+        self, rise: float, previous: float = 0.0, time: float = 0.0, step: float = 0.0
+    ) -> float:
         if self._travel == 0:
             return 0.0
         drop = self.clearance - rise
