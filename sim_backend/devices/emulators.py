@@ -22,24 +22,31 @@ class Plant(Protocol):
 
     def encoder_counts(self) -> tuple[int, int]:
         """Return the raw encoder counts since power-up."""
+        ...
 
     def home_counts(self) -> tuple[int, int]:
         """Return the raw encoder counts at the home switches."""
+        ...
 
     def index(self, axis: int) -> int | None:
         """Return the raw counts of the encoder index that passed in the last sample, or None."""
+        ...
 
     def active(self, switch: str, axis: int) -> bool:
         """Return whether current flows in an input: forward, reverse, home or abort."""
+        ...
 
     def amplifier_fault(self, axis: int) -> bool:
         """Return whether an axis's amplifier reports a fault."""
+        ...
 
     def torque_volts(self) -> tuple[float, float]:
         """Return the commands to the amplifiers [V]."""
+        ...
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
         """Add offsets [V] to the loops' commands from now on, and limit [V] the sums."""
+        ...
 
 
 class Emulator(Protocol):
@@ -48,21 +55,26 @@ class Emulator(Protocol):
     @property
     def motors_on(self) -> tuple[bool, bool]:
         """Whether each axis is powered."""
+        ...
 
     @property
     def moving(self) -> bool:
         """Whether simulated time must advance, for a motion or a program."""
+        ...
 
     @property
     def watching(self) -> bool:
         """Whether it needs time only if that is paced, as a watchdog does."""
+        ...
 
     @property
     def held(self) -> bool:
         """Whether simulated time must not advance before the host's next command."""
+        ...
 
     def tick(self) -> None:
         """Do one controller sample."""
+        ...
 
     def reference(self, fractions: Floats) -> tuple[Floats, Floats]:
         """Return the reference within the sample last ticked, before any tick its start.
@@ -73,16 +85,20 @@ class Emulator(Protocol):
         Returns:
             Positions [raw encoder counts] and velocities [counts per sample], shapes (k, 2).
         """
+        ...
 
     @property
     def phase(self) -> float:
         """Fraction of the sample that has passed when an output changes within a tick."""
+        ...
 
     def outgoing(self) -> Mapping[str, bytes]:
         """Return what the controller has sent by itself since the last call, by port."""
+        ...
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes from the host; return what the controller sends back."""
+        ...
 
 
 SERIAL = "S"  # Letter of the serial port, as `Emulator.outgoing` names it
@@ -93,22 +109,23 @@ class Handles(Protocol):
 
     def connect(self, peer: int) -> str | None:
         """Open a connection from a host's TCP port; return its handle, None if all are in use."""
+        ...
 
     def connected(self, letter: str, /) -> bool:
         """Return whether a handle is open."""
+        ...
 
     def disconnect(self, letter: str, /) -> None:
         """Lose a TCP connection."""
 
     def receive(self, data: bytes, letter: str = SERIAL) -> bytes:
         """Take bytes from the host at a port; return what the controller sends back."""
+        ...
 
 
 @runtime_checkable
-class Networked(Emulator, Handles, Protocol):
+class Networked(Handles, Emulator, Protocol):
     """An emulator with Ethernet as well."""
-
-    def receive(self, data: bytes, letter: str = SERIAL) -> bytes: ...
 
     def miss_acknowledgement(self, letter: str, /) -> None:
         """Give a handle up after some retries, because its host does not acknowledge a message."""

@@ -27,6 +27,7 @@ class Disturbance(Protocol):
 
     def disturb(self, times: Floats, values: Floats) -> Floats:
         """Return the sensor's output [SI] at times [s from the trigger]; call it in order."""
+        ...
 
 
 @dataclass(frozen=True)

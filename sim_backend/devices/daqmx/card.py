@@ -73,6 +73,7 @@ class Run(Protocol):
     @property
     def acquired(self) -> int:
         """Samples of each channel acquired since the start, kept or not."""
+        ...
 
     def wait_for(self, n: int, timeout: float) -> int:
         """Return the number of acquired samples per channel, after waiting for ``n`` of them.
@@ -80,12 +81,15 @@ class Run(Protocol):
         Returns before ``timeout`` (s of real time) only with ``n`` samples or more, or after
         `stop`. May raise `DaqmxError` or `ServerGone`.
         """
+        ...
 
     def read(self, first: int, n: int) -> NDArray[np.float64]:
         """Return samples ``first`` to ``first + n``: shape (n_channels, n), V."""
+        ...
 
     def stop(self) -> None:
         """End the acquisition; harmless when it has ended."""
+        ...
 
 
 class Card(Protocol):
@@ -94,25 +98,31 @@ class Card(Protocol):
     @property
     def name(self) -> str:
         """Name of the device, ``"Dev1"``."""
+        ...
 
     @property
     def device(self) -> DeviceType:
         """Its type."""
+        ...
 
     @property
     def chassis(self) -> str:
         """Name of the chassis that holds it; empty where there is none."""
+        ...
 
     @property
     def terminals(self) -> tuple[str, ...]:
         """Its analog inputs, ``("ai0", "ai1")``; raises `DaqmxError` if it is disconnected."""
+        ...
 
     @property
     def paced(self) -> bool:
         """Whether samples are acquired even if they are not read, so that a buffer can overflow."""
+        ...
 
     def start(self, setup: TaskSetup) -> Run:
         """Arm an acquisition."""
+        ...
 
 
 def owner_of(card: Card) -> str:

@@ -142,6 +142,6 @@ def entries() -> dict[str, Entry]:
     found = {}
     for row in csv.DictReader(text.splitlines(), delimiter="|"):
         arguments = tuple(map(_argument, row["arguments"].split()))
-        values = row | {"arguments": arguments, "models": _models(row["models"])}
-        found[row["code"]] = Entry(**values)
+        code, form, valid, heading = (row[name] for name in ("code", "form", "valid", "heading"))
+        found[code] = Entry(code, form, arguments, valid, _models(row["models"]), heading)
     return found

@@ -42,6 +42,7 @@ class StringForce(Protocol):
             time: s of simulated time, at its start.
             step: s.
         """
+        ...
 
     def cross(self, upwards: bool, time: float) -> None:
         """Enter the next mode: the jack has reached `high`, or else `low`.
@@ -50,6 +51,7 @@ class StringForce(Protocol):
             upwards: Whether it has reached `high`.
             time: s of simulated time.
         """
+        ...
 
 
 class Plucking:
