@@ -4,9 +4,12 @@ import math
 import re
 import textwrap
 from collections.abc import Collection, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from sautereau.rig.quantities import DISPLAYED
-from sautereau.trajectory.checks import Check
+
+if TYPE_CHECKING:
+    from sautereau.trajectory.checks import Check
 
 SOME_SIMULATED = "SIMULATED: at least one of these presses is simulated"
 """First line of the text on presses of which any was made on a stand-in."""
@@ -90,7 +93,7 @@ def percent(ratio: float) -> str:
     return f"{100 * ratio:+.{1 if abs(ratio) >= 0.01 else 2}f} %"
 
 
-def relative_margin(check: Check) -> float:
+def relative_margin(check: "Check") -> float:
     """Return the margin [1] over the limit; infinite where a limit of 0 is kept."""
     if math.isnan(check.margin):
         return -math.inf
@@ -99,7 +102,7 @@ def relative_margin(check: Check) -> float:
     return check.margin / abs(check.limit)
 
 
-def check_cells(check: Check) -> tuple[str, ...]:
+def check_cells(check: "Check") -> tuple[str, ...]:
     """Return name, value in the unit of its limit, limit, margin, and whether the check fails."""
     plain = "" if check.unit == "1" else check.unit.replace("*", " ")
     scale, unit = DISPLAYED.get(check.unit, (1.0, plain))

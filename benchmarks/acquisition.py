@@ -28,12 +28,9 @@ from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.motion import Floats
 
-DURATION = 10.0
-"""Duration of the acquisition in real time, s; the cost does not depend on it."""
-EDGES = 100
-"""Edges that are dated."""
-PERIOD = 2048
-"""Samples after which the card's signal repeats."""
+DURATION = 10.0  # Duration of the acquisition in real time, s; the cost does not depend on it
+EDGES = 100  # Edges that are dated
+PERIOD = 2048  # Samples after which the card's signal repeats
 
 
 class PacedRun:

@@ -20,15 +20,11 @@ from sautereau.analysis.model.plectrum.fe.profile import profile_of
 from sautereau.rig.instrument import Plectrum
 from sautereau.rig.load import load_rig
 
-FORCES = (0.5, 1.0)
-"""N."""
+FORCES = (0.5, 1.0)  # N
 COLUMNS, ACROSS, LAYERS = 60, 2, 4
-LOADED = (55, 59)
-"""Columns from the first to before the last that carry the load."""
-LIMIT = 2.0
-"""%, of displacement, shortening and rotation."""
-BUILD_LIMIT, LOAD_LIMIT = 30.0, 20.0
-"""s and ms."""
+LOADED = (55, 59)  # Columns from the first to before the last that carry the load
+LIMIT = 2.0  # %, of displacement, shortening and rotation
+BUILD_LIMIT, LOAD_LIMIT = 30.0, 20.0  # s and ms
 _CORNERS = ((0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2))
 _EDGES = (
     (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7),

@@ -29,16 +29,12 @@ from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import Scene, load_scene
 
 RECORDINGS = 5000
-MADE = 250
-"""Number of different recordings."""
+MADE = 250  # Number of different recordings
 PLECTRA, SESSIONS = 10, 5
 PROCESSES = 2
-LIMIT = 60.0
-"""s, limit of the time for all recordings on two cores."""
-SET_UP = 0.02
-"""1, relative standard deviation of the overlap between set-ups."""
-CUTS = (0.42e-3, 0.54e-3), (0.22e-3, 0.32e-3)
-"""m, ranges of the plectra's thickness and overlap."""
+LIMIT = 60.0  # s, limit of the time for all recordings on two cores
+SET_UP = 0.02  # 1, relative standard deviation of the overlap between set-ups
+CUTS = (0.42e-3, 0.54e-3), (0.22e-3, 0.32e-3)  # m, ranges of the plectra's thickness and overlap
 
 
 def run() -> list[Figure]:

@@ -14,11 +14,9 @@ from sautereau.sim_backend.scene import Scene, load_scene
 
 Engine = Literal["rigid", "exact"]
 ENGINES: tuple[Engine, ...] = ("rigid", "exact")
-Values = dict[str, str | float]
-"""TOML values of a rig by dotted key."""
+Values = dict[str, str | float]  # TOML values of a rig by dotted key
 
-MIDDLE, SLOW = 100e-6, 500e-6
-"""s, steps of the cases that vary other parameters, and of long ones."""
+MIDDLE, SLOW = 100e-6, 500e-6  # s, steps of the cases that vary other parameters, and of long ones
 
 
 @dataclass(frozen=True)
@@ -135,18 +133,13 @@ def _scene(engine: Engine, step: float, friction: bool, felt: bool, **finger: An
     return Scene.model_validate(document | finger)
 
 
-STEPS = (1e-6, 1e-5, 1e-4, 5e-4, 2e-3)
-"""s."""
-SPEEDS = (0.005, 0.02, 0.072, 0.3, 1.0)
-"""m/s, of the jack."""
-FORCES = (0.01, 0.3, 1.2, 10.0, 100.0)
-"""N, of a push."""
+STEPS = (1e-6, 1e-5, 1e-4, 5e-4, 2e-3)  # s
+SPEEDS = (0.005, 0.02, 0.072, 0.3, 1.0)  # m/s, of the jack
+FORCES = (0.01, 0.3, 1.2, 10.0, 100.0)  # N, of a push
 MASS_RATIOS = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4)
 """Dimensionless, the key's inertia over the jack's about the pin."""
-STIFFNESSES = (1e-3, 0.1, 10.0, 1e3)
-"""Dimensionless factors on the rig's."""
-OVERLAPS = (0.01e-3, 0.1e-3, 0.5e-3, 2e-3)
-"""m."""
+STIFFNESSES = (1e-3, 0.1, 10.0, 1e3)  # Dimensionless factors on the rig's
+OVERLAPS = (0.01e-3, 0.1e-3, 0.5e-3, 2e-3)  # m
 
 
 def grid(rig: Rig) -> Iterator[Case]:

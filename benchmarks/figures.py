@@ -11,8 +11,7 @@ from typing import TypeVar
 from sautereau.sim_backend.trade.study import machine
 
 T = TypeVar("T")
-RUNS = 21
-"""Repetitions of a timed function."""
+RUNS = 21  # Repetitions of a timed function
 UPPER, LOWER = "limit", "at least"
 """Names of the references that are limits; every other one is a peer."""
 PAGE = Path(__file__).parents[1] / "docs" / "figures.md"

@@ -30,17 +30,14 @@ RESULTS = ("plectrum.bending_stiffness", "plectrum.overlap", "key.inertia")
 FREE = (*RESULTS, "key.pivot_coulomb_friction")
 BENCHES, PRESSES = range(400, 500), 5
 """Random benches, none of which was seen in the development, and the number of presses of each."""
-STEP = 20e-6
-"""s, step of the simulation."""
-JUDGED_PRESSES = 3
-"""Presses of each bench of the independent simulator, which draws every factor."""
+STEP = 20e-6  # s, step of the simulation
+JUDGED_PRESSES = 3  # Presses of each bench of the independent simulator, which draws every factor
 COMPLIANT = (
     *("all stiff", "key bends at 1200 Hz", "key bends at 350 Hz", "key heaves at 120 Hz"),
     *("jack on cloth of 400 kN/m", "jack on cloth of 60 kN/m", "soft pad"),
 )
 """Conditions of the independent simulator with one soft part or none."""
-RANDOM = range(100, 110)
-"""Benches of the independent simulator with every factor drawn."""
+RANDOM = range(100, 110)  # Benches of the independent simulator with every factor drawn
 LIMIT, COVERED = 0.05, 0.88
 """Dimensionless: largest error of a result that is reported as identifiable, by a model that fits;
 and the least fraction of them that are within it and in their 95 % interval."""

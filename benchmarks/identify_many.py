@@ -15,10 +15,8 @@ from benchmarks.figures import Figure
 from benchmarks.identify import figures_of, independent_cases, outcomes, random_bench
 from benchmarks.independent import FORCE, VELOCITY, Choir, Conditions
 
-RANDOM = range(120, 370)
-"""Benches with every factor drawn; about 200 of them pluck."""
-SOFT = range(120, 180)
-"""Benches with one soft part or none."""
+RANDOM = range(120, 370)  # Benches with every factor drawn; about 200 of them pluck
+SOFT = range(120, 180)  # Benches with one soft part or none
 FRICTION = 0.03
 """Coefficient of friction of a plectrum up to which the direction of its friction is ignored."""
 

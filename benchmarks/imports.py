@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from benchmarks.figures import Figure, check
 
-RUNS = 7
-"""Fresh processes per module."""
+RUNS = 7  # Fresh processes per module
 PROBE = """
 import sys, time
 start = time.process_time()

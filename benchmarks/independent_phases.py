@@ -17,14 +17,10 @@ from sautereau.analysis.phases import Phases
 from sautereau.rig.errors import RigError
 from sautereau.trajectory.motion import Floats
 
-RANDOM, EACH = 1000, 6
-"""Random presses, and presses of each condition of `ONE_FACTOR`."""
-PEER = 100
-"""Random presses that `ruptures` gets as well."""
-FAST = 0.12
-"""m/s, speed of the jack that divides random presses into slow and fast ones."""
-FAR = 5e-3
-"""s, error from which on a press without a warning counts as silent."""
+RANDOM, EACH = 1000, 6  # Random presses, and presses of each condition of `ONE_FACTOR`
+PEER = 100  # Random presses that `ruptures` gets as well
+FAST = 0.12  # m/s, speed of the jack that divides random presses into slow and fast ones
+FAR = 5e-3  # s, error from which on a press without a warning counts as silent
 FRACTIONS = (0.55, 0.85), (0.88, 1.0)
 """Limits of the fractions of errors within their intervals of 68 % and of 95 %."""
 LIMITS = {"contact": (0.1, 1.0), "release": (0.05, 0.5)}

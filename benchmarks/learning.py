@@ -8,10 +8,8 @@ from sautereau.rig.load import load_rig, with_values
 
 SEEDS = 20
 PRESSES = 6
-LIMIT = 1.0
-"""%, RMS speed error of the jack over the cruise, in the best press."""
-GROWTH = 1.5
-"""Dimensionless, largest error of a later press relative to the best one before it."""
+LIMIT = 1.0  # %, RMS speed error of the jack over the cruise, in the best press
+GROWTH = 1.5  # Dimensionless, largest error of a later press relative to the best one before it
 SLOW_HOST = {"controller.timeout": "20 s"}
 """The stand-in answers after its motion, which takes long on a busy machine."""
 OTHERS = {

@@ -11,12 +11,9 @@ from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
-EXACT = "elastica"
-"""The exact level, reference of the others."""
-BATCH = 401
-"""Points of an array that is evaluated in one call."""
-SAME = 1e-8
-"""Dimensionless tolerance between two exact solutions of the elastica."""
+EXACT = "elastica"  # The exact level, reference of the others
+BATCH = 401  # Points of an array that is evaluated in one call
+SAME = 1e-8  # Dimensionless tolerance between two exact solutions of the elastica
 
 
 LIMITS = {"rods (5)": 1.0, "rods": 0.1, "rods (80)": 0.01, "beam": 25.0, "two-beam": 25.0}
@@ -28,8 +25,7 @@ COSTS = (
     ("a complete pluck", 1e3, "ms"),
 )
 """What is timed at every level, with its scale from s and its unit."""
-Cost = tuple[float, float, float]
-"""Median times [s] of `COSTS`."""
+Cost = tuple[float, float, float]  # Median times [s] of `COSTS`
 
 
 def run() -> list[Figure]:

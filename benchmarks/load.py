@@ -33,14 +33,12 @@ HOURS, RATE = 8.0, 250
 """Of the acquisition, in the card's time; Hz: ten reads per second, the fewest allowed."""
 RECORDINGS = 10_000
 NOTES = 1000
-WARM = 0.1
-"""Dimensionless fraction of a run after which its start is measured."""
+WARM = 0.1  # Dimensionless fraction of a run after which its start is measured
 GROWTH, SLOWER = 30.0, 1.3
 """Limits: MiB by which the memory grows; dimensionless, by which a press takes longer."""
 ROW = 2 / 1024
 """Limit: MiB by which the memory grows with each recording of a campaign, a row of its table."""
-MORE = 3
-"""Limit of the growth of open files and threads: gRPC starts and ends some of its own."""
+MORE = 3  # Limit of the growth of open files and threads: gRPC starts and ends some of its own
 BARE = {"plectrum": "none", "string": "none", "friction": False, "felt": False, "step": 1e-3}
 
 

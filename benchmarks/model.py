@@ -15,8 +15,7 @@ from sautereau.rig.schema import Rig
 
 CASES = 20_000
 CHECKED = 20
-SAME = 1e-9
-"""Dimensionless tolerance between two ways to the same scalars."""
+SAME = 1e-9  # Dimensionless tolerance between two ways to the same scalars
 
 
 def run() -> list[Figure]:

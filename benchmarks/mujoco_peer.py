@@ -40,8 +40,7 @@ _SLIDER = """
   </worldbody>
 </mujoco>
 """
-CELLS = 4000
-"""Of the force law, which is linear in each."""
+CELLS = 4000  # Of the force law, which is linear in each
 CLEARANCE, RELEASE, STEP, STEPS, RISE, SPEED, CONTACT_TIME, RELEASE_TIME, LAW = range(9)
 """Places in `userdata`: m; m, from contact to release; s; number of steps done; m and m/s, of the
 jack at the start of the last one; s, infinite before the event; N, the forces of the law. The rows

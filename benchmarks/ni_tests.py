@@ -28,8 +28,7 @@ from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
 TESTS = Path(__file__).with_suffix(".txt").read_text(encoding="utf-8").split()
 """Files of NI's tests, in the folder `tests`."""
-PERIOD = 0.1
-"""s, of the sine."""
+PERIOD = 0.1  # s, of the sine
 PLUGIN = """
 import os
 import grpc

@@ -21,8 +21,7 @@ from sautereau.trajectory.motion import Floats
 CASES = 300
 FRACTIONS = (0.60, 0.76), (0.90, 0.99)
 """Limits of the fractions of errors within their intervals of 68 % and of 95 %."""
-FILES = 20
-"""Presses read from files."""
+FILES = 20  # Presses read from files
 PEER_CASES, PEER_ROWS = 40, 250
 """Presses for `ruptures`, and rows of each that it is given: its time grows with their square."""
 PEER_MARGIN = 8e-3

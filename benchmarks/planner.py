@@ -16,12 +16,9 @@ from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
 
-CRUISE_LIMIT = 0.1
-"""%, speed error of the jack in the cruise."""
-REACH_LIMIT = 1e-9
-"""m, error of a fingertip's position, ours or a peer's."""
-SAME = 1e-12
-"""m/s, m and s, tolerance within which two time-optimal run-ups are equal."""
+CRUISE_LIMIT = 0.1  # %, speed error of the jack in the cruise
+REACH_LIMIT = 1e-9  # m, error of a fingertip's position, ours or a peer's
+SAME = 1e-12  # m/s, m and s, tolerance within which two time-optimal run-ups are equal
 
 
 def run() -> list[Figure]:

@@ -13,8 +13,7 @@ from sautereau.rig.load import load_rig
 
 PRESSES = 10
 STARTS = 9
-LIMIT = ("limit", 1.5)
-"""s, for a press after start-up."""
+LIMIT = ("limit", 1.5)  # s, for a press after start-up
 
 
 def run() -> list[Figure]:

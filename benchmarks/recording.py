@@ -26,21 +26,16 @@ from sautereau.daq.file.schemas import schema_data
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
-SAMPLES = 8_192_000
-"""Of all channels together: 64 MiB as float64."""
+SAMPLES = 8_192_000  # Of all channels together: 64 MiB as float64
 BLOCK = 1024
-HELD = 10 * BLOCK
-"""Samples of each channel in one message of our own."""
+HELD = 10 * BLOCK  # Samples of each channel in one message of our own
 RUNS = 5
 CHUNK = 256 * 1024
-SIXTEEN = 16
-"""Channels of a continuous recording."""
+SIXTEEN = 16  # Channels of a continuous recording
 LEAST = {2: 20.0, SIXTEEN: 5.0}
 """Limits of writing, dimensionless multiples of real time, by the number of channels."""
-STEP = 20 / 65536
-"""V per count."""
-HOUR = 3600
-"""Duration over which its memory is measured, s; with previews."""
+STEP = 20 / 65536  # V per count
+HOUR = 3600  # Duration over which its memory is measured, s; with previews
 INDEX = 20.0
 """Limit: MiB by which the memory grows with each hour; the index of 18,000 chunks takes 12."""
 SESSION = SessionInfo(1, "2026-01-01T00:00:00Z", True, "none", "none")

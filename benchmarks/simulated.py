@@ -30,12 +30,9 @@ from sautereau.trajectory.motion import Floats
 
 SCENES = ("ideal", "paper", "return", "two-choirs", "pluck", "free-key")
 """Packaged scenes that `random_case` draws from."""
-PROBABILITIES = (0.2, 0.35, 0.15, 0.2, 0.05, 0.05)
-"""Dimensionless probability of each scene."""
-MUTE_FRACTION = 0.15
-"""Dimensionless fraction of the planned presses without strings."""
-SPECKLED_FRACTION = 0.3
-"""Dimensionless fraction of the cases with drop-outs of the vibrometer."""
+PROBABILITIES = (0.2, 0.35, 0.15, 0.2, 0.05, 0.05)  # Dimensionless probability of each scene
+MUTE_FRACTION = 0.15  # Dimensionless fraction of the planned presses without strings
+SPECKLED_FRACTION = 0.3  # Dimensionless fraction of the cases with drop-outs of the vibrometer
 DAY = datetime(2026, 1, 1, tzinfo=UTC).isoformat()
 
 

@@ -25,8 +25,7 @@ from sautereau.sim_backend.physics.observation import (
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.select import reached, select_solver
 
-RANDOM = 40
-"""Random cases of the complete map."""
+RANDOM = 40  # Random cases of the complete map
 FINER = 32
 """Dimensionless, by which the steps are shorter that replace a missing exact solution: four times
 as short as the shortest ones from which a claim is estimated."""

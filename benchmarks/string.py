@@ -9,12 +9,10 @@ from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
-SPEEDS = (0.02, 0.05, 0.072, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
-"""m/s, of the jack."""
+SPEEDS = (0.02, 0.05, 0.072, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)  # m/s, of the jack
 EXPECTED = {0.072: 0.24, 0.15: 0.9, 0.3: 2.6, 1.0: 8.0}
 """%, errors of the duration, from another program."""
-FACTOR = 1.5
-"""Factor within which these must agree."""
+FACTOR = 1.5  # Factor within which these must agree
 RUNS = 5
 RELEASE_LIMIT, FREQUENCY_LIMIT = 0.01, 0.1
 """%, of release against a step eight times shorter, and of the free string's frequency."""

@@ -21,10 +21,8 @@ from sautereau.analysis.session.analysed import analyse_recording
 
 CONDITIONS = ("all stiff", "key bends at 350 Hz")
 PLECTRA, PRESSES = 8, 2
-CUTS = (0.38e-3, 0.55e-3), (0.2e-3, 0.32e-3)
-"""m, ranges of thickness and overlap."""
-LIMIT = 0.1
-"""Dimensionless, largest error of an exponent."""
+CUTS = (0.38e-3, 0.55e-3), (0.2e-3, 0.32e-3)  # m, ranges of thickness and overlap
+LIMIT = 0.1  # Dimensionless, largest error of an exponent
 THICKNESS = "plectrum_thickness"
 
 

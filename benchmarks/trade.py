@@ -15,8 +15,7 @@ from sautereau.sim_backend.trade.refinement import stepped
 from sautereau.sim_backend.trade.select import select_solver
 from sautereau.sim_backend.trade.study import timed
 
-STEPS = 10
-"""Steps of the rigid engine per controller sample: 98 us each."""
+STEPS = 10  # Steps of the rigid engine per controller sample: 98 us each
 FINER = (1, 2, 4, 8, 10, 16, 32, 64)
 MUJOCO = {1: 10.0, STEPS: 2.0}
 """us, largest error of an event in MuJoCo with a number of steps per controller sample."""

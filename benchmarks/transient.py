@@ -26,12 +26,9 @@ from sautereau.analysis.transient import (
 )
 
 CASES = 24
-NEAR = 0.08
-"""Relative distance of an oscillation from its true mode."""
-ALIKE = 0.02
-"""Relative distance within which modes of two sources are not distinguished."""
-INSTANT_STD = 20e-6
-"""s, uncertainty given to the true instants."""
+NEAR = 0.08  # Relative distance of an oscillation from its true mode
+ALIKE = 0.02  # Relative distance within which modes of two sources are not distinguished
+INSTANT_STD = 20e-6  # s, uncertainty given to the true instants
 
 
 def true_phases(pressed: Pressed, loaded: Press) -> Phases:

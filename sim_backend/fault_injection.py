@@ -14,7 +14,7 @@ from sautereau.sim_backend.devices.daqmx.card import DaqmxError, ServerGone
 from sautereau.sim_backend.devices.daqmx.runs import RunFault
 from sautereau.sim_backend.devices.plant import ArmPlant
 from sautereau.sim_backend.devices.ports import PortGone
-from sautereau.sim_backend.fault_tables import CableOut, Faults, LineFault
+from sautereau.sim_backend.fault_tables import Faults, LineFault
 
 _ON_ARM: dict[str, Callable[[ArmPlant, Any], None]] = {
     "encoder_sign": lambda arm, fault: arm.reverse(fault.joint),
@@ -167,7 +167,7 @@ class BadLine:
         allowed = self._allowed(len(data))
         self._received += len(data)
         answer = receive(data[:allowed])
-        if allowed < len(data) or self._out(self._cable):
+        if allowed < len(data) or self.gone:
             if self._cable is not None and self._cable.port_closes:
                 raise PortGone
             return b""
@@ -176,7 +176,12 @@ class BadLine:
     @property
     def gone(self) -> bool:
         """Whether the cable is disconnected."""
-        return self._out(self._cable)
+        cable = self._cable
+        if cable is None:
+            return False
+        if cable.after_bytes is not None:
+            return self._received >= cable.after_bytes
+        return cable.press is not None and self._past(cable.press, cable.at)
 
     def towards_host(self, data: bytes) -> bytes:
         """Carry bytes that the controller sends by itself."""
@@ -194,14 +199,7 @@ class BadLine:
             return n
         if cable.after_bytes is not None:
             return min(n, max(0, cable.after_bytes - self._received))
-        return 0 if self._out(cable) else n
-
-    def _out(self, cable: CableOut | None) -> bool:
-        if cable is None:
-            return False
-        if cable.after_bytes is not None:
-            return self._received >= cable.after_bytes
-        return cable.press is not None and self._past(cable.press, cable.at)
+        return 0 if self.gone else n
 
     def _disturbed(self, data: bytes, towards: str) -> bytes:
         noise = self._noise

@@ -21,8 +21,7 @@ from scipy.optimize import brentq
 from .compiled import entry
 from .conditions import Choir
 
-W_MAX = 2.5
-"""Largest w of the polynomials: the tangent under the load then is at about 1 rad."""
+W_MAX = 2.5  # Largest w of the polynomials: the tangent under the load then is at about 1 rad
 DEGREE = 14
 
 

@@ -11,8 +11,7 @@ from .compiled import compiled, entry, inlined
 from .strings import drift_strings, kick_strings, pluck
 
 GRAVITY = 9.81
-REGISTER_SPEED = 1e-4
-"""m/s, within which the register's friction is smooth."""
+REGISTER_SPEED = 1e-4  # m/s, within which the register's friction is smooth
 
 
 @entry

@@ -11,10 +11,8 @@ from .parameters import Strings, strings_at_rest
 from .sensors import measure
 from .strings import CONTACT, RELEASE
 
-SETTLE = 0.04
-"""s, of strongly damped motion before the recording, to reach static equilibrium."""
-TAIL = 0.03
-"""s, recorded after the plan."""
+SETTLE = 0.04  # s, of strongly damped motion before the recording, to reach static equilibrium
+TAIL = 0.03  # s, recorded after the plan
 
 
 @dataclass(frozen=True)

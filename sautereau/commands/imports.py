@@ -54,8 +54,8 @@ def import_(
         Write the options of this import to this TOML file, if the import succeeds.
     """
     from sautereau.daq.convert.importing import import_file
-    from sautereau.daq.convert.options import load_profile
-    from sautereau.daq.convert.options import save_profile as write_profile
+    from sautereau.daq.convert.profile import load_profile
+    from sautereau.daq.convert.profile import save_profile as write_profile
     from sautereau.daq.convert.targets import targets
     from sautereau.entrance.each import each
 

@@ -124,10 +124,8 @@ class Handles(Protocol):
 
 
 @runtime_checkable
-class Networked(Emulator, Handles, Protocol):
+class Networked(Handles, Emulator, Protocol):
     """An emulator with Ethernet as well."""
-
-    def receive(self, data: bytes, letter: str = SERIAL) -> bytes: ...
 
     def miss_acknowledgement(self, letter: str, /) -> None:
         """Give a handle up after some retries, because its host does not acknowledge a message."""
@@ -169,6 +167,11 @@ def emulator_of(kind: str, **unit: Any) -> Callable[..., Emulator]:
             " table; remove it"
         )
     return functools.partial(emulate, **unit)
+
+
+def hermite(start: float, step: float, v0: float, v1: float) -> Cubic:
+    """Return the cubic over a sample that advances by a step [counts], from velocity v0 to v1."""
+    return start, v0, 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step
 
 
 def along(cubics: Iterable[Cubic], fractions: Floats) -> tuple[Floats, Floats]:

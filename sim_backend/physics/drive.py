@@ -14,10 +14,8 @@ from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import Segments, motion_at, segment_cubics
 
-LEAD = 20
-"""Controller samples of rest before a press."""
-TAIL = 20
-"""Controller samples of rest after a press."""
+LEAD = 20  # Controller samples of rest before a press
+TAIL = 20  # Controller samples of rest after a press
 
 
 class PushDrive:

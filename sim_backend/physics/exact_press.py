@@ -15,28 +15,14 @@ from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.base import steps_in_sample
+from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import records
-from sautereau.sim_backend.physics.exact.structures import (
-    ABOVE,
-    BELOW,
-    EVENTS,
-    FINGER,
-    JACK,
-    KEY,
-    PASSING,
-    RUN,
-    SLIDING,
-    STUCK,
-    Press,
-)
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
 from sautereau.trajectory.motion import Floats
 
-FINGERS = ("push", "ideal", "servo")
-"""Kinds of finger, as the structures number them."""
-ORDER = 4
-"""Order of the steps with which a scene is simulated."""
+FINGERS = ("push", "ideal", "servo")  # Kinds of finger, as the structures number them
+ORDER = 4  # Order of the steps with which a scene is simulated
 RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
 """A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
 order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
@@ -82,7 +68,7 @@ def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats
         SceneError: A plectrum and string have no pluck.
     """
     key, arm, strings = rig.key, rig.key.press_arm, choirs(rig)
-    keys, jacks = np.zeros(1, KEY), np.zeros(len(strings), JACK)
+    keys, jacks = np.zeros(1, ix.KEY), np.zeros(len(strings), ix.JACK)
     keys["inertia"], keys["gravity"] = key.inertia, scene.gravity
     keys["gravity_moment"] = key.gravity_moment * (scene.gravity / GRAVITY)
     keys["height"], keys["press_arm"] = key.jack_surface_height, arm
@@ -109,8 +95,8 @@ def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats
             raise SceneError(f"rig {rig.name}: {at}{error}") from error
         jack = jacks[k]
         jack["first"] = law.first + cells
-        jack["range"][STUCK] += law.border[:2]
-        jack["range"][SLIDING] += law.border[1:]
+        jack["range"][ix.STUCK] += law.border[:2]
+        jack["range"][ix.SLIDING] += law.border[1:]
         cells += len(law.cells)
         found.append(law.cells)
     return keys, jacks, np.concatenate(found)
@@ -121,8 +107,8 @@ def _set_jack(scene: Scene, choir: Choir, found: Any) -> None:
     found["mass"], found["arm"] = jack.mass, choir.jack_arm
     found["clearance"] = math.inf if scene.plectrum == "none" else jack.string_clearance
     found["range"] = found["clearance"]
-    found["range"][BELOW, 0] = -math.inf
-    found["range"][ABOVE, 1] = math.inf
+    found["range"][ix.BELOW, 0] = -math.inf
+    found["range"][ix.ABOVE, 1] = math.inf
     if scene.friction:
         found["friction"] = jack.register_friction
     tongue = jack.tongue if scene.tongue else None
@@ -130,7 +116,7 @@ def _set_jack(scene: Scene, choir: Choir, found: Any) -> None:
         lever = plectrum.length - plectrum.overlap
         found["tongue_force"] = tongue.bristle_moment / lever
         found["tongue_stiffness"] = tongue.bristle_stiffness / lever**2
-        found["range"][PASSING, 0] -= lever * plectrum.overlap / tongue.pivot
+        found["range"][ix.PASSING, 0] -= lever * plectrum.overlap / tongue.pivot
     damper = jack.damper if scene.damper else None
     found["lift"] = damper.lift if damper is not None else -math.inf
     if damper is not None:
@@ -142,7 +128,7 @@ def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any
 
     The equations are those of `sautereau.trajectory.dynamics`.
     """
-    arm, found = rig.arm, np.zeros(1, FINGER)
+    arm, found = rig.arm, np.zeros(1, ix.FINGER)
     found["kind"] = FINGERS.index(scene.finger)
     if scene.push:
         return found
@@ -175,7 +161,7 @@ def new_press(
     cells: Floats,
     order: int = ORDER,
     tolerance: float | None = None,
-) -> Press:
+) -> ix.Press:
     """Return a press at time 0 before its first sample, as `play` takes it.
 
     Args:
@@ -187,7 +173,7 @@ def new_press(
         order: Of the steps, even, at most 8.
         tolerance: Dimensionless, relative error of a step; None for one that suits the step.
     """
-    run = np.zeros(1, RUN)
+    run = np.zeros(1, ix.RUN)
     period = rig.controller.sample_period
     steps = steps_in_sample(rig, scene.step or period)
     if tolerance is None:
@@ -195,7 +181,7 @@ def new_press(
     run["period"], run["step"], run["steps"] = period, period / steps, steps
     run["order"], run["tolerance"] = order, tolerance
     work = np.zeros((16, 1 + len(jacks) + (2 if scene.servo else 0)))
-    return Press(
+    return ix.Press(
         records(keys), records(jacks), cells, records(finger_of(rig, scene, start)), records(run),
-        work[0], work[1], work[2], work, np.zeros((EVENTS, 4)), np.zeros((0, 6)),
+        work[0], work[1], work[2], work, np.zeros((ix.EVENTS, 4)), np.zeros((0, 6)),
     )  # fmt: skip

@@ -10,12 +10,7 @@ from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.play import play
-from sautereau.sim_backend.physics.exact_press import (
-    FINGERS,
-    ORDER,
-    bench_of,
-    new_press,
-)
+from sautereau.sim_backend.physics.exact_press import FINGERS, ORDER, bench_of, new_press
 from sautereau.sim_backend.physics.finger import SETTLED, Finger, Reference, joint_cubics
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import gravity_torque

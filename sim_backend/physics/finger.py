@@ -7,8 +7,7 @@ import numpy as np
 from sautereau.sim_backend.errors import SceneError
 from sautereau.trajectory.motion import Floats
 
-SETTLED = 10
-"""Counts of following error below which an arm at rest has settled."""
+SETTLED = 10  # Counts of following error below which an arm at rest has settled
 Reference = Callable[[Floats], tuple[Floats, Floats]]
 """Maps fractions of the sample to counts and counts per sample, each of shape (n, 2)."""
 

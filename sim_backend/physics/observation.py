@@ -12,8 +12,7 @@ from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEve
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 
-GRID, GRID_ORDER = 50e-6, 6
-"""s, step of the reference solution, and its order."""
+GRID, GRID_ORDER = 50e-6, 6  # s, step of the reference solution, and its order
 LEAST_JUMP = 1e-3
 """Dimensionless, fraction of its largest value by which the finger's force jumps, at least."""
 

@@ -138,8 +138,10 @@ def trade_document(trade: Trade) -> dict[str, Any]:
 def trade_text(trade: Trade) -> list[str]:
     """Return the lines of a study: points, Pareto-optimal ones marked, and a recommendation."""
     lines = [f"{trade.scene or 'scene'}: error against the reference solution, and speed"]
-    order = sorted(range(len(trade.points)), key=lambda i: _order(trade.points[i]))
-    rows = [(_mark(trade, i), *_cells(trade.points[i])) for i in order]
+    ranks = [(p.error is None, p.error or 0.0, -_speed(p)) for p in trade.points]
+    order = sorted(range(len(ranks)), key=ranks.__getitem__)
+    marks = dict.fromkeys(trade.pareto, "*") | {trade.recommended: ">"}
+    rows = [(marks.get(i, ""), *_cells(trade.points[i])) for i in order]
     lines += table([*HEADS, *rows], left=range(4), gap=1)
     lines += [
         f"{p.engine}, {p.level}, {p.string}, {p.dt * 1e6:.4g} us: failed: {p.failed}"
@@ -160,14 +162,6 @@ def trade_text(trade: Trade) -> list[str]:
     again = "; measured before, --fresh measures again" if trade.cached else ""
     lines.append(f"on {trade.machine}{again}")
     return lines
-
-
-def _order(point: Point) -> tuple[bool, float, float]:
-    return point.error is None, point.error or 0.0, -(point.real_time_factor or 0.0)
-
-
-def _mark(trade: Trade, index: int) -> str:
-    return ">" if index == trade.recommended else "*" if index in trade.pareto else ""
 
 
 def _cells(point: Point) -> tuple[str, ...]:

@@ -77,14 +77,15 @@ def select_solver(
         steps = steps_in_sample(true, scene.step or refinement.LONGEST)
         return _selected(true, scene, steps, None, trial.estimate(scene, steps))
     asked = Accuracy.parse(scene.accuracy)
+    fewest = steps_in_sample(true, refinement.LONGEST)
     met: list[Selected] = []
     missed: list[Selected] = []
     refusals: list[SceneError] = []
     spring_error = _spring_error(trial, scene)
-    for candidate in _candidates(true, scene):
+    for candidate in _candidates(true, scene, fewest):
         own = spring_error if candidate.string == "spring" else Errors(0.0, 0.0)
         cheapest = min((1 / found.real_time_factor for found in met), default=math.inf)
-        if not meets(own, asked) or cost(true, candidate, _fewest(true)) >= cheapest:
+        if not meets(own, asked) or cost(true, candidate, fewest) >= cheapest:
             continue
         try:
             found = _refined(trial, candidate, asked, own)
@@ -179,12 +180,7 @@ def _selected(
     )
 
 
-def _fewest(true: Rig) -> int:
-    """Return the least number of steps per controller sample."""
-    return steps_in_sample(true, refinement.LONGEST)
-
-
-def _candidates(true: Rig, scene: Scene) -> list[Scene]:
+def _candidates(true: Rig, scene: Scene, fewest: int) -> list[Scene]:
     """Return the scene with every engine and string that it leaves open, the cheapest first."""
     base = best_models(true, scene)
     strings = ("spring", "modal") if scene.string == "auto" else (base.string,)
@@ -195,7 +191,7 @@ def _candidates(true: Rig, scene: Scene) -> list[Scene]:
         for engine in engines
     ]
     candidates = [way for way in ways if way.engine == "rigid" or way.solvable]
-    return sorted(candidates, key=lambda way: cost(true, way, _fewest(true)))
+    return sorted(candidates, key=lambda way: cost(true, way, fewest))
 
 
 def _spring_error(trial: refinement.Trial, scene: Scene) -> Errors:

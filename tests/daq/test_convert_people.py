@@ -7,7 +7,8 @@ import pytest
 from scipy.io import savemat
 
 from sautereau.commands.app import app
-from sautereau.daq.convert.options import ImportOptions, load_profile, save_profile
+from sautereau.daq.convert.options import ImportOptions
+from sautereau.daq.convert.profile import load_profile, save_profile
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 

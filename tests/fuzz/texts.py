@@ -12,7 +12,7 @@ from sautereau.analysis.campaign.judgements import with_labels
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.report.fits import read_fit
 from sautereau.commands.output import json_text
-from sautereau.daq.convert.options import load_profile
+from sautereau.daq.convert.profile import load_profile
 from sautereau.rig.csv_files import read_touched_points
 from sautereau.rig.edit import edit_rig
 from sautereau.rig.errors import SautereauError

@@ -32,11 +32,9 @@ class CardTask(TaskSettings):
         """s since 1970, when the last run was started."""
         self.position = 0
         """Samples of each channel read so far."""
-        self._oldest = 0
-        """Number of the first sample that a card keeps."""
+        self._oldest = 0  # Number of the first sample that a card keeps
         self._log: TdmsLog | None = None
-        self._logger: threading.Thread | None = None
-        """Logs a run that nobody may read."""
+        self._logger: threading.Thread | None = None  # Logs a run that nobody may read
         self.log_fault: DaqmxError | None = None
         """What ended it early."""
 

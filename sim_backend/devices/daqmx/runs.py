@@ -70,8 +70,7 @@ class SampledRun:
         self.unwired = False
         """Whether nothing is wired to the terminal of its trigger."""
         self._before = setup.before
-        self._edge = math.inf
-        """s, simulated, of the last edge."""
+        self._edge = math.inf  # s, simulated, of the last edge
         self._first: int | None = None
         """Number of the first sample kept; None until the edge that decides it."""
         self._fault: RunFault | None = None

@@ -18,14 +18,15 @@ from session_pb2 import Session
 from sautereau.sim_backend.devices.daqmx.attributes import Table, call, calls, given
 from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, owner_of, physical_channels
 from sautereau.sim_backend.devices.daqmx.creation import CREATING, SCALE, Scale, find_scale
-from sautereau.sim_backend.devices.daqmx.input_properties import CHANNEL, Seat
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.properties import (
+    CHANNEL,
     DEVICE,
     PHYSICAL_CHANNEL,
     SYSTEM,
     TASK,
     Chassis,
+    Seat,
 )
 from sautereau.sim_backend.devices.daqmx.reading import BUFFER, READ, Reading
 from sautereau.sim_backend.devices.daqmx.task_events import Events
@@ -199,21 +200,13 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
                 task.reserved = False
 
     @call
-    def SelfTestDevice(self, request, context):  # noqa: N802
-        self._device(request)
-
-    @call
-    def SelfCal(self, request, context):  # noqa: N802
-        self._device(request)  # its converter does not drift
-
-    @call
-    def RestoreLastExtCalConst(self, request, context):  # noqa: N802
-        self._device(request)
-
-    @call
     def DeviceSupportsCal(self, request, context):  # noqa: N802
         self._device(request)
         return {"cal_supported": False}
+
+
+def _only_connected(self: Servicer, request: Any, context: Any) -> None:
+    self._device(request)  # its converter does not drift
 
 
 def _no_device_context(self: Servicer, request: Any, context: Any) -> Any:
@@ -239,6 +232,8 @@ for _subject, (_find, _table) in PROPERTIES.items():
         setattr(Servicer, _name, _method)
 for _name, _method in {**CREATING, **CONFIGURING}.items():
     setattr(Servicer, _name, _method)
+for _name in ("SelfTestDevice", "SelfCal", "RestoreLastExtCalConst"):
+    setattr(Servicer, _name, call(_only_connected, _name))
 for _name in dir(nidaqmx_pb2_grpc.NiDAQmxServicer):
     if "TimingAttributeEx" in _name:
         setattr(Servicer, _name, call(_no_device_context, _name))

@@ -96,10 +96,6 @@ def _configure_logging(self: Any, request: Any, context: Any) -> None:
     }
 
 
-def _start_new_file(self: Any, request: Any, context: Any) -> None:
-    self._task(request).stored[tdms_log.PATH] = request.file_path
-
-
 CONFIGURING = {
     name: call(method, name)
     for name, method in {
@@ -108,7 +104,9 @@ CONFIGURING = {
             request.num_samps_per_chan
         ),
         "ConfigureLogging": _configure_logging,
-        "StartNewFile": _start_new_file,
+        "StartNewFile": lambda self, request, _: self._task(request).stored.update(
+            {tdms_log.PATH: request.file_path}
+        ),
         "DisableStartTrig": _disable_trigger(_START),
         "DisableRefTrig": _disable_trigger(_REFERENCE),
         **{

@@ -3,6 +3,7 @@
 import math
 from collections import deque
 
+from sautereau.sim_backend.devices.emulators import hermite
 from sautereau.sim_backend.devices.galil import motion
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.reference import entries
@@ -193,13 +194,7 @@ class Axis:
             return
         end, end_velocity = self.profile.step()
         self.position, self.velocity = end, end_velocity
-        distance = end - position
-        self.cubic = (
-            position,
-            velocity,
-            3 * distance - 2 * velocity - end_velocity,
-            velocity + end_velocity - 2 * distance,
-        )
+        self.cubic = hermite(position, end - position, velocity, end_velocity)
         self._observe(self.profile)
 
     def _observe(self, profile: motion.Profile) -> None:

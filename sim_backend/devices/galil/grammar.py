@@ -66,7 +66,10 @@ class _Expression:
         result = self._term()
         while sign := _OPERATOR.match(self._text, self._at):
             self._at = sign.end()
-            result = _bounded(_apply(sign[0], result, self._term()))
+            right = self._term()
+            if sign[0] in "/%" and right == 0:
+                raise CommandError(6)
+            result = _bounded(float(_OPERATIONS[sign[0]](result, right)))
         return result
 
     def _term(self) -> float:
@@ -112,12 +115,6 @@ class _Expression:
 
     def _peek(self) -> str:
         return self._text[self._at : self._at + 1]
-
-
-def _apply(sign: str, left: float, right: float) -> float:
-    if sign in "/%" and right == 0:
-        raise CommandError(6)
-    return float(_OPERATIONS[sign](left, right))
 
 
 def _bounded(value: float) -> float:

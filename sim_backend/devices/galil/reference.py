@@ -142,12 +142,6 @@ def entries() -> dict[str, Entry]:
     found = {}
     for row in csv.DictReader(text.splitlines(), delimiter="|"):
         arguments = tuple(map(_argument, row["arguments"].split()))
-        found[row["code"]] = Entry(
-            row["code"],
-            row["form"],
-            arguments,
-            row["valid"],
-            _models(row["models"]),
-            row["heading"],
-        )
+        code, form, valid, heading = (row[name] for name in ("code", "form", "valid", "heading"))
+        found[code] = Entry(code, form, arguments, valid, _models(row["models"]), heading)
     return found

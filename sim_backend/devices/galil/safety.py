@@ -11,11 +11,8 @@ from sautereau.sim_backend.parts import ControllerUnit
 
 FEW_COUNTS = 4
 """Counts of motion below which an encoder has failed, while the torque exceeds OV for OT."""
-
 ABORT_INPUTS = 4  # Inputs before those that abort single axes, if CN says so
-
 INPUTS = 8  # Digital inputs, numbered from 1
-
 ON_ERROR, ON_LIMIT = 1, 2  # Bits of OE
 
 

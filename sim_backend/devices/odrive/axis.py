@@ -57,19 +57,16 @@ class OdriveAxis:
         self.setpoint = Setpoint(0.0, 0.0)
         self.pressed = False
         """Whether the min endstop is enabled and pressed, debounced."""
-        self._since = 0.0
-        """s, since its pin changed or it was enabled."""
+        self._since = 0.0  # s, since its pin changed or it was enabled
         self._pin = False
         self.done = True
         """Whether the last trapezoid has ended."""
         self._target = 0.0
-        self._updated = False
-        """Whether a new target waits for a trapezoid to be planned."""
+        self._updated = False  # Whether a new target waits for a trapezoid to be planned
         self._trapezoid: Trapezoid | None = None
         self._elapsed = 0.0
         self._watch = 0.0
-        self._found: float | None = None
-        """Turns at which homing has found the endstop."""
+        self._found: float | None = None  # Turns at which homing has found the endstop
         self.cubic = (float(raw), 0.0, 0.0, 0.0)
         """Coefficients of the reference over the sample last ticked, in encoder counts."""
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from sautereau.sim_backend.devices.emulators import Cubic
+from sautereau.sim_backend.devices.emulators import Cubic, hermite
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,7 @@ def between(before: Setpoint, after: Setpoint, scale: float, zero: float, period
     """
     step = (after.position - before.position) * scale
     v0, v1 = before.velocity * scale * period, after.velocity * scale * period
-    start = zero + before.position * scale
-    return (start, v0, 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step)
+    return hermite(zero + before.position * scale, step, v0, v1)
 
 
 class Trapezoid:

@@ -25,8 +25,7 @@ from sautereau.sim_backend.physics.exact.forces import (
     surface,
 )
 
-DEEP = 1e-6
-"""rad, largest overlap of fingertip and key."""
+DEEP = 1e-6  # rad, largest overlap of fingertip and key
 
 
 @inlined

@@ -15,12 +15,9 @@ from sautereau.sim_backend.physics.exact.forces import string_force, surface
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.step import guard, hold_tip, locate, try_step
 
-SHORTEST = 1e-8
-"""s, shortest divided step."""
-CROWDED = 24
-"""Events without a complete step between them, after which a nonsmooth step is taken."""
-NONSMOOTH = 1e-3
-"""Dimensionless, fraction of a step: length of a nonsmooth step."""
+SHORTEST = 1e-8  # s, shortest divided step
+CROWDED = 24  # Events without a complete step between them, after which a nonsmooth step is taken
+NONSMOOTH = 1e-3  # Dimensionless, fraction of a step: length of a nonsmooth step
 MOST_STEPS, MORE_STEPS = 200_000, 1000
 """Divided steps of one call, and more of them per sample, above which a scene is too stiff."""
 

@@ -14,8 +14,7 @@ from sautereau.sim_backend.physics.exact.forces import accelerate, felt_push, su
 
 ANGLE, RISE, RATE, SPEED, FORCE = 1e-15, 1e-16, 1e-13, 1e-14, 1e-12
 """rad, m, rad/s, m/s and fraction of the weights: by which a guard is violated at an event."""
-SLOWEST = 1e-3
-"""rad/s and m/s, least reference speed of a relative error."""
+SLOWEST = 1e-3  # rad/s and m/s, least reference speed of a relative error
 TRIALS, SAME = 100, 1e-16
 """Most iterations of a location, and the relative difference of times that counts as zero."""
 

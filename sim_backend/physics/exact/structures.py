@@ -14,14 +14,11 @@ OFF, PRESSED, SLACK = 0, 1, 2
 key leaves it."""
 CONTACT, RELEASE, RETURN = 0, 1, 2
 """Kinds of a string's events, in the order of the lists in `PluckEvents`."""
-PUSH, IDEAL, SERVO = 0, 1, 2
-"""Kinds of finger."""
-FINE, TURNED_OVER, LOST, JUMPED, AT_PIN = 0, 1, 2, 3, 4
-"""Status after an interval of time."""
+PUSH, IDEAL, SERVO = 0, 1, 2  # Kinds of finger
+FINE, TURNED_OVER, LOST, JUMPED, AT_PIN = 0, 1, 2, 3, 4  # Status after an interval of time
 CLOSE, SLOW = 1e-13, 1e-11
 """Gap [rad, m] below which surfaces are in contact, and speed that counts as zero."""
-EVENTS = 512
-"""Most events of strings that one call records."""
+EVENTS = 512  # Most events of strings that one call records
 
 
 def _record(floats: str, ints: str = "", pairs: str = "", **arrays: Any) -> np.dtype:

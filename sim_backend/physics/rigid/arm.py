@@ -202,7 +202,7 @@ class ServoFinger(SteppedFinger):
         return self.gap(angle, step, step) < 0
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
-        if not self._is_separated:
+        if not (self._separated if self.pad is None else self.pad.separated):
             return math.inf
         (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
         forward = (time - ahead) / 2
@@ -257,10 +257,6 @@ class ServoFinger(SteppedFinger):
         if gap < 0 or (not self._separated and gap < bodies.REACH):
             angle = float(touching_angle(self._rig, np.array([tip_x, tip_z]) / bodies.MM))
         return angle, max(shoulder, hinge, -gap)
-
-    @property
-    def _is_separated(self) -> bool:
-        return self._separated if self.pad is None else self.pad.separated
 
     def _tip_after(
         self, step: float, back: float

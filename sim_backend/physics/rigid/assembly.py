@@ -28,14 +28,11 @@ from sautereau.trajectory.arm import fingertip_place
 
 RESOLVED = 0.1
 """rad, phase of the fastest oscillation, or fraction of a decay, that a step covers at most."""
-TICK = 1e-9
-"""ms, below which a remaining time counts as zero."""
-SHORTEST = 1e-4
-"""ms, of a step, below which a scene is refused."""
+TICK = 1e-9  # ms, below which a remaining time counts as zero
+SHORTEST = 1e-4  # ms, of a step, below which a scene is refused
 ITERATIONS = {"push": 20, "ideal": 20, "servo": 70}
 """Solver iterations at an event, times 1 + rho; see `Assembly.converge`."""
-LARGEST_RATIO = 2e4
-"""Largest rho, with which an event takes about 0.1 s of computing."""
+LARGEST_RATIO = 2e4  # Largest rho, with which an event takes about 0.1 s of computing
 
 
 class Division:

@@ -20,18 +20,12 @@ from sautereau.rig.instrument import Jack, Key
 from sautereau.rig.schema import Arm
 from sautereau.sim_backend.parts import Play
 
-MM = 1e3
-"""Millimetres per metre; also N mm per N m, grams per kilogram, milliseconds per second."""
-INERTIA = 1e9
-"""g mm^2 per kg m^2."""
-FAR = 1e6
-"""mm, from a plane to the centre of its sphere, which departs by 5e-7 mm over 1 mm."""
-REACH = 1e-3
-"""mm, numerical drift between surfaces in contact up to which their joint acts."""
-RAIL_REACH = 1e-9
-"""rad, angle of the key below which it counts as on its back rail."""
-RAIL_SLACK = 1e-6
-"""mm, height above the balance rail below which a key that sinks counts as on it."""
+MM = 1e3  # Millimetres per metre; also N mm per N m, grams per kilogram, milliseconds per second
+INERTIA = 1e9  # g mm^2 per kg m^2
+FAR = 1e6  # mm, from a plane to the centre of its sphere, which departs by 5e-7 mm over 1 mm
+REACH = 1e-3  # mm, numerical drift between surfaces in contact up to which their joint acts
+RAIL_REACH = 1e-9  # rad, angle of the key below which it counts as on its back rail
+RAIL_SLACK = 1e-6  # mm, height above the balance rail below which a key that sinks counts as on it
 
 # Properties of bodies and joints, called directly: as properties they take longer.
 set_torque = cast(Callable[[pymunk.Body, float], None], pymunk.Body.torque.fset)
@@ -41,8 +35,7 @@ set_position = cast(Callable[[pymunk.Body, tuple[float, float]], None], pymunk.B
 angular_velocity_of = cast(Callable[[pymunk.Body], float], pymunk.Body.angular_velocity.fget)
 impulse_of = cast(Callable[[Constraint], float], Constraint.impulse.fget)
 
-_HEAVY = 1e9
-"""g, of the key: the pin carries it, so only the moment of inertia matters."""
+_HEAVY = 1e9  # g, of the key: the pin carries it, so only the moment of inertia matters
 _STILL = 1e-300
 """Speed at which a unilateral joint corrects an overlap: none, which would be a rebound."""
 
@@ -154,9 +147,8 @@ def brakes(
     space: pymunk.Space, upper: pymunk.Body, lower: pymunk.Body
 ) -> tuple[constraints.SimpleMotor, constraints.SimpleMotor]:
     """Return the brakes that hold both joints while they are added to the space."""
-    return constraints.SimpleMotor(space.static_body, upper, 0), constraints.SimpleMotor(
-        upper, lower, 0
-    )
+    first = constraints.SimpleMotor(space.static_body, upper, 0)
+    return first, constraints.SimpleMotor(upper, lower, 0)
 
 
 def _hard(joint: Constraint) -> Constraint:

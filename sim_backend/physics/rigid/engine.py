@@ -26,8 +26,7 @@ from sautereau.sim_backend.physics.rigid.bodies import MM
 from sautereau.sim_backend.physics.rigid.step_event import Event, Kick, earliest
 from sautereau.sim_backend.scene import Scene
 
-MOST_EVENTS = 1000
-"""Events in one controller sample above which the simulation counts as diverged."""
+MOST_EVENTS = 1000  # Events in one controller sample above which the simulation counts as diverged
 
 Row = tuple[float, float, float, float, float, float]
 """Quantities of `Motions`, with the time in ms into the controller sample."""

@@ -17,12 +17,9 @@ from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.trajectory.key import contact_angle
 from sautereau.trajectory.motion import Floats, dot
 
-CHECKED = 8
-"""Equal parts of a sample at whose ends a finger is checked to stay off a key at rest."""
-SAME = 1e-9
-"""ms, below which two times are the same."""
-SETTLING = 4
-"""Steps in which an impact ends: it takes two, and the next start with its impulses."""
+CHECKED = 8  # Equal parts of a sample at whose ends a finger is checked to stay off a key at rest
+SAME = 1e-9  # ms, below which two times are the same
+SETTLING = 4  # Steps in which an impact ends: it takes two, and the next start with its impulses
 _ENDS = np.array([0.0, 1.0, 2.0])  # of a controller sample, and of the next
 
 
@@ -134,8 +131,7 @@ class IdealFinger(PrescribedFinger):
         super().__init__(rig, start)
         self._body, self._contact = add_driver(space, key.lever)
         self._reach, self._struck = 1.0, 0
-        self._next = math.nan, 0.0
-        """ms and mm, end of the next step and the contact's arm there."""
+        self._next = math.nan, 0.0  # ms and mm, end of the next step and the contact's arm there
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         self._next = math.nan, 0.0

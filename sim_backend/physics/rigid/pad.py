@@ -7,8 +7,7 @@ from sautereau.sim_backend.physics.rigid.bodies import MM, set_force, set_torque
 from sautereau.sim_backend.physics.rigid.key import StiffKey
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 
-APART = -1e-9
-"""mm, overlap below which the pad has left the key."""
+APART = -1e-9  # mm, overlap below which the pad has left the key
 
 
 class Pad:

@@ -13,8 +13,7 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
 from sautereau.sim_backend.scene import Scene
 
-TABLE = 2048
-"""Cells of the table of force over height."""
+TABLE = 2048  # Cells of the table of force over height
 MM = 1e3
 
 
@@ -117,7 +116,7 @@ class Plucking:
         self._enter(self._passing, low, high, self._yielding, self._return, self._go_above)
 
     def _return(self, time: float) -> None:
-        force = self._passing_force(self.clearance - self._travel)
+        force = self._passing(self.clearance - self._travel)
         self.events.returns.append(StringEvent(time, self.number, force))
         self._go_below()
 
@@ -144,10 +143,9 @@ class Plucking:
         low = min(max(int(cell), 0), TABLE)
         return self._force[low] + (cell - low) * self._rises[low]
 
-    def _passing(self, rise: float, previous: float, time: float, step: float) -> float:
-        return self._passing_force(rise)
-
-    def _passing_force(self, rise: float) -> float:
+    def _passing(
+        self, rise: float, previous: float = 0.0, time: float = 0.0, step: float = 0.0
+    ) -> float:
         if self._travel == 0:
             return 0.0
         drop = self.clearance - rise

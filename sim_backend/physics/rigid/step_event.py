@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-TOLERANCE = 1e-12
-"""ms, of an event's time."""
+TOLERANCE = 1e-12  # ms, of an event's time
 
 
 class Kick(NamedTuple):

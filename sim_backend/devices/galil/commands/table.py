@@ -2,12 +2,7 @@
 
 import re
 
-from sautereau.sim_backend.devices.galil.commands import (
-    arrays,
-    motion,
-    report,
-    settings,
-)
+from sautereau.sim_backend.devices.galil.commands import arrays, motion, report, settings
 from sautereau.sim_backend.devices.galil.commands import program as programs
 from sautereau.sim_backend.devices.galil.commands.call import Handler, parse_call
 from sautereau.sim_backend.devices.galil.faults import CommandError
