@@ -6,7 +6,7 @@ from io import BufferedReader, BytesIO
 from pathlib import Path
 
 from mcap.data_stream import ReadDataStream
-from mcap.records import Channel
+from mcap.records import Channel, Schema
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact, unpack_chunk
@@ -113,9 +113,10 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
             f"its definitions are invalid: {type(error).__name__}: {error}; use a copy of it"
         ) from error
     numbers = {number: number for number in range(1, len(metadata["channels"]) + 1)}
+    schemas: dict[int, Schema] = {}
     for record in find_intact(file) if found.damage else verified(file):
         if record.opcode == Opcode.CHUNK:
-            _copy(unpack_chunk(record.body), writer, numbers)
+            _copy(unpack_chunk(record.body), writer, numbers, schemas)
     end = found.contents.end()
     if end is None and found.damage is None:
         end = found.runs.last()
@@ -127,19 +128,27 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
     writer.finish()
 
 
-def _copy(chunk: Bytes, writer: McapWriter, numbers: dict[int, int]) -> None:
+def _copy(
+    chunk: Bytes, writer: McapWriter, numbers: dict[int, int], schemas: dict[int, Schema]
+) -> None:
     """Copy the messages of an unpacked chunk into a chunk of their own.
 
     Args:
         numbers: Number of each MCAP channel in the new file, by its number in the damaged one.
-            Topics that another program has added are appended, without their schema.
+            Topics that another program has added are appended.
+        schemas: Those of the damaged file so far, by their numbers in it.
     """
     for opcode, body, _ in records_within(chunk):
-        if opcode == Opcode.CHANNEL:
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(ReadDataStream(BytesIO(body)))
+            schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
             one = Channel.read(ReadDataStream(BytesIO(body)))
             if one.id not in numbers:
+                used = schemas.get(one.schema_id)
+                own = writer.register_schema(used.name, used.encoding, used.data) if used else 0
                 numbers[one.id] = writer.register_channel(
-                    one.topic, one.message_encoding, 0, one.metadata
+                    one.topic, one.message_encoding, own, one.metadata
                 )
         elif opcode == Opcode.MESSAGE:
             number, sequence, log_time, publish_time = MESSAGE.unpack_from(body)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.model.batch import predict_many
-from sautereau.analysis.model.choirs import ignored, pluck_of
-from sautereau.analysis.model.plectrum.fe import cache
+from sautereau.analysis.model.choirs import pluck_of
 from sautereau.analysis.model.plectrum.levels import level_of
 from sautereau.analysis.model.predict import predict
 from sautereau.rig.instrument import Outline

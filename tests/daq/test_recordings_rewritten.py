@@ -162,7 +162,8 @@ def _private(_, stream):
 
 
 def _own_topic(writer, _):
-    number = writer.register_channel("/comment", "json", 0, {"by": "a viewer"})
+    schema = writer.register_schema("Comment", "jsonschema", b"{}")
+    number = writer.register_channel("/comment", "json", schema, {"by": "a viewer"})
     writer.add_message(number, 10**18, b'{"text": "bright"}', 0)
 
 
@@ -177,9 +178,13 @@ def test_a_topic_that_another_program_has_added(tmp_path, original):
     assert describe(path)["messages"]["/comment"] == 1
     start, length = chunks(path)[2]
     corrupt(path, start + length // 2)
-    described = describe(recover(path).path)
+    recovered = recover(path).path
+    described = describe(recovered)
     assert described["channels"]["/comment"] == {"by": "a viewer"}
     assert described["messages"]["/comment"] == 1
+    with recovered.open("rb") as file:
+        schemas = make_reader(file).get_summary().schemas
+    assert schemas[max(schemas)].name == "Comment"
 
 
 def test_zstd_frames_that_were_written_as_streams(tmp_path, original, monkeypatch):
