@@ -14,7 +14,6 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.bench import Bench
 from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.plan import instrument_of, to_set
@@ -25,6 +24,18 @@ from sautereau.robot.experiment.steps import Ask, Plan, Step
 from sautereau.trajectory.press import Trajectory
 
 Planned = tuple[Trajectory, TorqueTable | None]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The bench of some presses, real or simulated."""
+
+    rig: Rig
+    """The rig, with the addresses in use."""
+    scene: str = ""
+    """The stand-in's scene as text; empty on the hardware."""
+    seed: int | None = None
+    """Seed of the stand-in's random numbers."""
 
 
 @dataclass(frozen=True)

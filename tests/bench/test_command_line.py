@@ -15,7 +15,7 @@ import pytest
 
 from sautereau.commands.app import UNREAD, app, main
 from sautereau.rig.load import load_rig
-from sautereau.robot.experiment.folder_lock import LOCK
+from sautereau.robot.experiment.session_folder import LOCK
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import joints_holding_point
