@@ -46,7 +46,7 @@ def packaged_names(package: str) -> list[str]:
     return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
 
 
-def table_beside(module: str) -> list[list[str]]:
+def table_beside(module: str | Path) -> list[list[str]]:
     """Return the rows below the head of ``NAME.csv``, for the `__file__` ``NAME.py``."""
     with Path(module).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
         return list(csv.reader(file))[1:]

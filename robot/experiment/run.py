@@ -11,8 +11,7 @@ from typing import Any
 from sautereau.rig.load import with_values
 from sautereau.rig.named import named_values
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import TorqueTable
-from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.controller import TorqueTable, motion_controller
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.monitor import Watch

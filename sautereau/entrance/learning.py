@@ -11,7 +11,7 @@ from sautereau.entrance.devices import Connected, Devices, fresh_seed
 from sautereau.entrance.session import Session
 from sautereau.entrance.shown import Shown
 from sautereau.rig.disk import may_replace
-from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.controller import motion_controller
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of
 from sautereau.robot.experiment.learning import IterativeLearning, write_learned

@@ -10,7 +10,7 @@ import numpy as np
 from sautereau.rig.capabilities import HomingKind, capabilities_of
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
-from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.controller import motion_controller
 from sautereau.robot.drivers.serial_port import machine_ports
 from sautereau.robot.errors import MotionFault, RobotError
 from sautereau.robot.experiment.setup.contact import find_contact, locate_by_touch, play_measured

@@ -7,7 +7,7 @@ import numpy as np
 
 from sautereau.daq.errors import DaqError
 from sautereau.rig.load import with_values
-from sautereau.robot.drivers.galil.capture import VOLTS_RECORDED
+from sautereau.robot.drivers.galil.arrays import VOLTS_RECORDED
 from sautereau.robot.drivers.galil.dmc import LONGEST_LINE
 from sautereau.robot.drivers.galil.driver import GalilDriver
 from sautereau.robot.drivers.galil.program import FAULT, PRESS, PUSHES, RATE, WATCH
