@@ -37,7 +37,7 @@ class Row:
     @property
     def set_up(self) -> dict[str, str | int | float]:
         """Those of `values` that the operator must set on the instrument."""
-        return {key: value for key, value in self.values.items() if not _is_press(key)}
+        return {key: value for key, value in self.values.items() if not key.startswith("press.")}
 
     def document(self) -> dict[str, Any]:
         """Return the row as a JSON document."""
@@ -159,7 +159,3 @@ def _single(message: str, rig: Rig) -> list[str]:
     """Return the faults of a message one by one."""
     head, *more = message.split("\n")
     return [line.strip() for line in more] or [head.removeprefix(f"rig {rig.name}: ")]
-
-
-def _is_press(key: str) -> bool:
-    return key.startswith("press.")

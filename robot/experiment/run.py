@@ -170,10 +170,12 @@ class PlanRun:
         folder, crew = self._folder, self._crew
         current: list[Place] = []
         made: list[tuple[Row, Rig, Planned]] = []
+        instrument = instrument_of(first.row.rig)
 
         def items(bench: Bench) -> Iterator[Item]:
-            while isinstance(place := self._next(), Place) and self._same(first, place):
-                if current and self._control.paused:
+            while isinstance(place := self._next(), Place):
+                another = instrument_of(place.row.rig) != instrument
+                if another or (current and self._control.paused):
                     return
                 if not made or made[0][0] is not place.row:
                     made[:] = [(place.row, place.row.on(bench.rig), crew.planned(place.row))]
@@ -208,10 +210,6 @@ class PlanRun:
                 on_press=done,
                 watch=self._control.watched(crew.watch),
             )
-
-    @staticmethod
-    def _same(first: Place, place: Place) -> bool:
-        return instrument_of(first.row.rig) == instrument_of(place.row.rig)
 
 
 def seed_from(seed: int | None, number: int) -> int | None:
