@@ -1,14 +1,17 @@
-"""XX"""
+"""Find phases and oscillations of recordings, compare them with the model, and fit it to them."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
+
 from cyclopts import Parameter
+
 from sautereau.analysis.summary.text import SOME_SIMULATED, counted, grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, make_folders, save_plot
-from typing import TYPE_CHECKING
-from sautereau.commands import common
-from sautereau.commands.output import FileOutput, save_plot
+
+if TYPE_CHECKING:
+    from sautereau.analysis.transient import Source
+    from sautereau.analysis.transient.evidence import Examined
 
 
 def phases(
@@ -170,11 +173,6 @@ def identify(
         written = f"{out}, with {', '.join(fit.values)}" if fit.values else "nothing was written"
         lines.append(f"rig:     {written}")
     return output.answer(result, lines, plot, faults)
-
-
-if TYPE_CHECKING:
-    from sautereau.analysis.transient import Source
-    from sautereau.analysis.transient.evidence import Examined
 
 
 def transient(

@@ -2,12 +2,10 @@
 
 from contextlib import suppress
 from pathlib import Path
-from sautereau.commands import common
-from sautereau.commands.output import Output
-from pathlib import Path
+
 from sautereau.analysis.summary.text import SOME_SIMULATED
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput
+from sautereau.commands.output import FileOutput, Output
 
 
 def watch(

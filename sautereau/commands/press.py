@@ -3,21 +3,18 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-from sautereau.commands import common
-from sautereau.commands.output import Output
-from sautereau.commands.running import on_signals
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
 from sautereau.analysis.summary.text import part_of
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput
-
+from sautereau.commands.output import FileOutput, Output
+from sautereau.commands.running import on_signals
 
 if TYPE_CHECKING:
     from sautereau.entrance.bench import Bench
+    from sautereau.entrance.devices import Connected
     from sautereau.entrance.pressing import Settings
     from sautereau.robot.experiment.control import Control
 
@@ -90,41 +87,6 @@ def replay(
     return _run(common.bench(rig, simulation), what, settings, recorded, output)
 
 
-def _run(
-    bench: "Bench", what: Any, settings: "Settings", recorded: common.Recorded, output: Output
-) -> int:
-    """Run a session, and print every press of it and its analysis."""
-    from sautereau.commands.session import SessionReport
-    from sautereau.entrance.pressing import Pressing
-
-    pressing = Pressing(bench, what, recorded.out, settings)
-    output.warn(*pressing.planner.warnings)
-    report = SessionReport(pressing, output, view=recorded.view, live=recorded.live)
-    with _pausing(bench.control):
-        pressing.run(report)
-    report.end()
-    return 0
-
-
-@contextmanager
-def _pausing(control: "Control") -> Iterator[None]:
-    r"""Pause after the present press on Ctrl-\, on Windows on Ctrl-Break; continue on the next."""
-
-    def toggle(_number: int, _frame: object) -> None:
-        if control.paused:
-            control.resume()
-        else:
-            control.pause()
-            sys.stderr.write("pausing after this press; the same key continues, Ctrl-C stops\n")
-
-    with on_signals(("SIGQUIT", "SIGBREAK"), toggle):
-        yield
-
-
-if TYPE_CHECKING:
-    from sautereau.entrance.devices import Connected
-
-
 def learn(
     rig: common.RigName = "paper",
     *,
@@ -174,3 +136,34 @@ def learn(
     }
     lines += [f"recording:  {press.path}" for press in found.session]
     return output.answer(result, lines)
+
+
+def _run(
+    bench: "Bench", what: Any, settings: "Settings", recorded: common.Recorded, output: Output
+) -> int:
+    """Run a session, and print every press of it and its analysis."""
+    from sautereau.commands.session import SessionReport
+    from sautereau.entrance.pressing import Pressing
+
+    pressing = Pressing(bench, what, recorded.out, settings)
+    output.warn(*pressing.planner.warnings)
+    report = SessionReport(pressing, output, view=recorded.view, live=recorded.live)
+    with _pausing(bench.control):
+        pressing.run(report)
+    report.end()
+    return 0
+
+
+@contextmanager
+def _pausing(control: "Control") -> Iterator[None]:
+    r"""Pause after the present press on Ctrl-\, on Windows on Ctrl-Break; continue on the next."""
+
+    def toggle(_number: int, _frame: object) -> None:
+        if control.paused:
+            control.resume()
+        else:
+            control.pause()
+            sys.stderr.write("pausing after this press; the same key continues, Ctrl-C stops\n")
+
+    with on_signals(("SIGQUIT", "SIGBREAK"), toggle):
+        yield

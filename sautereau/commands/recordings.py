@@ -1,19 +1,18 @@
 """Recordings as files: described, recovered, split, exported, and imported from other formats."""
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
 from sautereau.analysis.summary.text import counted, grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-from cyclopts import Parameter
-from sautereau.analysis.summary.text import grouped
-from sautereau.commands import common
-from sautereau.commands.output import FileOutput
 from sautereau.daq.convert.options import ImportOptions
+
+if TYPE_CHECKING:
+    from sautereau.daq.convert.importing import Imported
 
 
 def info(file: Path, /, *, output: Output = Output()) -> int:
@@ -162,10 +161,6 @@ def _export_rig(file: Path, target: Path) -> Path:
             " another --out"
         ) from error
     return target
-
-
-if TYPE_CHECKING:
-    from sautereau.daq.convert.importing import Imported
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from sautereau.analysis.figures.comparison import PICTURED
 from sautereau.analysis.summary.press import HEADER, press_line
 from sautereau.analysis.summary.text import grouped
-from sautereau.commands.live.watching import watching
+from sautereau.commands.live.process import watching
 from sautereau.commands.output import Output
 from sautereau.entrance.comparison import Comparison
 from sautereau.entrance.devices import Connected

@@ -259,7 +259,7 @@ def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, mes
         raise error
 
     monkeypatch.setattr("sautereau.commands.app.app", fail)
-    monkeypatch.setattr("sautereau.commands.app.ignore_signals", lambda: None)
+    monkeypatch.setattr("sautereau.commands.running.ignore_signals", lambda: None)
     monkeypatch.setattr(sys, "argv", ["sautereau", "press", "--json"])
     with pytest.raises(SystemExit, match=str(status)):
         main()

@@ -1,26 +1,24 @@
-"""Live views of a session in their own process, so that their computations do not delay the press."""
+"""Live views of a session, in their own process: their computations do not delay the press.
 
+Python runs one thread of a process at a time. A host that streams setpoints may be late by a
+few milliseconds only, and drawing takes longer.
+"""
+
+import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
-from typing import TYPE_CHECKING
-import signal
-from collections.abc import Sequence
-from contextlib import ExitStack
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+
 from sautereau.commands.live import LiveError
 from sautereau.rig.errors import MissingExtraError
-from sautereau.robot.experiment.monitor import Seen, View
-
-
-if TYPE_CHECKING:
-    from sautereau.robot.experiment.monitor import Feed, Watch
+from sautereau.robot.experiment.monitor import Feed, Seen, View, Watch
 
 
 @contextmanager
-def watching(title: str, *, in_terminal: bool, to_foxglove: bool) -> "Iterator[Watch]":
+def watching(title: str, *, in_terminal: bool, to_foxglove: bool) -> Iterator[Watch]:
     """Yield the function to which a session reports its events; without a view it does nothing.
 
     Args:
@@ -34,9 +32,6 @@ def watching(title: str, *, in_terminal: bool, to_foxglove: bool) -> "Iterator[W
     if not (in_terminal or to_foxglove):
         yield lambda seen: None
         return
-    from sautereau.commands.live.process import ViewProcess
-    from sautereau.robot.experiment.monitor import Feed
-
     with ExitStack() as stack:
         views = ViewProcess(title, in_terminal=in_terminal, to_foxglove=to_foxglove)
         feed = Feed([views])
@@ -61,7 +56,7 @@ def _held_back() -> Iterator[None]:
         yield
 
 
-def _report(feed: "Feed") -> None:
+def _report(feed: Feed) -> None:
     """Print the faults of the views, and how many events they did not show."""
     for fault in feed.faults:
         sys.stderr.write(f"warning: live view: {fault}\n")
