@@ -27,8 +27,8 @@ from sautereau.daq.file.descriptors import (
 from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.samples import TOPIC, SampleLayout, sample_layout
+from sautereau.rig.document import rig_document, rig_json
 from sautereau.rig.faults import fault_list
-from sautereau.rig.load import rig_document, rig_json
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 

@@ -11,9 +11,8 @@ from pydantic import BaseModel, JsonValue
 
 from sautereau.daq.file.provenance import check_recordable
 from sautereau.rig import disk
-from sautereau.rig.compared import comparable
+from sautereau.rig.document import comparable, rig_document
 from sautereau.rig.faults import fault_list
-from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan_table import MOST_PRESSES, Row

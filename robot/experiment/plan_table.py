@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.rig.csv_files import read_rows
+from sautereau.rig.document import current_key
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss, unit_of
 from sautereau.rig.load import with_values
-from sautereau.rig.named import current_key
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 

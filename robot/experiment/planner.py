@@ -10,8 +10,8 @@ from sautereau.analysis.model.predict import expected_of
 from sautereau.analysis.session.conditions import differing
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Recorded
-from sautereau.rig.compared import values_of
 from sautereau.rig.disk import as_text
+from sautereau.rig.document import values_of
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Gesture, Press, Rig
 from sautereau.rig.units import format_quantity

@@ -8,8 +8,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from sautereau.rig.document import named_values
 from sautereau.rig.load import with_values
-from sautereau.rig.named import named_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable, motion_controller
 from sautereau.robot.errors import RobotError

@@ -17,7 +17,6 @@ from pydantic import BaseModel, Field, FiniteFloat, JsonValue, ValidationError
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.daq.source.server_session import hold_card
-from sautereau.rig.compared import comparable
 from sautereau.rig.disk import (
     TEXT_LIMIT,
     make_folder,
@@ -25,10 +24,9 @@ from sautereau.rig.disk import (
     why_unreadable,
     write_durably,
 )
+from sautereau.rig.document import comparable, current_document, current_key
 from sautereau.rig.faults import fault_list, validation_faults
-from sautereau.rig.load import current_document
 from sautereau.rig.lock import Taken, locked
-from sautereau.rig.named import current_key
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.serial_port import hold_port
 from sautereau.robot.errors import RobotError

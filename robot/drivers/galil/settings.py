@@ -1,7 +1,6 @@
 """Settings of a Galil controller: those made before its motors are on, and those it stores."""
 
-from sautereau.rig.controller import Controller
-from sautereau.rig.schema import Rig
+from sautereau.rig.schema import Controller, Rig
 from sautereau.robot.drivers.driver import refuse_changes
 from sautereau.robot.drivers.galil.dmc import (
     halting,

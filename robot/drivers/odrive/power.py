@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from sautereau.rig.packaged import table_beside
+from sautereau.rig.disk import table_beside
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.driver import Clock, Sleep, refuse_changes
 from sautereau.robot.drivers.odrive.line import OdriveLine, same
