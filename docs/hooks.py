@@ -13,8 +13,8 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+from sautereau.rig.disk import named_text
 from sautereau.rig.load import load_rig
-from sautereau.rig.packaged import named_text
 from sautereau.rig.text import KeyDescription, TableDescription, describe
 from sautereau.sim_backend.scene import Scene, load_scene, packaged_scenes
 

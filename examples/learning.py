@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from sautereau.analysis.figures.palette import DASHES, OTHER, SERIES
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.rig.load import load_rig
-from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.controller import motion_controller
 from sautereau.robot.experiment.learning import IterativeLearning
 from sautereau.robot.experiment.session import make_presses
 from sautereau.sim_backend.bench import StandIn

@@ -10,10 +10,10 @@ import tomlkit
 from tomlkit.items import Array
 
 from sautereau.rig.disk import read_text, why_unreadable, write_durably
+from sautereau.rig.document import current_key, rename_keys
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss
 from sautereau.rig.load import parse_rig
-from sautereau.rig.named import current_key, rename_keys
 from sautereau.rig.schema import Rig
 
 TomlValue = str | float | list[str] | list[dict[str, str | float]]

@@ -1,36 +1,28 @@
-"""Read a rig file, report all its faults at once, and write a rig back."""
+"""Read a rig file, and report all its faults at once; give a rig other values."""
 
-import copy
-import json
 import logging
 import re
 import sys
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
-
 from sautereau.rig.csv_files import read_gesture
+from sautereau.rig.disk import named_text
+from sautereau.rig.document import RENAMED_KEYS, current_key, rename_keys, rig_document, validated
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import (
     at_line,
-    fault_list,
     line_of,
     model_keys,
     near_miss,
-    submodel,
     unit_of,
-    validation_faults,
 )
-from sautereau.rig.named import RENAMED_KEYS, current_key, rename_keys
-from sautereau.rig.packaged import named_text
 from sautereau.rig.schema import Rig
-from sautereau.rig.units import format_quantity, parse_quantity, shown
+from sautereau.rig.units import parse_quantity, shown
 
 _LOG = logging.getLogger(__name__)
 DEEPEST = 20
@@ -90,20 +82,8 @@ def parse_rig(
     found = [*origins.faults, *read_files(values, folder or Path())]
     ranges, range_faults = assumed_ranges(origins.assumed, values)
     faults = [at_line(line_of(text, key), f"{key}: {fault}") for key, fault in found + range_faults]
-    rig = _validated(values, origin, faults, text)
+    rig = validated(values, origin, faults, text)
     return rig.model_copy(update={"assumed": ranges, "sources": origins.sources})
-
-
-def _validated(values: Any, origin: str, faults: Sequence[str] = (), text: str = "") -> Rig:
-    """Return the rig of a document, or raise its faults together with those already found."""
-    try:
-        rig = Rig.model_validate(values)
-    except ValidationError as error:
-        found = [*validation_faults(error, Rig, text), *faults]
-        raise RigError(fault_list(origin, found)) from error
-    if faults:
-        raise RigError(fault_list(origin, list(faults)))
-    return rig
 
 
 def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
@@ -130,49 +110,9 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
             faults.append(f"{dotted}: unknown quantity{near_miss(dotted, list(model_keys(Rig)))}")
             continue
         node[last] = value
-    changed = _validated(document, f"rig {rig.name}", faults)
+    changed = validated(document, f"rig {rig.name}", faults)
     kept = {"assumed": rig.assumed, "sources": rig.sources, "daq_only": rig.daq_only}
     return changed.model_copy(update=kept)
-
-
-def rig_document(rig: BaseModel) -> dict[str, Any]:
-    """Return a rig, or a table of one, as TOML holds it: quantities that read back exactly."""
-    return _document(rig, type(rig))
-
-
-def rig_json(rig: Rig) -> str:
-    """Return the resolved rig as JSON text, for a recording's metadata."""
-    stored = {"values": rig_document(rig), "assumed": rig.assumed, "sources": rig.sources}
-    return json.dumps(stored | ({"daq_only": True} if rig.daq_only else {}))
-
-
-@lru_cache(maxsize=8)
-def rig_from_json(text: str) -> Rig:
-    """Read back what `rig_json` wrote, also in earlier versions.
-
-    The result is cached, since the recordings of a session share their rig.
-
-    Raises:
-        RigError: The text is not what `rig_json` writes.
-    """
-    origin = "the rig stored here cannot be read"
-    try:
-        stored = json.loads(text)
-        values = stored["values"]
-        rename_keys(values)
-        for choir in (values, *values.get("more_choirs", ())):
-            # The overlaps of earlier versions were those of a string on the mid-line.
-            choir["plectrum"].setdefault("contact", "mid-line")
-        origins = {
-            name: {current_key(key): about for key, about in stored[name].items()}
-            for name in ("assumed", "sources")
-        }
-        alone = {"daq_only": True} if stored.get("daq_only") is True else {}
-        return _validated(values | origins | alone, origin)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise RigError(
-            f"{origin}: {type(error).__name__}: {error}; only text written by rig_json can be read"
-        ) from error
 
 
 def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, Any]:
@@ -200,51 +140,6 @@ def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, 
 def _inside(node: Any) -> Iterable[Any]:
     """Return what is directly inside a table or an array."""
     return node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
-
-
-def current_document(document: dict[str, Any]) -> dict[str, Any]:
-    """Return a document of an earlier version with the current keys, new ones at their defaults.
-
-    Args:
-        document: As `rig_document` returned it, or a part of it; left unchanged.
-    """
-    current = copy.deepcopy(document)
-    rename_keys(current)
-    _complete(current, Rig)
-    return current
-
-
-def _complete(document: dict[str, Any], kind: type[BaseModel]) -> None:
-    """Add the optional keys that are missing in the tables of a document, in place."""
-    for name, known in kind.model_fields.items():
-        if name in document:
-            value = document[name]
-            for table in value if isinstance(value, list) else [value]:
-                if isinstance(table, dict) and (nested := submodel(known.annotation)):
-                    _complete(table, nested)
-        elif not known.is_required() and not known.exclude:
-            default = known.get_default(call_default_factory=True)
-            document[name] = _plain(default, unit_of(kind, [name]))
-
-
-def _document(model: BaseModel, kind: type[BaseModel]) -> dict[str, Any]:
-    document: dict[str, Any] = {}
-    for name, known in kind.model_fields.items():
-        if not known.exclude:
-            document[name] = _plain(getattr(model, name), unit_of(kind, [name], model))
-    return document
-
-
-def _plain(value: Any, unit: str | None) -> Any:
-    if isinstance(value, BaseModel):
-        return _document(value, type(value))
-    if isinstance(value, tuple):
-        return [_plain(item, unit) for item in value]
-    if isinstance(value, float) and unit is not None:
-        return format_quantity(value, unit)
-    if value is None or isinstance(value, str | int | float):
-        return value
-    return str(value)
 
 
 def read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:

@@ -7,7 +7,7 @@ them from here.
 import math
 from dataclasses import dataclass
 
-from sautereau.rig.packaged import table_beside
+from sautereau.rig.disk import table_beside
 
 DISPLAYED = {
     "s": (1e3, "ms"),

@@ -18,10 +18,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from tomlkit.items import InlineTable, Table
 
+from sautereau.rig.disk import named_text
+from sautereau.rig.document import rig_document
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import submodel, unit_of
-from sautereau.rig.load import rig_document
-from sautereau.rig.packaged import named_text
 from sautereau.rig.registry import NameIn
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import Section, format_quantity

@@ -7,6 +7,8 @@ from typing import Protocol, Self
 import numpy as np
 
 from sautereau.rig.capabilities import Capabilities
+from sautereau.rig.registry import CONTROLLERS
+from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments
 
@@ -178,3 +180,12 @@ def play(controller: MotionController, motion: Segments) -> None:
     controller.arm()
     controller.start()
     controller.wait()
+
+
+def motion_controller(rig: Rig) -> MotionController:
+    """Return the controller of a rig, not yet connected.
+
+    Raises:
+        RigError: No installed package provides `controller.kind`, or importing it failed.
+    """
+    return CONTROLLERS.get(rig.controller.kind)(rig)

@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import to_jsonable_python
 
+from sautereau.rig.disk import named_text, packaged_names
 from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.instrument import Choir
 from sautereau.rig.load import read_toml, with_values
-from sautereau.rig.packaged import named_text, packaged_names
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY, Angle, Section, Time
 from sautereau.sim_backend.device_types import DEVICE_TYPES, IDEAL

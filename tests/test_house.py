@@ -62,7 +62,6 @@ def test_a_package_imports_only_what_it_needs():
 
 OTHER_WAYS = {
     "rig/disk.py": "the one way",
-    "rig/packaged.py": "rigs, scenes and tables of the package",
     "trajectory/urdf.py": "a template of the package",
     "daq/file/schemas.py": "schemas of the package",
     "daq/file/container/durable.py": "a recording keeps the name NAME.part while it is written",

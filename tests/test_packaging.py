@@ -17,7 +17,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from sautereau.rig.packaged import code_hash
+from sautereau.rig.version import code_hash
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot")

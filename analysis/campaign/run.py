@@ -9,8 +9,8 @@ from sautereau.analysis.campaign.row import Fault, Row, Source, read_batch
 from sautereau.analysis.campaign.table import SCHEMA, Campaign, empty_campaign, read_campaign
 from sautereau.analysis.campaign.workers import Where, run_over
 from sautereau.analysis.errors import AnalysisError
-from sautereau.rig.packaged import made_by
 from sautereau.rig.progress import tracked
+from sautereau.rig.version import made_by
 
 BATCH = 8  # Number of recordings that a process reads at a time: about 0.2 s of work
 WORTH_A_PROCESS = 64

@@ -9,7 +9,7 @@ from sautereau.analysis.report.contents import Contents, PressRecord
 from sautereau.daq.file.provenance import software as software_here
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.capabilities import capabilities_of
-from sautereau.rig.load import rig_document
+from sautereau.rig.document import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import readable_quantity
 

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.results.result import Shown
 from sautereau.rig import load, schema
-from sautereau.rig.compared import flat
+from sautereau.rig.document import flat, named_values
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import unit_of
-from sautereau.rig.named import named_values
 
 if TYPE_CHECKING:
     import pandas as pd

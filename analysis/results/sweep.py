@@ -11,9 +11,9 @@ from sautereau.analysis.figures.palette import DASHES, SERIES
 from sautereau.analysis.model.batch import DERIVED, PredictionBatch, predict_many
 from sautereau.analysis.model.pluck.paths import Status
 from sautereau.analysis.results.result import Shown, shown
+from sautereau.rig.document import full_key
 from sautereau.rig.errors import RigError, require
 from sautereau.rig.faults import unit_of
-from sautereau.rig.named import full_key
 from sautereau.rig.quantities import DISPLAYED, QUANTITIES
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity, readable_quantity

@@ -16,7 +16,7 @@ from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.compare import Comparison, compare, predicted_means
 from sautereau.analysis.session.pooled import PooledFeature, pooled_features
 from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
-from sautereau.rig.compared import flat, values_of
+from sautereau.rig.document import flat, values_of
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.timing import press_law

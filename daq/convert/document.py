@@ -24,9 +24,9 @@ from sautereau.daq.file.recorded import (
 from sautereau.daq.signals.quality_flags import find_quality_flags
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.disk import open_regular, read_limited
+from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
-from sautereau.rig.load import rig_from_json, rig_json
 from sautereau.rig.schema import Rig
 
 SIMULATED = "simulated"

@@ -40,9 +40,9 @@ from sautereau.daq.file.samples import (
     read_block,
 )
 from sautereau.daq.file.schemas import FIELDS, LOG, decode, doubles
+from sautereau.rig.document import rig_from_json
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
-from sautereau.rig.load import rig_from_json
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
 

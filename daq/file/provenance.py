@@ -27,11 +27,11 @@ from sautereau.daq.file.schemas import (
     schema_data,
     schema_of,
 )
+from sautereau.rig.document import rig_document, rig_json
 from sautereau.rig.faults import fault_list
-from sautereau.rig.load import rig_document, rig_json
-from sautereau.rig.packaged import made_by
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
+from sautereau.rig.version import made_by
 
 PROFILE = "sautereau"  # Profile in the header of sautereau's MCAP files
 HEAD = ("channels", "rig", "software", "session", "schemas")

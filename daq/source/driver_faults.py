@@ -6,7 +6,7 @@ from typing import Any
 
 from sautereau.daq.errors import DaqError
 from sautereau.rig.acquisition import Daq
-from sautereau.rig.packaged import table_beside
+from sautereau.rig.disk import table_beside
 
 NOT_YET_AVAILABLE = -200284
 NOT_DONE = -200560

@@ -1,5 +1,6 @@
 """The interface of a driver for one kind of controller; `PoweredArm` does everything else."""
 
+import logging
 from collections.abc import Callable
 from typing import ClassVar, Protocol
 
@@ -7,10 +8,12 @@ from sautereau.rig.capabilities import Capabilities
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Player, TorqueTable
 from sautereau.robot.drivers.serial_port import Port
+from sautereau.robot.errors import SettingChanged
 from sautereau.trajectory.segments import Counts, Segments
 
 Clock = Callable[[], float]  # Returns seconds from any origin
 Sleep = Callable[[float], None]  # Waits for seconds
+_LOG = logging.getLogger(__name__)
 
 
 class Driver(Player, Protocol):
@@ -89,3 +92,27 @@ class Driver(Player, Protocol):
     def load(self) -> Segments:
         """Load the planned motion; return the motion as it was sent."""
         ...
+
+
+def refuse_changes(controller: str, read: Callable[[], list[str]]) -> None:
+    """Refuse settings that have changed since they were set.
+
+    A bit that flips on the line looks like a changed setting, once: what differs is read again,
+    and a difference that the second reading does not find is a warning.
+
+    Args:
+        controller: Port of the controller, for the message.
+        read: Reads all settings; returns a text for each that differs.
+
+    Raises:
+        SettingChanged: Two readings found differences; names those of the second.
+    """
+    if first := read():
+        if second := read():
+            raise SettingChanged(controller, second)
+        _LOG.warning(
+            "controller on %s: %s when read once, and as set when read again; the line may be"
+            " disturbed: check its cable",
+            controller,
+            "; ".join(first),
+        )

@@ -21,9 +21,8 @@ from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Driver, Sleep
 from sautereau.robot.drivers.keep_alive import KeepAlive
 from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.safety import Safety
+from sautereau.robot.drivers.safety import Safety, State, States
 from sautereau.robot.drivers.serial_port import Port, open_port
-from sautereau.robot.drivers.states import State, States
 from sautereau.robot.errors import MotionFault, NotReady, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments, to_counts
 
@@ -90,7 +89,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
 
     @property
     def state(self) -> State:
-        """State of the arm; see `sautereau.robot.drivers.states`."""
+        """State of the arm; see `sautereau.robot.drivers.safety`."""
         return self._states.now
 
     @property

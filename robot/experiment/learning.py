@@ -9,15 +9,13 @@ import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.loading.press import load_press
-from sautereau.rig.compared import comparable
 from sautereau.rig.disk import read_limited, why_unreadable, write_durably
+from sautereau.rig.document import comparable, current_document, rig_document
 from sautereau.rig.faults import fault_list, validation_faults
-from sautereau.rig.load import current_document, rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.differences import differences
 from sautereau.robot.experiment.feedforward import torque_table
-from sautereau.robot.experiment.plan import RigDocument
+from sautereau.robot.experiment.plan import RigDocument, differences
 from sautereau.robot.experiment.session import Item
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation

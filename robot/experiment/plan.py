@@ -1,7 +1,7 @@
-"""The plan of a session: its presses in order, and where the operator must act."""
+"""The plan of a session: its presses, where the operator must act, and the changes of a plan."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -11,15 +11,16 @@ from pydantic import BaseModel, JsonValue
 
 from sautereau.daq.file.provenance import check_recordable
 from sautereau.rig import disk
-from sautereau.rig.compared import comparable
+from sautereau.rig.document import comparable, rig_document
 from sautereau.rig.faults import fault_list
-from sautereau.rig.load import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan_table import MOST_PRESSES, Row
 
 LEARNING = "from these presses"
 """In the place of a file's SHA-256: the correction of a session that learns it."""
+MOST_LISTED = 8  # Differences that one message lists
+_ABSENT = "nothing"
 
 
 @dataclass(frozen=True)
@@ -124,3 +125,45 @@ def to_set(rig: Rig, set_before: Mapping[str, Any], row: Row) -> dict[str, Any]:
             own = own[part]
         needed[key] = row.set_up.get(key, own)
     return {key: value for key, value in needed.items() if set_before.get(key) != value}
+
+
+def check_same(folder: Path, started: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    """Refuse another plan than that with which a session started.
+
+    Raises:
+        RobotError: Names the differences, and the way out.
+    """
+    found = list(differences(started, asked))
+    if not found:
+        return
+    more = f"\n  and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
+    raise RobotError(
+        f"session folder {folder}: its session was started with another plan\n  "
+        + "\n  ".join(found[:MOST_LISTED])
+        + more
+        + "\nto continue that session, give its original command; for a new session, another --out"
+    )
+
+
+def differences(started: Any, asked: Any, at: str = "") -> Iterator[str]:
+    """Yield the differences of two JSON documents, by dotted key, with both values.
+
+    A key that is missing is one without a value.
+    """
+    if isinstance(started, list) and isinstance(asked, list):
+        started, asked = (dict(enumerate(values, 1)) for values in (started, asked))
+    if isinstance(started, Mapping) and isinstance(asked, Mapping):
+        for key in dict.fromkeys([*started, *asked]):
+            place = f"{at}.{key}" if at else str(key)
+            yield from differences(started.get(key, _ABSENT), asked.get(key, _ABSENT), place)
+    elif started != asked and not (_is_missing(started) and _is_missing(asked)):
+        yield f"{at}: {_shown(started)} then, {_shown(asked)} now"
+
+
+def _is_missing(value: Any) -> bool:
+    return value is None or value is _ABSENT
+
+
+def _shown(value: Any) -> str:
+    text = value if value is _ABSENT else json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

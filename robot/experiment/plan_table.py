@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.rig.csv_files import read_rows
+from sautereau.rig.document import current_key
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list, model_keys, near_miss, unit_of
 from sautereau.rig.load import with_values
-from sautereau.rig.named import current_key
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 
@@ -37,7 +37,7 @@ class Row:
     @property
     def set_up(self) -> dict[str, str | int | float]:
         """Those of `values` that the operator must set on the instrument."""
-        return {key: value for key, value in self.values.items() if not _is_press(key)}
+        return {key: value for key, value in self.values.items() if not key.startswith("press.")}
 
     def document(self) -> dict[str, Any]:
         """Return the row as a JSON document."""
@@ -159,7 +159,3 @@ def _single(message: str, rig: Rig) -> list[str]:
     """Return the faults of a message one by one."""
     head, *more = message.split("\n")
     return [line.strip() for line in more] or [head.removeprefix(f"rig {rig.name}: ")]
-
-
-def _is_press(key: str) -> bool:
-    return key.startswith("press.")

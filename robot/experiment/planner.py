@@ -1,11 +1,20 @@
-"""Trajectories and torques of the presses of a session, each planned once."""
+"""The presses of a session before they are made: the rows of a recording, and the plans."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from sautereau.analysis.loading.press import press_of
 from sautereau.analysis.model.predict import expected_of
+from sautereau.analysis.session.conditions import differing
+from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import Recorded
+from sautereau.rig.disk import as_text
+from sautereau.rig.document import values_of
 from sautereau.rig.faults import fault_list
-from sautereau.rig.schema import Rig
+from sautereau.rig.schema import Gesture, Press, Rig
+from sautereau.rig.units import format_quantity
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of, torque_table
@@ -13,7 +22,17 @@ from sautereau.robot.experiment.learning import read_learned
 from sautereau.robot.experiment.plan import digest
 from sautereau.robot.experiment.plan_table import Row
 from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory, plan_press
+from sautereau.trajectory.timing import press_law
+
+STEP = 2e-3  # Time between the samples of a gesture from a plan (s)
+MEASURED_STEP = 4e-3  # Time between the samples of a gesture from a measured rise (s)
+SAME = 1e-6
+"""m, within which the recorded plan is that of the recorded rig; otherwise it was corrected."""
+MOVES = 20e-6  # m, rise from which on a measured jack moves
+TOLERANCE = 0.02  # Dimensionless, relative speed error by rounding that a gesture may have
+BESIDE = 5  # Samples of rest before and after the motion, so that it starts and ends smoothly
 
 
 class Planner:
@@ -74,3 +93,62 @@ class Planner:
                 faults.append(f"line {row.line}: {error}")
         if faults:
             raise RobotError(fault_list("plan table", faults))
+
+
+def rows_of_recording(
+    recording: Path, rig: Rig, repeats: int = 1, notes: str = ""
+) -> tuple[Row, ...]:
+    """Return the row of presses with the motion of a recorded one.
+
+    The motion is the planned one: the law of the recorded rig's `press`, or with a learned
+    correction a gesture. A recording without a plan, such as an imported one, gives its measured
+    rise as the gesture.
+
+    Args:
+        repeats: Number of presses.
+
+    Raises:
+        daq.errors.RecordingError: The file is not a complete recording.
+        RobotError: The jack does not move in it.
+    """
+    recorded = read_recording(recording)
+    again = rig.model_copy(update={"press": _press(recorded)})
+    changed = differing(values_of(rig), values_of(again))
+    notes = "; ".join(filter(None, (notes, f"replay of {as_text(recording.name)}")))
+    return (Row(again, repeats, changed, notes),)
+
+
+def _press(recorded: Recorded) -> Press:
+    """Return the press that a recording shows."""
+    press, plan = recorded.rig.press, recorded.plan
+    if plan is not None:
+        planned = press_law(press).law.at(plan.t - plan.t[0]).position
+        if np.abs(planned - plan.jack_rise).max() <= SAME:
+            return press
+        return _with_gesture(press, plan.t, plan.jack_rise, recorded, SAME, STEP)
+    measured = press_of(recorded)
+    n = max(1, round(MEASURED_STEP * recorded.rate))
+    both = np.stack([measured.time, measured.samples["jack_rise"]])
+    time, rise = both[:, : both.shape[1] // n * n].reshape(2, -1, n).mean(axis=2)
+    return _with_gesture(press, time, rise, recorded, MOVES, MEASURED_STEP)
+
+
+def _with_gesture(
+    press: Press, time: Floats, rise: Floats, recorded: Recorded, least: float, step: float
+) -> Press:
+    """Return the press with a motion as its gesture, from the first to the last rise above one."""
+    moving = np.flatnonzero(rise > least)
+    if len(moving) < 3:
+        raise RobotError(f"replay of {recorded.path}: the jack does not move in it; give another")
+    first, last = max(moving[0] - BESIDE, 0), min(moving[-1] + BESIDE, len(rise) - 1)
+    n = max(3, round(float(time[last] - time[first]) / step))
+    even = np.linspace(time[first], time[last], n)
+    rises = np.interp(even, time, rise)
+    rises[0] = 0.0
+    gesture = {
+        "time": [format_quantity(t, "s") for t in (even - even[0]).tolist()],
+        "rise": [format_quantity(r, "m") for r in np.maximum(rises, 0.0).tolist()],
+    }
+    tolerance = max(press.speed_tolerance, TOLERANCE)
+    update = {"gesture": Gesture.model_validate(gesture), "speed_tolerance": tolerance}
+    return press.model_copy(update=update)

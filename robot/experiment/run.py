@@ -8,13 +8,11 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from sautereau.rig.document import named_values
 from sautereau.rig.load import with_values
-from sautereau.rig.named import named_values
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import TorqueTable
-from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.controller import TorqueTable, motion_controller
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.bench import Bench
 from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.plan import instrument_of, to_set
@@ -25,6 +23,18 @@ from sautereau.robot.experiment.steps import Ask, Plan, Step
 from sautereau.trajectory.press import Trajectory
 
 Planned = tuple[Trajectory, TorqueTable | None]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The bench of some presses, real or simulated."""
+
+    rig: Rig
+    """The rig, with the addresses in use."""
+    scene: str = ""
+    """The stand-in's scene as text; empty on the hardware."""
+    seed: int | None = None
+    """Seed of the stand-in's random numbers."""
 
 
 @dataclass(frozen=True)
@@ -160,10 +170,12 @@ class PlanRun:
         folder, crew = self._folder, self._crew
         current: list[Place] = []
         made: list[tuple[Row, Rig, Planned]] = []
+        instrument = instrument_of(first.row.rig)
 
         def items(bench: Bench) -> Iterator[Item]:
-            while isinstance(place := self._next(), Place) and self._same(first, place):
-                if current and self._control.paused:
+            while isinstance(place := self._next(), Place):
+                another = instrument_of(place.row.rig) != instrument
+                if another or (current and self._control.paused):
                     return
                 if not made or made[0][0] is not place.row:
                     made[:] = [(place.row, place.row.on(bench.rig), crew.planned(place.row))]
@@ -198,10 +210,6 @@ class PlanRun:
                 on_press=done,
                 watch=self._control.watched(crew.watch),
             )
-
-    @staticmethod
-    def _same(first: Place, place: Place) -> bool:
-        return instrument_of(first.row.rig) == instrument_of(place.row.rig)
 
 
 def seed_from(seed: int | None, number: int) -> int | None:

@@ -1,11 +1,12 @@
-"""A session's folder: the presses that are made, and the plan, in a manifest.
+"""A session's folder, which it has alone: the presses that are made, and the plan, in a manifest.
 
 The manifest is written before the first press.
 """
 
 import json
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,7 +16,7 @@ from pydantic import BaseModel, Field, FiniteFloat, JsonValue, ValidationError
 
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_recording, read_session
-from sautereau.rig.compared import comparable
+from sautereau.daq.source.connection import hold_card
 from sautereau.rig.disk import (
     TEXT_LIMIT,
     make_folder,
@@ -23,17 +24,19 @@ from sautereau.rig.disk import (
     why_unreadable,
     write_durably,
 )
+from sautereau.rig.document import comparable, current_document, current_key
 from sautereau.rig.faults import fault_list, validation_faults
-from sautereau.rig.load import current_document
-from sautereau.rig.named import current_key
+from sautereau.rig.lock import Taken, locked
+from sautereau.rig.schema import Rig
+from sautereau.robot.drivers.serial_port import hold_port
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.differences import check_same
-from sautereau.robot.experiment.plan import Plan, RigDocument
+from sautereau.robot.experiment.plan import Plan, RigDocument, check_same
 from sautereau.robot.experiment.plan_table import MOST_PRESSES
 
 MANIFEST = "session.json"  # Name of the file in the session's folder
 VERSION = 1  # Version of the file
 LONGEST_NAME = 200  # Characters of the session's identity, and of a date
+LOCK = ".session.lock"  # File of the lock, while a session runs
 
 
 @dataclass(frozen=True)
@@ -267,3 +270,53 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
             f"session {path}: cannot be written: {error.strerror}; give a folder that can be"
             " written, with room on its disk"
         ) from error
+
+
+@contextmanager
+def only_session(folder: Path, rig: Rig | None = None) -> Iterator[None]:
+    """Hold a folder, card and controller for one session, also between presses and in pauses.
+
+    The folder is created, and removed again if nothing is written. An error that is raised in the
+    block remains the one that is raised.
+
+    Args:
+        rig: Names card and controller; None for a stand-in, which nobody else uses.
+
+    Raises:
+        RobotError: Another session runs in the folder, it cannot be written, or another process
+            uses the controller.
+        DaqError: Another process uses the card.
+    """
+    with ExitStack() as stack:
+        if not folder.exists():
+            stack.callback(_remove_empty, folder)
+        try:
+            make_folder(folder)
+            stack.enter_context(locked(folder / LOCK))
+        except Taken as error:
+            raise RobotError(
+                f"session folder {folder}: {error} runs a session in it; wait until it has ended,"
+                " or give another --out"
+            ) from error
+        except OSError as error:
+            raise RobotError(
+                f"session folder {folder}: {error.strerror}; give a folder that can be written"
+            ) from error
+        if rig is not None:
+            purpose = f"a session in {folder.absolute()}"
+            stack.enter_context(hold_card(rig.daq, purpose, shared=True))
+            stack.enter_context(hold_port(rig.controller.port, purpose, shared=True))
+        try:
+            yield
+        except BaseException as error:
+            if not folder.is_dir():
+                error.add_note(
+                    f"The folder {folder} was removed or renamed during the session. If it was"
+                    " removed, all recordings in it are lost"
+                )
+            raise
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):  # it is not empty, or gone
+        folder.rmdir()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput
-from sautereau.commands.signals import on_signals
+from sautereau.commands.running import on_signals
 
 if TYPE_CHECKING:
     from sautereau.daq.source.source import InputSettings, SourceSettings

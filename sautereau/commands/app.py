@@ -27,21 +27,16 @@ from sautereau.commands import (
     acquire,
     animate,
     campaign,
-    common,
     fit,
-    imports,
-    learn,
+    folder,
     plan,
     press,
     recordings,
-    report,
+    running,
     setup,
     simulate,
-    transient,
-    watch,
 )
 from sautereau.commands.output import end_output, fail, printable
-from sautereau.commands.signals import ignore_signals
 
 UNREAD = 141
 """Exit status where the reader of the output has ended: 128 + SIGPIPE, as a shell reports it."""
@@ -71,28 +66,28 @@ for command in (
     press.press,
     press.replay,
     acquire.acquire,
-    learn.learn,
+    press.learn,
     fit.phases,
     plan.predict,
     fit.compare,
     fit.identify,
-    transient.transient,
+    fit.transient,
     animate.animate,
     animate.listen,
     campaign.campaign,
     campaign.touch,
-    watch.watch,
-    report.report,
+    folder.watch,
+    folder.report,
     recordings.info,
     recordings.recover,
     recordings.split,
     recordings.export,
-    imports.import_,
+    recordings.import_,
     simulate.stand_in,
     simulate.trade,
     setup.doctor,
 ):
-    app.command(common.run(command))
+    app.command(running.run(command))
 app.register_install_completion_command()
 
 
@@ -163,7 +158,7 @@ def _open_closed_streams() -> None:
 
 def _interrupted(error: KeyboardInterrupt, as_json: bool) -> int:
     """Report the signal that ended a command, named in the error; without a name Ctrl-C."""
-    ignore_signals()
+    running.ignore_signals()
     given = str(error)
     number = signal.Signals[given] if given in signal.Signals.__members__ else signal.SIGINT
     with suppress(OSError):  # of a terminal that is closed

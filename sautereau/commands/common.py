@@ -1,20 +1,16 @@
 """Shared by the commands: their parameters, and the bench and recordings that they name."""
 
-import inspect
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, Token
 from cyclopts.validators import Number as Range
 
 from sautereau.analysis.model.plectrum.levels import LEVELS, levels_help
-from sautereau.commands.log import logged
-from sautereau.commands.output import FileOutput, Output
-from sautereau.commands.signals import signals_stop
+from sautereau.commands.output import Output
 
 if TYPE_CHECKING:
     from sautereau.entrance.bench import Bench
@@ -180,31 +176,3 @@ def opened(
 
     with output.progress("reading recordings"):
         return open(what).readable(samples=samples)
-
-
-def run(command: Callable[..., int]) -> Callable[..., int]:
-    """Return a command that signals stop, that logs, and that refuses existing files.
-
-    The files are its arguments of the type `OutFile` and of those derived from it.
-    """
-    signature = inspect.signature(command)
-    files = [name for name, one in signature.parameters.items() if _is_new_file(one.annotation)]
-
-    @wraps(command)
-    def started(*args: Any, **kwargs: Any) -> int:
-        given = signature.bind(*args, **kwargs)
-        given.apply_defaults()
-        output: Output = given.arguments["output"]
-        with signals_stop(), logged(output):
-            if not isinstance(output, FileOutput):
-                return command(*args, **kwargs)
-            with output.creating(*(given.arguments[name] for name in files)):
-                return command(*args, **kwargs)
-
-    return started
-
-
-def _is_new_file(annotation: Any) -> bool:
-    """Return whether a type is `OutFile` with further metadata, or may be."""
-    parts = get_args(annotation)
-    return "FILE" in parts or any(map(_is_new_file, parts))

@@ -10,7 +10,7 @@ from sautereau.analysis.figures.comparison import PICTURED
 from sautereau.analysis.results.comparison import Comparison
 from sautereau.analysis.results.press import HEADER, press_line
 from sautereau.analysis.text import grouped
-from sautereau.commands.live.watching import watching
+from sautereau.commands.live.process import watching
 from sautereau.commands.output import Output
 from sautereau.entrance.devices import Connected
 from sautereau.entrance.press_file import PressFile

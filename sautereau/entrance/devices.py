@@ -12,8 +12,8 @@ from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.text import wrapped
 from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
-from sautereau.robot.experiment.bench import Bench
 from sautereau.robot.experiment.control import Control
+from sautereau.robot.experiment.run import Bench
 
 if TYPE_CHECKING:
     from sautereau.sim_backend.scene import Scene

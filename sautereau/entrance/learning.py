@@ -11,16 +11,15 @@ from sautereau.daq.file.reading import read_session
 from sautereau.entrance.devices import Connected, Devices, fresh_seed
 from sautereau.entrance.session import Session
 from sautereau.rig.disk import may_replace
-from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.controller import motion_controller
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of
-from sautereau.robot.experiment.folder_lock import only_session
 from sautereau.robot.experiment.learning import IterativeLearning, write_learned
 from sautereau.robot.experiment.plan import LEARNING, Plan, digest
 from sautereau.robot.experiment.plan_table import Row
 from sautereau.robot.experiment.run import seed_from
 from sautereau.robot.experiment.session import Item, Origin, make_presses
-from sautereau.robot.experiment.session_folder import SessionFolder
+from sautereau.robot.experiment.session_folder import SessionFolder, only_session
 from sautereau.sim_backend.scene import current_scene
 
 if TYPE_CHECKING:

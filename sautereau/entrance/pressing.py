@@ -12,14 +12,12 @@ from sautereau.entrance.session import Session
 from sautereau.rig import schema
 from sautereau.rig.units import parse_quantity
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.folder_lock import only_session
 from sautereau.robot.experiment.monitor import Seen, Watch
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
-from sautereau.robot.experiment.planner import Planner
-from sautereau.robot.experiment.repeat import rows_of_recording
+from sautereau.robot.experiment.planner import Planner, rows_of_recording
 from sautereau.robot.experiment.run import Crew, Place, PlanRun
-from sautereau.robot.experiment.session_folder import SessionFolder
+from sautereau.robot.experiment.session_folder import SessionFolder, only_session
 from sautereau.robot.experiment.steps import of_rows, plan_of
 from sautereau.sim_backend.scene import current_scene
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from sautereau.analysis.errors import ModelError
 from sautereau.rig.disk import read_text, write_durably
-from sautereau.rig.load import rig_json
+from sautereau.rig.document import rig_json
 from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError

@@ -13,8 +13,7 @@ from sautereau.analysis.loading.press import LEAST_RATE, load_press
 from sautereau.analysis.phases.find import find_phases
 from sautereau.commands import campaign as campaigns
 from sautereau.commands import fit, recordings
-from sautereau.commands import report as reports
-from sautereau.commands import transient as transients
+from sautereau.commands import folder as folders
 from sautereau.commands.output import FileOutput, Output
 from tests.recordings import write_recording
 
@@ -92,7 +91,7 @@ JSON = FileOutput(json=True)
         lambda files: fit.compare(files, output=JSON),
         lambda files: fit.compare(files, against=files, output=JSON),
         lambda files: fit.identify(files, free="key.inertia", starts=1, output=JSON),
-        lambda files: transients.transient(files, output=JSON),
+        lambda files: fit.transient(files, output=JSON),
     ],
     ids=["phases", "compare", "against", "identify", "transient"],
 )
@@ -115,7 +114,7 @@ def test_the_others_are_exported(folder, tmp_path, capsys):
 
 def test_the_others_are_in_the_report_and_the_campaign(folder, tmp_path, capsys):
     """These commands list what they omit, as their answer."""
-    assert reports.report(folder, out=tmp_path / "report.html", output=JSON) == 0
+    assert folders.report(folder, out=tmp_path / "report.html", output=JSON) == 0
     made = json.loads(capsys.readouterr().out)
     assert made["presses"] == 2
     table = tmp_path / "table.parquet"

@@ -18,8 +18,8 @@ from sautereau.analysis.results.transient import Transient
 from sautereau.analysis.transient import Source, attribute, combine, examine
 from sautereau.analysis.transient.attribute import free_frequencies, held_frequencies
 from sautereau.analysis.transient.sources import MODELS
+from sautereau.commands.fit import transient
 from sautereau.commands.output import FileOutput
-from sautereau.commands.transient import transient
 from sautereau.rig.errors import UsageError
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene

@@ -14,7 +14,7 @@ import pytest
 
 from sautereau.commands.app import UNREAD, app, main
 from sautereau.rig.load import load_rig
-from sautereau.robot.experiment.folder_lock import LOCK
+from sautereau.robot.experiment.session_folder import LOCK
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import joints_holding_point
@@ -232,7 +232,7 @@ def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, mes
         raise error
 
     monkeypatch.setattr("sautereau.commands.app.app", fail)
-    monkeypatch.setattr("sautereau.commands.app.ignore_signals", lambda: None)
+    monkeypatch.setattr("sautereau.commands.running.ignore_signals", lambda: None)
     monkeypatch.setattr(sys, "argv", ["sautereau", "press", "--json"])
     with pytest.raises(SystemExit, match=str(status)):
         main()

@@ -14,8 +14,8 @@ import pytest
 from rich.console import Console
 
 from sautereau.commands.live import LiveError
+from sautereau.commands.live.process import watching
 from sautereau.commands.live.terminal import TerminalView
-from sautereau.commands.live.watching import watching
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.schemas import schema_data
 from sautereau.daq.file.survey import LAYOUT

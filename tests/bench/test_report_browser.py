@@ -9,8 +9,8 @@ import pytest
 
 from sautereau.analysis.report.build import About, build_report
 from sautereau.analysis.report.contents import gather
+from sautereau.commands.folder import report
 from sautereau.commands.output import FileOutput
-from sautereau.commands.report import report
 from sautereau.rig.load import with_values
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row

@@ -10,8 +10,8 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.commands.app import app
+from sautereau.commands.folder import report
 from sautereau.commands.output import FileOutput
-from sautereau.commands.report import report
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.errors import MissingExtraError
 from sautereau.robot.errors import RobotError

@@ -14,7 +14,7 @@ import pytest
 from examples import session
 from sautereau.__main__ import main
 from sautereau.commands.app import app
-from sautereau.commands.signals import signals_stop
+from sautereau.commands.running import signals_stop
 from sautereau.rig.load import load_rig
 from tests import forked
 from tests.budget import slow

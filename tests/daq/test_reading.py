@@ -13,7 +13,7 @@ from sautereau.daq.file.reading import read_recording, read_window, stream
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.schemas import encode, schema_data
 from sautereau.daq.file.survey import describe
-from sautereau.rig.load import rig_json
+from sautereau.rig.document import rig_json
 
 
 @pytest.fixture

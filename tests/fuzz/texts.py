@@ -14,9 +14,10 @@ from sautereau.analysis.report.fits import read_fit
 from sautereau.commands.output import json_text
 from sautereau.daq.convert.profile import load_profile
 from sautereau.rig.csv_files import read_touched_points
+from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.edit import edit_rig
 from sautereau.rig.errors import SautereauError
-from sautereau.rig.load import load_rig, rig_from_json, rig_json
+from sautereau.rig.load import load_rig
 from sautereau.rig.text import rig_text
 from sautereau.robot.experiment.learning import read_learned, write_learned
 from sautereau.robot.experiment.plan import Plan

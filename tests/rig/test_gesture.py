@@ -5,8 +5,9 @@ import math
 import pytest
 
 from sautereau.rig.csv_files import read_gesture, read_touched_points
+from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.errors import RigError
-from sautereau.rig.load import load_rig, rig_from_json, rig_json, with_values
+from sautereau.rig.load import load_rig, with_values
 
 GOOD = "time [s], rise [mm]\n0, 0\n0.01, 0.5\n0.02, 2\n"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sautereau.rig.errors import SautereauError
-from sautereau.rig.packaged import COMPUTING, code_hash, made_by
+from sautereau.rig.version import COMPUTING, code_hash, made_by
 
 ROOT = Path(__file__).parents[2]
 

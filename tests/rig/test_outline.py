@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.errors import RigError
-from sautereau.rig.load import load_rig, rig_from_json, rig_json
+from sautereau.rig.load import load_rig
 from sautereau.rig.outline import LEAST_TIP, THINNED_PLACES, split
 from tests.budget import examples
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from sautereau.rig.disk import packaged_names
 from sautereau.rig.load import load_rig
-from sautereau.rig.packaged import packaged_names
 from sautereau.rig.units import GRAVITY
 
 

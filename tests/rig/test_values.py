@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sautereau.rig.document import rig_document, rig_from_json, rig_json
 from sautereau.rig.errors import RigError, SautereauError
-from sautereau.rig.load import load_rig, rig_document, rig_from_json, rig_json, with_values
+from sautereau.rig.load import load_rig, with_values
 from tests.budget import examples
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recording import Recording
-from sautereau.rig.load import load_rig, rig_json, with_values
+from sautereau.rig.document import rig_json
+from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row
@@ -34,7 +35,7 @@ from tests.robot.injected_faults import (
 CHILD = """
 import sys
 from pathlib import Path
-from sautereau.rig.load import rig_from_json
+from sautereau.rig.document import rig_from_json
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.experiment.session import Item, make_presses
 from sautereau.trajectory.press import plan_press

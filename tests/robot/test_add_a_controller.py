@@ -6,9 +6,9 @@ import pytest
 
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.controller import motion_controller
 from sautereau.robot.errors import MotionFault
-from sautereau.robot.experiment.setup.joints import find_home
+from sautereau.robot.experiment.setup.steps import find_home
 
 
 class Agreeing:

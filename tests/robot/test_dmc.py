@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sautereau.robot.drivers.galil.capture import plan_capture
+from sautereau.robot.drivers.galil.arrays import plan_capture
 from sautereau.robot.drivers.galil.program import SETTLE, controller_program
 from sautereau.robot.errors import UnsafeRequest
 

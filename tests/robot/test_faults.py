@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from sautereau.rig.load import load_rig, rig_from_json, rig_json
+from sautereau.rig.document import rig_from_json, rig_json
+from sautereau.rig.load import load_rig
 from tests.robot.fault_desk import Desk
 from tests.robot.injected_faults import ALONE, FAULTS, HOST, NOT_OFF, OFF, SOON
 from tests.robot.injected_host_faults import burst

@@ -15,10 +15,10 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.text import rig_text
 from sautereau.robot.drivers.serial_port import open_port
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.folder_lock import LOCK, only_session
 from sautereau.robot.experiment.monitor import Made
 from sautereau.robot.experiment.plan import MOST_PRESSES, Plan
 from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.session_folder import LOCK, only_session
 from sautereau.sim_backend.bench import StandIn
 from tests.presses import QUICK, mute_scene
 
@@ -26,7 +26,7 @@ OWNER = ".session.owner"
 HOLDER = """
 import sys, time
 from pathlib import Path
-from sautereau.robot.experiment.folder_lock import only_session
+from sautereau.robot.experiment.session_folder import only_session
 with only_session(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.controller import MotionController, TorqueTable
+from sautereau.robot.controller import MotionController, TorqueTable, motion_controller
 from sautereau.robot.drivers.odrive.driver import OdriveController
 from sautereau.robot.drivers.odrive.line import checksum, framed
 from sautereau.robot.drivers.odrive.setpoints import INTERVAL, LEAD
-from sautereau.robot.drivers.registry import motion_controller
 from sautereau.robot.errors import (
     LineLost,
     MotionFault,

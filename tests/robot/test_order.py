@@ -8,7 +8,7 @@ import pytest
 
 from sautereau.rig.load import with_values
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.drivers.states import State
+from sautereau.robot.drivers.safety import State
 from sautereau.robot.errors import NotReady, RobotError, SettingNotTaken, UnsafeRequest
 from tests.robot.test_states import ALLOWED
 

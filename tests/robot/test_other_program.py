@@ -5,8 +5,8 @@ import re
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers.driver import refuse_changes
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.drivers.settings import refuse_changes
 from sautereau.robot.errors import MotionFault, SettingChanged
 from sautereau.robot.experiment.monitor import Stage
 from sautereau.sim_backend.bench import StandIn

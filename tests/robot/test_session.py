@@ -13,13 +13,11 @@ from sautereau.daq.file.reading import read_session
 from sautereau.entrance import bench as benches
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.differences import check_same
 from sautereau.robot.experiment.learning import IterativeLearning
 from sautereau.robot.experiment.monitor import Samples
-from sautereau.robot.experiment.plan import Plan, to_set
+from sautereau.robot.experiment.plan import Plan, check_same, to_set
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
-from sautereau.robot.experiment.planner import Planner
-from sautereau.robot.experiment.repeat import rows_of_recording
+from sautereau.robot.experiment.planner import Planner, rows_of_recording
 from sautereau.robot.experiment.session_folder import (
     MANIFEST,
     Manifest,

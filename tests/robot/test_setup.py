@@ -8,13 +8,17 @@ import pytest
 
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import MotionFault, RobotError
-from sautereau.robot.experiment.setup.contact import Creep, find_contact
-from sautereau.robot.experiment.setup.dry_run import play_in_air, raised
-from sautereau.robot.experiment.setup.joints import check_encoders
-from sautereau.robot.experiment.setup.port import find_port, identify
+from sautereau.robot.experiment.setup.contact import Creep, find_contact, locate_by_touch
 from sautereau.robot.experiment.setup.step import Declined
-from sautereau.robot.experiment.setup.steps import STEPS, make_steps
-from sautereau.robot.experiment.setup.touch import locate_by_touch
+from sautereau.robot.experiment.setup.steps import (
+    STEPS,
+    check_encoders,
+    find_port,
+    identify,
+    make_steps,
+    play_in_air,
+    raised,
+)
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.arm import fingertip_place

@@ -5,7 +5,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
-from sautereau.robot.drivers.states import WAYS_OUT, State, States
+from sautereau.robot.drivers.safety import WAYS_OUT, State, States
 from sautereau.robot.errors import NotReady
 
 CALLS = ("powered", "home", "check_home", "move_to", "load", "arm", "start", "wait", "stop")

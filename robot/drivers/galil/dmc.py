@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sautereau.rig.controller import Controller
+from sautereau.rig.schema import Controller
 from sautereau.robot.drivers.galil.program import RESOLUTION
 from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.errors import UnsafeRequest

@@ -1,8 +1,15 @@
 """The driver of a Galil DMC-4x: a press, preloaded as PVT segments that the controller plays.
 
 Positions are counts, speeds counts per second, durations controller samples.
+
+Home are the edges of the home switches, or the encoders' next index beyond them. Find Edge moves
+backward if the home input reads 1 and forward if it reads 0. It thus moves towards the edge that
+has 0 below it and 1 above, and decelerates behind it. The last approach is always slow and from the
+same side. The torque is low, and software limits around the position of the arm end a search in the
+wrong direction.
 """
 
+import math
 from functools import partial
 from typing import ClassVar
 
@@ -12,31 +19,38 @@ from sautereau.rig.capabilities import Capabilities, HomingKind
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Sleep
-from sautereau.robot.drivers.galil.axes import Axes
-from sautereau.robot.drivers.galil.capture import (
+from sautereau.robot.drivers.galil.arrays import (
     EXPONENTS,
     SOURCES,
     CapturePlan,
+    Push,
     make_room,
+    plan_push,
     read_capture,
+    write_push,
 )
+from sautereau.robot.drivers.galil.axes import Axes
 from sautereau.robot.drivers.galil.dmc import (
     CLEAR_SEGMENTS,
+    EDGE_FOUND,
     END_OF_MOTION,
+    INDEX_FOUND,
     NORMAL_ENDS,
     check_segments,
     halting,
     profile,
     segment_commands,
 )
-from sautereau.robot.drivers.galil.homing import find_switches
 from sautereau.robot.drivers.galil.program import PRESS, RATE, WATCH
-from sautereau.robot.drivers.galil.push import Push, plan_push, write_push
 from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.errors import MotionFault, NotReady, SettingNotTaken
 from sautereau.trajectory.segments import Counts, Segments
+
+_FAST = 0.2  # Speed of the search for home (rad/s)
+_SLOW = 0.01  # Speed of the last approach to home (rad/s)
+_AXES = "AB"
 
 
 class GalilDriver(Axes):
@@ -62,7 +76,54 @@ class GalilDriver(Axes):
         self._plan: CapturePlan | None = None
 
     def find_home(self, home: Counts) -> None:
-        find_switches(self, home)
+        """Find home, define the position there, and set the limits of torque and travel.
+
+        Raises:
+            MotionFault: A switch or index was not found within `controller.home_travel`, or not
+                twice within `controller.home_tolerance`.
+        """
+        settings, limits = self._settings, self.limits
+        start, reach = self.positions(), math.ceil(limits.in_counts(settings.home_travel))
+        self.settings.limit_torque(settings.home_torque)
+        self.settings.limit_travel(start - reach, start + reach)
+        self._find_edges(_AXES, _FAST)
+        first, second = self.approach_home(), self.approach_home()
+        if (apart := np.abs(second - first)).max() > settings.home_tolerance:
+            raise MotionFault(
+                f"homing: the switches were found twice, {apart[0]} and {apart[1]} counts apart,"
+                f" and controller.home_tolerance is {settings.home_tolerance}; check that the"
+                " switches are fixed and clean"
+            )
+        if settings.home_index:
+            sign = 1 if settings.home_approach == "forward" else -1
+            speed = 2 * round(sign * limits.in_counts(_SLOW) / 2)
+            self.line.ask(f"JG {speed},{speed}", f"HV {abs(speed)},{abs(speed)}")
+            self._search("FI", _AXES, _SLOW, INDEX_FOUND)
+        self.line.ask(f"DP {home[0]},{home[1]}")
+        self.settle(home)
+        self.settings.limit_travel(limits.lower, limits.upper)
+        self.settings.limit_torque(1.0)
+
+    def approach_home(self) -> Counts:
+        """Cross the edges slowly, the last time in the rig's direction; return the positions."""
+        self._find_edges(_AXES, _SLOW)
+        behind = 1.0 if self._settings.home_approach == "forward" else 0.0
+        levels = self.home_levels()
+        if wrong := "".join(a for a, at in zip(_AXES, levels, strict=True) if at != behind):
+            self._find_edges(wrong, _SLOW)
+        return self.positions()
+
+    def _find_edges(self, which: str, speed: float) -> None:
+        cruise, start, _ = profile(self.limits, self.limits.in_counts(speed))
+        self.line.ask(cruise, start, halting(self.limits)[0])  # stops close behind the edge
+        self._search("FE", which, speed, EDGE_FOUND)
+
+    def _search(self, command: str, which: str, speed: float, found: int) -> None:
+        self.line.ask(f"{command} {which}")
+        self.line.ask(f"BG {which}")
+        self.await_standstill("homing", self._settings.home_travel / speed + MARGIN)
+        # A joint that did not take part keeps the code of its own last search.
+        self.check_stop("homing", {found, EDGE_FOUND})
 
     def home_levels(self) -> list[float]:
         return self.line.read("_HMA", "_HMB")

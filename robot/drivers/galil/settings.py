@@ -1,7 +1,7 @@
 """Settings of a Galil controller: those made before its motors are on, and those it stores."""
 
-from sautereau.rig.controller import Controller
-from sautereau.rig.schema import Rig
+from sautereau.rig.schema import Controller, Rig
+from sautereau.robot.drivers.driver import refuse_changes
 from sautereau.robot.drivers.galil.dmc import (
     halting,
     software_limit_settings,
@@ -10,7 +10,6 @@ from sautereau.robot.drivers.galil.dmc import (
 )
 from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.settings import refuse_changes
 from sautereau.robot.errors import CommandRefused, RobotError, SettingNotTaken
 from sautereau.trajectory.segments import Counts
 

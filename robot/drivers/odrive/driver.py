@@ -11,22 +11,34 @@ An ODrive stores no motion: the host sends 256 setpoints per second. This has di
   If the host stops, the joints come to rest (`Setpoints.run_out`), and the watchdogs switch the
   motors off.
 
+The home switches are the axes' min endstops, closed at home and below. If an enabled switch closes
+while its motor is on, the firmware reports an error. They are therefore enabled only to be found or
+read.
+
 The command `q` is never used: its torque limit replaces the configured one.
 """
 
+import math
 from functools import partial
+
+import numpy as np
 
 from sautereau.rig.capabilities import Capabilities, HomingKind
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.drivers.odrive.axes import Axes
-from sautereau.robot.drivers.odrive.homing import find_switches, switches_closed
+from sautereau.robot.drivers.odrive.power import AXES, IDLE, SWITCHING
 from sautereau.robot.drivers.odrive.setpoints import INTERVAL, LEAD, Setpoints
-from sautereau.robot.drivers.polling import STOPPING
+from sautereau.robot.drivers.polling import MARGIN, STOPPING
 from sautereau.robot.drivers.powered_arm import PoweredArm
-from sautereau.robot.errors import GarbledAnswer, RobotError, UnsafeRequest
+from sautereau.robot.errors import GarbledAnswer, MotionFault, RobotError, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments
 
 FIRMWARE = "0.5.6"
+_HOMING = 11  # state of an axis
+_BACK_OFF = 0.02  # rad, off a home switch
+_FURTHEST = 0.5  # rad, that a joint may be below its home switch
+_SPEEDS = (0.2, 0.05)  # rad/s, to find the switches and to find them exactly
+_READING = 0.01  # s, until an enabled switch has been read, debounced
 _FLAWS = {
     "0.5.1": "it has no command to clear errors (sc)",
     "0.5.2": "it corrupts answers of several lines",
@@ -86,10 +98,74 @@ class OdriveDriver(Axes):
             self.await_moved("the stop", STOPPING)
 
     def find_home(self, home: Counts) -> None:
-        find_switches(self, home)
+        """Find both home switches, then slowly find them exactly, and move there.
+
+        The motors' turns are 0 there. The joints move one after the other. A joint's motor is off
+        for a moment after it has found its switch.
+        """
+        fast, slow = map(self.limits.in_counts, _SPEEDS)
+        off = self.limits.in_counts(_BACK_OFF)
+        for joint in (1, 2):
+            self._find_switch(joint, fast)
+        self.go(self.positions() + np.array([off, off]), fast)
+        for joint in (1, 2):
+            self._find_switch(joint, slow)
+        self.go(home, fast)
 
     def home_levels(self) -> list[float]:
-        return [float(not closed) for closed in switches_closed(self)]
+        for joint in (1, 2):
+            self._enable_switch(joint, True)
+        levels = [float(not self._closed(joint)) for joint in (1, 2)]
+        for joint in (1, 2):
+            self._enable_switch(joint, False)
+        self.switch_on()
+        return levels
+
+    def _find_switch(self, joint: int, speed: float) -> None:
+        """Move joint 1 or 2 to its home switch, from above; counts per second."""
+        line, name = self.line, AXES[joint - 1]
+        self._enable_switch(joint, True)
+        self.switch_on()
+        self._open_switch(joint)
+        turns = speed / float(self.per_turn[joint - 1])
+        line.set({f"{name}.controller.config.homing_speed": turns})
+        line.confirmed(f"w {name}.requested_state {_HOMING}")
+        limit = 2 * math.pi * self.limits.in_counts(1.0) / speed + MARGIN
+        self.polling.until(lambda: line.read(f"{name}.current_state") != _HOMING, "homing", limit)
+        self.check_errors("homing")
+        if not line.read(f"{name}.is_homed"):
+            raise MotionFault(
+                f"homing: joint {joint} stopped before its home switch; check that the arm moves"
+                " freely and the switch, then home() again"
+            )
+        self._enable_switch(joint, False)
+        self.switch_on()
+
+    def _open_switch(self, joint: int) -> None:
+        """Move joint 1 or 2 up until it is above its home switch."""
+        up = self.limits.in_counts(_BACK_OFF) * (np.array([1, 2]) == joint)
+        speed, moved = self.limits.in_counts(_SPEEDS[0]), 0.0
+        while self._closed(joint):
+            if moved > _FURTHEST:
+                raise MotionFault(
+                    f"homing: the home switch of joint {joint} is still closed after {moved:.3g}"
+                    " rad; check it and its wiring, or move the arm by hand"
+                )
+            self.go(self.positions() + up, speed)
+            moved += _BACK_OFF
+
+    def _enable_switch(self, joint: int, enabled: bool) -> None:
+        """Switch joint 1 or 2 off, and enable or disable its home switch."""
+        line, name = self.line, AXES[joint - 1]
+        line.confirmed(f"w {name}.requested_state {IDLE}")
+        self.polling.until(
+            lambda: line.read(f"{name}.current_state") == IDLE, "switching off", SWITCHING
+        )
+        line.set({f"{name}.min_endstop.config.enabled": int(enabled)})
+        self.polling.sleep(_READING)
+
+    def _closed(self, joint: int) -> bool:
+        return self.line.read(f"{AXES[joint - 1]}.min_endstop.endstop_state") != 0
 
     def plan(self, segments: Segments, torque: TorqueTable | None) -> None:
         settings = self._settings

@@ -1,20 +1,21 @@
 """The power of the two motors behind an ODrive: states of the axes, errors, on and off.
 
 Property names are those of firmware 0.5.6: `Firmware/odrive-interface.yaml` of
-odriverobotics/ODrive, tag fw-v0.5.6.
+odriverobotics/ODrive, tag fw-v0.5.6. The bits of its errors are in errors.csv; there, flags without
+a `bit` follow the one before them.
 """
 
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 
+from sautereau.rig.disk import table_beside
 from sautereau.rig.schema import Rig
-from sautereau.robot.drivers.driver import Clock, Sleep
-from sautereau.robot.drivers.odrive.errors import DEVICE, OF_AXIS, error_names
+from sautereau.robot.drivers.driver import Clock, Sleep, refuse_changes
 from sautereau.robot.drivers.odrive.line import OdriveLine, same
 from sautereau.robot.drivers.odrive.setpoints import Setpoints
 from sautereau.robot.drivers.polling import POLL
 from sautereau.robot.drivers.serial_port import Port
-from sautereau.robot.drivers.settings import refuse_changes
 from sautereau.robot.drivers.streamed import StreamedDriver
 from sautereau.robot.errors import (
     GarbledAnswer,
@@ -34,6 +35,12 @@ _BEFORE_POWER = {"config.control_mode": POSITION_CONTROL, "input_vel": 0, "input
 """Properties of an axis's controller with which it holds its position when it is switched on: the
 firmware keeps the velocity of an earlier input. Writing the control mode replaces the target by
 the position, so it is never written in motion."""
+_DEVICE = "error"  # Property of the device's errors; the others of `_BITS` are an axis's
+_CUT = 9  # Characters to which the firmware cuts a value: a number of so many digits may be longer
+_BITS: dict[str, dict[int, str]] = {}
+"""Names of errors by the number of their bit, by property: `axis` is `axis0` or `axis1`."""
+for _property, _bit, _name in table_beside(Path(__file__).with_name("errors")):
+    _BITS.setdefault(_property, {})[int(_bit)] = _name
 _OFF = tuple(f"w {name}.requested_state {IDLE}" for name in AXES)
 
 
@@ -75,28 +82,38 @@ class Power(StreamedDriver[Setpoints]):
         Raises:
             MotionFault: Lists the errors of the device and of both joints.
         """
-        registers = [(DEVICE, DEVICE, f"device {DEVICE}")] + [
-            (f"{axis}.{name}", f"axis.{name}", f"joint {joint} {name}")
+        registers = [(_DEVICE, _DEVICE, f"device {_DEVICE}")] + [
+            (name.replace("axis", axis), name, f"joint {joint} {name.removeprefix('axis.')}")
             for joint, axis in enumerate(AXES, 1)
-            for name in OF_AXIS
+            for name in _BITS
+            if name != _DEVICE
         ]
         faults = [
             f"{whose}: {names}"
             for name, register, whose in registers
-            if (names := self._error(name, register))
+            if (names := self._errors(name, register))
         ]
         if faults:
             raise MotionFault(
                 f"{what} broke off: {'; '.join(faults)}; remove the cause, then home() again"
             )
 
-    def _error(self, name: str, register: str) -> str:
-        """Return the names of the bits that are set in an error property."""
+    def _errors(self, name: str, register: str) -> str:
+        """Return the names of the bits that are set in an error property, empty for none."""
         (digits,) = self.line.ask(f"r {name}")
         try:
-            return error_names(register, digits)
+            value = int(digits)
         except ValueError as error:
             raise self.line.garbled(f"r {name}", digits, "a whole number was expected") from error
+        if not value:
+            return ""
+        if len(digits) >= _CUT:  # which bits are set cannot be known
+            return f"an error whose number begins with {digits}; `dump_errors(odrv0)` in odrivetool"
+        bits = _BITS[register]
+        names = [name for bit, name in bits.items() if value >> bit & 1]
+        if unknown := value & ~sum(1 << bit for bit in bits):
+            names.append(f"0x{unknown:x}")
+        return ", ".join(names)
 
     def check_settings(self) -> None:
         """Read limits, gains and watchdogs again, and refuse those that have changed.

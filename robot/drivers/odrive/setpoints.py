@@ -18,7 +18,7 @@ from typing import Self
 
 import numpy as np
 
-from sautereau.robot.drivers.stream import Rows
+from sautereau.robot.drivers.streamed import Rows
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments, motion_at, segment_cubics
 

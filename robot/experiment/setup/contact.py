@@ -1,4 +1,4 @@
-"""Lower the finger onto the key in small steps, and stop at the first contact."""
+"""Touch the key in small steps up to the first contact, and find the base by three contacts."""
 
 import math
 from collections.abc import Sequence
@@ -14,12 +14,15 @@ from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, as
 from sautereau.trajectory.arm import joints_holding_point
 from sautereau.trajectory.dynamics import gravity_torque, tip_torque
 from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.mount.locate import Located, locate_base
 from sautereau.trajectory.segments import Counts, Segments, to_counts
 
 _REST = 0.04
 """s, that the finger rests before and after each step; the force is averaged over half of it,
 one period of the mains."""
 FINER = 4  # Factor by which the steps of the second approach are smaller
+FRACTIONS = (1.0, 0.9, 0.8)
+"""Points where the key is touched, as fractions of the pressing point's distance from the pin."""
 
 
 class NoContact(MotionFault):
@@ -103,6 +106,76 @@ def find_contact(rig: Rig, ask: Ask, creep: Creep = GENTLY) -> Found:
     return Found(lines, figures=figures, warnings=() if near else (doubt,))
 
 
+def locate_by_touch(rig: Rig, ask: Ask, creep: Creep = GENTLY) -> Found:
+    """Touch the key at three points, and estimate the position of the base.
+
+    The zeros of the joints are assumed to be exact.
+
+    Raises:
+        RobotError: A touch fails; the motors are off.
+        TrajectoryError: The base is not identifiable from the contacts.
+    """
+    points = [fraction * rig.key.press_arm for fraction in FRACTIONS]
+    ask_first(
+        ask,
+        "touch",
+        f"The arm homes and approaches the key at {len(points)} points, until the force rises by"
+        f" {creep.sense * 1e3:g} mN; above {creep.limit:g} N the motors go off. Is its way free,"
+        " and is a rule at hand?",
+    )
+    touches: list[Touch] = []
+    where: list[float | None] = []
+    with homed(rig) as controller:
+        for point in points:
+            touches.append(touch_at(rig, controller, point, creep))
+            where.append(
+                ask.number(
+                    "How far in front of the balance pin did the fingertip touch the key?",
+                    "m",
+                    point,
+                )
+            )
+    measured = all(distance is not None for distance in where)
+    along = [-(p if w is None else w) for p, w in zip(points, where, strict=True)]
+    joints = np.array([touch.joints for touch in touches])
+    located = locate_base(rig, joints, np.array(along), offsets=0)
+    return _base_found(rig, located, touches, measured)
+
+
+def _base_found(rig: Rig, located: Located, touches: list[Touch], measured: bool) -> Found:
+    """Return the values for the rig: those that differ from it by more than their uncertainty."""
+    base_x = located.base_x if measured else rig.arm.base_x
+    away = math.hypot(base_x - rig.arm.base_x, located.base_z - rig.arm.base_z)
+    values: dict[str, str | int] = {}
+    std_x, std_z = located.std
+    if abs(located.base_z - rig.arm.base_z) > std_z:
+        values["arm.base_z"] = f"{located.base_z * 1e3:.3f} mm"
+    if abs(base_x - rig.arm.base_x) > std_x:
+        values["arm.base_x"] = f"{base_x * 1e3:.3f} mm"
+    doubts = list(located.warnings)
+    if not measured:
+        doubts.append("the points of contact along the key were not measured: base_x is unchanged")
+    along = f"+-{std_x * 1e3:.2f}" if measured else "unchanged"
+    heights = [touch.height for touch in touches]
+    return Found(
+        (
+            f"touch: the base is at x = {base_x * 1e3:.2f} mm ({along}), z ="
+            f" {located.base_z * 1e3:.2f} mm (+-{std_z * 1e3:.2f}), {away * 1e3:.2f} mm from"
+            " the base in the rig",
+        ),
+        values,
+        {
+            "base_x": base_x,
+            "base_z": located.base_z,
+            "away": away,
+            "residual": located.residual,
+            "lowest": min(heights),
+            "highest": max(heights),
+        },
+        tuple(doubts),
+    )
+
+
 def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep) -> Touch:
     """Approach a point of the key, again in finer steps, and lift the finger.
 
@@ -165,6 +238,26 @@ def _creep_down(
     return None
 
 
+def _rise(force: Floats, rate: float) -> float:
+    """Return the force [N] in the last rest minus that in the first."""
+    half = round(_REST / 2 * rate)
+    return float(force[-half:].mean() - force[half : 2 * half].mean())
+
+
+def _by_motors(
+    rig: Rig, joints: Floats, capture: Capture, before: Floats | None
+) -> tuple[float, Floats | None]:
+    """Return the vertical force [N] relative to the first step, and the first step's torques."""
+    if capture.torques is None:
+        return 0.0, None
+    late = capture.times >= capture.times[-1] - _REST / 2
+    missing = gravity_torque(rig.arm, joints[None])[0] - capture.torques[late].mean(axis=0)
+    if before is None:
+        return 0.0, missing
+    per_newton = np.stack([tip_torque(rig.arm, joints, axis) for axis in np.eye(2)], -1)
+    return abs(float(np.linalg.solve(per_newton, missing - before)[1])), before
+
+
 def over_key(rig: Rig, along: float, heights: Floats) -> Counts:
     """Return the joint positions [counts, (n, 2)] with the fingertip above the key at rest.
 
@@ -222,23 +315,3 @@ def between_rests(rig: Rig, counts: Counts, durations: Sequence[float]) -> Segme
 def even(samples: float) -> int:
     """Return the next even number of samples, 2 at least."""
     return max(2, 2 * math.ceil(samples / 2))
-
-
-def _rise(force: Floats, rate: float) -> float:
-    """Return the force [N] in the last rest minus that in the first."""
-    half = round(_REST / 2 * rate)
-    return float(force[-half:].mean() - force[half : 2 * half].mean())
-
-
-def _by_motors(
-    rig: Rig, joints: Floats, capture: Capture, before: Floats | None
-) -> tuple[float, Floats | None]:
-    """Return the vertical force [N] relative to the first step, and the first step's torques."""
-    if capture.torques is None:
-        return 0.0, None
-    late = capture.times >= capture.times[-1] - _REST / 2
-    missing = gravity_torque(rig.arm, joints[None])[0] - capture.torques[late].mean(axis=0)
-    if before is None:
-        return 0.0, missing
-    per_newton = np.stack([tip_torque(rig.arm, joints, axis) for axis in np.eye(2)], -1)
-    return abs(float(np.linalg.solve(per_newton, missing - before)[1])), before

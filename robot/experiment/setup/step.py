@@ -7,8 +7,7 @@ from typing import Protocol
 
 from sautereau.rig.edit import TomlValue
 from sautereau.rig.schema import Rig
-from sautereau.robot.controller import MotionController
-from sautereau.robot.drivers.registry import motion_controller
+from sautereau.robot.controller import MotionController, motion_controller
 from sautereau.robot.errors import RobotError
 
 

@@ -5,7 +5,6 @@ import time
 import numpy as np
 
 from sautereau.robot.drivers.galil.dmc import CLEAR_SEGMENTS
-from sautereau.robot.drivers.galil.homing import approach
 from sautereau.robot.drivers.galil.program import PRESS, PUSHES, RATE
 from sautereau.robot.errors import CommandRefused
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
@@ -86,7 +85,7 @@ def homing(bench: Workbench) -> None:
     """Find home, then cross its edges again and again."""
     with bench.controller.powered():
         bench.controller.home()
-        places = np.array([approach(bench.driver) for _ in range(_HOMINGS)])
+        places = np.array([bench.driver.approach_home() for _ in range(_HOMINGS)])
     spread = np.ptp(places, axis=0)
     tolerance = bench.rig.controller.home_tolerance
     bench.expect(

@@ -9,12 +9,11 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.galil.driver import GalilDriver
 from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.experiment.setup.step import Ask, Found, ask_first
-from sautereau.robot.experiment.setup.verify import alignment, identity, lines, motion, wiring
+from sautereau.robot.experiment.setup.verify import alignment, motion, power_off
 from sautereau.robot.experiment.setup.verify.workbench import Workbench
 from sautereau.trajectory.dynamics import gravity_torque
 
-BEFORE_POWER = (*identity.STEPS, *wiring.BY_HAND, *lines.STEPS, *wiring.STEPS)
-"""Group A: the amplifiers have no power."""
+BEFORE_POWER = power_off.STEPS  # Group A: the amplifiers have no power
 WITH_POWER = (*motion.STEPS, *alignment.STEPS, *motion.BY_HAND)
 """Group B: the motors are switched on with little torque."""
 LEAST_TORQUE = 0.05  # Fraction of the torque limit in group B; more where the arm's weight needs it
