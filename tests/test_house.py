@@ -62,6 +62,7 @@ def test_a_package_imports_only_what_it_needs():
 
 OTHER_WAYS = {
     "rig/disk.py": "the one way",
+    "rig/version.py": "the code of the package, for its hash",
     "trajectory/urdf.py": "a template of the package",
     "daq/file/schemas.py": "schemas of the package",
     "daq/file/container/durable.py": "a recording keeps the name NAME.part while it is written",
