@@ -88,22 +88,30 @@ def build(
     solver = Solver(profile, poisson_ratio)
     # Seen from the section, a load normal to a sloping top has a part along it.
     tilts = np.arctan(profile.contact_line(np.linspace(nearest, 1.0, 401))[1])
-    least, most = (
-        np.tan(tilts.min() - np.arctan(friction)),
-        np.tan(tilts.max() + np.arctan(friction)),
-    )
-    half = (most - least) / 2
-    drags = _nodes(next(n for reach, n in _DRAGS if half <= reach), least, most)
-    for positions, loads in _SIZES:
-        s, f = _nodes(positions, nearest, 1.0), _nodes(loads, 0.0, solver.limit * MARGIN)
-        values = np.stack([solver.contact(p, f, drags.tolist()) / f for p in tracked([*s])], 2)
-        found = DisplacementSeries(
-            _series(values), nearest, least, most, solver.load, solver.limit, 0.0
-        )
-        table = replace(found, error=_error(found, solver))
-        if table.error <= ACCURACY or (positions, loads) == _SIZES[-1]:
-            break
-    return table
+    lean = float(np.arctan(friction))
+    least, most = float(np.tan(tilts.min() - lean)), float(np.tan(tilts.max() + lean))
+    for size in _SIZES[:-1]:
+        table = _fitted(solver, nearest, (least, most), size)
+        if table.error <= ACCURACY:
+            return table
+    return _fitted(solver, nearest, (least, most), _SIZES[-1])
+
+
+def _fitted(
+    solver: Solver, nearest: float, ends: tuple[float, float], size: tuple[int, int]
+) -> DisplacementSeries:
+    """Return the series through solutions at some positions, loads and drags, with its error.
+
+    Args:
+        ends: Smallest and largest drag.
+        size: Numbers of positions and loads.
+    """
+    s, f = _nodes(size[0], nearest, 1.0), _nodes(size[1], 0.0, solver.limit * MARGIN)
+    half = (ends[1] - ends[0]) / 2
+    drags = _nodes(next(n for reach, n in _DRAGS if half <= reach), *ends).tolist()
+    values = np.stack([solver.contact(p, f, drags) / f for p in tracked([*s])], 2)
+    found = DisplacementSeries(_series(values), nearest, *ends, solver.load, solver.limit, 0.0)
+    return replace(found, error=_error(found, solver))
 
 
 def _nodes(count: int, low: float, high: float) -> Floats:

@@ -86,7 +86,7 @@ class FE:
         """Return the largest force [N] of the map at positions s [m], whatever the drag."""
         slope, _ = self.slope(s)
         share = np.cos(slope) + self.friction * abs(np.sin(slope))
-        return self._table.limit * self._load / share
+        return np.asarray(self._table.limit * self._load / share, float)
 
     def _refuse_outside(self, places: Floats, loads: Floats) -> None:
         for what, unit, scale, values, low, high in (
