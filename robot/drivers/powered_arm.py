@@ -4,13 +4,11 @@ Whatever happens while the motors are on, they end off. What differs between con
 in the `Driver` that the arm holds.
 """
 
-import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from types import FrameType
 from typing import Generic, Self, TypeVar
 
 import numpy as np
@@ -21,7 +19,7 @@ from sautereau.robot.controller import Capture, MotionController, TorqueTable
 from sautereau.robot.drivers.driver import Clock, Driver, Sleep
 from sautereau.robot.drivers.keep_alive import KeepAlive
 from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.safety import Safety, State, States
+from sautereau.robot.drivers.safety import Interrupts, Safety, State, States
 from sautereau.robot.drivers.serial_port import Port, open_port
 from sautereau.robot.errors import MotionFault, NotReady, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments, to_counts
@@ -298,52 +296,3 @@ def _say(error: BaseException, state: str) -> None:
     """Add the motors' state to an interrupt that does not say it yet."""
     if isinstance(error, KeyboardInterrupt) and not hasattr(error, "__notes__"):
         error.add_note(state)
-
-
-PAUSE = 1.0  # Time in s after an interrupt in which further ones wait, while the program handles it
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
-
-
-class Interrupts:
-    """A context manager that passes signals to their handlers, but delays those that follow soon.
-
-    It acts in the main thread only, which handles signals. A signal without a handler keeps its
-    default action. At the end a delayed signal is raised as `KeyboardInterrupt`, unless an error is
-    being raised already. If it ends in another thread, as when that one frees a generator which was
-    never closed, the handlers cannot be replaced, and pass on every signal.
-    """
-
-    def __init__(self) -> None:
-        self._before: dict[int, Callable[[int, FrameType | None], object]] = {}
-        self._last = -PAUSE
-        self._holding = self._waited = self._ended = False
-
-    def __enter__(self) -> Self:
-        if threading.current_thread() is threading.main_thread():
-            for name in _SIGNALS:
-                number = getattr(signal, name, None)
-                handler = None if number is None else signal.getsignal(number)
-                if number is not None and callable(handler):
-                    self._before[number] = handler
-                    signal.signal(number, self._handle)
-        return self
-
-    def hold(self) -> None:
-        """Delay all signals from now on."""
-        self._holding = True
-
-    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        self._ended = True
-        if threading.current_thread() is threading.main_thread():
-            for number, handler in self._before.items():
-                signal.signal(number, handler)
-        if self._waited and kind is None:
-            raise KeyboardInterrupt
-
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        now = time.monotonic()
-        if not self._ended and (self._holding or now < self._last + PAUSE):
-            self._waited = True
-            return
-        self._last = now
-        self._before[number](number, frame)

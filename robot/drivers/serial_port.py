@@ -44,11 +44,11 @@ class Port(Protocol):
         """Release the port."""
 
 
-class _LoggedPort:
-    """An open port that logs what is sent and received, under a name."""
+class _OpenPort:
+    """An open port, which logs its traffic, and keeps other processes out until it is closed."""
 
-    def __init__(self, port: Port, name: str):
-        self._port, self._name = port, name
+    def __init__(self, port: Port, name: str, held: ExitStack):
+        self._port, self._name, self._held = port, name, held
 
     @property
     def in_waiting(self) -> int:
@@ -70,22 +70,6 @@ class _LoggedPort:
 
     def close(self) -> None:
         _LOG.debug("%s closes", self._name)
-        self._port.close()
-
-
-class _HeldPort:
-    """An open port, and what keeps other processes from it until it is closed."""
-
-    def __init__(self, port: Port, held: ExitStack):
-        self._port, self._held = port, held
-        self.read, self.write = port.read, port.write
-        self.reset_input_buffer = port.reset_input_buffer
-
-    @property
-    def in_waiting(self) -> int:
-        return self._port.in_waiting
-
-    def close(self) -> None:
         with self._held:
             self._port.close()
 
@@ -120,7 +104,7 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
     Of the programs of this user, sautereau keeps out those that use this function; a serial port
     is locked by the operating system as well.
 
-    All traffic is logged where `debug` is logged when the port is opened.
+    All traffic is logged at the level `debug`.
 
     Args:
         name: Device, `tcp://host:port`, or a pyserial URL of `SCHEMES`; others of its URLs
@@ -141,8 +125,7 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
             f"port {name}: cannot be opened: {_reason(error)}; {_fix(error)}; ports of this"
             f" machine: {', '.join(machine_ports()) or 'none'}"
         ) from error
-    port = _HeldPort(port, held)
-    return _LoggedPort(port, name) if _LOG.isEnabledFor(logging.DEBUG) else port
+    return _OpenPort(port, name, held)
 
 
 def _opened(name: str, baud_rate: int, timeout: float) -> Port:

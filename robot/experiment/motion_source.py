@@ -20,11 +20,15 @@ motion is searched within this time of its expected start."""
 
 
 class MotionSource:
-    """The samples of one motion, counted from where it should start; see `open_motion`."""
+    """The samples of one motion, counted from where it should start; see `open_motion`.
 
-    def __init__(self, source: Source, rig: Rig, controller: MotionController):
+    Args:
+        lead: s, from the start of the acquisition to that of the motion; None where the trigger's
+            edge starts both.
+    """
+
+    def __init__(self, source: Source, rig: Rig, lead: float | None):
         self.source, self._rig = source, rig
-        lead = _lead(rig, controller)
         self.triggered = lead is None
         """Whether the trigger's edge starts the acquisition."""
         self._before = 0 if lead is None else round(lead * source.rate)
@@ -80,15 +84,8 @@ def open_motion(rig: Rig, controller: MotionController, duration: float) -> Iter
     Raises:
         DaqError: As `open_source`.
     """
-    lead = _lead(rig, controller)
+    can = controller.capabilities
+    lead = None if can.trigger_output else can.lead(rig.controller.sample_period)
     longer = 0.0 if lead is None else lead + LATEST
     with open_source(rig.daq, duration + longer, triggered=lead is None) as source:
-        yield MotionSource(source, rig, controller)
-
-
-def _lead(rig: Rig, controller: MotionController) -> float | None:
-    """Return the s from an acquisition's start to the motion's; None where an edge starts it."""
-    capabilities = controller.capabilities
-    if capabilities.trigger_output:
-        return None
-    return capabilities.lead(rig.controller.sample_period)
+        yield MotionSource(source, rig, lead)

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from sautereau.robot.drivers.powered_arm import Interrupts
+from sautereau.robot.drivers.safety import Interrupts
 
 
 def test_those_after_the_first_wait():

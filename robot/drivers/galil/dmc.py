@@ -9,7 +9,7 @@ from sautereau.rig.schema import Controller
 from sautereau.robot.drivers.galil.program import RESOLUTION
 from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.errors import UnsafeRequest
-from sautereau.trajectory.segments import Counts, Segments
+from sautereau.trajectory.segments import Segments
 
 LONGEST_LINE = 79  # Characters of one command line, without its carriage return
 END_OF_MOTION = ("PVA=0,0,0", "PVB=0,0,0")  # Ends PVT mode after the segments before it
@@ -73,17 +73,6 @@ def halting(limits: Limits) -> tuple[str, str]:
 def _rate(acceleration: float) -> int:
     steps = int(min(acceleration, _LARGEST_ACCELERATION)) // _STEP_OF_ACCELERATION
     return max(1, steps) * _STEP_OF_ACCELERATION
-
-
-def software_limits(lower: Counts, upper: Counts) -> tuple[str, str]:
-    """Return FL and BL, beyond which the controller stops by itself."""
-    return f"FL {upper[0]},{upper[1]}", f"BL {lower[0]},{lower[1]}"
-
-
-def software_limit_settings(lower: Counts, upper: Counts) -> dict[str, float]:
-    """Return the values that should be read back after `software_limits`."""
-    (low_a, low_b), (high_a, high_b) = lower.tolist(), upper.tolist()
-    return {"_FLA": high_a, "_FLB": high_b, "_BLA": low_a, "_BLB": low_b}
 
 
 def switch_settings(controller: Controller) -> dict[str, float]:

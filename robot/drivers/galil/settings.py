@@ -4,8 +4,6 @@ from sautereau.rig.schema import Controller, Rig
 from sautereau.robot.drivers.driver import refuse_changes
 from sautereau.robot.drivers.galil.dmc import (
     halting,
-    software_limit_settings,
-    software_limits,
     switch_settings,
 )
 from sautereau.robot.drivers.galil.line import Line
@@ -118,8 +116,9 @@ class ControllerSettings:
 
     def limit_travel(self, lower: Counts, upper: Counts) -> None:
         """Set the software limits, counts of shape (2,), and read them back."""
-        self._line.ask(*software_limits(lower, upper))
-        self._confirm(software_limit_settings(lower, upper))
+        (low_a, low_b), (high_a, high_b) = lower.tolist(), upper.tolist()
+        self._line.ask(f"FL {high_a},{high_b}", f"BL {low_a},{low_b}")
+        self._confirm({"_FLA": high_a, "_FLB": high_b, "_BLA": low_a, "_BLB": low_b})
 
     def _confirm(self, settings: dict[str, float], tolerance: float = 0.0) -> None:
         """Read settings back, and remember them for `check`."""
