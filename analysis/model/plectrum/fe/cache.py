@@ -26,7 +26,7 @@ STRAIN_LIMIT = 0.2
 """Largest strain of the edges at the clamp, which limits the load of thick plectra."""
 MARGIN = 1.02
 """Ratio of the tabulated to the accepted load, for differences taken across the limit."""
-VERSION = 2
+VERSION = 3
 """Version of the stored maps; increase it when mesh, element, load or series change."""
 
 _DAMAGED = (
