@@ -191,7 +191,9 @@ def make_folder(folder: Path) -> None:
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        for path in reversed(missing):  # `parents=True` calls itself for each of them
+            path.mkdir(exist_ok=True)
+        folder.mkdir(exist_ok=True)
     except FileExistsError as error:
         raise FileExistsError(errno.EEXIST, "it is not a folder", str(folder)) from error
     for path in reversed(missing):

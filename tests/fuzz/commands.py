@@ -6,6 +6,7 @@ import json
 import os
 import random
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 from unittest import mock
@@ -113,7 +114,7 @@ class Commands:
 
     def _lay(self, dice: random.Random) -> None:
         """Make the folder of the command, sometimes with one file changed."""
-        shutil.rmtree(self._work, ignore_errors=True)
+        subprocess.run(["rm", "-rf", self._work], check=True)  # rmtree does not reach all depths
         shutil.copytree(self._kept, self._work)
         os.mkfifo(self._work / "pipe")
         (self._work / "victim").write_text("precious")

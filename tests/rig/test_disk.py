@@ -3,6 +3,8 @@
 import errno
 import os
 import stat
+import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -17,6 +19,13 @@ from sautereau.rig.disk import (
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, parse_rig
 from sautereau.rig.units import parse_quantity
+
+
+def test_folders_deeper_than_python_recurses(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # an absolute path would be too long
+    make_folder(Path("x/" * 1500))
+    assert Path("x/" * 1500).is_dir()
+    subprocess.run(["rm", "-rf", "x"], check=True)  # rmtree does not reach all of them
 
 
 def test_a_new_file_and_its_replacement(tmp_path):
