@@ -1,7 +1,6 @@
 """Predictions of many presses at once, with the spring string.
 
-Uniform plectra are elasticas, computed together. A rig that describes another shape is predicted
-case by case.
+Uniform plectra are elasticas, computed together; plectra of another shape one by one.
 """
 
 from collections.abc import Mapping
@@ -13,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.key import felt_force
 from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.levels import AUTO
+from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.pluck.equilibria import Equilibria
-from sautereau.analysis.model.pluck.loaded import UniformPlectra
+from sautereau.analysis.model.pluck.loaded import Plectra, UniformPlectra, plectra_of
 from sautereau.analysis.model.pluck.paths import Paths, Status, ramp, solve_paths
 from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
-from sautereau.analysis.model.predict import predict
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY
 
@@ -27,8 +27,9 @@ CHUNK = 192
 """Cases that are computed together, few enough to fit into the processor's cache."""
 NARROWINGS = 4
 """Refinements of a force peak inside the pluck, each between the neighbours of the last."""
+_SHAPE = ("youngs_modulus", "width", "thickness", "length", "overlap")
 VARIABLES = (
-    *(f"plectrum.{n}" for n in ("youngs_modulus", "width", "thickness", "length", "overlap")),
+    *(f"plectrum.{n}" for n in _SHAPE),
     *(f"string.{n}" for n in ("tension", "length", "plucking_point", "frequency", "diameter")),
     *(f"jack.{n}" for n in ("mass", "register_friction", "string_clearance")),
     *(f"key.{n}" for n in ("press_arm", "surface_height", "jack_arm", "jack_surface_height")),
@@ -88,35 +89,19 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
     varying = {n: np.broadcast_to(v, shape).ravel() for n, v in given.items() if v.ndim}
     fixed = of_rig | {name: float(v) for name, v in given.items() if not v.ndim}
     count = int(np.prod(shape))
-    if rig.plectrum.described:
-        cases = [{name: float(v[k]) for name, v in varying.items()} for k in range(count)]
-        same = {name: float(v) for name, v in given.items() if not v.ndim}
-        same["plectrum.friction"] = float(friction)
-        found = zip(*(_predicted(rig, same | case) for case in cases), strict=True)
-        return PredictionBatch(*(np.reshape(values, shape) for values in found))
     results = [
         np.empty(count, np.int8 if f.name == "status" else float) for f in fields(PredictionBatch)
     ]
-    for start in range(0, count, CHUNK):
-        part = slice(start, min(start + CHUNK, count))
+    size = 1 if rig.plectrum.described else CHUNK
+    for start in range(0, count, size):
+        part = slice(start, min(start + size, count))
         chunk = fixed | {name: v[part] for name, v in varying.items()}
         chunk = {n: np.broadcast_to(v, (part.stop - start,)) for n, v in chunk.items()}
         with np.errstate(all="ignore"):
-            found = _chunk(float(friction), rig.plectrum.contact == "surface", chunk)
+            found = _chunk(rig, float(friction), chunk)
         for result, value in zip(results, found, strict=True):
             result[part] = value
     return PredictionBatch(*(result.reshape(shape) for result in results))
-
-
-def _predicted(rig: Rig, values: Mapping[str, float]) -> tuple[float | np.int8, ...]:
-    """Return the fields of `PredictionBatch` for one case of a carved plectrum."""
-    try:
-        found = predict(rig.replaced(dict(values)))
-    except ModelError:
-        return (*[np.nan] * (len(fields(PredictionBatch)) - 1), np.int8(Status.NOT_CONVERGED))
-    ended = Status.RELEASED_AT_FOLD if found.released_at_fold else Status.RELEASED
-    names = [field.name for field in fields(PredictionBatch)[:-1]]
-    return (*(getattr(found, name) for name in names), np.int8(ended))
 
 
 def _of(rig: Rig, name: str) -> float:
@@ -149,8 +134,19 @@ def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
         raise ModelError("\n".join(faults))
 
 
-def _chunk(friction: float, surface: bool, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
-    """Return the fields of `PredictionBatch` for cases of shape (n,)."""
+def _carved(rig: Rig, friction: float, v: Mapping[str, Floats]) -> Plectra:
+    """Return the one plectrum of a chunk, of another shape than a uniform section.
+
+    Raises:
+        ModelError: It has no map.
+    """
+    values = {name: v[f"plectrum.{name}"].item() for name in _SHAPE} | {"friction": friction}
+    string = rig.string.model_copy(update={"diameter": v["string.diameter"].item()})
+    return plectra_of(string_map(rig.plectrum.model_copy(update=values), string, AUTO))
+
+
+def _chunk(rig: Rig, friction: float, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
+    """Return the fields of `PredictionBatch` for cases of shape (n,), one if it is carved."""
     modulus, width, thickness, length, overlap = (v[n] for n in VARIABLES[:5])
     tension, string_length, plucking_point, frequency, diameter = (v[n] for n in VARIABLES[5:10])
     speed, clearance = v["press.jack_speed"], v["jack.string_clearance"]
@@ -171,12 +167,19 @@ def _chunk(friction: float, surface: bool, v: Mapping[str, Floats]) -> tuple[np.
         & _positive(thickness)
         & _positive(diameter),
     }
+    plectra = None
+    if rig.plectrum.described and all(within.all() for within in ranges.values()):
+        try:
+            plectra = _carved(rig, friction, v)
+        except ModelError:
+            ranges[Status.NOT_CONVERGED] = np.zeros(1, bool)
     sound = np.logical_and.reduce(list(ranges.values()))
+    surface = rig.plectrum.contact == "surface"
     offset = (thickness + diameter) / 2 if surface else np.zeros_like(length)
     bending, stiffness, length, overlap, offset = np.where(
         sound, (bending, stiffness, length, overlap, offset), [[1.0], [1.0], [1.0], [0.1], [0.0]]
     )
-    plectra = UniformPlectra(friction, length, bending, offset)
+    plectra = plectra or UniformPlectra(friction, length, bending, offset)
     equilibria = Equilibria(plectra, stiffness, overlap)
     paths = solve_paths(equilibria, POINTS)
     slide, status = paths.curves[-1], paths.status

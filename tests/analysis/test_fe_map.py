@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.batch import predict_many
 from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.plectrum.fe import cache
 from sautereau.analysis.model.plectrum.fe.build import Solver
 from sautereau.analysis.model.plectrum.fe.level import FE
 from sautereau.analysis.model.plectrum.fe.profile import profile_of
+from sautereau.analysis.model.pluck.paths import Status
 from sautereau.analysis.model.pluck.pluck import solve_pluck
+from sautereau.analysis.model.predict import predict
 from sautereau.rig.instrument import Outline
 from sautereau.rig.load import load_rig
 from tests.outlines import outline_from
@@ -144,3 +147,23 @@ def test_an_outline_of_another_length_is_refused():
 def test_an_overlap_down_to_the_root_is_refused():
     with pytest.raises(ModelError, match=r"4 mm is more than 70 % of the plectrum's 4.5 mm"):
         FE(PLECTRUM.model_copy(update={"overlap": 4e-3}))
+
+
+def test_a_batch_of_carved_plectra_is_predicted_as_each_of_them(uniform, monkeypatch):
+    """With a map that is at hand; a case that has no pluck says why."""
+    monkeypatch.setattr(
+        "sautereau.analysis.model.plectrum.fe.build.build", lambda *_: uniform._table
+    )
+    stepped = RIG.plectrum.model_copy(update={"tip_thickness": 0.4e-3, "contact": "surface"})
+    rig = RIG.model_copy(update={"plectrum": stepped})
+    overlaps = {"plectrum.overlap": [0.2e-3, 0.3e-3, 4.0e-3], "press.jack_speed": 0.1}
+    found = predict_many(rig, overlaps)
+    for k, overlap in enumerate(overlaps["plectrum.overlap"][:2]):
+        one = predict(rig.replaced({"plectrum.overlap": overlap, "press.jack_speed": 0.1}))
+        assert one.level == "fe"
+        for name in ("pluck_duration", "plectrum_force", "release_lift", "release_angle", "v_osc"):
+            assert getattr(found, name)[k] == pytest.approx(getattr(one, name), rel=1e-6)
+        assert found.peak_force[k] == pytest.approx(one.peak_force, rel=1e-4)
+    short = predict_many(rig, {"press.jack_rise": 2e-3})
+    assert (found.status[2], short.status) == (Status.NOT_CONVERGED, Status.PRESS_TOO_SHORT)
+    assert np.isnan(found.v_osc[2])
