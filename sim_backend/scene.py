@@ -188,19 +188,22 @@ class Scene(Section):
         return not self.unsolved
 
     def on_rig(self, rig: Rig) -> "Scene":
-        """Return the scene with the plectrum level that `auto` means on a rig.
-
-        It stays `auto` if the rig's choirs need different ones.
+        """Return the scene with the plectrum level that `auto` means on a rig; see `on_bench`.
 
         Raises:
             SceneError: As of `true_rig`.
         """
+        return self.on_bench(self.true_rig(rig)) if self.plectrum == "auto" else self
+
+    def on_bench(self, true: Rig) -> "Scene":
+        """Return the scene with the plectrum level that `auto` means on a simulated bench.
+
+        It stays `auto` if the choirs need different ones.
+        """
         # Imported here because it loads the model, which a scene alone does not need.
         from sautereau.analysis.model.choirs import level_name
 
-        if self.plectrum != "auto":
-            return self
-        level = level_name(self.true_rig(rig), self.plectrum)
+        level = level_name(true, self.plectrum)
         return self if " and " in level else self.model_copy(update={"plectrum": level})
 
     def true_rig(self, rig: Rig) -> Rig:

@@ -13,6 +13,7 @@ from sautereau.analysis.report.build import About, Again, build_report
 from sautereau.analysis.report.contents import PressRecord, gather
 from sautereau.analysis.report.fits import PATTERN, read_fit
 from sautereau.rig.disk import make_folder, write_durably
+from sautereau.rig.schema import Rig
 from sautereau.robot.experiment.plan import LEARNING
 from sautereau.robot.experiment.session_folder import MANIFEST, Manifest, read_manifest
 from sautereau.sim_backend.scene import current_scene, load_scene, packaged_scenes
@@ -112,7 +113,7 @@ def _again(manifest: Manifest, presses: tuple[PressRecord, ...]) -> Again:
         words.append(f"--{kind.replace('_', '-')} FILE")
     scene = presses[0].session.scene
     if scene:
-        name = _packaged(scene)
+        name = _packaged(scene, presses[0].press.rig)
         words.append(f"--scene {name or 'scene.toml'} --seed {manifest.seed}")
         if not name:
             needs.append("the scene below as scene.toml, each number with its SI unit")
@@ -121,10 +122,13 @@ def _again(manifest: Manifest, presses: tuple[PressRecord, ...]) -> Again:
     )
 
 
-def _packaged(scene: str) -> str:
-    """Return the name of the packaged scene with this text; empty for none."""
+def _packaged(scene: str, rig: Rig) -> str:
+    """Return the name of the packaged scene that has this text on a rig; empty for none."""
     document = current_scene(from_json(scene))
-    # A recording names the plectrum level that `auto` was on its rig.
-    document["plectrum"] = "auto" if document["plectrum"] != "none" else "none"
-    dumped = {name: load_scene(name).model_dump(mode="json") for name in packaged_scenes()}
-    return next((name for name, packaged in dumped.items() if packaged == document), "")
+    for name in packaged_scenes():
+        packaged = load_scene(name)
+        same = packaged.model_dump(mode="json") | {"plectrum": document["plectrum"]} == document
+        levels = {packaged.plectrum, packaged.on_rig(rig).plectrum} if same else ()
+        if document["plectrum"] in levels:  # a recording has that of `auto` on its rig
+            return name
+    return ""

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 from importlib.util import find_spec
 
-from sautereau.analysis.model.plectrum.levels import level_of
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
@@ -124,9 +123,8 @@ def best_models(true: Rig, scene: Scene) -> Scene:
         true: The simulated bench.
         scene: Of any kind.
     """
-    level = level_of(true.plectrum, scene.plectrum)
     string = "modal" if scene.string == "auto" else scene.string
-    return scene.model_copy(update={"plectrum": level, "string": string})
+    return scene.on_bench(true).model_copy(update={"string": string})
 
 
 def excess(found: Errors, asked: Accuracy) -> float:

@@ -80,6 +80,16 @@ def test_a_custom_scene_is_on_the_page(started, write_session, capsys):
     assert scene in page
 
 
+@pytest.mark.parametrize(("level", "named"), [("elastica", "ideal"), ("beam", "scene.toml")])
+def test_a_packaged_scene_is_named_unless_it_has_another_level(
+    started, write_session, capsys, level, named
+):
+    scene = load_scene("ideal").model_copy(update={"plectrum": level}).model_dump_json()
+    write_session(started.path, 3, session=started.session, scene=scene)
+    _, page = page_of(started.path, capsys)
+    assert f"--scene {named} " in page
+
+
 def test_an_unreadable_plan_is_a_warning(started, write_session, capsys):
     write_session(started.path, 3, session=started.session)
     manifest = started.path / MANIFEST

@@ -4,6 +4,7 @@ import sys
 import numpy as np
 import pytest
 
+from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
@@ -211,6 +212,15 @@ def test_a_carved_plectrum_needs_finite_elements():
     carved = rig.replaced({"plectrum.outline": "an outline"})
     auto = scene("auto", "auto", "auto", 'accuracy = "10 us"')
     assert [best_models(each, auto).plectrum for each in (rig, carved)] == ["elastica", "fe"]
+
+
+def test_a_carved_plectrum_of_the_second_string_is_not_taken_for_a_bar():
+    rig = load_rig()
+    carved = rig.plectrum.model_copy(update={"outline": "an outline"})
+    second = Choir.model_construct(jack_arm=0.2, jack=rig.jack, plectrum=carved, string=rig.string)
+    both = rig.model_copy(update={"more_choirs": (second,)})
+    auto = scene("auto", "auto", "auto", 'accuracy = "10 us"')
+    assert best_models(both, auto).plectrum == "auto"  # of each string its own
 
 
 @pytest.mark.parametrize("exact", [True, False])
