@@ -89,7 +89,8 @@ def key_of(rig: Rig, choir: Choir) -> Key:
 
 def choir_pluck(choir: Choir, level: str = AUTO, sticks: bool = True) -> Pluck:
     """Return the pluck of a choir's plectrum and spring string; see `pluck_of`."""
-    return pluck_of(choir.plectrum, choir.string, level, sticks)  # pyright: ignore[reportArgumentType]
+    named = level_of(choir.plectrum, level)  # pyright: ignore[reportArgumentType]  # kept once
+    return pluck_of(choir.plectrum, choir.string, named, sticks)  # pyright: ignore[reportArgumentType]
 
 
 @lru_cache(maxsize=128)

@@ -35,6 +35,10 @@ class Result(Shown):
     def lines(self) -> list[str]:
         """Return the result as text."""
 
+    @abstractmethod
+    def plot(self) -> "Figure":
+        """Return the result as a figure."""
+
     def __str__(self) -> str:
         return "\n".join(self.lines())
 

@@ -51,9 +51,8 @@ class Elastica(Cantilever):
         if drag.size and np.all(drag == drag.flat[0]):
             fields = [table(q) for table in elastica_tables(float(drag.flat[0]))]
         else:
-            table = _table(np.eye(DRAG_DEGREE + 1))
             basis = _chebyshev(drag, DRAG_DEGREE)[..., None, :]
-            fields = [(basis @ each(q))[..., 0, :] for each in (table, table.derivative())]
+            fields = [(basis @ table(q))[..., 0, :] for table in _all_tables()]
         (x, z, theta), (dx, dz, dtheta) = (np.moveaxis(field, -1, 0) for field in fields)
         shape = (x, q * z, q * theta, dx, z + q * dz, theta + q * dtheta)
         return similar(s, force, self.bending_stiffness, shape)
@@ -79,6 +78,13 @@ def elastica_tables(drag: float) -> "tuple[PPoly, PPoly]":
             way.
     """
     table = _table(_chebyshev(drag, DRAG_DEGREE)[0])
+    return table, table.derivative()
+
+
+@lru_cache(maxsize=1)
+def _all_tables() -> "tuple[PPoly, PPoly]":
+    """Return the tables of all terms of the series in T, and their derivatives by q."""
+    table = _table(np.eye(DRAG_DEGREE + 1))
     return table, table.derivative()
 
 

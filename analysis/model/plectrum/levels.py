@@ -36,6 +36,8 @@ def level_of(plectrum: "Plectrum", level: str = AUTO) -> str:
 
 def dropped(plectrum: "Plectrum", level: str) -> tuple[str, ...]:
     """Return the fields of a plectrum that a level ignores."""
+    if not plectrum.described:
+        return ()
     represented = getattr(LEVELS.get(level_of(plectrum, level)), "represents", ())
     return tuple(field for field in plectrum.described if field not in represented)
 

@@ -28,6 +28,9 @@ TURN_POINTS = 33
 """Number of points of a search for the load at which the string turns."""
 TURN_NARROWINGS = 4
 """Number of such searches, each between the neighbours of the best point of the last one."""
+AT_END = np.array([3, -16, 36, -48, 25]) / 12
+"""Weights of the last five points of a stretch in its slope at the end, by backward differences of
+order 4; the points are even in the load."""
 STICKING_STEPS = 40
 """Most iterations of the drag of a string that sticks; 4 to 6 are usual."""
 CLOSE = 1e-12  # Dimensionless tolerance on that drag
@@ -209,8 +212,7 @@ class Equilibria:
 
     def stick_slope(self, curve: Curve) -> Floats:
         """Return d(height)/d(load) at the end of a stretch that sticks, shape (cases,)."""
-        # Backward differences of order 4: the points are even in the load.
-        ends = curve.height[:, -5:] @ (np.array([3, -16, 36, -48, 25]) / 12)
+        ends = curve.height[:, -5:] @ AT_END
         return ends / np.maximum(curve.load[:, -1] - curve.load[:, -2], np.finfo(float).tiny)
 
     def slide_slope(self, curve: Curve) -> Floats:

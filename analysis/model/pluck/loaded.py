@@ -124,8 +124,7 @@ class UniformPlectra:
 
     def under(self, load: Floats, drag: float) -> Callable[[Floats], Loaded]:
         """Return the elasticas under loads q as a function of the position s [m]."""
-        table = self._table if drag == self.friction else elastica_tables(drag)[0]
-        x, z, theta = np.moveaxis(table(load), -1, 0)
+        x, z, theta = np.moveaxis(elastica_tables(drag)[0](load), -1, 0)
         x, z, angle = x.copy(), load * z, -load * theta
         sine, cosine = np.sin(angle), np.cos(angle)
         out, down = self._offset * sine, self._offset * (1 - cosine)

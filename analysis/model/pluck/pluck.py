@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
-from sautereau.analysis.model.pluck.equilibria import Curve, Equilibria
+from sautereau.analysis.model.pluck.equilibria import AT_END, Curve, Equilibria
 from sautereau.analysis.model.pluck.loaded import plectra_of
 from sautereau.analysis.model.pluck.paths import Status, lasts, solve_paths
 
@@ -64,9 +64,7 @@ class Pluck(Curve):
         """
         if self.released_at_fold:
             return math.inf, math.inf
-        # Backward differences of order 4 on points that are even in the load.
-        last = np.array([3, -16, 36, -48, 25]) / 12
-        height, shift, lift = (last @ a[-5:] for a in (self.height, self.shift, self.lift))
+        height, shift, lift = (AT_END @ a[-5:] for a in (self.height, self.shift, self.lift))
         return float(shift / height), float(lift / height)
 
     def force_on_jack(self, height: ArrayLike) -> Floats:

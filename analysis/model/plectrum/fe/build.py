@@ -7,6 +7,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.cantilever import FRICTION_MAX
 from sautereau.analysis.model.plectrum.fe.cache import (
     LOAD_LIMIT,
     MARGIN,
@@ -73,13 +74,10 @@ class Solver:
         return found
 
 
-def build(
-    profile: Profile, poisson_ratio: float, friction: float, nearest: float
-) -> DisplacementSeries:
+def build(profile: Profile, poisson_ratio: float, nearest: float) -> DisplacementSeries:
     """Solve on a grid of positions from ``nearest`` to the tip, of loads and drags; fit the series.
 
-    Args:
-        friction: Largest coefficient of friction of the map.
+    The drags are those of every coefficient of friction up to `FRICTION_MAX`.
 
     Raises:
         ModelError: The elements find no equilibrium.
@@ -87,7 +85,7 @@ def build(
     solver = Solver(profile, poisson_ratio)
     # Seen from the section, a load normal to a sloping top has a part along it.
     tilts = np.arctan(profile.contact_line(np.linspace(nearest, 1.0, 401))[1])
-    lean = float(np.arctan(friction))
+    lean = float(np.arctan(FRICTION_MAX))
     least, most = float(np.tan(tilts.min() - lean)), float(np.tan(tilts.max() + lean))
     for size in _SIZES[:-1]:
         table = _fitted(solver, nearest, (least, most), size)

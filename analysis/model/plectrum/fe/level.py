@@ -119,6 +119,6 @@ def _table_of(plectrum: Plectrum) -> DisplacementSeries:
         # Imported here because it imports scikit-fem, which a stored map does not need.
         from sautereau.analysis.model.plectrum.fe.build import build
 
-        return build(profile, plectrum.poisson_ratio, FRICTION_MAX, nearest)
+        return build(profile, plectrum.poisson_ratio, nearest)
 
     return stored([profile.x, profile.top, profile.bottom, ratios], make)
