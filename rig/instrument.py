@@ -202,6 +202,12 @@ class Plectrum(Section):
         return ("tip_thickness",) if self.tip_thickness not in (None, self.thickness) else ()
 
     @property
+    def clamp_thickness(self) -> float:
+        """m, thickness at the clamp: of the outline, if there is one."""
+        outline = self.outline
+        return self.thickness if outline is None else outline.top[0] - outline.bottom[0]
+
+    @property
     def bending_stiffness(self) -> float:
         """N m^2, EI = E W h^3 / 12."""
         return self.youngs_modulus * self.width * self.thickness**3 / 12

@@ -112,18 +112,21 @@ def level_name(rig: Rig, level: str) -> str:
 
 
 def ignored(rig: Rig, level: str) -> list[str]:
-    """Return a text for each part of a plectrum that a level ignores, with what it changes."""
+    """Return a text for each plectrum of which a level ignores a part, with what it changes."""
     found = []
     for number, choir in enumerate(choirs(rig)):
-        at = f"more_choirs[{number - 1}]." if number else ""
-        names = [f"{at}plectrum.{name}" for name in dropped(choir.plectrum, level)]  # pyright: ignore[reportArgumentType]
-        if not names:
+        described = choir.plectrum.described
+        best, named = (level_of(choir.plectrum, name) for name in (AUTO, level))  # pyright: ignore[reportArgumentType]
+        if not described or named == best:
             continue
+        at = f"more_choirs[{number - 1}]." if number else ""
+        lost = ", ".join(f"{at}plectrum.{name}" for name in dropped(choir.plectrum, level))  # pyright: ignore[reportArgumentType]
+        bar = f"takes {at}plectrum.{' and '.join(described)} as that of a slender bar"
         force, true = (float(choir_pluck(choir, name).force[-1]) for name in (level, AUTO))
         found.append(
-            f"the plectrum model {level} ignores {', '.join(names)}: its plectrum force at release"
-            f" is {100 * (force / true - 1):+.1f} % off that of"
-            f" {level_of(choir.plectrum)}; use the level auto"  # pyright: ignore[reportArgumentType]
+            f"the plectrum model {level} {f'ignores {lost}' if lost else bar}: its plectrum force"
+            f" at release is {100 * (force / true - 1):+.1f} % off that of {best}; use the level"
+            " auto"
         )
     return found
 
