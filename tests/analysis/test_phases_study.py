@@ -139,7 +139,9 @@ def test_a_thousand_random_presses():
     found = study(range(1000))
     wrong = {seed: one for seed, one in enumerate(found) if not one.right}
     assert len(wrong) <= 5, wrong
-    assert all(len(one.truth) for one in wrong.values())
+    for seed in (seed for seed, one in wrong.items() if not len(one.truth)):
+        press, _ = simulated_press(*random_case(seed), seed)
+        assert all(held.doubtful for held in find_phases(press).plucks)
     errors = np.concatenate([one.errors for one in found])
     for error, std in (errors[:, ::2].T, errors[:, 1::2].T):
         assert np.median(np.abs(error)) <= 0.1e-3
