@@ -6,7 +6,7 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.rig.instrument import Plectrum
 
-POINTS = 9
+POINTS = 8
 """Evenly spaced sections of a drawing from the clamp to the string."""
 KINKS = 12
 """Largest number of kinks of an outline at which there are further sections."""
