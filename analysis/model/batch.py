@@ -22,6 +22,7 @@ POINTS = 33
 """Points of a stretch that sticks or slides."""
 CHUNK = 192
 """Cases that are computed together, few enough to fit into the processor's cache."""
+WARM = 2**19  # Numbers in a block larger than any of a chunk
 NARROWINGS = 4
 """Refinements of a force peak inside the pluck, each between the neighbours of the last."""
 _SHAPE = ("plectrum.thickness", "plectrum.length", "plectrum.overlap")
@@ -92,6 +93,9 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
     results = [
         np.empty(count, np.int8 if f.name == "status" else float) for f in fields(PredictionBatch)
     ]
+    # glibc returns large blocks to the kernel at once, and new ones cost page faults: half of the
+    # time. Freeing a larger block raises what it calls large.
+    np.empty(WARM)
     shapes = np.stack([np.broadcast_to((fixed | varying)[name], count) for name in _SHAPE])
     for rows in _groups(rig, shapes):
         shape_of = _map(rig, float(friction), shapes[:, rows[0]]) if len(rows) else None

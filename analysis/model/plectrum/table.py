@@ -62,6 +62,8 @@ class Table:
             laws: Shape (parts, powers, ..., *place.shape), or one that fits it.
             place: s/L.
         """
+        if self.uniform:
+            return laws[0, 0], np.zeros((*laws.shape[2:3], *(1,) * (laws.ndim - 3)))
         parts = len(laws)
         wide = (1 - self.nearest) / parts
         cell = np.clip((place - self.nearest) / wide, 0, parts - 1).astype(int)
@@ -95,7 +97,8 @@ class Table:
 
 def arranged(laws: Floats) -> Floats:
     """Return laws (..., parts, powers, n) as `Table.at` takes them: (parts, powers, n, ...)."""
-    return np.moveaxis(laws, (-3, -2, -1), (0, 1, 2))
+    last = laws.ndim - 3
+    return laws.transpose(last, last + 1, last + 2, *range(last))
 
 
 @lru_cache(maxsize=128)

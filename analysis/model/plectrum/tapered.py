@@ -19,7 +19,7 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.profile import Profile
 from sautereau.analysis.model.plectrum.table import TURN, Samples, Table
 
-DRAGS, LOADS, POSITIONS = 9, 20, 8
+DRAGS, LOADS, POSITIONS = 9, 20, 6
 """Nodes of a table over T, over q, and over s in each part."""
 PARTS = (1, 2, 4, 8)
 """Numbers of parts, tried one after another until the table is accurate."""

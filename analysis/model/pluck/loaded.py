@@ -82,9 +82,8 @@ class Plectra(Protocol):
         """Return the plectra under loads at positions s [m] as a function of the drag."""
         ...
 
-    def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the derivatives of x [m], z [m] and angle [rad] by the load of a string that
-        slides to the tip, at the same s."""
+    def load_slopes(self, s: Floats, load: Floats, drag: float) -> tuple[Floats, Floats, Floats]:
+        """Return the derivatives of x [m], z [m] and angle [rad] by the load at the same s."""
         ...
 
     def subset(self, rows: Rows) -> Self:
@@ -119,6 +118,7 @@ class TabledPlectra:
         self._table, self.friction, self.length = table, friction, length[:, None]
         self.unit, self._overlap = bending_stiffness[:, None], overlap[:, None]
         self._half, self._radius = half[:, None], radius[:, None]
+        self._offset = self._half + self._radius
         self._limit = np.full((1, 1), table.limit(friction))
         self._first = self.length - self._overlap
         if not table.flat:
@@ -146,18 +146,19 @@ class TabledPlectra:
         """Return the plectra under loads q as a function of the position s [m]."""
         laws = arranged(laws_under(self._table, drag)[0](load))
         if not self._table.uniform:
+            laws = np.ascontiguousarray(laws)  # read in every step of a search
             return lambda s: self._loaded(laws, s, load)
         x, z, theta = laws[0, 0]
         x, z, angle = x.copy(), load * z, -load * theta
         sine, cosine = np.sin(angle), np.cos(angle)
-        offset = self._half + self._radius
-        out, down = offset * sine, offset * (1 - cosine)
+        out, down = self._offset * sine, self._offset * (1 - cosine)
         return lambda s: Loaded(s * x + out, s * z - down, angle, sine, cosine, x, z, 0.0)
 
     def stuck(self, load: Floats, s: Floats) -> Callable[[Floats], Stuck]:
         """Return the plectra under loads q at positions s [m] as a function of the drag."""
         laws = sticking_laws(self._table, self.friction)(load)
-        laws = np.moveaxis(laws, (-3, -2, -4, -1), (0, 1, 2, 3))
+        last = laws.ndim - 4
+        laws = laws.transpose(last + 1, last + 2, last, last + 3, *range(last))
         powers, _ = self._table.at(laws, self._place(s))
 
         def at(drag: Floats) -> Stuck:
@@ -168,17 +169,19 @@ class TabledPlectra:
 
         return at
 
-    def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
+    def load_slopes(self, s: Floats, load: Floats, drag: float) -> tuple[Floats, Floats, Floats]:
         """Return the derivatives of x [m], z [m] and angle [rad] by q at the same s [m]."""
         place = self._place(s)
         (_, z, theta), (x_q, z_q, theta_q) = (
-            self._table.at(arranged(laws(load)), place)[0]
-            for laws in laws_under(self._table, self.friction)
+            self._table.at(arranged(laws(load)), place)[0] for laws in laws_under(self._table, drag)
         )
         section, angle_q = -load * theta, -theta - load * theta_q
-        half, radius, tilt = self._half, self._radius, self._tilt(place)
-        out = half * np.cos(section) + radius * np.cos(section - tilt)
-        down = half * np.sin(section) + radius * np.sin(section - tilt)
+        if self._table.flat:
+            out, down = self._offset * np.cos(section), self._offset * np.sin(section)
+        else:
+            half, radius, angle = self._half, self._radius, section - self._tilt(place)
+            out = half * np.cos(section) + radius * np.cos(angle)
+            down = half * np.sin(section) + radius * np.sin(angle)
         return s * x_q + out * angle_q, s * (z + load * z_q) - down * angle_q, angle_q
 
     def subset(self, rows: Rows) -> "TabledPlectra":
@@ -190,8 +193,8 @@ class TabledPlectra:
         """Return s/L, at least the smallest of the table: Newton's steps may be beyond it."""
         return np.maximum(s / self.length, self._table.nearest)
 
-    def _tilt(self, place: Floats) -> Floats | float:
-        return 0.0 if self._table.flat else self._table.contact_line(place)[0][1]
+    def _tilt(self, place: Floats) -> Floats:
+        return self._table.contact_line(place)[0][1]
 
     def _placed(self, laws: Floats, s: Floats, load: Floats) -> tuple[Floats, ...]:
         """Return x [m], z [m], angle, its sine and cosine, and sine and cosine of the section's.
@@ -202,16 +205,16 @@ class TabledPlectra:
         x, z, theta = laws
         section = -load * theta
         sine, cosine = np.sin(section), np.cos(section)
-        out, up = self._half * sine, self._half * cosine
-        x, z = s * x + out, s * load * z + up - self._lowest
+        x, z = s * x, s * load * z - self._lowest
         if self._table.flat:
-            angle = section, sine, cosine
-        else:
-            height, tilt = self._table.contact_line(self._place(s))[0]
-            z = z + height * self.length
-            angle = section - tilt, np.sin(section - tilt), np.cos(section - tilt)
-        x, z = x + self._radius * angle[1], z + self._radius * angle[2]
-        return x, z, *angle, sine, cosine
+            x, z = x + self._offset * sine, z + self._offset * cosine
+            return x, z, section, sine, cosine, sine, cosine
+        height, tilt = self._table.contact_line(self._place(s))[0]
+        x, z = x + self._half * sine, z + self._half * cosine + height * self.length
+        angle = section - tilt
+        across, along = np.sin(angle), np.cos(angle)
+        x, z = x + self._radius * across, z + self._radius * along
+        return x, z, angle, across, along, sine, cosine
 
     def _loaded(self, laws: Floats, s: Floats, load: Floats) -> Loaded:
         place = self._place(s)
@@ -272,9 +275,9 @@ class OnePlectrum:
 
         return at
 
-    def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
+    def load_slopes(self, s: Floats, load: Floats, drag: float) -> tuple[Floats, Floats, Floats]:
         """Return the derivatives of x [m], z [m] and angle [rad] by the load at the same s."""
-        bend = self._map.bend(s, self._force(s, load))
+        bend = self._map.bend(s, self._force(s, load), drag)
         return bend.x_f / s**2, bend.z_f / s**2, -bend.theta_f / s**2
 
     def subset(self, rows: Rows) -> "OnePlectrum":
