@@ -243,6 +243,11 @@ class String(Section):
         return self.tension / (self.length * b * (1 - b))
 
     @property
+    def nearer_end(self) -> float:
+        """m, from the plucking point to the end of the string that is nearer to it."""
+        return min(self.plucking_point, self.length - self.plucking_point)
+
+    @property
     def linear_density(self) -> float:
         """kg/m, mu = T / (2 L f)^2."""
         return self.tension / (2 * self.length * self.frequency) ** 2

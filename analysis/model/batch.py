@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.choirs import LIFT_MAX
 from sautereau.analysis.model.key import felt_force
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.elastica import REACHES, Elastica, uniform_table
@@ -217,6 +218,8 @@ def _chunk(
     height, lift = slide.height[:, -1], slide.lift[:, -1]
     ended = status <= Status.RELEASED_AT_FOLD
     # Written so that NaN counts as too short.
+    nearer = np.minimum(plucking_point, string_length - plucking_point)
+    status[ended & ~(lift <= LIFT_MAX * nearer)] = Status.STRING_OUT_OF_RANGE
     status[ended & ~(clearance + height < v["press.jack_rise"])] = Status.PRESS_TOO_SHORT
     scalars = (
         height / speed,

@@ -13,6 +13,10 @@ from sautereau.rig.instrument import Choir, Key, Plectrum, String
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle, rise_slope
 
+LIFT_MAX = 0.1
+"""Largest lift of a string over the distance from its plucking point to the nearer end: with 0.1
+the tension of a steel string is by far not constant."""
+
 
 @dataclass(frozen=True)
 class ReleasedString:
@@ -103,7 +107,16 @@ def pluck_of(plectrum: Plectrum, string: String, level: str, sticks: bool = True
         ModelError: The level has no solution for them.
     """
     mapped = string_map(plectrum, string, level)
-    return solve_pluck(mapped, string.static_stiffness, plectrum.overlap, sticks)
+    found = solve_pluck(mapped, string.static_stiffness, plectrum.overlap, sticks)
+    lift, most = float(found.lift[-1]), LIFT_MAX * string.nearer_end
+    if lift > most:
+        raise ModelError(
+            f"plectrum.overlap: the string would be lifted by {lift * 1e3:.4g} mm. A spring of"
+            f" constant stiffness is no string beyond {most * 1e3:.4g} mm, {100 * LIFT_MAX:.0f} %"
+            " of the way from the plucking point to its nearer end; lower overlap or"
+            " plectrum.thickness, or raise string.tension"
+        )
+    return found
 
 
 def level_name(rig: Rig, level: str) -> str:
