@@ -3,7 +3,7 @@
 import numpy as np
 
 from .compiled import compiled, inlined
-from .elastica import solve_contact
+from .elastica import solve_place
 
 BELOW, HELD, ABOVE, PASSING = 0, 1, 2, 3
 """The plectrum stands below the string, holds it, stands above it, or passes it downwards."""
@@ -105,7 +105,7 @@ def pluck(i, dt, c, height, choirs, s, events, found):
     Returns:
         Number of events found so far; N, upward force of the passing tongue on the jack.
     """
-    stiff, length, _, offset, friction = choirs.plectrum[c]
+    stiff, length, _, offset, friction, inner = choirs.plectrum[c]
     static = choirs.string[c, 1] == 1.0
     old_push, old_gap = s.push[c], s.gap[c]
     x, z = _string_place(c, height, choirs, s)
@@ -130,7 +130,10 @@ def pluck(i, dt, c, height, choirs, s, events, found):
         beyond, before = height - top, -old_gap - top
         s.push[c] = _between(height, choirs.static_height[c], choirs.static_load[c])
     else:
-        s.bend[c], place, theta = solve_contact(choirs.shapes[c], x, z, offset, s.bend[c])
+        first = s.place[c] if s.place[c] > 0 else x
+        s.bend[c], place, theta = solve_place(
+            choirs.tables[c], inner, length, s.shapes[c], x, z, offset, s.bend[c], first
+        )
         normal = stiff * s.bend[c] / place**2
         sine, cosine = np.sin(theta), np.cos(theta)
         s.load[c, 0] = normal * (sine - friction * cosine)
