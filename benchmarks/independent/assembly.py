@@ -157,9 +157,9 @@ def choirs_of(c: Conditions, key: KeyModel) -> Choirs:
         raise ValueError("choirs: the strings have different numbers of modes; give all the same")
     static = [static_pluck(each) for each in c.choirs]
     each_table = [table(each) for each in c.choirs]
-    tables = np.zeros((len(each_table), max(map(len, each_table)), *each_table[0].shape[1:]))
+    tables = np.zeros((len(each_table), *np.max([each.shape for each in each_table], axis=0)))
     for wider, powers in zip(tables, each_table, strict=True):
-        wider[: len(powers)] = powers
+        wider[: powers.shape[0], : powers.shape[1]] = powers
     points = 400
     heights = [np.linspace(0, each.release_height, points) for each in static]
     return Choirs(

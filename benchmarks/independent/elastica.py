@@ -1,11 +1,11 @@
 """The plectrum as an elastica under a string that slides on it, with friction.
 
 A uniform cantilever of bending stiffness EI is loaded at the arc length s by a force F normal to
-its deformed mid-line and a friction mu F along it towards the tip. With psi the angle of the
-tangent relative to that under the load, as a function of xi = sigma sqrt(F / EI), sigma from the
-load to the clamp, the moment's derivative (Love, A Treatise on the Mathematical Theory of
-Elasticity, art. 262) gives psi'' = cos psi + mu sin psi, psi(0) = psi'(0) = 0. All shapes are
-functions of w = xi^2 alone: theta = psi(xi), X = s A(w), depth = s B(w), with
+its deformed mid-line and a friction T F along it towards the tip, where |T| <= mu. With psi the
+angle of the tangent relative to that under the load, as a function of xi = sigma sqrt(F / EI),
+sigma from the load to the clamp, the moment's derivative (Love, A Treatise on the Mathematical
+Theory of Elasticity, art. 262) gives psi'' = cos psi + T sin psi, psi(0) = psi'(0) = 0. All shapes
+are functions of w = xi^2 alone: theta = psi(xi), X = s A(w), depth = s B(w), with
 A = (cos theta C + sin theta S) / xi, B = (sin theta C - cos theta S) / xi, C and S the integrals
 of cos psi and sin psi.
 
@@ -73,16 +73,26 @@ def inner_place(c: Choir) -> float:
 
 
 def table(c: Choir) -> np.ndarray:
-    """Return the polynomials of `shape` by the place; shape (places' powers, 3, DEGREE + 1).
+    """Return the polynomials of `shape` by T and place; shape (4, places' powers, 3, DEGREE + 1).
 
-    The powers are those of the place from `inner_place` to OUTER times the length, as a fraction.
-    A uniform plectrum has the power 0 alone. The load is w = F s^2 / `Choir.equivalent_stiffness`.
+    The first axis has the powers of T from -mu to mu, as a fraction; without friction the power 0
+    alone. The second has those of the place from `inner_place` to OUTER times the length, as a
+    fraction; for a uniform plectrum the power 0 alone. w is F s^2 / `Choir.equivalent_stiffness`.
     """
+    if c.friction == 0:
+        return _at_friction(c, 0.0)[None]
+    unit = np.linspace(-1, 1, 4)
+    tables = np.array([_at_friction(c, float(c.friction * each)) for each in unit])
+    powers = [_fitted(unit, column, 3) for column in tables.reshape(4, -1).T]
+    return np.ascontiguousarray(np.transpose(powers)).reshape(tables.shape)
+
+
+def _at_friction(c, friction):
     if not c.carving:
-        return shape(c.friction)[None]
+        return shape(friction)[None]
     stiffness = c.equivalent_stiffness / c.bending_stiffness
     inner = inner_place(c) / c.length
-    return _carved_table(c.friction, c.carving, c.thickness / c.length, stiffness, inner)
+    return _carved_table(friction, c.carving, c.thickness / c.length, stiffness, inner)
 
 
 @lru_cache(maxsize=64)
@@ -178,19 +188,27 @@ def solve_contact(shapes, x, z, offset, w):
 
 
 @entry
-def shapes_at(table, inner, length, place, shapes):
-    """Write the polynomials of `table` at a place (m) into ``shapes``; shape (3, DEGREE + 1)."""
+def shapes_at(table, inner, length, place, drag, shapes):
+    """Write the polynomials of `table` at a place (m) into ``shapes``; shape (3, DEGREE + 1).
+
+    Args:
+        drag: T / mu.
+    """
+    v = (drag + 1) / 2
     u = (min(max(place, inner), OUTER * length) - inner) / (OUTER * length - inner)
     for i in range(shapes.shape[0]):
         for j in range(shapes.shape[1]):
             value = 0.0
-            for k in range(table.shape[0] - 1, -1, -1):
-                value = value * u + table[k, i, j]
+            for q in range(table.shape[0] - 1, -1, -1):
+                along = 0.0
+                for k in range(table.shape[1] - 1, -1, -1):
+                    along = along * u + table[q, k, i, j]
+                value = value * v + along
             shapes[i, j] = value
 
 
 @entry
-def solve_place(table, inner, length, shapes, x, z, offset, w, place):
+def solve_place(table, inner, length, shapes, x, z, offset, w, place, drag):
     """Solve as `solve_contact` with the shapes of `table` at the place found.
 
     Args:
@@ -199,13 +217,14 @@ def solve_place(table, inner, length, shapes, x, z, offset, w, place):
         shapes: Overwritten by the polynomials at the place; shape (3, DEGREE + 1).
         x, z, offset, w: As for `solve_contact`.
         place: First guess of s, m.
+        drag: T / mu.
     """
     theta = 0.0
     for _ in range(20):
-        shapes_at(table, inner, length, place, shapes)
+        shapes_at(table, inner, length, place, drag, shapes)
         before = place
         w, place, theta = solve_contact(shapes, x, z, offset, w)
-        if table.shape[0] == 1 or abs(place - before) < 1e-13:
+        if table.shape[1] == 1 or abs(place - before) < 1e-13:
             break
     return w, place, theta
 
@@ -232,48 +251,60 @@ class StaticPluck:
         return float(self.load[-1])
 
 
-def static_pluck(c: Choir, points: int = 400) -> StaticPluck:
+def static_pluck(c: Choir, points: int = 400, sticks: bool = True) -> StaticPluck:
     """Return the equilibria of a string of static stiffness on a plectrum, up to its release.
 
-    The load w is the parameter: for each, s follows from the horizontal equilibrium
-    K (x - x0) = F (sin theta - mu cos theta), x = s A + e sin theta, by bisection, the height from
-    the vertical one. The release is where s = length, or where the height no longer increases.
+    The load w is the parameter: for each, s or T follows from the horizontal equilibrium
+    K (x - x0) = F (sin theta - T cos theta), x = s A + e sin theta, by bisection, the height from
+    the vertical one. The string sticks where it is as long as that needs |T| <= mu. The release is
+    where s = length, or where the height no longer increases.
 
     Args:
         c: Plectrum and string, whose stiffness is the same in both directions.
         points: Number of equilibria.
+        sticks: False for friction that points to the tip from the first contact on.
 
     Raises:
         ValueError: The plectrum bends further than the elastica's table, or the string leaves
             the last piece of its carving.
     """
     powers, inner = table(c), inner_place(c)
-    shapes = np.empty(powers.shape[1:])
+    shapes = np.empty(powers.shape[2:])
     x0 = c.length - c.overlap
 
-    def shaped(w, s):
-        shapes_at(powers, inner, c.length, s, shapes)
+    def shaped(w, s, drag):
+        shapes_at(powers, inner, c.length, s, drag, shapes)
         t, a, r = (_value_and_slope(row, w)[0] for row in shapes)
         return t * w, a, r, c.equivalent_stiffness * w / s**2
 
-    def state(w):
-        def horizontal(s):
-            theta, a, _, force = shaped(w, s)
-            across = np.sin(theta) - c.friction * np.cos(theta)
-            return s * a + c.offset * np.sin(theta) - x0 - force * across / c.string_stiffness
+    def horizontal(s, w, drag):
+        theta, a, _, force = shaped(w, s, drag)
+        across = np.sin(theta) - c.friction * drag * np.cos(theta)
+        return s * a + c.offset * np.sin(theta) - x0 - force * across / c.string_stiffness
 
-        s = brentq(horizontal, 0.3 * x0, 3 * c.length, xtol=1e-14)
-        theta, a, r, force = shaped(w, s)
-        load = force * (np.cos(theta) + c.friction * np.sin(theta))
+    def sliding(w, drag):
+        return brentq(horizontal, 0.3 * x0, 3 * c.length, (w, drag), xtol=1e-14)
+
+    def state(w, stuck):
+        s, drag = sliding(w, 1.0), 1.0
+        if s < stuck and c.friction > 0:
+            s, drag = sliding(w, -1.0), -1.0
+            if s > stuck:
+                s, drag = stuck, brentq(lambda t: horizontal(stuck, w, t), -1, 1, xtol=1e-13)
+        theta, a, r, force = shaped(w, s, drag)
+        load = force * (np.cos(theta) + c.friction * drag * np.sin(theta))
         lift = load / c.string_stiffness
         return s, load, lift + s * a * r * w - c.offset * (np.cos(theta) - 1)
 
-    if state(W_MAX)[0] < c.length:
+    if sliding(W_MAX, 1.0) < c.length:
         raise ValueError(
             "the string stays on the plectrum beyond the range of the elastica's table"
         )
-    last = brentq(lambda w: state(w)[0] - c.length, 1e-12, W_MAX, xtol=1e-13)
-    rows = np.array([state(w) for w in last * np.linspace(0, 1, points)])
+    last = brentq(lambda w: sliding(w, 1.0) - c.length, 1e-12, W_MAX, xtol=1e-13)
+    states = [(x0, 0.0, 0.0)]
+    for w in last * np.linspace(0, 1, points)[1:]:
+        states.append(state(w, states[-1][0] if sticks else -np.inf))
+    rows = np.array(states)
     if c.carving and np.min(rows[:, 0]) < inner:
         raise ValueError("the string lies on the carving's last piece only for a part of the pluck")
     top = int(np.argmax(rows[:, 2]))

@@ -50,7 +50,7 @@ class Choirs(NamedTuple):
     """EI N m^2, length m, wire's distance from the clamp at rest m, offset m, friction, innermost
     place of the tables m."""
     tables: np.ndarray
-    """Polynomials of the elastica by the place; shape (choirs, places' powers, 3, degree + 1)."""
+    """Polynomials of the elastica by friction and place; see `elastica.table`."""
     string: np.ndarray
     """Residual compliance m/N of the omitted modes, 1 for a quasi-static string."""
     modes: np.ndarray
@@ -85,6 +85,10 @@ class Strings(NamedTuple):
     """Dimensionless load w of the elastica."""
     place: np.ndarray
     """m, arc length from the clamp to the string."""
+    stuck: np.ndarray
+    """m, place at which the string sticks, or to which it has slid."""
+    drag: np.ndarray
+    """Friction over its limit, towards the tip."""
     gap: np.ndarray
     """m, between plectrum and wire."""
     shapes: np.ndarray
@@ -103,6 +107,8 @@ def strings_at_rest(c: Choirs) -> Strings:
         np.zeros(choirs, np.bool_),
         np.zeros(choirs),
         np.zeros(choirs),
+        np.zeros(choirs),
+        np.zeros(choirs),
         np.ones(choirs),
-        np.zeros((choirs, *c.tables.shape[2:])),
+        np.zeros((choirs, *c.tables.shape[3:])),
     )
