@@ -4,7 +4,7 @@ import logging
 import re
 import sys
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -25,6 +25,7 @@ from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity, shown
 
 _LOG = logging.getLogger(__name__)
+MODULI = (0.1e9, 300e9)  # Pa, from soft quill to steel: others are asked to be confirmed
 DEEPEST = 20
 """Limit of the depth of tables and arrays in a file; those of a rig or a scene are 6 deep."""
 _TOO_DEEP = f"its tables or arrays are nested more than {DEEPEST} deep; shorten it"
@@ -83,6 +84,18 @@ def parse_rig(
     ranges, range_faults = assumed_ranges(origins.assumed, values)
     faults = [at_line(line_of(text, key), f"{key}: {fault}") for key, fault in found + range_faults]
     rig = validated(values, origin, faults, text)
+    for key, modulus in _unusual_moduli(rig):
+        if key not in origins.assumed and key not in origins.sources:
+            _LOG.warning(
+                "%s: %s",
+                origin,
+                at_line(
+                    line_of(text, key),
+                    f"{key}: {modulus / 1e9:.4g} GPa is not within {MODULI[0] / 1e9:g} to"
+                    f" {MODULI[1] / 1e9:g} GPa, as those of plectra; correct its unit, or confirm"
+                    " it with a source or an assumed range",
+                ),
+            )
     return rig.model_copy(update={"assumed": ranges, "sources": origins.sources})
 
 
@@ -169,6 +182,15 @@ def read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
                 del plectrum["outline"]
                 faults.append((f"{prefix}plectrum.outline", str(error)))
     return faults
+
+
+def _unusual_moduli(rig: Rig) -> Iterator[tuple[str, float]]:
+    """Yield keys and values [Pa] of Young's moduli that no plectrum has."""
+    plectra = {"plectrum": rig.plectrum}
+    plectra |= {f"more_choirs.{n}.plectrum": c.plectrum for n, c in enumerate(rig.more_choirs)}
+    for key, plectrum in plectra.items():
+        if not MODULI[0] <= plectrum.youngs_modulus <= MODULI[1]:
+            yield f"{key}.youngs_modulus", plectrum.youngs_modulus
 
 
 _ORIGIN = ("assumed", "source")

@@ -1,0 +1,71 @@
+"""Any finite number in any field of a rig is predicted with finite numbers, or refused by name."""
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.batch import predict_many
+from sautereau.analysis.model.choirs import pluck_of
+from sautereau.analysis.model.pluck.paths import Status
+from sautereau.analysis.model.predict import predict
+from sautereau.rig.disk import named_text
+from sautereau.rig.document import rig_document
+from sautereau.rig.errors import RigError
+from sautereau.rig.load import load_rig, parse_rig, with_values
+from sautereau.trajectory.errors import TrajectoryError
+
+RIG = load_rig()
+NUMBERS = (1e300, -1e300, 1e30, 1e-100, 1e-300, 1e20, 1e-20, 1e6, 1e-6, 0.0, -1.0)
+
+
+def fields(document, path=()):
+    """Yield the dotted key and the unit of each quantity, None of a plain number."""
+    for name, value in document.items():
+        if isinstance(value, dict):
+            yield from fields(value, (*path, name))
+        elif isinstance(value, float) or re.fullmatch(r"[-+.\de]+ [^ ].*", str(value)):
+            unit = value.partition(" ")[2] if isinstance(value, str) else None
+            yield ".".join((*path, name)), unit
+
+
+FIELDS = list(fields(rig_document(RIG)))
+
+
+@pytest.mark.parametrize(("key", "unit"), FIELDS, ids=[key for key, _ in FIELDS])
+def test_any_number_is_predicted_or_refused(key, unit):
+    for number in NUMBERS:
+        value = number if unit is None else f"{number!r} {unit}"
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            try:
+                found = predict(with_values(RIG, {key: value}))
+            except (RigError, ModelError, TrajectoryError) as error:
+                assert "nan" not in str(error).lower()  # noqa: PT017 - either way is right
+                continue
+        scalars = (found.plectrum_force, found.pluck_duration, found.release_lift, found.v_osc)
+        assert np.isfinite([*scalars, found.peak_force, found.work]).all()
+
+
+def test_a_string_lifted_like_a_rubber_band_is_refused():
+    soft = with_values(RIG, {"string.tension": "1 N"})
+    with pytest.raises(ModelError, match=r"beyond 10\.8 mm, 10 % of the way"):
+        pluck_of(soft.plectrum.model_copy(update={"overlap": 1e-3}), soft.string, "elastica")
+    one = {"plectrum.overlap": 1e-3, "string.tension": 1.0, "press.jack_rise": 0.1}
+    assert predict_many(RIG, one).status.item() == Status.STRING_OUT_OF_RANGE
+
+
+@pytest.mark.parametrize(("value", "warned"), [("2.9 MPa", 1), ("2.9 GPa", 0), ("310 GPa", 1)])
+def test_a_modulus_that_no_plectrum_has_is_to_be_confirmed(value, warned, caplog):
+    text, *_ = named_text("paper", "sautereau.rig", "rig", RigError)
+    text = re.sub(r"youngs_modulus = .*", f'youngs_modulus = "{value}"', text)
+    parse_rig(text)
+    assert sum("confirm it with a source" in r.getMessage() for r in caplog.records) == warned
+    caplog.clear()
+    confirmed = re.sub(
+        r"youngs_modulus = .*", f'youngs_modulus = {{ value = "{value}", source = "me" }}', text
+    )
+    parse_rig(confirmed)
+    assert not caplog.records
