@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.figures import Figure, check, timed
+from sautereau.analysis.model.plectrum.elastica import REACHES
 from sautereau.analysis.model.plectrum.fe.build import build
-from sautereau.analysis.model.plectrum.fe.level import FE, REACHES
-from sautereau.analysis.model.plectrum.fe.profile import profile_of
+from sautereau.analysis.model.plectrum.fe.level import FE
+from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.rig.instrument import Plectrum
 from sautereau.rig.load import load_rig
 
@@ -39,7 +40,7 @@ def run() -> list[Figure]:
     plectrum = load_rig().plectrum
     s = plectrum.length * (LOADED[0] + LOADED[1]) / 2 / COLUMNS
     spent, peer = timed(_solve, ccx, plectrum)
-    shape = (profile_of(plectrum), plectrum.poisson_ratio, plectrum.friction, REACHES[0][1])
+    shape = (profile_of(plectrum), plectrum.poisson_ratio, REACHES[0][1])
     built, _ = timed(build, *shape)
     level = FE(plectrum)
     loaded = 1e3 * timed(FE, plectrum)[0]

@@ -202,6 +202,12 @@ class Plectrum(Section):
         return ("tip_thickness",) if self.tip_thickness not in (None, self.thickness) else ()
 
     @property
+    def clamp_thickness(self) -> float:
+        """m, thickness at the clamp: of the outline, if there is one."""
+        outline = self.outline
+        return self.thickness if outline is None else outline.top[0] - outline.bottom[0]
+
+    @property
     def bending_stiffness(self) -> float:
         """N m^2, EI = E W h^3 / 12."""
         return self.youngs_modulus * self.width * self.thickness**3 / 12
@@ -235,6 +241,11 @@ class String(Section):
         """N/m, at the plucking point: K = T / (L b (1 - b)), the paper's equation 2 corrected."""
         b = self.plucking_point / self.length
         return self.tension / (self.length * b * (1 - b))
+
+    @property
+    def nearer_end(self) -> float:
+        """m, from the plucking point to the end of the string that is nearer to it."""
+        return min(self.plucking_point, self.length - self.plucking_point)
 
     @property
     def linear_density(self) -> float:

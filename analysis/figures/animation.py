@@ -112,7 +112,7 @@ def _head(axes, motion: ChoirMotion, name: str) -> Part:
     def show(frame: int) -> None:
         height = float(motion.height[frame])
         title.set_text(f"{name}plectrum {height * 1e3:+.2f} mm from contact")
-        view.put(height, motion.line[frame], float(motion.tongue[frame]), motion.wire[frame])
+        view.put(height, motion.outline[frame], float(motion.tongue[frame]), motion.wire[frame])
 
     return Part(axes, [*view.artists, title], show)
 

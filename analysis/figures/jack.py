@@ -64,19 +64,18 @@ class JackView:
             self._wire,
         ]  # fmt: skip
 
-    def put(self, height: float, line: Floats, tongue: float, wire: Floats) -> None:
+    def put(self, height: float, outline: Floats, tongue: float, wire: Floats) -> None:
         """Move to a height and a shape.
 
         Args:
             height: m, of the jack above first contact.
-            line: m, mid-line of the plectrum from its clamp, shape (n, 2).
+            outline: m, of the plectrum in its clamp's frame, shape (n, 2).
             tongue: rad, rotation of the tongue backwards.
             wire: m, positions of the wire during the frame, the present one first; shape (k, 2).
         """
         choir = self.choir
         clamp = np.array([self.clamp, height])
-        down = self.radius + choir.plectrum.thickness / 2
-        shape = _thick(line, choir.plectrum.thickness) + clamp - (0.0, down)
+        shape = outline + clamp - (0.0, self.radius + choir.plectrum.clamp_thickness / 2)
         pivot = choir.jack.tongue.pivot if choir.jack.tongue else PIVOT
         axle = clamp - (0.0, pivot)
         upper = 1.2e-3
@@ -101,7 +100,7 @@ class JackView:
         """Label the parts, at rest."""
         choir = self.choir
         clearance, middle = choir.jack.string_clearance * 1e3, self.clamp * 500
-        low = -clearance - (self.radius + choir.plectrum.thickness / 2) * 1e3
+        low = -clearance - (self.radius + choir.plectrum.clamp_thickness / 2) * 1e3
         arrow = {"arrowstyle": "<->", "color": "#444444"}
         self.axes.annotate("", (0.9, 0), (0.9, -clearance), arrowprops=arrow)
         self.axes.plot([0.1, 1.2], [-clearance] * 2, color="#444444", lw=0.6, ls=":")
@@ -128,15 +127,6 @@ class JackView:
         foot, top = max(gap, 0.0) + self.radius, gap + self.radius + FELT_HEIGHT
         self._felt.set_xy(_box(-0.9e-3, 0.9e-3, foot, max(top, foot)) * 1e3)
         self._holder.set_xy(_box(self.clamp - AXLE, 0.9e-3, top, top + 0.3e-3) * 1e3)
-
-
-def _thick(line: Floats, thickness: float) -> Floats:
-    """Return the outline [m] of a beam about its mid-line."""
-    along = np.gradient(line, axis=0)
-    normal = np.stack([-along[:, 1], along[:, 0]], -1)
-    size = np.hypot(*normal.T)[:, None]
-    normal = np.divide(normal, size, out=np.zeros_like(normal), where=size > 0) * thickness / 2
-    return np.concatenate([line + normal, (line - normal)[::-1]])
 
 
 def _turned(points: Floats, about: Floats, angle: float) -> Floats:

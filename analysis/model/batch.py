@@ -1,7 +1,4 @@
-"""Predictions of many presses at once, with the spring string.
-
-Uniform plectra are elasticas, computed together; plectra of another shape one by one.
-"""
+"""Predictions of many presses at once, with the spring string, at the level `auto`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -10,12 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.choirs import LIFT_MAX
 from sautereau.analysis.model.key import felt_force
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.levels import AUTO
-from sautereau.analysis.model.plectrum.surface import string_map
+from sautereau.analysis.model.plectrum.elastica import REACHES, Elastica, uniform_table
+from sautereau.analysis.model.plectrum.levels import AUTO, plectrum_map
 from sautereau.analysis.model.pluck.equilibria import Equilibria
-from sautereau.analysis.model.pluck.loaded import Plectra, UniformPlectra, plectra_of
+from sautereau.analysis.model.pluck.loaded import Rows, TabledPlectra
 from sautereau.analysis.model.pluck.paths import Paths, Status, ramp, solve_paths
 from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
 from sautereau.rig.schema import Rig
@@ -25,11 +23,15 @@ POINTS = 33
 """Points of a stretch that sticks or slides."""
 CHUNK = 192
 """Cases that are computed together, few enough to fit into the processor's cache."""
+WARM = 2**19  # Numbers in a block larger than any of a chunk
 NARROWINGS = 4
 """Refinements of a force peak inside the pluck, each between the neighbours of the last."""
-_SHAPE = ("youngs_modulus", "width", "thickness", "length", "overlap")
+_SHAPE = ("plectrum.thickness", "plectrum.length", "plectrum.overlap")
+"""Values on which the table of a plectrum depends that is not of a uniform section."""
 VARIABLES = (
-    *(f"plectrum.{n}" for n in _SHAPE),
+    "plectrum.youngs_modulus",
+    "plectrum.width",
+    *_SHAPE,
     *(f"string.{n}" for n in ("tension", "length", "plucking_point", "frequency", "diameter")),
     *(f"jack.{n}" for n in ("mass", "register_friction", "string_clearance")),
     *(f"key.{n}" for n in ("press_arm", "surface_height", "jack_arm", "jack_surface_height")),
@@ -92,15 +94,20 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
     results = [
         np.empty(count, np.int8 if f.name == "status" else float) for f in fields(PredictionBatch)
     ]
-    size = 1 if rig.plectrum.described else CHUNK
-    for start in range(0, count, size):
-        part = slice(start, min(start + size, count))
-        chunk = fixed | {name: v[part] for name, v in varying.items()}
-        chunk = {n: np.broadcast_to(v, (part.stop - start,)) for n, v in chunk.items()}
-        with np.errstate(all="ignore"):
-            found = _chunk(rig, float(friction), chunk)
-        for result, value in zip(results, found, strict=True):
-            result[part] = value
+    # glibc returns large blocks to the kernel at once, and new ones cost page faults: half of the
+    # time. Freeing a larger block raises what it calls large.
+    np.empty(WARM)
+    shapes = np.stack([np.broadcast_to((fixed | varying)[name], count) for name in _SHAPE])
+    for rows in _groups(rig, shapes):
+        shape_of = _map(rig, float(friction), shapes[:, rows[0]]) if len(rows) else None
+        for start in range(0, len(rows), CHUNK):
+            part = rows[start : start + CHUNK]
+            chunk = fixed | {name: v[part] for name, v in varying.items()}
+            chunk = {n: np.broadcast_to(v, len(part)) for n, v in chunk.items()}
+            with np.errstate(all="ignore"):
+                found = _chunk(rig, float(friction), chunk, shape_of)
+            for result, value in zip(results, found, strict=True):
+                result[part] = value
     return PredictionBatch(*(result.reshape(shape) for result in results))
 
 
@@ -125,6 +132,11 @@ def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
             f"values: {', '.join(derived)} cannot be given for a plectrum with"
             f" {' and '.join(rig.plectrum.described)}; give plectrum.youngs_modulus or the tension"
         )
+    if rig.plectrum.outline is not None and (fixed := sorted(set(given) & {*_SHAPE[:2]})):
+        faults.append(
+            f"values: {', '.join(fixed)} cannot be varied: plectrum.outline has the length and the"
+            " thickness; change the outline"
+        )
     if rig.more_choirs:
         faults.append(
             f"more_choirs: the rig has {len(rig.more_choirs)}, but a batch has one choir; use"
@@ -134,23 +146,44 @@ def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
         raise ModelError("\n".join(faults))
 
 
-def _carved(rig: Rig, friction: float, v: Mapping[str, Floats]) -> Plectra:
-    """Return the one plectrum of a chunk, of another shape than a uniform section.
+def _groups(rig: Rig, shapes: Floats) -> list[Rows]:
+    """Return the rows of the cases whose plectra have one table.
 
-    Raises:
-        ModelError: It has no map.
+    Args:
+        shapes: The values of `_SHAPE`, shape (3, cases).
     """
-    values = {name: v[f"plectrum.{name}"].item() for name in _SHAPE} | {"friction": friction}
-    string = rig.string.model_copy(update={"diameter": v["string.diameter"].item()})
-    return plectra_of(string_map(rig.plectrum.model_copy(update=values), string, AUTO))
+    if not rig.plectrum.described:
+        return [np.arange(shapes.shape[1])]
+    thickness, length, overlap = shapes
+    with np.errstate(all="ignore"):
+        reach = np.searchsorted([most for most, _ in REACHES], overlap / length)
+    _, group = np.unique(np.stack([thickness, length, reach]), axis=1, return_inverse=True)
+    return [np.flatnonzero(group == number) for number in range(group.max(initial=-1) + 1)]
 
 
-def _chunk(rig: Rig, friction: float, v: Mapping[str, Floats]) -> tuple[np.ndarray, ...]:
-    """Return the fields of `PredictionBatch` for cases of shape (n,), one if it is carved."""
+def _map(rig: Rig, friction: float, shape: Floats) -> Elastica | None:
+    """Return the map of a plectrum of some values of `_SHAPE`; None if it has none."""
+    if not rig.plectrum.described:
+        return Elastica(rig.plectrum.model_copy(update={"friction": friction}))
+    values = dict(zip((name.split(".")[1] for name in _SHAPE), shape.tolist(), strict=True))
+    try:
+        plectrum = rig.plectrum.model_copy(update=values | {"friction": friction})
+        found = plectrum_map(plectrum, AUTO)
+    except ModelError:
+        return None
+    return found if isinstance(found, Elastica) else None
+
+
+def _chunk(
+    rig: Rig, friction: float, v: Mapping[str, Floats], shape_of: Elastica | None
+) -> tuple[np.ndarray, ...]:
+    """Return the fields of `PredictionBatch` for cases of shape (n,) and of one table."""
     modulus, width, thickness, length, overlap = (v[n] for n in VARIABLES[:5])
     tension, string_length, plucking_point, frequency, diameter = (v[n] for n in VARIABLES[5:10])
     speed, clearance = v["press.jack_speed"], v["jack.string_clearance"]
     b = plucking_point / string_length
+    if rig.plectrum.outline is not None and shape_of:
+        thickness = np.full_like(thickness, shape_of.clamp_thickness)
     bending = v.get(DERIVED[0], modulus * width * thickness**3 / 12)
     stiffness = v.get(DERIVED[1], tension / (string_length * b * (1 - b)))
     ranges = {
@@ -167,19 +200,16 @@ def _chunk(rig: Rig, friction: float, v: Mapping[str, Floats]) -> tuple[np.ndarr
         & _positive(thickness)
         & _positive(diameter),
     }
-    plectra = None
-    if rig.plectrum.described and all(within.all() for within in ranges.values()):
-        try:
-            plectra = _carved(rig, friction, v)
-        except ModelError:
-            ranges[Status.NOT_CONVERGED] = np.zeros(1, bool)
+    if shape_of is None:
+        ranges[Status.NOT_CONVERGED] = np.zeros(len(length), bool)
     sound = np.logical_and.reduce(list(ranges.values()))
     surface = rig.plectrum.contact == "surface"
-    offset = (thickness + diameter) / 2 if surface else np.zeros_like(length)
-    bending, stiffness, length, overlap, offset = np.where(
-        sound, (bending, stiffness, length, overlap, offset), [[1.0], [1.0], [1.0], [0.1], [0.0]]
-    )
-    plectra = plectra or UniformPlectra(friction, length, bending, offset)
+    half, radius = (thickness / 2, diameter / 2) if surface else np.zeros((2, len(length)))
+    values = length, bending, overlap, half, radius, stiffness
+    values = np.where(sound, values, [[1.0], [1.0], [0.1], [0.0], [0.0], [1.0]])
+    table = shape_of.table if shape_of else uniform_table()
+    plectra = TabledPlectra(table, friction, *values[:5])
+    overlap, stiffness = values[[2, 5]]
     equilibria = Equilibria(plectra, stiffness, overlap)
     paths = solve_paths(equilibria, POINTS)
     slide, status = paths.curves[-1], paths.status
@@ -188,6 +218,8 @@ def _chunk(rig: Rig, friction: float, v: Mapping[str, Floats]) -> tuple[np.ndarr
     height, lift = slide.height[:, -1], slide.lift[:, -1]
     ended = status <= Status.RELEASED_AT_FOLD
     # Written so that NaN counts as too short.
+    nearer = np.minimum(plucking_point, string_length - plucking_point)
+    status[ended & ~(lift <= LIFT_MAX * nearer)] = Status.STRING_OUT_OF_RANGE
     status[ended & ~(clearance + height < v["press.jack_rise"])] = Status.PRESS_TOO_SHORT
     scalars = (
         height / speed,

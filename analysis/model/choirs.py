@@ -13,6 +13,10 @@ from sautereau.rig.instrument import Choir, Key, Plectrum, String
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle, rise_slope
 
+LIFT_MAX = 0.1
+"""Largest lift of a string over the distance from its plucking point to the nearer end: with 0.1
+the tension of a steel string is by far not constant."""
+
 
 @dataclass(frozen=True)
 class ReleasedString:
@@ -103,7 +107,16 @@ def pluck_of(plectrum: Plectrum, string: String, level: str, sticks: bool = True
         ModelError: The level has no solution for them.
     """
     mapped = string_map(plectrum, string, level)
-    return solve_pluck(mapped, string.static_stiffness, plectrum.overlap, sticks)
+    found = solve_pluck(mapped, string.static_stiffness, plectrum.overlap, sticks)
+    lift, most = float(found.lift[-1]), LIFT_MAX * string.nearer_end
+    if lift > most:
+        raise ModelError(
+            f"plectrum.overlap: the string would be lifted by {lift * 1e3:.4g} mm. A spring of"
+            f" constant stiffness is no string beyond {most * 1e3:.4g} mm, {100 * LIFT_MAX:.0f} %"
+            " of the way from the plucking point to its nearer end; lower overlap or"
+            " plectrum.thickness, or raise string.tension"
+        )
+    return found
 
 
 def level_name(rig: Rig, level: str) -> str:
@@ -112,18 +125,21 @@ def level_name(rig: Rig, level: str) -> str:
 
 
 def ignored(rig: Rig, level: str) -> list[str]:
-    """Return a text for each part of a plectrum that a level ignores, with what it changes."""
+    """Return a text for each plectrum of which a level ignores a part, with what it changes."""
     found = []
     for number, choir in enumerate(choirs(rig)):
-        at = f"more_choirs[{number - 1}]." if number else ""
-        names = [f"{at}plectrum.{name}" for name in dropped(choir.plectrum, level)]  # pyright: ignore[reportArgumentType]
-        if not names:
+        described = choir.plectrum.described
+        best, named = (level_of(choir.plectrum, name) for name in (AUTO, level))  # pyright: ignore[reportArgumentType]
+        if not described or named == best:
             continue
+        at = f"more_choirs[{number - 1}]." if number else ""
+        lost = ", ".join(f"{at}plectrum.{name}" for name in dropped(choir.plectrum, level))  # pyright: ignore[reportArgumentType]
+        bar = f"takes {at}plectrum.{' and '.join(described)} as that of a slender bar"
         force, true = (float(choir_pluck(choir, name).force[-1]) for name in (level, AUTO))
         found.append(
-            f"the plectrum model {level} ignores {', '.join(names)}: its plectrum force at release"
-            f" is {100 * (force / true - 1):+.1f} % off that of"
-            f" {level_of(choir.plectrum)}; use the level auto"  # pyright: ignore[reportArgumentType]
+            f"the plectrum model {level} {f'ignores {lost}' if lost else bar}: its plectrum force"
+            f" at release is {100 * (force / true - 1):+.1f} % off that of {best}; use the level"
+            " auto"
         )
     return found
 

@@ -44,6 +44,8 @@ class ModalPluck:
     """m, of the string along the plectrum, from the clamp."""
     angle: Floats
     """rad, by which the plectrum is bent down under the string."""
+    drag: Floats
+    """As of `Pluck`: the string slides towards the tip from the start."""
     displacement: Floats
     """m, of the string at the plucking point."""
     velocity: Floats
@@ -109,6 +111,7 @@ def modal_pluck(
         force=force,
         position=position,
         angle=-theta,
+        drag=np.full_like(time, plectrum.friction),
         displacement=rows[:, 4:6],
         velocity=rows[:, 6:8],
         state=contact.state,

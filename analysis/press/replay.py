@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import key_of
-from sautereau.analysis.model.plectrum.elastica import Elastica
-from sautereau.analysis.model.plectrum.shape import mid_line, straight
+from sautereau.analysis.model.plectrum.shape import bent, straight
 from sautereau.analysis.phases import HeldString, Phases
 from sautereau.analysis.press.strings import VibratingString, stilled, vibrating_strings
 from sautereau.daq.file.recorded import Joints, Plan
@@ -38,8 +37,9 @@ class ChoirMotion:
     """Whether its pluck was found; otherwise its string stays at rest."""
     height: Floats
     """m, of the jack above first contact; shape (n,)."""
-    line: Floats
-    """m, centre line of the plectrum from its clamp; shape (n, POINTS + 1, 2)."""
+    outline: Floats
+    """m, of the bent plectrum in its clamp's frame, shape (n, points, 2); see
+    `sautereau.analysis.model.plectrum.shape.bent`."""
     tongue: Floats
     """rad, rotation of the tongue; shape (n,)."""
     wire: Floats
@@ -152,7 +152,7 @@ def _choir(
         choir=choir,
         plucks=False,
         height=np.interp(time, seen, rise) - choir.jack.string_clearance,
-        line=np.repeat(straight(choir.plectrum)[None], n, 0),
+        outline=np.repeat(straight(choir.plectrum)[None], n, 0),
         tongue=np.zeros(n),
         wire=np.zeros((n, EXPOSURES, 2)),
         places=places,
@@ -173,17 +173,17 @@ def _choir(
     wire = string.displacement(clock, np.array([choir.string.plucking_point]))[:, :, 0]
     height = np.interp(time, seen, known)
     holding = (time >= held.contact) & (time < held.release)
-    line = at_rest.line.copy()
-    line[holding] = mid_line(
-        Elastica(choir.plectrum),
-        np.interp(height[holding], pluck.height, pluck.position),
-        np.interp(height[holding], pluck.height, pluck.force),
+    outline = at_rest.outline.copy()
+    held_at = (
+        np.interp(height[holding], pluck.height, values)
+        for values in (pluck.position, pluck.force, pluck.drag)
     )
+    outline[holding] = bent(choir.plectrum, *held_at)
     return replace(
         at_rest,
         plucks=True,
         height=height,
-        line=line,
+        outline=outline,
         tongue=_tongue(choir, height, time > held.release),
         wire=wire.T.reshape(n, EXPOSURES, 2),
         deflection=shape,

@@ -40,7 +40,6 @@ TOP = 1.2e-3  # m, length of the tongue above the plectrum
 RIGHT = 2.1e-3  # m, visible width beyond the string
 DEEPEST = 2.5e-3  # m, largest visible depth below the string
 BESIDE = 0.8e-3  # m, margin above and below
-EVERY_NTH = 2  # Step between the points of a plectrum that are drawn
 HEAD_LETTERS = 36  # Width of the picture of the jack head in font sizes
 UPRIGHT = ("jack", "tongue")  # Parts with a vertical label
 LONG = 30e-3  # m, length of the jack's body above and below the plectrum; part of it is visible
@@ -184,7 +183,7 @@ def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
     plectrum, jack = choir.plectrum, choir.jack
     clamp = (plectrum.overlap - plectrum.length) * UM
     radius = choir.string.diameter / 2 * UM
-    down = radius + plectrum.thickness / 2 * UM
+    down = radius + plectrum.clamp_thickness / 2 * UM
     pivot = (jack.tongue.pivot if jack.tongue else PIVOT) * UM
     height, wire = motion.height * UM, motion.wire * UM
     risen = shifted(0, height)
@@ -192,20 +191,14 @@ def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
         f"{moved} rotate({-angle:.2f} {rounded(clamp)} {rounded(pivot)})" if angle else moved
         for moved, angle in zip(risen, np.degrees(motion.tongue).tolist(), strict=True)
     )
-    bent = motion.line[:, ::EVERY_NTH] * UM + (clamp, -down)
+    bent = motion.outline * UM + (clamp, -down)
     left, edge = clamp - (AXLE + HEAD_BODY) * UM, clamp - AXLE * UM
-    thick = rounded(plectrum.thickness * UM)
     along = shifted(0, wire[:, 0, 1])
     shapes = [
         *_damper(motion, clamp, radius),
         Shape("rect", "body", rectangle(left, -LONG * UM, edge, LONG * UM), {"transform": risen}),
         Shape("rect", "tongue", rectangle(edge, -pivot, clamp, TOP * UM), {"transform": swung}),
-        Shape(
-            "polyline",
-            "plectrum",
-            {"stroke-width": thick},
-            {"points": every(bent), "transform": swung},
-        ),
+        Shape("polygon", "plectrum", {}, {"points": every(bent), "transform": swung}),
         _named("jack", (left + edge) / 2, 0, risen),
         _named("tongue", (edge + clamp) / 2, 0, swung),
         _named("plectrum", clamp / 2, down, risen),

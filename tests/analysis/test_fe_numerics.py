@@ -11,8 +11,9 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad
 
 from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
-from sautereau.analysis.model.plectrum.fe.profile import Profile, grid_between, plectrum_grid
+from sautereau.analysis.model.plectrum.fe.mesh import grid_between, plectrum_grid
 from sautereau.analysis.model.plectrum.fe.solve import Body, iterates, rate, solve_loads
+from sautereau.analysis.model.plectrum.profile import Profile
 
 NU = 0.35
 CARVED = Profile(

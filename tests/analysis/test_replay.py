@@ -28,6 +28,12 @@ def scene(press, phases):
     return replay(press, phases, np.linspace(0.03, 0.12, 361))
 
 
+def middle(motion):
+    """Return the mid-line of the plectrum; its second last point is under the string."""
+    half = motion.outline.shape[1] // 2
+    return (motion.outline[:, :half] + motion.outline[:, : half - 1 : -1]) / 2
+
+
 def held(scene):
     (pluck,) = scene.phases.plucks
     return (scene.time >= pluck.contact) & (scene.time < pluck.release)
@@ -41,15 +47,15 @@ def test_the_wire_lies_on_the_plectrum_while_it_is_held(scene):
     clamp = np.stack(
         [np.full(during.sum(), plectrum.overlap - plectrum.length), motion.height[during]], -1
     )
-    contact = clamp + motion.line[during, -2]
+    contact = clamp + middle(motion)[during, -2]
     np.testing.assert_allclose(contact, motion.wire[during, 0], atol=3e-6)
 
 
 def test_unheld_it_is_straight_and_the_string_rests_till_contact(scene):
     (motion,) = scene.choirs
     during = held(scene)
-    assert not motion.line[~during, :, 1].any()
-    assert (motion.line[during][3:, -1, 1] < 0).all()
+    assert not middle(motion)[~during, :, 1].any()
+    assert (middle(motion)[during][3:, -1, 1] < 0).all()
     (pluck,) = scene.phases.plucks
     before = scene.time < pluck.contact - (scene.time[1] - scene.time[0])
     assert not motion.deflection[before].any()
@@ -85,7 +91,7 @@ def test_a_press_without_a_pluck_leaves_the_string_at_rest(make_press):
     (motion,) = scene.choirs
     assert not motion.plucks
     assert not motion.deflection.any()
-    assert not motion.line[..., 1].any()
+    assert not middle(motion)[..., 1].any()
     clearance = motion.choir.jack.string_clearance
     rise = np.interp(scene.time, mute.data.index, mute.data["jack_rise"])
     np.testing.assert_allclose(motion.height, rise - clearance, atol=1e-12)
@@ -138,13 +144,13 @@ def test_any_rig_has_a_replay(press, phases, changes):
     other = replace(press, rig=with_values(press.rig, changes))
     scene = replay(other, phases, np.linspace(0.04, 0.1, 40))
     (motion,) = scene.choirs
-    for array in (motion.height, motion.line, motion.wire, motion.deflection, motion.tongue):
+    for array in (motion.height, motion.outline, motion.wire, motion.deflection, motion.tongue):
         assert np.isfinite(array).all()
     during = held(scene)
     string = np.array([motion.choir.plectrum.overlap - motion.choir.plectrum.length, 0.0])
     string = string + np.stack([0 * motion.height[during], motion.height[during]], -1)
     np.testing.assert_allclose(
-        string + motion.line[during, -2], motion.wire[during, 0],
+        string + middle(motion)[during, -2], motion.wire[during, 0],
         atol=0.01 * np.abs(motion.wire).max(),
     )  # fmt: skip
 

@@ -107,7 +107,7 @@ def test_the_parts_have_the_positions_of_the_press(two):
         assert shift(body) == pytest.approx(motion.height[frame], abs=1e-6)
         drawn = places(moves["head-1-plectrum"]["points"][frame]) * 1e-6
         lower = (clamp, -radius - plectrum.thickness / 2)
-        np.testing.assert_allclose(drawn, motion.line[frame, ::2] + lower, atol=1e-6)
+        np.testing.assert_allclose(drawn, motion.outline[frame] + lower, atol=1e-6)
         wire = places(moves["head-1-path"]["points"][frame]) * 1e-6
         np.testing.assert_allclose(wire, motion.wire[frame], atol=1e-6)
         turned = float(moves["key-key"]["transform"][frame][7:-1])

@@ -22,6 +22,8 @@ class Cantilever(ABC):
     """A plectrum clamped at x = 0, loaded at s by F and by the drag times F."""
 
     represents: tuple[str, ...] = ()
+    nearest = 0.0
+    """m, smallest position of the string on it."""
 
     def __init__(self, plectrum: Plectrum):
         """Read and check the plectrum's parameters.
@@ -78,11 +80,11 @@ class Cantilever(ABC):
 
     def _refuse_out_of_range(self, s: Floats, force: Floats) -> None:
         # Written so that NaN is out of range too.
-        on = (s >= 0) & (s <= BEYOND_TIP * self.length)
+        on = (s >= self.nearest) & (s <= BEYOND_TIP * self.length)
         if not on.all():
             raise ModelError(
                 f"position on the plectrum: {s[~on].flat[0] * 1e3:.6g} mm from the clamp is not"
-                f" within 0 to {self.length * 1e3:.6g} mm, its length"
+                f" within {self.nearest * 1e3:.6g} to {self.length * 1e3:.6g} mm, its length"
             )
         limit = self.force_limit(s)
         held = (force >= 0) & (force <= limit * (1 + ROUNDING)) & (force < np.inf)

@@ -28,7 +28,11 @@ LEVELS = Registry(
 
 
 def level_of(plectrum: "Plectrum", level: str = AUTO) -> str:
-    """Return the name of a level; of `auto` the cheapest that represents all that is described."""
+    """Return the name of a level; of `auto` the cheapest that represents all that is described.
+
+    `elastica` has the stiffness of an outline everywhere, but neither shear nor the corners of a
+    step, where the material carries no stress: 0.5 to 3 % of the force.
+    """
     if level != AUTO:
         return level
     return "fe" if plectrum.described else "elastica"

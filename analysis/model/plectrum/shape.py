@@ -1,42 +1,82 @@
-"""The mid-line of a bent plectrum from clamp to tip, for plots."""
+"""The outline of a bent plectrum, for drawings: the elastica with EI(s), whatever the level."""
 
 import numpy as np
 
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.elastica import Elastica
+from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.rig.instrument import Plectrum
 
-POINTS = 24
-"""Points of a mid-line from the clamp to the string."""
+POINTS = 8
+"""Evenly spaced sections of a drawing from the clamp to the string."""
+KINKS = 12
+"""Largest number of kinks of an outline at which there are further sections."""
+STEPS = 4
+"""Steps of the integration between two sections."""
 
 
 def straight(plectrum: Plectrum) -> Floats:
-    """Return the mid-line [m] of an unloaded plectrum, shape (POINTS + 1, 2)."""
-    x = np.linspace(0, plectrum.length, POINTS + 1)
-    return np.stack([x, np.zeros_like(x)], -1)
+    """Return the outline [m] of an unloaded plectrum; see `bent`."""
+    tip, none = np.array([plectrum.length]), np.zeros(1)
+    return bent(plectrum, tip, none, none)[0]
 
 
-def mid_line(plectrum: Elastica, s: Floats, force: Floats) -> Floats:
-    """Return mid-lines in the clamp's frame [m], shape (n, POINTS + 1, 2): x outwards, z up.
+def bent(plectrum: Plectrum, s: Floats, force: Floats, drag: Floats) -> Floats:
+    """Return closed outlines [m] in the clamp's frame, shape (n, points, 2): x outwards, z up.
 
-    The part between a section and the string is, seen from that section, a shorter plectrum
-    under the same load; its contact point and tangent give the position of the section. Beyond
-    the string the plectrum is straight.
+    The top comes first, from the clamp to the tip.
+
+    Integrated from the string to the clamp, as in `sautereau.analysis.model.plectrum.tapered`, by
+    the midpoint rule.
 
     Args:
+        plectrum: Its shape and its stiffness.
         s: m, positions of the string on it, shape (n,).
-        force: N, of the string, shape (n,).
-
-    Raises:
-        ModelError: A position is not on the plectrum, or a force beyond the level's range.
+        force: N, normal to the surface, shape (n,).
+        drag: Force along the surface towards the tip over the normal one, shape (n,).
     """
-    contact = plectrum.bend(s, force)
-    end = np.stack([contact.x, contact.z], -1)[:, None]
-    arms = s[:, None] * np.linspace(1.0, 0.0, POINTS)[:-1]  # from each section to the string
-    part = plectrum.bend(arms, force[:, None])
-    turn = contact.theta[:, None] - part.theta
-    cosine, sine = np.cos(turn), np.sin(turn)
-    arm = np.stack([cosine * part.x - sine * part.z, sine * part.x + cosine * part.z], -1)
-    tangent = np.stack([np.cos(contact.theta), np.sin(contact.theta)], -1)
-    tip = end[:, 0] + (plectrum.length - s)[:, None] * tangent
-    return np.concatenate([end - arm, end, tip[:, None]], axis=1)
+    profile, length = profile_of(plectrum), plectrum.length
+    place = (s / length)[:, None]
+    kinks = profile.x[(profile.x > 0) & (profile.x < place.min(initial=1.0))]
+    kinks = np.tile(kinks if len(kinks) <= KINKS else [], (len(s), 1))
+    drawn = np.sort(np.hstack([place * np.linspace(0.0, 1.0, POINTS), kinks]), axis=1)
+    count = STEPS * (drawn.shape[1] - 1)
+    x = np.ones((len(s), count + 2))
+    share = np.arange(count + 1) / STEPS
+    low = np.minimum(share.astype(int), drawn.shape[1] - 2)
+    x[:, :-1] = drawn[:, low] + (drawn[:, low + 1] - drawn[:, low]) * (share - low)
+    top, bottom = profile.edges(x)
+    middle, depth = (top + bottom) / 2, top - bottom
+    slope = np.arctan(profile.contact_line(place[:, 0])[1])
+    stiffness = plectrum.youngs_modulus * plectrum.width * length / 12
+    turned = along = across = np.zeros(len(s))
+    states = [np.stack([turned, along, across])]
+    for number in range(count, 0, -1):
+        rise, run = (a[:, number] - a[:, number - 1] for a in (middle, x))
+        lean = np.arctan2(rise, run) - slope
+        arc, thickness = np.hypot(rise, run), (depth[:, number] + depth[:, number - 1]) / 2
+        flexible = force / (stiffness * thickness**3)
+        half = turned + arc / 2 * flexible * (along + drag * across)
+        cosine, sine = np.cos(half + lean), np.sin(half + lean)
+        lever = along + arc / 2 * cosine + drag * (across + arc / 2 * sine)
+        turned = turned + arc * flexible * lever
+        along, across = along + arc * cosine, across + arc * sine
+        states.append(np.stack([turned, along, across]))
+    turned, along, across = np.stack(states[::-1], -1)
+    angle, section = turned[:, :1] - slope[:, None], turned[:, :1] - turned
+    # From the string to each section, against the surface under the string; then in the clamp's.
+    along, across = along[:, :1] - along, across[:, :1] - across
+    path = np.cos(angle) * along + np.sin(angle) * across
+    rise = np.cos(angle) * across - np.sin(angle) * along
+    # Beyond the string nothing bends.
+    end = section[:, -1:]
+    over, up = x[:, -1:] - x[:, -2:-1], middle[:, -1:] - middle[:, -2:-1]
+    path = np.hstack([path, path[:, -1:] + np.cos(end) * over + np.sin(end) * up])
+    rise = np.hstack([rise, rise[:, -1:] + np.cos(end) * up - np.sin(end) * over])
+    section = np.hstack([section, end])
+    path, rise, section, depth = (
+        np.append(a[:, : count + 1 : STEPS], a[:, -1:], axis=1)
+        for a in (path, rise, section, depth)
+    )
+    offset = depth[..., None] / 2 * np.stack([np.sin(section), np.cos(section)], -1)
+    line = np.stack([path, rise], -1)
+    return length * np.concatenate([line + offset, (line - offset)[:, ::-1]], axis=1)

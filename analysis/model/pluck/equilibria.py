@@ -24,10 +24,10 @@ LOADS = np.concatenate([[0.0], np.geomspace(1e-14, 1.0, 97)])
 NEWTON_STEPS = 60
 SMALL = 1e-6
 """Fraction of the largest load at which the direction of the first friction is found."""
-TURN_POINTS = 33
-"""Number of points of a search for the load at which the string turns."""
-TURN_NARROWINGS = 4
-"""Number of such searches, each between the neighbours of the best point of the last one."""
+TURN_STEPS = 40
+"""Most iterations of the load at which the string turns; 6 to 10 are usual."""
+TURN_CLOSE = 1e-6
+"""Relative tolerance on it; the position is stationary there."""
 AT_END = np.array([3, -16, 36, -48, 25]) / 12
 """Weights of the last five points of a stretch in its slope at the end, by backward differences of
 order 4; the points are even in the load."""
@@ -100,7 +100,7 @@ class Equilibria:
         for _ in range(NEWTON_STEPS):
             at = self._sliding(load)(s)
             value, rounding = self._residual(at, s, load)
-            slope = self._by_load(at, s, load)[0]
+            slope = self._by_load(at, s, load, self.plectra.friction)[0]
             low, high = np.where(value > 0, load, low), np.where(value > 0, high, load)
             new = load - value / np.where(slope, slope, np.inf)
             new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
@@ -128,17 +128,40 @@ class Equilibria:
         # Before the load at which the string would slide towards the tip from its first position.
         last, slips = self.sliding_load(self.first)
         rows = np.flatnonzero((drag[:, 0] < -self.plectra.friction) & slips)
-        some, low, high = self.subset(rows), none[rows, 0], last[rows]
-        for _ in range(TURN_NARROWINGS):
-            load = np.linspace(low, high, TURN_POINTS, axis=1)
-            place = some._slide(load, -self.plectra.friction).position
-            # A load with which the string would be beyond the tip has no position, NaN.
-            best = np.argmin(np.where(np.isfinite(place), place, np.inf), axis=1)
-            low, none[rows, 0], high = (
-                load[np.arange(len(rows)), np.clip(best + k, 0, TURN_POINTS - 1)]
-                for k in (-1, 0, 1)
-            )
+        if len(rows):
+            none[rows] = self.subset(rows)._turn(near[rows], last[rows, None])
         return none
+
+    def _turn(self, low: Floats, high: Floats) -> Floats:
+        """Return the loads between two at which strings that slide to the clamp turn.
+
+        Their position, at which the residual is zero, falls with the load where the residual rises
+        with it. The root is found by the Illinois method.
+        """
+        mu = -self.plectra.friction
+
+        def rate(load: Floats, instead: Floats) -> Floats:
+            under = self.plectra.under(load, mu)
+            s = self._slid(under, load, mu, self.first)
+            found = self._by_load(under(s), s, load, mu)[0]
+            # A load with which the string would be beyond the tip has no position, NaN.
+            return np.where(np.isfinite(found), found, instead)
+
+        rising = rate(low, np.ones_like(low))
+        never = rising <= 0
+        falling = rate(high, -rising)
+        turn, after = low, np.zeros(low.shape, bool)
+        for step in range(TURN_STEPS):
+            before, turn = turn, high - falling * (high - low) / (falling - rising)
+            value = rate(turn, -rising)
+            twice = (value <= 0) == after if step else False
+            after = value <= 0
+            rising = np.where(after, np.where(twice, rising / 2, rising), value)
+            falling = np.where(after, value, np.where(twice, falling / 2, falling))
+            low, high = np.where(after, low, turn), np.where(after, turn, high)
+            if np.all(never | (np.abs(turn - before) <= TURN_CLOSE * turn)):
+                break
+        return np.where(never, 0.0, turn)
 
     @cached_property
     def held(self) -> Floats:
@@ -184,10 +207,21 @@ class Equilibria:
 
     def _slide(self, load: Floats, mu: float) -> Curve:
         """Return the equilibria of a string that slides, with its force to the clamp over F."""
-        under, pull = self.plectra.under(load, mu), self._pull * load
-        rest = self.rest
+        under = self.plectra.under(load, mu)
+        s = self._slid(under, load, mu, self.length)
+        return self._curve(under(s), load, s, np.full_like(s, mu))
+
+    def _slid(
+        self, under: Callable[[Floats], Loaded], load: Floats, mu: float, start: Floats
+    ) -> Floats:
+        """Return where [m] strings lie that slide; NaN where not found.
+
+        Args:
+            start: m, where the search starts, shape (cases, 1): it is safe from the tip.
+        """
+        pull, rest = self._pull * load, self.rest
         least, done = rest / 2, np.zeros(load.shape, bool)
-        s = np.repeat(self.length, load.shape[1], axis=1)
+        s = np.repeat(start, load.shape[1], axis=1)
         for _ in range(NEWTON_STEPS):
             # s^2 times the residual: of the elastica a cubic in s, convex on the way from the tip.
             at = under(s)
@@ -200,15 +234,12 @@ class Equilibria:
             new = np.clip(s - step, least, self.length)
             small = np.abs(step) <= 1e-14 * (self.length + pull / square)
             if small.all():
-                s = new
-                break
+                return new
             done = small | (np.abs(value) <= ROUNDING * (self.length * square + pull))
             if done.all():
-                break
+                return s
             s = new
-        else:
-            s = np.where(done, s, np.nan)
-        return self._curve(under(s), load, s, np.full_like(s, mu))
+        return np.where(done, s, np.nan)
 
     def stick_slope(self, curve: Curve) -> Floats:
         """Return d(height)/d(load) at the end of a stretch that sticks, shape (cases,)."""
@@ -221,7 +252,7 @@ class Equilibria:
         at, mu = self._sliding(load)(s), self.plectra.friction
         pull = self._pull * load / s**2
         out, up = pull * (at.sine - mu * at.cosine), pull * (at.cosine + mu * at.sine)
-        residual_l, height_l = self._by_load(at, s, load)
+        residual_l, height_l = self._by_load(at, s, load, mu)
         residual_s = at.x_s + 2 * out / s - up * at.angle_s
         height_s = -2 * up / s - out * at.angle_s - at.z_s
         return (height_l - height_s * residual_l / residual_s)[:, 0]
@@ -232,10 +263,10 @@ class Equilibria:
         shift = pull * (at.sine - self.plectra.friction * at.cosine)
         return at.x - self.rest - shift, ROUNDING * (self.length + pull)
 
-    def _by_load(self, at: Loaded, s: Floats, load: Floats) -> tuple[Floats, Floats]:
+    def _by_load(self, at: Loaded, s: Floats, load: Floats, mu: float) -> tuple[Floats, Floats]:
         """Return the derivatives by the load, at the same s, of that residual and the height."""
-        x_l, z_l, angle_l = self.plectra.load_slopes(s, load)
-        pull, mu = self._pull / s**2, self.plectra.friction
+        x_l, z_l, angle_l = self.plectra.load_slopes(s, load, mu)
+        pull = self._pull / s**2
         out, up = pull * (at.sine - mu * at.cosine), pull * (at.cosine + mu * at.sine)
         return x_l - out - load * up * angle_l, up - load * out * angle_l - z_l
 

@@ -12,15 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
-from sautereau.analysis.model.plectrum.elastica import (
-    Elastica,
-    elastica_tables,
-    q_max,
-    sticking_table,
-)
+from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.plectrum.surface import StringCentre
+from sautereau.analysis.model.plectrum.table import Table, arranged, laws_under, sticking_laws
 
 Rows = NDArray[np.intp]
+NEWTON_STEPS = 6
+"""Newton's steps to the first contact on a sloping top; 3 are usual."""
 
 
 class Loaded(NamedTuple):
@@ -84,9 +82,8 @@ class Plectra(Protocol):
         """Return the plectra under loads at positions s [m] as a function of the drag."""
         ...
 
-    def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the derivatives of x [m], z [m] and angle [rad] by the load of a string that
-        slides to the tip, at the same s."""
+    def load_slopes(self, s: Floats, load: Floats, drag: float) -> tuple[Floats, Floats, Floats]:
+        """Return the derivatives of x [m], z [m] and angle [rad] by the load at the same s."""
         ...
 
     def subset(self, rows: Rows) -> Self:
@@ -94,70 +91,143 @@ class Plectra(Protocol):
         ...
 
 
-class UniformPlectra:
-    """Elasticas; `unit` is the bending stiffness EI, so that a load is q = F s^2 / EI."""
+class TabledPlectra:
+    """Plectra of one table; `unit` is EI at the clamp, so that a load is q = F s^2 / EI."""
 
     def __init__(
-        self, friction: float, length: Floats, bending_stiffness: Floats, offset: Floats | float
+        self,
+        table: Table,
+        friction: float,
+        length: Floats,
+        bending_stiffness: Floats,
+        overlap: Floats,
+        half: Floats,
+        radius: Floats,
     ):
         """Take the plectra.
 
         Args:
+            table: Of their shape.
             friction: Dimensionless, common to all.
-            length: m, shape (cases,).
-            bending_stiffness: N m^2, shape (cases,).
-            offset: m, of the string's centre from the mid-line, shape (cases,) or ().
+            length: m, shape (cases,), as all that follow.
+            bending_stiffness: N m^2.
+            overlap: m.
+            half: m, from the mid-line to the surface, along the section.
+            radius: m, of the wire, along the normal of the surface.
         """
-        self.friction, self.length = friction, length[:, None]
-        self.unit = bending_stiffness[:, None]
-        self._offset = np.broadcast_to(offset, length.shape)[:, None]
-        self._table, self._slopes = elastica_tables(friction)
-        self._limit = np.full((1, 1), q_max(friction))
+        self._table, self.friction, self.length = table, friction, length[:, None]
+        self.unit, self._overlap = bending_stiffness[:, None], overlap[:, None]
+        self._half, self._radius = half[:, None], radius[:, None]
+        self._offset = self._half + self._radius
+        self._limit = np.full((1, 1), table.limit(friction))
+        self._first = self.length - self._overlap
+        if not table.flat:
+            # The string at x = rest lies where s + r (sine of the surface's fall) = rest.
+            rest = self._first
+            for _ in range(NEWTON_STEPS):
+                (_, tilt), (_, tilt_s) = table.contact_line(self._first / self.length)
+                beyond = self._first - self._radius * np.sin(tilt) - rest
+                slope = 1 - self._radius * np.cos(tilt) * tilt_s / self.length
+                self._first = self._first - beyond / slope
+        outside = self._first < table.nearest * self.length
+        self._first = np.where(outside | (self._first > self.length), np.nan, self._first)
+        self._lowest = 0.0  # at first contact z is 0
+        self._lowest = self._placed(np.zeros((3, 1, 1)), self._first, np.zeros((1, 1)))[1]
 
     def first(self, rest: Floats) -> Floats:
-        """Return x itself: the unloaded plectrum is straight."""
-        return rest
+        """Return the position [m] of the string at first contact; NaN where it is on none."""
+        return self._first
 
     def load_limit(self, s: Floats) -> Floats:
         """Return the q that turns the tangent by nearly 90 degrees, shape (1, 1)."""
         return self._limit
 
     def under(self, load: Floats, drag: float) -> Callable[[Floats], Loaded]:
-        """Return the elasticas under loads q as a function of the position s [m]."""
-        x, z, theta = np.moveaxis(elastica_tables(drag)[0](load), -1, 0)
+        """Return the plectra under loads q as a function of the position s [m]."""
+        laws = arranged(laws_under(self._table, drag)[0](load))
+        if not self._table.uniform:
+            laws = np.ascontiguousarray(laws)  # read in every step of a search
+            return lambda s: self._loaded(laws, s, load)
+        x, z, theta = laws[0, 0]
         x, z, angle = x.copy(), load * z, -load * theta
         sine, cosine = np.sin(angle), np.cos(angle)
         out, down = self._offset * sine, self._offset * (1 - cosine)
         return lambda s: Loaded(s * x + out, s * z - down, angle, sine, cosine, x, z, 0.0)
 
     def stuck(self, load: Floats, s: Floats) -> Callable[[Floats], Stuck]:
-        """Return the elasticas under loads q at positions s [m] as a function of the drag."""
-        powers = np.moveaxis(sticking_table(self.friction)(load), (-2, -1), (0, 1))
+        """Return the plectra under loads q at positions s [m] as a function of the drag."""
+        laws = sticking_laws(self._table, self.friction)(load)
+        last = laws.ndim - 4
+        laws = laws.transpose(last + 1, last + 2, last, last + 3, *range(last))
+        powers, _ = self._table.at(laws, self._place(s))
 
         def at(drag: Floats) -> Stuck:
-            share, (x, z, theta) = drag / self.friction, powers[-1]
-            for a, b, c in powers[-2::-1]:
-                x, z, theta = x * share + a, z * share + b, theta * share + c
-            angle = -load * theta
-            sine, cosine = np.sin(angle), np.cos(angle)
-            out, down = self._offset * sine, self._offset * (1 - cosine)
-            return Stuck(s * x + out, s * load * z - down, angle, sine, cosine)
+            share, found = drag / self.friction, powers[-1]
+            for power in powers[-2::-1]:
+                found = found * share + power
+            return Stuck(*self._placed(found, s, load)[:5])
 
         return at
 
-    def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
+    def load_slopes(self, s: Floats, load: Floats, drag: float) -> tuple[Floats, Floats, Floats]:
         """Return the derivatives of x [m], z [m] and angle [rad] by q at the same s [m]."""
-        _, z, theta = np.moveaxis(self._table(load), -1, 0)
-        x_q, z_q, theta_q = np.moveaxis(self._slopes(load), -1, 0)
-        angle, angle_q = -load * theta, -theta - load * theta_q
-        out, down = self._offset * np.cos(angle), self._offset * np.sin(angle)
+        place = self._place(s)
+        (_, z, theta), (x_q, z_q, theta_q) = (
+            self._table.at(arranged(laws(load)), place)[0] for laws in laws_under(self._table, drag)
+        )
+        section, angle_q = -load * theta, -theta - load * theta_q
+        if self._table.flat:
+            out, down = self._offset * np.cos(section), self._offset * np.sin(section)
+        else:
+            half, radius, angle = self._half, self._radius, section - self._tilt(place)
+            out = half * np.cos(section) + radius * np.cos(angle)
+            down = half * np.sin(section) + radius * np.sin(angle)
         return s * x_q + out * angle_q, s * (z + load * z_q) - down * angle_q, angle_q
 
-    def subset(self, rows: Rows) -> "UniformPlectra":
+    def subset(self, rows: Rows) -> "TabledPlectra":
         """Return some of the cases."""
-        return UniformPlectra(
-            self.friction, self.length[rows, 0], self.unit[rows, 0], self._offset[rows, 0]
-        )
+        columns = self.length, self.unit, self._overlap, self._half, self._radius
+        return TabledPlectra(self._table, self.friction, *(c[rows, 0] for c in columns))
+
+    def _place(self, s: Floats) -> Floats:
+        """Return s/L, at least the smallest of the table: Newton's steps may be beyond it."""
+        return np.maximum(s / self.length, self._table.nearest)
+
+    def _tilt(self, place: Floats) -> Floats:
+        return self._table.contact_line(place)[0][1]
+
+    def _placed(self, laws: Floats, s: Floats, load: Floats) -> tuple[Floats, ...]:
+        """Return x [m], z [m], angle, its sine and cosine, and sine and cosine of the section's.
+
+        Args:
+            laws: Shape (3, cases, points), as s and load.
+        """
+        x, z, theta = laws
+        section = -load * theta
+        sine, cosine = np.sin(section), np.cos(section)
+        x, z = s * x, s * load * z - self._lowest
+        if self._table.flat:
+            x, z = x + self._offset * sine, z + self._offset * cosine
+            return x, z, section, sine, cosine, sine, cosine
+        height, tilt = self._table.contact_line(self._place(s))[0]
+        x, z = x + self._half * sine, z + self._half * cosine + height * self.length
+        angle = section - tilt
+        across, along = np.sin(angle), np.cos(angle)
+        x, z = x + self._radius * across, z + self._radius * along
+        return x, z, angle, across, along, sine, cosine
+
+    def _loaded(self, laws: Floats, s: Floats, load: Floats) -> Loaded:
+        place = self._place(s)
+        found, (x_p, z_p, theta_p) = self._table.at(laws, place)
+        x, z, angle, sine, cosine, along, across = self._placed(found, s, load)
+        section_s = angle_s = -load * theta_p / self.length
+        x_s, z_s = found[0] + place * x_p, load * (found[1] + place * z_p)
+        if not self._table.flat:
+            height_p, tilt_p = self._table.contact_line(place)[1]
+            angle_s, z_s = section_s - tilt_p / self.length, z_s + height_p
+        x_s = x_s + self._half * across * section_s + self._radius * cosine * angle_s
+        z_s = z_s - self._half * along * section_s - self._radius * sine * angle_s
+        return Loaded(x, z, angle, sine, cosine, x_s, z_s, angle_s)
 
 
 class OnePlectrum:
@@ -205,9 +275,9 @@ class OnePlectrum:
 
         return at
 
-    def load_slopes(self, s: Floats, load: Floats) -> tuple[Floats, Floats, Floats]:
+    def load_slopes(self, s: Floats, load: Floats, drag: float) -> tuple[Floats, Floats, Floats]:
         """Return the derivatives of x [m], z [m] and angle [rad] by the load at the same s."""
-        bend = self._map.bend(s, self._force(s, load))
+        bend = self._map.bend(s, self._force(s, load), drag)
         return bend.x_f / s**2, bend.z_f / s**2, -bend.theta_f / s**2
 
     def subset(self, rows: Rows) -> "OnePlectrum":
@@ -219,12 +289,13 @@ class OnePlectrum:
 
 
 def plectra_of(plectrum: PlectrumMap) -> Plectra:
-    """Return a plectrum as a single case."""
+    """Return the map of a plectrum, or of a string's centre on it, as a single case."""
     centre = plectrum if isinstance(plectrum, StringCentre) else None
-    uniform = centre.mid_line if centre else plectrum
-    if isinstance(uniform, Elastica):
-        length, stiffness = np.array([uniform.length]), np.array([uniform.bending_stiffness])
-        return UniformPlectra(
-            uniform.friction, length, stiffness, centre.half + centre.radius if centre else 0.0
+    mid_line = centre.mid_line if centre else plectrum
+    if centre and isinstance(mid_line, Elastica):
+        values = mid_line.length, mid_line.bending_stiffness, centre.overlap
+        values = *values, centre.half, centre.radius
+        return TabledPlectra(
+            mid_line.table, mid_line.friction, *(np.array([value]) for value in values)
         )
     return OnePlectrum(plectrum)

@@ -36,7 +36,7 @@ class Status(IntEnum):
     PLECTRUM_OUT_OF_RANGE = 6
     """plectrum: youngs_modulus, width, thickness or length not finite and above 0."""
     STRING_OUT_OF_RANGE = 7
-    """string: its stiffness not within the model's range, or frequency not above 0."""
+    """string: its stiffness or its lift not within the model's range, or frequency not above 0."""
     PRESS_OUT_OF_RANGE = 8
     """press.jack_speed or jack.string_clearance not finite and above 0."""
     KEY_OUT_OF_RANGE = 9

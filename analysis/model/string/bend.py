@@ -8,13 +8,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from sautereau.analysis.model.plectrum.base import PlectrumMap
-from sautereau.analysis.model.plectrum.elastica import (
-    CELLS,
-    Elastica,
-    elastica_tables,
-    q_max,
-)
+from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.plectrum.surface import StringCentre
+from sautereau.analysis.model.plectrum.table import laws_under
 
 Bent = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float
@@ -33,10 +29,10 @@ class PointBend(NamedTuple):
 
 
 def point_bend(plectrum: PlectrumMap) -> PointBend:
-    """Return a plectrum's map for single points; the elastica's from its table."""
+    """Return a plectrum's map for single points; that of a uniform elastica from its table."""
     centre = plectrum if isinstance(plectrum, StringCentre) else None
     uniform = centre.mid_line if centre else plectrum
-    if isinstance(uniform, Elastica):
+    if isinstance(uniform, Elastica) and uniform.table.uniform:
         return _of_elastica(uniform, centre.half + centre.radius if centre else 0.0)
     return _of_map(plectrum)
 
@@ -58,16 +54,17 @@ def _of_map(plectrum: PlectrumMap) -> PointBend:
 
 
 def _of_elastica(plectrum: Elastica, offset: float) -> PointBend:
-    table, _ = elastica_tables(plectrum.friction)
+    table, _ = laws_under(plectrum.table, plectrum.friction)
     # The polynomials of each cell, one tuple of coefficients for each of x, z / q, theta / q.
-    cells = table.c.transpose(1, 2, 0).tolist()
-    width, largest = float(table.x[1]), q_max(plectrum.friction)
+    cells = table.c[..., 0, 0, :].transpose(1, 2, 0).tolist()
+    width, largest = float(table.x[1]), plectrum.table.limit(plectrum.friction)
+    last = len(cells) - 1
     stiffness, length, friction = plectrum.bending_stiffness, plectrum.length, plectrum.friction
 
     def at(s: float, force: float) -> Bent:
         q_f = s * s / stiffness
         q = force * q_f
-        cell = min(int(q / width), CELLS - 1)
+        cell = min(int(q / width), last)
         t = q - cell * width
         (a5, a4, a3, a2, a1, a0), (b5, b4, b3, b2, b1, b0), (c5, c4, c3, c2, c1, c0) = cells[cell]
         x = ((((a5 * t + a4) * t + a3) * t + a2) * t + a1) * t + a0

@@ -1,30 +1,29 @@
-"""Compute the map of one plectrum shape by finite elements."""
+"""Compute the table of one plectrum shape by finite elements."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.cantilever import FRICTION_MAX
-from sautereau.analysis.model.plectrum.fe.cache import (
-    LOAD_LIMIT,
-    MARGIN,
-    STRAIN_LIMIT,
-    DisplacementSeries,
-)
 from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
-from sautereau.analysis.model.plectrum.fe.profile import Profile, plectrum_grid
+from sautereau.analysis.model.plectrum.fe.mesh import plectrum_grid
 from sautereau.analysis.model.plectrum.fe.solve import Body, newton, rate, solve_loads
+from sautereau.analysis.model.plectrum.profile import Profile
+from sautereau.analysis.model.plectrum.table import Samples, nodes, through
+from sautereau.analysis.model.plectrum.tapered import laws, load_range, samples
 from sautereau.rig.progress import tracked
 
-ACCURACY = 2e-4
-"""Dimensionless; error of the series between their nodes, relative to rotation, displacement and
-shortening, below which more nodes are not tried. The specified accuracy is 5e-4."""
-_SIZES = ((6, 8), (9, 10), (17, 12))
-"""Numbers of positions and loads, tried one after another until the series are accurate."""
-_DRAGS = 4  # Nodes over the drags; 3 leave an error of 7e-4
+ACCURACY = 4e-4
+"""Dimensionless; error of a table, relative to displacement and rotation, below which more
+solutions are not tried."""
+_SIZES = ((3, 4, 5), (3, 7, 6), (4, 12, 7))
+"""Numbers of drags, positions and loads, tried one after another until the table is accurate."""
+LOAD_LIMIT = 2.0
+"""Largest load f = F L^2 / EI, dimensionless; EI follows from the plectrum's rotation under a small
+load at its tip. A uniform plectrum turns by 56 degrees at this load."""
+STRAIN_LIMIT = 0.2
+"""Largest strain of the edges at the clamp, which limits the load of thick plectra."""
 
 
 class Solver:
@@ -35,106 +34,79 @@ class Solver:
         self.body = Body(plectrum_grid(profile), poisson_ratio)
         frictionless = patch_at(self.body.grid, 1.0, profile.patch)
         bent = rate(self.body, frictionless, 0.0, np.zeros(self.body.size))
-        # The rotation under a small load F at the tip is F L^2 / 2 EI, which is f / 2.
-        self.load = -0.5 / section_at(self.body.grid, 1.0).rotation_rate(bent)
-        """Force at f = 1, in E W L."""
-        # The moment F L gives the edges the strain F L h / 2 EI, which is f h / 2 L.
-        self.limit = min(LOAD_LIMIT, 2 * STRAIN_LIMIT / profile.clamp_thickness)
-        """Dimensionless, largest f."""
+        # The rotation under a small load F at the tip is F L^2 / 2 EI, which is f / 2. The moment
+        # F L gives the edges the strain F L h / 2 EI, which is f h / 2 L.
+        flexibility = -2 * section_at(self.body.grid, 1.0).rotation_rate(bent)
+        self.unit = profile.clamp_thickness**3 / 12
+        """Load q = 1, F s^2 over EI at the clamp, in E W L^3."""
+        most = min(LOAD_LIMIT, 2 * STRAIN_LIMIT / profile.clamp_thickness)
+        self.limit = most / flexibility / self.unit
+        """Largest load q."""
 
-    def contact(self, s: float, loads: Floats, drags: Sequence[float] = (0.0,)) -> Floats:
-        """Return displacements x, z [lengths] and rotation [rad], shape (3, drags, n).
-
-        Args:
-            s: Position [lengths].
-            loads: f, increasing, shape (n,).
-            drags: T, the force along the section towards the tip over the one normal to it.
+    def laws(self, places: Floats, loads: Floats, drags: Floats) -> Floats:
+        """Return x/s, z/(s q) and theta/q, as `sautereau.analysis.model.plectrum.tapered.laws`.
 
         Raises:
             ModelError: No equilibrium is found.
         """
-        patch, forces = patch_at(self.body.grid, s, self.profile.patch), self.load * loads
-        section = patch.section
+        found = np.empty((3, len(drags), len(loads), len(places)))
+        for number, s in enumerate(tracked(places.tolist())):
+            found[..., number] = self._laws_at(s, loads, drags)
+        return found
+
+    def _laws_at(self, s: float, loads: Floats, drags: Floats) -> Floats:
+        patch = patch_at(self.body.grid, s, self.profile.patch)
+        section, forces = patch.section, self.unit * loads / s**2
+        height, slope, _ = self.profile.contact_line(s)
+        tilt = float(np.arctan(slope))
         # Of the mesh, which is straight between the edges of its columns; the outline may not be.
         middle = section.mean @ self.body.grid.nodes[section.nodes, 1]
-        arm = self.profile.contact_line(s)[0] - middle + self.profile.clamp_middle
+        arm = float(height) - middle + self.profile.clamp_middle
         straight = solve_loads(self.body, patch, forces)
         found = np.empty((3, len(drags), len(loads)))
-        for row, drag in enumerate(drags):
-            dragged = replace(patch, drag=drag)
-            for column, (u, force) in enumerate(zip(straight, forces.tolist(), strict=True)):
-                if drag:
-                    u = newton(self.body, dragged, force, u)
-                    if u is None:
-                        u = solve_loads(self.body, dragged, forces[: column + 1])[-1]
+        for row, drag in enumerate(drags.tolist()):
+            # Of a load on a sloping top, the parts along the normal and the tangent of the section.
+            dragged = replace(patch, drag=float(np.tan(tilt + np.arctan(drag))))
+            pressed = forces * (np.cos(tilt) - drag * np.sin(tilt))
+            for column, (q, force) in enumerate(zip(loads, pressed.tolist(), strict=True)):
+                u = newton(self.body, dragged, force, straight[column])
+                if u is None:
+                    u = solve_loads(self.body, dragged, pressed[: column + 1])[-1]
                 x, z = section.displacement(u)
                 turned = section.rotation(u)
-                moved = x - arm * np.sin(turned), z + arm * (np.cos(turned) - 1), turned
-                found[:, row, column] = moved
+                x, z = x - arm * np.sin(turned), z + arm * (np.cos(turned) - 1)
+                found[:, row, column] = 1 + x / s, z / (s * q), turned / q
         return found
 
 
-def build(profile: Profile, poisson_ratio: float, nearest: float) -> DisplacementSeries:
-    """Solve on a grid of positions from ``nearest`` to the tip, of loads and drags; fit the series.
+def build(profile: Profile, poisson_ratio: float, nearest: float) -> Samples:
+    """Solve at a few positions, loads and drags, and add what differs to the elastica's table.
 
-    The drags are those of every coefficient of friction up to `FRICTION_MAX`.
+    The elastica with EI(s) has the shape of the solution; what it neglects, shear and the corners
+    of the outline, is a small and smooth part of it.
 
     Raises:
         ModelError: The elements find no equilibrium.
     """
     solver = Solver(profile, poisson_ratio)
-    # Seen from the section, a load normal to a sloping top has a part along it.
-    tilts = np.arctan(profile.contact_line(np.linspace(nearest, 1.0, 401))[1])
-    lean = float(np.arctan(FRICTION_MAX))
-    least, most = float(np.tan(tilts.min() - lean)), float(np.tan(tilts.max() + lean))
-    for size in _SIZES[:-1]:
-        table = _fitted(solver, nearest, (least, most), size)
-        if table.error <= ACCURACY:
-            return table
-    return _fitted(solver, nearest, (least, most), _SIZES[-1])
-
-
-def _fitted(
-    solver: Solver, nearest: float, ends: tuple[float, float], size: tuple[int, int]
-) -> DisplacementSeries:
-    """Return the series through solutions at some positions, loads and drags, with its error.
-
-    Args:
-        ends: Smallest and largest drag.
-        size: Numbers of positions and loads.
-    """
-    s, f = _nodes(size[0], nearest, 1.0), _nodes(size[1], 0.0, solver.limit * MARGIN)
-    drags = _nodes(_DRAGS, *ends).tolist()
-    values = np.stack([solver.contact(p, f, drags) / f for p in tracked([*s])], 2)
-    found = DisplacementSeries(_series(values), nearest, *ends, solver.load, solver.limit, 0.0)
-    return replace(found, error=_error(found, solver))
-
-
-def _nodes(count: int, low: float, high: float) -> Floats:
-    """Return Chebyshev's nodes between two ends, increasing."""
-    return (low + high) / 2 + (high - low) / 2 * chebyshev.chebpts1(count)
-
-
-def _series(values: Floats) -> Floats:
-    """Return the series through values at `_nodes`, shape (3, drags, positions, loads)."""
-    for axis in (1, 2, 3):
-        count = values.shape[axis]
-        basis = chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)
-        transform = np.linalg.inv(basis)
-        values = np.moveaxis(np.tensordot(transform, values, (1, axis)), 0, axis)
-    return values
-
-
-def _error(table: DisplacementSeries, solver: Solver) -> float:
-    """Return the largest relative error of a table between its nodes."""
-    f = solver.limit * np.array([0.15, 0.5, 0.965])
-    worst = 0.0
-    for share, pulled in ((0.22, 0.9), (0.61, 0.3), (0.87, 0.0), (0.963, 0.6), (1.0, 0.5)):
-        s = table.nearest + (1 - table.nearest) * share
-        drag = table.least + (table.most - table.least) * pulled
-        exact = solver.contact(s, f, [drag])[:, 0]
-        found = table.values(np.full(3, s), f, np.full(3, drag))[0] * f
-        scale = np.abs(exact)
-        scale[0] += 0.02 * scale[1]  # of a carved plectrum, x may pass through zero
-        worst = max(worst, float(np.max(np.abs(found - exact) / scale)))
-    return worst
+    elastica = samples(profile, nearest, min(solver.limit, load_range(profile)), True)
+    *others, places = elastica.nodes
+    targets = (*others, places.ravel())
+    ends = ((-FRICTION_MAX, FRICTION_MAX), (0.0, elastica.q_max), (nearest, 1.0))
+    found, exact = elastica, solver.laws(*elastica.probes)
+    for size in _SIZES:
+        drags, loads, positions = (nodes(n, *end) for n, end in zip(size, ends, strict=True))
+        at = positions, loads, drags
+        added = solver.laws(*at) - laws(profile, *at, at_surface=True)
+        added[0] /= loads[:, None]  # without load there is no shortening
+        spread = (
+            through(count, target, *end)
+            for count, target, end in zip(size, targets, ends, strict=True)
+        )
+        added = np.einsum("lgnk,dg,qn,pk->ldqp", added, *spread, optimize=True)
+        added[0] *= targets[1][:, None]
+        found = replace(elastica, laws=elastica.laws + added.reshape(elastica.laws.shape))
+        found = found.checked(exact)
+        if found.error <= ACCURACY:
+            break
+    return found

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.fe.profile import Grid, bump
+from sautereau.analysis.model.plectrum.fe.mesh import Grid
+from sautereau.analysis.model.plectrum.profile import bump
 
 
 def _shapes(xi: Floats) -> Floats:
