@@ -10,8 +10,11 @@ UNIT = re.compile(r"[^\W\d_]{1,20}(\^?[23]|[²³])?(/[^\W\d_]{1,20}(\^?[23]|[²�
 """Spelling of a unit in a file; a longer text is not a unit."""
 MEASURED_IN = ("V", "s", "m/s", "N", "m", "Hz")
 """Dimensions of the units that are recognised."""
-PAIR = re.compile(r"[#%;\s]*([^=:,;\t]*[^\W\d_][^=:,;\t]*?)\s*([=:,;\t])\s*(.*)")
-"""A line of a preamble: its key, the sign after it, and its values."""
+COMMENT = "#%; \t\r\f\v"
+"""Characters before the key in a line of a preamble."""
+SIGN = re.compile(r"[=:,;\t]")
+"""The sign after it."""
+LETTER = re.compile(r"[^\W\d_]")
 ROWS = (
     "record length",
     "data count",
@@ -60,10 +63,12 @@ class Preamble:
         self.unread: list[str] = []
         """Lines with a known key whose value is not understood."""
         for line in lines:
-            match = PAIR.fullmatch(line.replace('"', ""))
-            if match is None:
+            # In steps, as one expression for all of it would take a long line's length cubed.
+            line_of_key = line.replace('"', "").lstrip(COMMENT)
+            match = SIGN.search(line_of_key)
+            if match is None or not LETTER.search(key := line_of_key[: match.start()].strip()):
                 continue
-            key, sign, rest = match.groups()
+            sign, rest = match[0], line_of_key[match.end() :].lstrip()
             parts = rest.split(delimiter if sign in "=:" else sign)
             texts = [key, *(text.strip() for text in parts)]
             for place in (0, 2):  # LeCroy writes two pairs in a line

@@ -1,11 +1,13 @@
 """Repair: make a readable recording of the intact parts of a damaged one, which is kept."""
 
 import json
+import struct
 from dataclasses import dataclass
 from io import BufferedReader, BytesIO
 from pathlib import Path
 
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
 from mcap.records import Channel, Schema
 
 from sautereau.daq.errors import RecordingError
@@ -41,7 +43,13 @@ class Recovery:
 
 
 def recovered_path(path: Path) -> Path:
-    """Return the name of a recovered file: without `.part`, or `name-recovered.mcap`."""
+    """Return the name of a recovered file: without `.part`, or `name-recovered.mcap`.
+
+    Raises:
+        RecordingError: It is the working directory or the root.
+    """
+    if not path.name:
+        raise RecordingError("it is a folder; name a recording")
     if path.suffix == PART:
         return path.with_suffix("")
     return path.with_name(f"{path.stem}-recovered.mcap")
@@ -116,7 +124,13 @@ def _write(writer: McapWriter, file: BufferedReader, found: Survey, name: str, d
     schemas: dict[int, Schema] = {}
     for record in find_intact(file) if found.damage else verified(file):
         if record.opcode == Opcode.CHUNK:
-            _copy(unpack_chunk(record.body), writer, numbers, schemas)
+            try:
+                _copy(unpack_chunk(record.body), writer, numbers, schemas)
+            except (EndOfFile, UnicodeDecodeError, KeyError, struct.error) as error:
+                raise RecordingError(
+                    "a chunk whose checksum is right has an invalid record:"
+                    f" {type(error).__name__}: {error}; another program has written it"
+                ) from error
     end = found.contents.end()
     if end is None and found.damage is None:
         end = found.runs.last()

@@ -17,6 +17,7 @@ from scipy.io import wavfile
 from sautereau.daq.convert.export import export
 from sautereau.daq.convert.importing import ENDING, import_file
 from sautereau.daq.convert.options import ImportOptions
+from sautereau.daq.convert.preamble import Preamble
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recovery import recover
@@ -433,3 +434,11 @@ def test_truncated_files_are_refused(tmp_path, back, paper, volts, complete_reco
     for size in (0, 3, 40, len(data) // 2, len(data) - 9, len(data) - 1):
         cut.write_bytes(data[:size])
         refused(cut, back, paper, options)
+
+
+def test_a_long_line_above_a_table_takes_no_time():
+    """Of 100,000 characters; one expression for a line took the cube of its length."""
+    lines = ["# " + " a" * 50_000, "Sample Rate: 1000 Hz", "; scale = 2,3"]
+    preamble = Preamble(lines, ",", ".")
+    assert preamble.quantity(("sample rate",), "Hz") == 1000
+    assert preamble.texts("scale") == ["2", "3"]

@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.records import Opcode
 from sautereau.daq.file.reading import read_parts, read_recording
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.file.recovery import recover
@@ -180,6 +181,26 @@ def test_what_needs_no_recovery_and_what_allows_none(make, tmp_path):
         assert not (tmp_path / "other.mcap").exists()
     with pytest.raises(RecordingError, match="no such file"):
         recover(tmp_path / "none.mcap")
+
+
+def test_an_invalid_definition_in_a_chunk_of_another_program(make, tmp_path, monkeypatch):
+    """Its checksum is right: a schema record that ends within its length."""
+    path = make()
+    place, length = chunks(path)[2]
+    data = bytearray(path.read_bytes())
+    data[place + length // 2] ^= 0xFF
+    path.write_bytes(data)
+    record = (Opcode.SCHEMA, b"\x01\x00\x02", 0)
+    monkeypatch.setattr("sautereau.daq.file.recovery.records_within", lambda _: [record])
+    with pytest.raises(RecordingError, match="has an invalid record"):
+        recover(path, tmp_path / "new.mcap")
+    assert not (tmp_path / "new.mcap").exists()
+
+
+@pytest.mark.parametrize("folder", [".", "/"])
+def test_a_folder_without_a_name_is_no_recording(folder):
+    with pytest.raises(RecordingError, match="it is a folder; name a recording"):
+        recover(folder)
 
 
 def test_nothing_is_overwritten(make, tmp_path):

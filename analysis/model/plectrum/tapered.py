@@ -21,8 +21,8 @@ from sautereau.analysis.model.plectrum.table import TURN, Samples, Table
 
 DRAGS, LOADS, POSITIONS = 9, 20, 6
 """Nodes of a table over T, over q, and over s in each part."""
-PARTS = (1, 2, 4, 8)
-"""Numbers of parts, tried one after another until the table is accurate."""
+PARTS = 8
+"""Largest number of parts; it is doubled from 1 until the table is accurate."""
 ACCURACY = 1e-6
 """Dimensionless; error of a table between its nodes below which more parts are not tried."""
 CELLS = 32
@@ -105,23 +105,28 @@ def _table(
 
 def samples(profile: Profile, nearest: float, q_max: float, at_surface: bool = False) -> Samples:
     """Return the table of a profile at its nodes, with more parts until it is accurate."""
-    for parts in PARTS:
-        found = Samples(
-            np.empty((3, DRAGS, LOADS, parts, POSITIONS)),
-            np.empty((2, parts, POSITIONS)),
-            CELLS,
-            q_max,
-            nearest,
-        )
-        drags, loads, places = found.nodes
-        solved = laws(profile, places.ravel(), loads, drags, at_surface)
-        found.laws[:] = solved.reshape(found.laws.shape)
-        height, slope, _ = profile.contact_line(places)
-        found.line[:] = height, np.arctan(slope)
-        found = found.checked(laws(profile, *found.probes, at_surface))
-        if found.error <= ACCURACY:
-            break
+    found = _samples(profile, nearest, q_max, at_surface, 1)
+    while found.error > ACCURACY and (parts := 2 * found.laws.shape[3]) <= PARTS:
+        found = _samples(profile, nearest, q_max, at_surface, parts)
     return found
+
+
+def _samples(
+    profile: Profile, nearest: float, q_max: float, at_surface: bool, parts: int
+) -> Samples:
+    found = Samples(
+        np.empty((3, DRAGS, LOADS, parts, POSITIONS)),
+        np.empty((2, parts, POSITIONS)),
+        CELLS,
+        q_max,
+        nearest,
+    )
+    drags, loads, places = found.nodes
+    solved = laws(profile, places.ravel(), loads, drags, at_surface)
+    found.laws[:] = solved.reshape(found.laws.shape)
+    height, slope, _ = profile.contact_line(places)
+    found.line[:] = height, np.arctan(slope)
+    return found.checked(laws(profile, *found.probes, at_surface))
 
 
 def _step(
