@@ -1,9 +1,9 @@
 """Identification on 200 benches with every factor drawn, and on 60 with one soft part.
 
 The benches are those of the independent simulator. The run takes an hour of processor time
-and is only made if it is named. On one of five random
-benches the string lies on the mid-line of the plectrum, although the rig states the surface: that is
-unlike any instrument, and these benches are counted separately.
+and is only made if it is named. On one of five random benches the string lies on the mid-line of
+the plectrum, although the rig states the surface: that is unlike any instrument, and these benches
+are counted separately.
 """
 
 from dataclasses import replace
