@@ -9,6 +9,7 @@ from sautereau.analysis.model.plectrum import tapered
 from sautereau.analysis.model.plectrum.elastica import Elastica, uniform_table
 from sautereau.analysis.model.plectrum.profile import Profile
 from sautereau.analysis.model.plectrum.tapered import laws, load_range, samples, tapered_table
+from sautereau.analysis.model.predict import predict
 from sautereau.rig.instrument import Outline
 from sautereau.rig.load import load_rig
 
@@ -113,3 +114,14 @@ def test_an_unloaded_carved_plectrum_is_its_own_top():
     assert bend.z[[0, 2]] == pytest.approx(
         [-0.09e-3 + 0.2e-3 / 150, -0.09e-3 - 0.0675e-3], abs=1e-9
     )
+
+
+def test_what_has_no_effect_is_said():
+    """A thickness beside an outline; an outline that a level takes as a slender bar, or ignores."""
+    thicker = load_rig().model_copy(
+        update={"plectrum": SCRAPED.model_copy(update={"thickness": 1e-3})}
+    )
+    by_elastica, by_beam = predict(thicker, "elastica").warnings, predict(thicker, "beam").warnings
+    assert "plectrum.thickness of 1 mm has no effect: plectrum.outline is 0.48 mm" in by_elastica[0]
+    assert "elastica takes plectrum.outline as that of a slender bar" in by_elastica[1]
+    assert ["beam ignores plectrum.outline" in text for text in by_beam] == [True]
