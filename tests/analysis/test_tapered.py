@@ -8,7 +8,11 @@ from hypothesis import strategies as st
 from sautereau.analysis.model.plectrum import tapered
 from sautereau.analysis.model.plectrum.elastica import Elastica, uniform_table
 from sautereau.analysis.model.plectrum.profile import Profile
+from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.plectrum.tapered import laws, load_range, samples, tapered_table
+from sautereau.analysis.model.pluck.equilibria import Equilibria
+from sautereau.analysis.model.pluck.loaded import OnePlectrum, plectra_of
+from sautereau.analysis.model.pluck.paths import solve_paths
 from sautereau.analysis.model.predict import predict
 from sautereau.rig.instrument import Outline
 from sautereau.rig.load import load_rig
@@ -125,3 +129,23 @@ def test_what_has_no_effect_is_said():
     assert "plectrum.thickness of 1 mm has no effect: plectrum.outline is 0.48 mm" in by_elastica[0]
     assert "elastica takes plectrum.outline as that of a slender bar" in by_elastica[1]
     assert ["beam ignores plectrum.outline" in text for text in by_beam] == [True]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.3])
+@pytest.mark.parametrize("contact", ["surface", "mid-line"])
+def test_the_solver_of_tables_is_that_of_any_map(contact, friction):
+    """The equations of the string's centre stand there in the load, here in position and force."""
+    string = load_rig().string
+    plectrum = SCRAPED.model_copy(update={"contact": contact, "friction": friction})
+    centre = string_map(plectrum, string, "elastica")
+    stiffness, overlap = np.array([string.static_stiffness]), np.array([plectrum.overlap])
+    tabled, general = (
+        solve_paths(Equilibria(plectra, stiffness, overlap), 33)
+        for plectra in (plectra_of(centre), OnePlectrum(centre))
+    )
+    assert tabled.status == general.status
+    for one, other in zip(tabled.curves, general.curves, strict=True):
+        for name in ("height", "force", "position", "angle", "lift"):
+            np.testing.assert_allclose(
+                getattr(one, name), getattr(other, name), rtol=1e-7, atol=1e-10
+            )
