@@ -14,9 +14,9 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle, rise_slope
 
 SAME_THICKNESS = 1e-3  # Relative, of an outline at the clamp and the thickness beside it
-LIFT_MAX = 0.1
-"""Largest lift of a string over the distance from its plucking point to the nearer end: with 0.1
-the tension of a steel string is by far not constant."""
+LIFT_MAX = 1.0
+"""Largest lift of a string over the distance from its plucking point to the nearer end: the string
+then rises by 45 degrees, and its tension is by far not constant."""
 
 
 @dataclass(frozen=True)
