@@ -1,10 +1,9 @@
 """Identification on 200 benches with every factor drawn, and on 60 with one soft part.
 
 The benches are those of the independent simulator. The run takes an hour of processor time
-and is only made if it is named. Two parts of the simulator are unlike any instrument, and benches
-with one of them are counted separately: the friction of a plectrum always points to the tip, also
-while the string slides to the clamp, where Coulomb friction is reversed; and on one of five random
-benches the string lies on the mid-line of the plectrum, although the rig states the surface.
+and is only made if it is named. On one of five random benches the string lies on the mid-line of
+the plectrum, although the rig states the surface: that is unlike any instrument, and these benches
+are counted separately.
 """
 
 from dataclasses import replace
@@ -17,8 +16,6 @@ from benchmarks.independent import FORCE, VELOCITY, Choir, Conditions
 
 RANDOM = range(120, 370)  # Benches with every factor drawn; about 200 of them pluck
 SOFT = range(120, 180)  # Benches with one soft part or none
-FRICTION = 0.03
-"""Coefficient of friction of a plectrum up to which the direction of its friction is ignored."""
 
 
 def run() -> list[Figure]:
@@ -37,7 +34,7 @@ def run() -> list[Figure]:
 
 
 def _like_an_instrument(c: Conditions) -> bool:
-    return all(choir.on_surface and choir.friction <= FRICTION for choir in c.choirs)
+    return all(choir.on_surface for choir in c.choirs)
 
 
 def soft_bench(number: int) -> Conditions:

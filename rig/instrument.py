@@ -1,5 +1,6 @@
 """The instrument's tables of the rig file: key, jack, plectrum, string."""
 
+import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -209,7 +210,9 @@ class Plectrum(Section):
 
     @property
     def bending_stiffness(self) -> float:
-        """N m^2, EI = E W h^3 / 12."""
+        """N m^2, EI = E W h^3 / 12; infinite where the power is."""
+        if self.thickness > 1e100:
+            return math.inf
         return self.youngs_modulus * self.width * self.thickness**3 / 12
 
 

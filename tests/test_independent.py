@@ -1,6 +1,7 @@
 """The judge of the analysis: its physics against closed forms and other solvers; its sensors."""
 
 import ast
+import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,14 @@ from scipy.optimize import brentq
 from scipy.signal import find_peaks
 
 from benchmarks import independent
-from benchmarks.independent import Choir, Conditions, press, random_conditions
+from benchmarks.independent import (
+    ONE_FACTOR,
+    Choir,
+    Conditions,
+    press,
+    random_carved,
+    random_conditions,
+)
 from benchmarks.independent.assembly import key_model, string_modes
 from benchmarks.independent.elastica import shape, solve_contact, static_pluck
 from benchmarks.independent.press import plucks_of, simulate
@@ -32,8 +40,9 @@ def test_it_shares_no_code_with_what_it_judges():
                 assert not any(name.name.startswith("sautereau") for name in node.names)
 
 
-def test_a_slow_press_is_the_quasi_static_pluck():
-    choir = Choir(clearance=0.3e-3, decay=400.0, friction=0.1)
+@pytest.mark.parametrize("carving", [(), ONE_FACTOR["carved plectrum"].choirs[0].carving])
+def test_a_slow_press_is_the_quasi_static_pluck(carving):
+    choir = Choir(clearance=0.3e-3, decay=400.0, friction=0.1, carving=carving)
     slow = replace(QUICK, choirs=(choir,), speed=0.02, rise=3e-3, servo_stiffness=INFINITE)
     motion, _, _ = simulate(slow)
     contact, release = motion.events[:2]
@@ -41,6 +50,10 @@ def test_a_slow_press_is_the_quasi_static_pluck():
     times = np.arange(motion.out.shape[1]) * motion.step
     height = np.interp(release[2], times, motion.out[5]) - choir.clearance
     assert np.interp(contact[2], times, motion.out[5]) == pytest.approx(choir.clearance, abs=1e-8)
+    rising = slice(int(contact[2] / motion.step) + 1, int(release[2] / motion.step))
+    heights = motion.out[5, rising] - choir.clearance
+    expected = np.interp(heights, static.height, static.load)
+    assert motion.out[7, rising] == pytest.approx(expected, abs=2e-3 * static.release_force)
     assert height == pytest.approx(static.release_height, rel=2e-3)
     assert release[3] == pytest.approx(static.release_force, rel=2e-3)
 
@@ -223,6 +236,67 @@ def test_the_elastica_solves_its_boundary_value_problem(force, friction):
     assert place == pytest.approx(s, rel=1e-8)
     assert stiffness * w / place**2 == pytest.approx(force, rel=1e-7)
     assert theta == pytest.approx(end, rel=1e-7)
+
+
+def oracle(name):
+    with (Path(__file__).parent / "oracles/plucks.csv").open(encoding="utf-8") as file:
+        row = next(row for row in csv.DictReader(file) if row["case"] == name)
+    return [float(row[name]) for name in ("height", "lift", "work")]
+
+
+WEDGE = Choir(carving=((0.0, 1.0), (2 / 4.5, 1.0), (1.0, 0.28 / 0.48)))
+STICKING = Choir(thickness=0.304e-3, modulus=5.15e9, overlap=0.101e-3, friction=0.123)
+CARVED = Choir(
+    length=4e-3,
+    thickness=0.5e-3,
+    width=0.8e-3,
+    overlap=0.35e-3,
+    tension=50.0,
+    string_length=0.4,
+    plucking_point=0.09,
+    diameter=0.25e-3,
+    carving=((0.0, 1.0), (2.2 / 4, 1.0), (2.3 / 4, 0.64), (1.0, 0.64)),
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "choir"),
+    [
+        ("uniform 11", STICKING),
+        ("wedge", WEDGE),
+        ("carved", CARVED),
+        ("carved + friction 0.1", replace(CARVED, friction=0.1)),
+    ],
+)
+def test_plectra_pluck_as_in_another_solution_of_their_equations(name, choir):
+    pluck = static_pluck(choir)
+    height, lift, work = oracle(name)
+    assert pluck.release_height == pytest.approx(height, rel=1e-7)
+    assert pluck.release_force / choir.string_stiffness == pytest.approx(lift, rel=1e-7)
+    assert np.trapezoid(pluck.load, pluck.height) == pytest.approx(work, rel=2e-6)
+
+
+def test_a_carving_that_removes_nothing_changes_nothing():
+    plain = Choir(friction=0.1)
+    kept = static_pluck(replace(plain, carving=((0.0, 1.0), (0.3, 1.0), (1.0, 1.0))))
+    for name in ("height", "load", "position"):
+        assert getattr(kept, name) == pytest.approx(getattr(static_pluck(plain), name), rel=1e-9)
+
+
+def test_a_string_that_leaves_the_last_piece_of_a_carving_is_refused():
+    with pytest.raises(ValueError, match="last piece"):
+        static_pluck(Choir(carving=((0.0, 1.0), (0.97, 1.0), (1.0, 0.9))))
+
+
+def test_the_rig_knows_the_carving(tmp_path):
+    conditions = random_carved(np.random.default_rng(0))
+    made = press(conditions, 1)
+    independent.write_rig(made, tmp_path / "press.toml")
+    choir, rig = conditions.choirs[0], load_rig(tmp_path / "press.toml")
+    outline = rig.plectrum.outline
+    thickness = np.subtract(outline.top, outline.bottom) / choir.thickness
+    written = np.column_stack([outline.x, thickness]) / [choir.length, 1]
+    assert written == pytest.approx(np.array(choir.carving), rel=1e-7)
 
 
 def test_a_stiff_plectrum_under_a_small_load_is_a_beam():

@@ -175,10 +175,7 @@ def partial_press_of(recorded: "Recorded") -> Press:
         lost = lost_samples(flags, channel, rate, recorded.first_sample, len(volts))
         signals[name] = without_delay(volts, lost, channel, rate, early)[:rows]
         marks += flags
-    said = [
-        Remark(text)
-        for text in (*map(str, recorded.gaps), *_calibrations(recorded, *channels.values()))
-    ]
+    said = [*map(Remark, map(str, recorded.gaps)), *_calibrations(recorded, *channels.values())]
     said += [] if recorded.checked else [Remark(UNCHECKED)]
     said += [Remark(text, doubt=False) for text in quality_warnings(marks)]
     if recorded.motion is not None:
@@ -303,16 +300,21 @@ def _rows(recorded: "Recorded", longest: float, early: int) -> int:
     return rows
 
 
-def _calibrations(recorded: "Recorded", *channels: Channel) -> list[str]:
-    """Return warnings about old calibrations; the stand-in has none."""
+def _calibrations(recorded: "Recorded", *channels: Channel) -> list[Remark]:
+    """Return what is said about calibrations; nothing of the stand-in's.
+
+    An unknown date is a remark: it says nothing about this press.
+    """
     if recorded.simulated:
         return []
     try:
         day = date.fromisoformat(recorded.session.started[:10])
     except ValueError:
-        return ["its session has no date, so the age of the calibrations is unknown"]
-    found = (calibration_warning(channel, day) for channel in channels)
-    return [text for text in (*found, *map(_unknown_order, channels)) if text]
+        text = "its session has no date, so the age of the calibrations is unknown"
+        return [Remark(text, doubt=False)]
+    said = ((calibration_warning(c, day), c.calibrated is not None) for c in channels)
+    found = [Remark(text, doubt=doubt) for text, doubt in said if text]
+    return found + [Remark(text) for text in map(_unknown_order, channels) if text]
 
 
 def _unknown_order(channel: Channel) -> str | None:

@@ -218,9 +218,9 @@ def _chunk(
     height, lift = slide.height[:, -1], slide.lift[:, -1]
     ended = status <= Status.RELEASED_AT_FOLD
     # Written so that NaN counts as too short.
+    status[ended & ~(clearance + height < v["press.jack_rise"])] = Status.PRESS_TOO_SHORT
     nearer = np.minimum(plucking_point, string_length - plucking_point)
     status[ended & ~(lift <= LIFT_MAX * nearer)] = Status.STRING_OUT_OF_RANGE
-    status[ended & ~(clearance + height < v["press.jack_rise"])] = Status.PRESS_TOO_SHORT
     scalars = (
         height / speed,
         slide.force[:, -1],

@@ -13,9 +13,10 @@ from sautereau.rig.instrument import Choir, Key, Plectrum, String
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle, rise_slope
 
-LIFT_MAX = 0.1
-"""Largest lift of a string over the distance from its plucking point to the nearer end: with 0.1
-the tension of a steel string is by far not constant."""
+SAME_THICKNESS = 1e-3  # Relative, of an outline at the clamp and the thickness beside it
+LIFT_MAX = 1.0
+"""Largest lift of a string over the distance from its plucking point to the nearer end: the string
+then rises by 45 degrees, and its tension is by far not constant."""
 
 
 @dataclass(frozen=True)
@@ -125,15 +126,21 @@ def level_name(rig: Rig, level: str) -> str:
 
 
 def ignored(rig: Rig, level: str) -> list[str]:
-    """Return a text for each plectrum of which a level ignores a part, with what it changes."""
+    """Return a text for each part of a plectrum that has no effect, with what it changes."""
     found = []
     for number, choir in enumerate(choirs(rig)):
+        at = f"more_choirs[{number - 1}]." if number else ""
+        lost = ", ".join(f"{at}plectrum.{name}" for name in dropped(choir.plectrum, level))  # pyright: ignore[reportArgumentType]
+        given, clamped = choir.plectrum.thickness, choir.plectrum.clamp_thickness
+        if abs(given - clamped) > SAME_THICKNESS * clamped and not lost:
+            found.append(
+                f"{at}plectrum.thickness of {given * 1e3:.4g} mm has no effect: plectrum.outline is"
+                f" {clamped * 1e3:.4g} mm thick at the clamp; make them equal"
+            )
         described = choir.plectrum.described
         best, named = (level_of(choir.plectrum, name) for name in (AUTO, level))  # pyright: ignore[reportArgumentType]
         if not described or named == best:
             continue
-        at = f"more_choirs[{number - 1}]." if number else ""
-        lost = ", ".join(f"{at}plectrum.{name}" for name in dropped(choir.plectrum, level))  # pyright: ignore[reportArgumentType]
         bar = f"takes {at}plectrum.{' and '.join(described)} as that of a slender bar"
         force, true = (float(choir_pluck(choir, name).force[-1]) for name in (level, AUTO))
         found.append(

@@ -3,7 +3,7 @@
 It shares no code with the rest of the project.
 """
 
-from .chosen import ONE_FACTOR, random_conditions
+from .chosen import ONE_FACTOR, random_carved, random_conditions
 from .conditions import FORCE, VELOCITY, Choir, Conditions, Sensor
 from .files import write_csv, write_rig
 from .press import Pluck, Pressed, Truth, press
@@ -19,6 +19,7 @@ __all__ = [
     "Sensor",
     "Truth",
     "press",
+    "random_carved",
     "random_conditions",
     "write_csv",
     "write_rig",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .conditions import Choir, Conditions
-from .elastica import shape, static_pluck
+from .elastica import inner_place, static_pluck, table
 from .kernel import GRAVITY
 from .parameters import Body, Choirs
 
@@ -156,6 +156,10 @@ def choirs_of(c: Conditions, key: KeyModel) -> Choirs:
     if min(len(each[0]) for each in modal) < count:
         raise ValueError("choirs: the strings have different numbers of modes; give all the same")
     static = [static_pluck(each) for each in c.choirs]
+    each_table = [table(each) for each in c.choirs]
+    tables = np.zeros((len(each_table), *np.max([each.shape for each in each_table], axis=0)))
+    for wider, powers in zip(tables, each_table, strict=True):
+        wider[: powers.shape[0], : powers.shape[1]] = powers
     points = 400
     heights = [np.linspace(0, each.release_height, points) for each in static]
     return Choirs(
@@ -176,11 +180,18 @@ def choirs_of(c: Conditions, key: KeyModel) -> Choirs:
         ),
         np.array(
             [
-                [p.bending_stiffness, p.length, p.length - p.overlap, p.offset, p.friction]
+                [
+                    p.equivalent_stiffness,
+                    p.length,
+                    p.length - p.overlap,
+                    p.offset,
+                    p.friction,
+                    inner_place(p),
+                ]
                 for p in c.choirs
             ]
         ),
-        np.array([shape(each.friction) for each in c.choirs]),
+        tables,
         np.array([[m[2], float(each.modes == 0)] for m, each in zip(modal, c.choirs, strict=True)]),
         np.array([each[0] for each in modal]),
         np.array([each[1] for each in modal]),

@@ -145,6 +145,15 @@ def random_conditions(rng: np.random.Generator) -> Conditions:
     )
 
 
+def random_carved(rng: np.random.Generator) -> Conditions:
+    """Draw every factor as `random_conditions` does, and then the carving of the plectra."""
+    c = random_conditions(rng)
+    begin, slope, thickness, taper = rng.uniform((0.1, 0.05, 0.55, 0.8), (0.5, 0.2, 1.0, 1.0))
+    points = ((0.0, 1.0), (begin, 1.0), (begin + slope, thickness), (1.0, thickness * taper))
+    carving = tuple((float(x), float(t)) for x, t in points)
+    return replace(c, choirs=tuple(replace(each, carving=carving) for each in c.choirs))
+
+
 STIFF = Conditions()
 
 
@@ -197,6 +206,7 @@ ONE_FACTOR: dict[str, Conditions] = {
     "quasi-static string": _all({"modes": 0}),
     "string on the mid-line": _all({"on_surface": False}),
     "plectrum friction 0.2": _all({"friction": 0.2}),
+    "carved plectrum": _all({"carving": ((0.0, 1.0), (0.4, 1.0), (0.5, 0.75), (1.0, 0.65))}),
     "16 bits": replace(STIFF, velocity=replace(VELOCITY, bits=16), force=replace(FORCE, bits=16)),
 }
 """The conditions of one factor at a time."""

@@ -1,6 +1,9 @@
 """Every factor of a simulated press, and what the experimenter wrote of them in the rig file."""
 
 from dataclasses import dataclass
+from itertools import pairwise
+
+RigValue = str | float | list[str]
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,10 @@ class Choir:
     length: float = 4.5e-3
     width: float = 0.75e-3
     thickness: float = 0.48e-3
+    """m, at the clamp."""
+    carving: tuple[tuple[float, float], ...] = ()
+    """Of the bottom, under a straight top: places over the length, from 0 to 1, with the thickness
+    there over that at the clamp, linear between; empty for a uniform plectrum."""
     modulus: float = 2.9e9
     overlap: float = 0.263e-3
     friction: float = 0.0
@@ -47,8 +54,17 @@ class Choir:
 
     @property
     def bending_stiffness(self) -> float:
-        """N m^2."""
+        """N m^2, at the clamp."""
         return self.modulus * self.width * self.thickness**3 / 12
+
+    @property
+    def equivalent_stiffness(self) -> float:
+        """N m^2, of the uniform plectrum whose tip turns as much under a small load on it."""
+        # the turn is the integral of (1 - x) / t^3, exact for linear t
+        turn = 0.5 if not self.carving else 0.0
+        for (x, t), (end, tip) in pairwise(self.carving):
+            turn += (end - x) * ((1 - x) * tip + (1 - end) * t) / (2 * t**2 * tip**2)
+        return self.bending_stiffness / (2 * turn)
 
     @property
     def offset(self) -> float:
@@ -179,8 +195,8 @@ class Conditions:
     """s, of the integration."""
 
 
-def _choir(prefix: str, c: Choir, friction_factor: float) -> dict[str, str | float]:
-    values: dict[str, str | float] = {
+def _choir(prefix: str, c: Choir, friction_factor: float) -> dict[str, RigValue]:
+    values: dict[str, RigValue] = {
         "jack.mass": f"{c.mass * 1e3:.9g} g",
         "jack.register_friction": f"{c.register_friction / friction_factor * 1e3:.9g} mN",
         "jack.string_clearance": f"{c.clearance / c.clearance_factor * 1e3:.9g} mm",
@@ -201,12 +217,20 @@ def _choir(prefix: str, c: Choir, friction_factor: float) -> dict[str, str | flo
         "string.frequency": f"{c.frequency:.9g} Hz",
         "string.diameter": f"{c.diameter * 1e3:.9g} mm",
     }
+    if c.carving:
+        outline = {
+            "x": [x * c.length for x, _ in c.carving],
+            "top": [c.thickness / 2] * len(c.carving),
+            "bottom": [(0.5 - t) * c.thickness for _, t in c.carving],
+        }
+        for name, row in outline.items():
+            values[f"plectrum.outline.{name}"] = [f"{each * 1e3:.9g} mm" for each in row]
     return {prefix + key: value for key, value in values.items()}
 
 
-def rig_values(c: Conditions) -> dict[str, str | float]:
+def rig_values(c: Conditions) -> dict[str, RigValue]:
     """Return the rig file's entries by dotted key; entries of lists are named by their index."""
-    values: dict[str, str | float] = {
+    values: dict[str, RigValue] = {
         "key.press_arm": f"{(c.press_arm + c.rig_press_arm_error) * 1e3:.9g} mm",
         "key.laser_arm": f"{c.laser_arm * 1e3:.9g} mm",
         "key.jack_arm": f"{c.choirs[0].arm * 1e3:.9g} mm",

@@ -47,9 +47,10 @@ class Choirs(NamedTuple):
     """Arm m, surface height m, mass kg, foot stiffness N/m, foot damping N s/m, register
     friction N, clearance m."""
     plectrum: np.ndarray
-    """EI N m^2, length m, wire's distance from the clamp at rest m, offset m, friction."""
-    shapes: np.ndarray
-    """Polynomials of the elastica; shape (choirs, 3, degree + 1)."""
+    """EI N m^2, length m, wire's distance from the clamp at rest m, offset m, friction, innermost
+    place of the tables m."""
+    tables: np.ndarray
+    """Polynomials of the elastica by friction and place; see `elastica.table`."""
     string: np.ndarray
     """Residual compliance m/N of the omitted modes, 1 for a quasi-static string."""
     modes: np.ndarray
@@ -84,12 +85,19 @@ class Strings(NamedTuple):
     """Dimensionless load w of the elastica."""
     place: np.ndarray
     """m, arc length from the clamp to the string."""
+    stuck: np.ndarray
+    """m, place at which the string sticks, or to which it has slid."""
+    drag: np.ndarray
+    """Friction over its limit, towards the tip."""
     gap: np.ndarray
     """m, between plectrum and wire."""
+    shapes: np.ndarray
+    """Polynomials of the elastica at the place; shape (choirs, 3, degree + 1)."""
 
 
-def strings_at_rest(choirs: int, modes: int) -> Strings:
+def strings_at_rest(c: Choirs) -> Strings:
     """Return strings that nothing has touched."""
+    choirs, modes, _ = c.modes.shape
     return Strings(
         np.zeros((choirs, 2, modes)),
         np.zeros((choirs, 2, modes)),
@@ -99,5 +107,8 @@ def strings_at_rest(choirs: int, modes: int) -> Strings:
         np.zeros(choirs, np.bool_),
         np.zeros(choirs),
         np.zeros(choirs),
+        np.zeros(choirs),
+        np.zeros(choirs),
         np.ones(choirs),
+        np.zeros((choirs, *c.tables.shape[3:])),
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .assembly import body_of, choirs_of, key_model
-from .conditions import Conditions, rig_uncertainties, rig_values
+from .conditions import Conditions, RigValue, rig_uncertainties, rig_values
 from .kernel import GRAVITY, run
 from .parameters import Strings, strings_at_rest
 from .sensors import measure
@@ -68,7 +68,7 @@ class Pressed:
     velocity_volts: np.ndarray
     force_volts: np.ndarray
     truth: Truth
-    rig_values: dict[str, str | float]
+    rig_values: dict[str, RigValue]
     """What the experimenter wrote, by dotted key of the rig file; lists by index."""
     rig_uncertainties: dict[str, str | float]
     """Standard uncertainty of entries of ``rig_values``, by the same key."""
@@ -118,7 +118,7 @@ def simulate(c: Conditions, settle: float = SETTLE) -> tuple[Motion, float, floa
     weight = sum(each.mass * each.arm for each in c.choirs) * GRAVITY
     lifts = (weight - c.gravity_moment) / c.press_arm
     choirs = choirs_of(c, key)
-    strings = strings_at_rest(len(c.choirs), choirs.modes.shape[1])
+    strings = strings_at_rest(choirs)
     found = run(
         c.step,
         steps,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .compiled import compiled, inlined
-from .elastica import solve_contact
+from .elastica import solve_place
 
 BELOW, HELD, ABOVE, PASSING = 0, 1, 2, 3
 """The plectrum stands below the string, holds it, stands above it, or passes it downwards."""
@@ -96,6 +96,57 @@ def _between(x, places, values):
 
 
 @compiled
+def _hold(c, x, z, load, choirs, s):
+    """Find place, load and friction of a string ``c`` that the plectrum holds.
+
+    A string that sticks stays at its place by the friction that the compliance of the omitted modes
+    then needs. That is solved within the step: with the friction of the step before, the modes
+    would gain energy.
+
+    Args:
+        x, z: m, of the string, with the residual displacement by its previous ``load`` along x, N.
+    """
+    stiff, length, _, offset, friction, inner = choirs.plectrum[c]
+    residual = choirs.string[c, 0]
+    free = x - residual * load
+    first = s.place[c] == 0
+    place = x if first else s.place[c]
+    if first:
+        s.drag[c] = 0.0
+    for _ in range(40):
+        s.bend[c], place, theta = solve_place(
+            choirs.tables[c],
+            inner,
+            length,
+            s.shapes[c],
+            x,
+            z,
+            offset,
+            s.bend[c],
+            place,
+            s.drag[c],
+        )
+        normal = stiff * s.bend[c] / place**2
+        sine, cosine = np.sin(theta), np.cos(theta)
+        if friction == 0.0:
+            break
+        if first:
+            s.stuck[c], first = place, False
+        give = residual * normal * friction * cosine
+        needed = s.drag[c] + (place - s.stuck[c]) / give if give > 0 else 0.0
+        s.drag[c] = min(max(needed, -1.0), 1.0)
+        before, x = x, free + residual * normal * (sine - friction * s.drag[c] * cosine)
+        if abs(x - before) < 1e-13:
+            break
+    if abs(s.drag[c]) == 1.0:
+        s.stuck[c] = place
+    s.place[c] = place
+    s.load[c, 0] = normal * (sine - friction * s.drag[c] * cosine)
+    s.load[c, 1] = normal * (cosine + friction * s.drag[c] * sine)
+    s.push[c] = s.load[c, 1]
+
+
+@compiled
 def pluck(i, dt, c, height, choirs, s, events, found):
     """Update contact and loads of string ``c`` for a jack at ``height`` above contact.
 
@@ -105,9 +156,9 @@ def pluck(i, dt, c, height, choirs, s, events, found):
     Returns:
         Number of events found so far; N, upward force of the passing tongue on the jack.
     """
-    stiff, length, _, offset, friction = choirs.plectrum[c]
+    length, offset = choirs.plectrum[c, 1], choirs.plectrum[c, 3]
     static = choirs.string[c, 1] == 1.0
-    old_push, old_gap = s.push[c], s.gap[c]
+    old_push, old_gap, old_load = s.push[c], s.gap[c], s.load[c, 0]
     x, z = _string_place(c, height, choirs, s)
     s.gap[c] = z - offset
     s.push[c] = s.load[c, 0] = s.load[c, 1] = 0.0
@@ -130,14 +181,9 @@ def pluck(i, dt, c, height, choirs, s, events, found):
         beyond, before = height - top, -old_gap - top
         s.push[c] = _between(height, choirs.static_height[c], choirs.static_load[c])
     else:
-        s.bend[c], place, theta = solve_contact(choirs.shapes[c], x, z, offset, s.bend[c])
-        normal = stiff * s.bend[c] / place**2
-        sine, cosine = np.sin(theta), np.cos(theta)
-        s.load[c, 0] = normal * (sine - friction * cosine)
-        s.load[c, 1] = normal * (cosine + friction * sine)
-        s.push[c] = s.load[c, 1]
-        beyond, before = place - length, s.place[c] - length
-        s.place[c] = place
+        before = s.place[c] - length
+        _hold(c, x, z, old_load, choirs, s)
+        beyond = s.place[c] - length
     if beyond >= 0:
         at = before / (before - beyond) if before < 0 else 0.0
         load = old_push + at * (s.push[c] - old_push)

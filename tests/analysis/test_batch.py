@@ -39,6 +39,7 @@ def one_by_one(rig, values, index):
             ("still held", Status.STILL_HELD),
             ("jumps", Status.JUMPS),
             ("jack_rise", Status.PRESS_TOO_SHORT),
+            ("would be lifted", Status.STRING_OUT_OF_RANGE),
         ):
             if words in str(error):
                 return status, None

@@ -258,9 +258,10 @@ def test_rows_before_the_trigger_have_negative_times(paper, record):
 
 
 @pytest.mark.parametrize(
-    ("calibrated", "count"), [(None, 2), (date(2025, 6, 1), 0), (date(2024, 6, 1), 2)]
+    ("calibrated", "count", "remarks"),
+    [(None, 0, 2), (date(2025, 6, 1), 0, 0), (date(2024, 6, 1), 2, 0)],
 )
-def test_old_calibrations_of_measured_presses(paper, record, calibrated, count):
+def test_old_calibrations_of_measured_presses(paper, record, calibrated, count, remarks):
     channels = tuple(
         channel.model_copy(update={"calibrated": calibrated}) for channel in paper.daq.channels
     )
@@ -269,6 +270,7 @@ def test_old_calibrations_of_measured_presses(paper, record, calibrated, count):
     press = load_press(record(rig, volts, simulated=False))
     assert len(press.warnings) == count
     assert all("calibrat" in warning for warning in press.warnings)
+    assert sum("calibrat" in text for text in press.remarks) == remarks
     press.path.unlink()
     assert load_press(record(rig, volts)).warnings == ()
 

@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 from sautereau.analysis.model.plectrum import tapered
 from sautereau.analysis.model.plectrum.elastica import Elastica, uniform_table
 from sautereau.analysis.model.plectrum.profile import Profile
+from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.plectrum.tapered import laws, load_range, samples, tapered_table
+from sautereau.analysis.model.pluck.equilibria import Equilibria
+from sautereau.analysis.model.pluck.loaded import OnePlectrum, plectra_of
+from sautereau.analysis.model.pluck.paths import solve_paths
+from sautereau.analysis.model.predict import predict
 from sautereau.rig.instrument import Outline
 from sautereau.rig.load import load_rig
 
@@ -113,3 +118,34 @@ def test_an_unloaded_carved_plectrum_is_its_own_top():
     assert bend.z[[0, 2]] == pytest.approx(
         [-0.09e-3 + 0.2e-3 / 150, -0.09e-3 - 0.0675e-3], abs=1e-9
     )
+
+
+def test_what_has_no_effect_is_said():
+    """A thickness beside an outline; an outline that a level takes as a slender bar, or ignores."""
+    thicker = load_rig().model_copy(
+        update={"plectrum": SCRAPED.model_copy(update={"thickness": 1e-3})}
+    )
+    by_elastica, by_beam = predict(thicker, "elastica").warnings, predict(thicker, "beam").warnings
+    assert "plectrum.thickness of 1 mm has no effect: plectrum.outline is 0.48 mm" in by_elastica[0]
+    assert "elastica takes plectrum.outline as that of a slender bar" in by_elastica[1]
+    assert ["beam ignores plectrum.outline" in text for text in by_beam] == [True]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.3])
+@pytest.mark.parametrize("contact", ["surface", "mid-line"])
+def test_the_solver_of_tables_is_that_of_any_map(contact, friction):
+    """The equations of the string's centre stand there in the load, here in position and force."""
+    string = load_rig().string
+    plectrum = SCRAPED.model_copy(update={"contact": contact, "friction": friction})
+    centre = string_map(plectrum, string, "elastica")
+    stiffness, overlap = np.array([string.static_stiffness]), np.array([plectrum.overlap])
+    tabled, general = (
+        solve_paths(Equilibria(plectra, stiffness, overlap), 33)
+        for plectra in (plectra_of(centre, plectrum.overlap), OnePlectrum(centre))
+    )
+    assert tabled.status == general.status
+    for one, other in zip(tabled.curves, general.curves, strict=True):
+        for name in ("height", "force", "position", "angle", "lift"):
+            np.testing.assert_allclose(
+                getattr(one, name), getattr(other, name), rtol=1e-7, atol=1e-10
+            )

@@ -310,7 +310,8 @@ def test_the_slow_motion_follows_the_slider(page):
     slider.press("Home")
     first, straight, rest, *_ = frame(page)
     assert first == 0
-    assert {pair.split(",")[1] for pair in straight.split()} == {straight.split(",")[1].split()[0]}
+    # Top and bottom edge of a straight plectrum.
+    assert len({pair.split(",")[1] for pair in straight.split()}) == 2
     assert rest == "0"
     slider.press("End")
     assert "string released" in frame(page)[-1]

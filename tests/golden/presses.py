@@ -24,7 +24,7 @@ RANDOM = 92
 """Random rigs and scenes."""
 SCENES = ("ideal", "paper", "return", "two-choirs", "transient", "pluck", "free-key")
 SPEEDS = ("30 mm/s", "50 mm/s", "72 mm/s", "150 mm/s")
-INDEPENDENT = 200
+INDEPENDENT = 201
 OLD_RIG = Path(__file__).parents[1] / "data" / "written_by_0.1" / "rig.toml"
 
 

@@ -35,7 +35,6 @@ class StringCentre:
 
     def __init__(self, plectrum: PlectrumMap, overlap: float, half: float, radius: float):
         self.mid_line, self.half, self.radius = plectrum, half, radius
-        self.overlap = overlap
         self.length, self.friction = plectrum.length, plectrum.friction
         self.represents = plectrum.represents
         self._z = 0.0

@@ -143,9 +143,11 @@ class Equilibria:
         def rate(load: Floats, instead: Floats) -> Floats:
             under = self.plectra.under(load, mu)
             s = self._slid(under, load, mu, self.first)
-            found = self._by_load(under(s), s, load, mu)[0]
             # A load with which the string would be beyond the tip has no position, NaN.
-            return np.where(np.isfinite(found), found, instead)
+            known = np.isfinite(s)
+            s = np.where(known, s, self.length)
+            found = self._by_load(under(s), s, load, mu)[0]
+            return np.where(known & np.isfinite(found), found, instead)
 
         rising = rate(low, np.ones_like(low))
         never = rising <= 0
@@ -209,7 +211,9 @@ class Equilibria:
         """Return the equilibria of a string that slides, with its force to the clamp over F."""
         under = self.plectra.under(load, mu)
         s = self._slid(under, load, mu, self.length)
-        return self._curve(under(s), load, s, np.full_like(s, mu))
+        # A string without a position has no curve there: s makes it NaN.
+        at = under(np.where(np.isfinite(s), s, self.length))
+        return self._curve(at, load, s, np.full_like(s, mu))
 
     def _slid(
         self, under: Callable[[Floats], Loaded], load: Floats, mu: float, start: Floats

@@ -288,13 +288,13 @@ class OnePlectrum:
         return np.minimum(load / s**2, self._map.force_limit(s))
 
 
-def plectra_of(plectrum: PlectrumMap) -> Plectra:
+def plectra_of(plectrum: PlectrumMap, overlap: float) -> Plectra:
     """Return the map of a plectrum, or of a string's centre on it, as a single case."""
     centre = plectrum if isinstance(plectrum, StringCentre) else None
     mid_line = centre.mid_line if centre else plectrum
-    if centre and isinstance(mid_line, Elastica):
-        values = mid_line.length, mid_line.bending_stiffness, centre.overlap
-        values = *values, centre.half, centre.radius
+    if isinstance(mid_line, Elastica):
+        half, radius = (centre.half, centre.radius) if centre else (0.0, 0.0)
+        values = mid_line.length, mid_line.bending_stiffness, overlap, half, radius
         return TabledPlectra(
             mid_line.table, mid_line.friction, *(np.array([value]) for value in values)
         )

@@ -103,7 +103,9 @@ def solve_pluck(
             not released within the range of the level.
     """
     _check(plectrum, stiffness, overlap)
-    equilibria = Equilibria(plectra_of(plectrum), np.array([stiffness]), np.array([overlap]))
+    equilibria = Equilibria(
+        plectra_of(plectrum, overlap), np.array([stiffness]), np.array([overlap])
+    )
     paths = solve_paths(equilibria, POINTS, sticks)
     status = Status(paths.status[0])
     curves = [
