@@ -10,8 +10,8 @@ UNIT = re.compile(r"[^\W\d_]{1,20}(\^?[23]|[²³])?(/[^\W\d_]{1,20}(\^?[23]|[²�
 """Spelling of a unit in a file; a longer text is not a unit."""
 MEASURED_IN = ("V", "s", "m/s", "N", "m", "Hz")
 """Dimensions of the units that are recognised."""
-COMMENT = "#%; \t\r\f\v"
-"""Characters before the key in a line of a preamble."""
+COMMENT = re.compile(r"[#%;\s]*")
+"""What is before the key in a line of a preamble."""
 SIGN = re.compile(r"[=:,;\t]")
 """The sign after it."""
 LETTER = re.compile(r"[^\W\d_]")
@@ -64,11 +64,11 @@ class Preamble:
         """Lines with a known key whose value is not understood."""
         for line in lines:
             # In steps, as one expression for all of it would take a long line's length cubed.
-            line_of_key = line.replace('"', "").lstrip(COMMENT)
-            match = SIGN.search(line_of_key)
-            if match is None or not LETTER.search(key := line_of_key[: match.start()].strip()):
+            pair = COMMENT.sub("", line.replace('"', ""), count=1)
+            match = SIGN.search(pair)
+            if match is None or not LETTER.search(key := pair[: match.start()].strip()):
                 continue
-            sign, rest = match[0], line_of_key[match.end() :].lstrip()
+            sign, rest = match[0], pair[match.end() :].lstrip()
             parts = rest.split(delimiter if sign in "=:" else sign)
             texts = [key, *(text.strip() for text in parts)]
             for place in (0, 2):  # LeCroy writes two pairs in a line
