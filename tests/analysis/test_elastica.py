@@ -133,7 +133,7 @@ def test_the_mid_line_solves_the_equation(force, friction):
 
     at = np.linspace(0, s, points)
     found = solve_ivp(right, (0, s), [0, 0, 0], t_eval=at, rtol=1e-11, atol=1e-16).y[:2].T
-    np.testing.assert_allclose(line[:points], found, atol=3e-6)
+    np.testing.assert_allclose(line[:points], found, atol=1e-10)
 
 
 def strain_energy(s, force, friction):

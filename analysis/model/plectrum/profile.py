@@ -13,9 +13,12 @@ SAME_LENGTH = 1e-3
 """Dimensionless tolerance on the length of an outline."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Profile:
-    """Both edges in units of the plectrum's length, straight between places of shape (n,)."""
+    """Both edges in units of the plectrum's length, straight between places of shape (n,).
+
+    Profiles of the same edges are equal, so that caches can be asked by profile.
+    """
 
     x: Floats
     """From 0 at the clamp to 1 at the tip."""
@@ -23,6 +26,16 @@ class Profile:
     """Height of the edge on the string's side."""
     bottom: Floats
     """Height of the other edge."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Profile) and self._edges == other._edges
+
+    def __hash__(self) -> int:
+        return hash(self._edges)
+
+    @property
+    def _edges(self) -> bytes:
+        return np.stack([self.x, self.top, self.bottom]).tobytes()
 
     @property
     def clamp_thickness(self) -> float:

@@ -4,6 +4,7 @@ import numpy as np
 
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.profile import profile_of
+from sautereau.analysis.model.plectrum.tapered import step_to_clamp
 from sautereau.rig.instrument import Plectrum
 
 POINTS = 8
@@ -25,9 +26,6 @@ def bent(plectrum: Plectrum, s: Floats, force: Floats, drag: Floats) -> Floats:
 
     The top comes first, from the clamp to the tip.
 
-    Integrated from the string to the clamp, as in `sautereau.analysis.model.plectrum.tapered`, by
-    the midpoint rule.
-
     Args:
         plectrum: Its shape and its stiffness.
         s: m, positions of the string on it, shape (n,).
@@ -48,19 +46,15 @@ def bent(plectrum: Plectrum, s: Floats, force: Floats, drag: Floats) -> Floats:
     middle, depth = (top + bottom) / 2, top - bottom
     slope = np.arctan(profile.contact_line(place[:, 0])[1])
     stiffness = plectrum.youngs_modulus * plectrum.width * length / 12
-    turned = along = across = np.zeros(len(s))
-    states = [np.stack([turned, along, across])]
+    state = np.zeros((3, len(s)))
+    states = [state]
     for number in range(count, 0, -1):
         rise, run = (a[:, number] - a[:, number - 1] for a in (middle, x))
+        ends = depth[:, number], depth[:, number - 1]
+        flexibility = force / (stiffness * np.stack([ends[0], sum(ends) / 2, ends[1]]) ** 3)
         lean = np.arctan2(rise, run) - slope
-        arc, thickness = np.hypot(rise, run), (depth[:, number] + depth[:, number - 1]) / 2
-        flexible = force / (stiffness * thickness**3)
-        half = turned + arc / 2 * flexible * (along + drag * across)
-        cosine, sine = np.cos(half + lean), np.sin(half + lean)
-        lever = along + arc / 2 * cosine + drag * (across + arc / 2 * sine)
-        turned = turned + arc * flexible * lever
-        along, across = along + arc * cosine, across + arc * sine
-        states.append(np.stack([turned, along, across]))
+        state = step_to_clamp(state, flexibility, np.hypot(rise, run), lean, drag)
+        states.append(state)
     turned, along, across = np.stack(states[::-1], -1)
     angle, section = turned[:, :1] - slope[:, None], turned[:, :1] - turned
     # From the string to each section, against the surface under the string; then in the clamp's.

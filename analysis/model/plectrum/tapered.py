@@ -65,7 +65,7 @@ def laws(
         depths = np.interp(np.array([high, (high + low) / 2, low]), *thickness)
         flexibility = force[active] / depths[:, None, None, None] ** 3
         moved = state[:, active]
-        state[:, active] = _step(
+        state[:, active] = step_to_clamp(
             moved, flexibility, stretch * (high - low), lean, drag, moment[active]
         )
     turned, along, across = state
@@ -90,16 +90,9 @@ def load_range(profile: Profile) -> float:
     return load
 
 
+@lru_cache(maxsize=32)
 def tapered_table(profile: Profile, nearest: float) -> Table:
     """Return the elastica's table of a profile from s = `nearest` to the tip."""
-    return _table(*(tuple(edge.tolist()) for edge in vars(profile).values()), nearest)
-
-
-@lru_cache(maxsize=32)
-def _table(
-    x: tuple[float, ...], top: tuple[float, ...], bottom: tuple[float, ...], nearest: float
-) -> Table:
-    profile = Profile(np.array(x), np.array(top), np.array(bottom))
     return samples(profile, nearest, load_range(profile)).table()
 
 
@@ -129,10 +122,25 @@ def _samples(
     return found.checked(laws(profile, *found.probes, at_surface))
 
 
-def _step(
-    state: Floats, flexibility: Floats, step: float, lean: Floats, drag: Floats, moment: Floats
+def step_to_clamp(
+    state: Floats,
+    flexibility: Floats,
+    step: Floats | float,
+    lean: Floats,
+    drag: Floats,
+    moment: Floats | float = 0.0,
 ) -> Floats:
-    """Return the state after one step of the classical Runge-Kutta method towards the clamp."""
+    """Return the state after one step of the classical Runge-Kutta method towards the clamp.
+
+    Args:
+        state: Rotation, and the integrals along and across the surface; shape (3, ...), and all
+            that follows fits its second and later axes.
+        flexibility: F / EI at the start, in the middle and at the end of the step; (3, ...).
+        step: Arc length of the mid-line.
+        lean: rad, slope of the mid-line less that of the surface at the load.
+        drag: T.
+        moment: Of the load about the mid-line, over F.
+    """
 
     def rates(at: Floats, flexible: Floats) -> Floats:
         turned, along, across = at

@@ -179,7 +179,8 @@ class TabledPlectra:
         if self._table.flat:
             out, down = self._offset * np.cos(section), self._offset * np.sin(section)
         else:
-            half, radius, angle = self._half, self._radius, section - self._tilt(place)
+            half, radius = self._half, self._radius
+            angle = section - self._table.contact_line(place)[0][1]
             out = half * np.cos(section) + radius * np.cos(angle)
             down = half * np.sin(section) + radius * np.sin(angle)
         return s * x_q + out * angle_q, s * (z + load * z_q) - down * angle_q, angle_q
@@ -192,9 +193,6 @@ class TabledPlectra:
     def _place(self, s: Floats) -> Floats:
         """Return s/L, at least the smallest of the table: Newton's steps may be beyond it."""
         return np.maximum(s / self.length, self._table.nearest)
-
-    def _tilt(self, place: Floats) -> Floats:
-        return self._table.contact_line(place)[0][1]
 
     def _placed(self, laws: Floats, s: Floats, load: Floats) -> tuple[Floats, ...]:
         """Return x [m], z [m], angle, its sine and cosine, and sine and cosine of the section's.

@@ -26,20 +26,11 @@ class FE(Elastica):
         Raises:
             ModelError: The overlap is out of range, or the elements find no equilibrium.
         """
-        edges = (tuple(edge.tolist()) for edge in vars(profile).values())
-        return _table(*edges, plectrum.poisson_ratio, nearest_of(plectrum))
+        return _table(profile, plectrum.poisson_ratio, nearest_of(plectrum))
 
 
 @lru_cache(maxsize=32)
-def _table(
-    x: tuple[float, ...],
-    top: tuple[float, ...],
-    bottom: tuple[float, ...],
-    poisson_ratio: float,
-    nearest: float,
-) -> Table:
-    profile = Profile(np.array(x), np.array(top), np.array(bottom))
-
+def _table(profile: Profile, poisson_ratio: float, nearest: float) -> Table:
     def make():
         # Imported here because it imports scikit-fem, which a stored table does not need.
         from sautereau.analysis.model.plectrum.fe.build import build
