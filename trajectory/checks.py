@@ -94,13 +94,18 @@ def sample(rig: Rig, cubics: Cubics, pressing: slice) -> Sampled:
 
 def places(rig: Rig, sampled: Sampled) -> list[Check]:
     """Check the contact point on the key, and the height of the hovering fingertip."""
-    key, centre = rig.key, sampled.centre
-    tangent, _ = surface_axes(np.maximum(sampled.angle[sampled.pressing], 0.0))
-    from_pin = -dot(centre[sampled.pressing], tangent)
-    # At lift-off this quantity has a kink, which a full second difference bounds.
-    slack = 4 * _bend(from_pin)
-    near, far = from_pin.min() - slack, from_pin.max() + slack
-    hover = min(centre[0, 0, 1], centre[-1, -1, 1]) - rig.arm.fingertip_radius
+    key = rig.key
+    centre, angle = sampled.centre[sampled.pressing], sampled.angle[sampled.pressing]
+    # The way from the pin has a kink at lift-off; along the key and above it each is smooth.
+    tangent, _ = surface_axes(angle)
+    between = np.abs(np.diff(angle, 2)).max(axis=-1) / 4  # As `_bend`, of each segment
+    ways = [
+        -dot(centre, tangent)[angle.max(axis=-1) >= -between],
+        -centre[angle.min(axis=-1) <= between, :, 0],
+    ]
+    near = min(way.min() - _bend(way) for way in ways if len(way))
+    far = max(way.max() + _bend(way) for way in ways if len(way))
+    hover = min(sampled.centre[0, 0, 1], sampled.centre[-1, -1, 1]) - rig.arm.fingertip_radius
     return [
         at_least(
             "contact on the key",

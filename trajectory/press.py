@@ -16,9 +16,8 @@ from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.quantise import quantise, sample_times
 from sautereau.trajectory.segments import (
     Counts,
-    Cubics,
     Segments,
-    evaluate,
+    motion_at,
     segment_cubics,
     to_counts,
 )
@@ -151,13 +150,14 @@ def _cruise(rig: Rig, law: PressLaw, segments: Segments) -> Cruise:
     if len(inside) < 2:
         raise TrajectoryError(_too_short(law, period))
     first, last = inside[0], inside[-1]
-    cubics = segment_cubics(segments, per_radian, period)
-    cubics = Cubics(*(array[first:last, None] for array in cubics))
-    joints = Motion(*(array.reshape(-1, 2) for array in evaluate(cubics, FINE[:, None])))
+    fine = segments.ends[first:last, None] + FINE * segments.samples[first:last, None]
+    # The error changes abruptly where the law's jerk does, between two points of a segment too.
+    knots = law.law.times[(law.law.times > ends[first]) & (law.law.times < ends[last])] / period
+    ticks = np.union1d(fine, knots)
+    joints = motion_at(segments, segment_cubics(segments, per_radian, period), ticks)
     centre = fingertip_motion(rig.arm, joints)
     jack = jack_motion(rig.key, key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre))
-    time = ends[first:last, None] + FINE * np.diff(ends[first : last + 1])[:, None]
-    planned = law.law.at(time.ravel()).velocity
+    planned = law.law.at(ticks * period).velocity
     error = np.abs(jack.velocity - planned).max() / np.abs(planned).max()
     start, end = float(ends[first]), float(ends[last])
     rise = float(jack.position[0]), float(jack.position[-1])
