@@ -8,12 +8,13 @@ from benchmarks.figures import RUNS, Figure, check
 from benchmarks.figures import timed as clocked
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
-from sautereau.sim_backend.physics.drive import drive_of
+from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics.drive import Drive, drive_of
 from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.scene import Scene, load_scene
 from sautereau.sim_backend.trade.refinement import stepped
 from sautereau.sim_backend.trade.select import select_solver
-from sautereau.sim_backend.trade.study import timed
+from sautereau.sim_backend.trade.study import Timed, first_runs, time_in_turns
 
 STEPS = 10  # Steps of the rigid engine per controller sample: 98 us each
 FINER = (1, 2, 4, 8, 10, 16, 32, 64)
@@ -48,12 +49,12 @@ def _rigid(rig: Rig, scene: Scene) -> list[Figure]:
 def _exact(rig: Rig, scene: Scene) -> list[Figure]:
     way = stepped(rig, scene, 1, engine="exact")
     error, factor = _measured(rig, way)
-    _, built, ran = timed(rig, way, drive_of(rig, way))
+    alone = _alone(rig, way, drive_of(rig, way))
     name = "pluck, exact, 977 us"
     return [
         Figure(f"{name}: error of an event", error * 1e6, "us", "limit", 1.0),
         Figure(f"{name}: times real time", factor, "1", "at least", 100.0),
-        Figure(f"{name}, world included", (built + ran) * 1e6, "us", "limit", 100.0),
+        Figure(f"{name}, world included", (alone.build + alone.run) * 1e6, "us", "limit", 100.0),
     ]
 
 
@@ -104,10 +105,10 @@ def _mujoco(rig: Rig, scene: Scene) -> list[Figure]:
             built[""].append(spent[0])
             ran[""].append(spent[1] * scale)
             for engine, way in ways.items():
-                found, *spent = timed(rig, way, drive)
-                ours[engine] = errors(found, true).time
-                built[engine].append(spent[0])
-                ran[engine].append(spent[1])
+                own = _alone(rig, way, drive)
+                ours[engine] = errors(own.found, true).time
+                built[engine].append(own.build)
+                ran[engine].append(own.run)
         off = errors(seen, true).time
         check(off < limit * 1e-6, f"{name}: {off * 1e6:.3g} us off")
         alone = {engine: simulated / float(np.median(ran[engine])) for engine in ran}
@@ -133,6 +134,15 @@ def _mujoco(rig: Rig, scene: Scene) -> list[Figure]:
 def _measured(rig: Rig, scene: Scene) -> tuple[float, float]:
     """Return the largest error of an event [s], and simulated time over the time to run it."""
     drive = drive_of(rig, scene)
-    found, _, spent = timed(rig, scene, drive)
+    own = _alone(rig, scene, drive)
     simulated = drive.samples * rig.controller.sample_period
-    return errors(found, reference(rig, scene, drive)).time, simulated / spent
+    return errors(own.found, reference(rig, scene, drive)).time, simulated / own.run
+
+
+def _alone(rig: Rig, way: Scene, drive: Drive) -> Timed:
+    """Return what is observed in a drive simulated in one way, and how long it took."""
+    (own,) = first_runs(rig, [way], drive)
+    if isinstance(own, str):
+        raise SceneError(own)
+    time_in_turns(rig, [way], drive, [own])
+    return own

@@ -27,8 +27,8 @@ def made_by() -> str:
     return f"{version('sautereau')} (code {code_hash(Path(__file__).parents[1])})"
 
 
-def code_hash(root: Path) -> str:
-    """Return 12 hexadecimal digits of the SHA-256 of all `SOURCES` in `COMPUTING`.
+def code_hash(root: Path, packages: tuple[str, ...] = COMPUTING) -> str:
+    """Return 12 hexadecimal digits of the SHA-256 of all `SOURCES` in some packages.
 
     Line ends count as those of Unix, which a checkout on Windows may have changed.
 
@@ -40,7 +40,7 @@ def code_hash(root: Path) -> str:
     """
     digest = hashlib.sha256()
     try:
-        for name in sorted(name for package in COMPUTING for name in _sources(root, package)):
+        for name in sorted(name for package in packages for name in _sources(root, package)):
             content = Path(root, name).read_bytes().replace(b"\r\n", b"\n")
             digest.update(b"%s\0%d\0%s" % (name.encode(), len(content), content))
     except OSError as error:

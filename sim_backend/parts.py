@@ -1,5 +1,6 @@
 """The parts of a scene: servo, sensors, fingertip, key, push, accuracy, and the controller."""
 
+import math
 import re
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -128,6 +129,19 @@ class Accuracy:
             limits = "between 0 and 100 %" if of_force else "between 0 and 10 ms"
             raise ValueError(f"accuracy: {text!r} must lie {limits}; change it")
         return cls(None, value) if of_force else cls(value, None)
+
+    def excess(self, time: float, force: float) -> float:
+        """Return errors of events [s] and of forces over the one asked for, dimensionless."""
+        if self.time is not None:
+            return time / self.time
+        return force / (self.force or math.inf)
+
+    def rounded_up(self) -> "Accuracy":
+        """Return the next larger accuracy of two significant digits."""
+        value = self.force if self.time is None else self.time
+        unit = 10.0 ** (math.floor(math.log10(value or 1.0)) - 1)
+        value = math.ceil((value or 0.0) / unit - 1e-9) * unit
+        return Accuracy(None, value) if self.time is None else Accuracy(value, None)
 
     def __str__(self) -> str:
         if self.time is None:

@@ -1,7 +1,8 @@
 """Step refinement: the error of a step, measured or estimated by shorter steps."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,6 +31,9 @@ CHECKED = 3
 step may be accurate by coincidence."""
 MOST = {"rigid": 600_000, "exact": 4_000_000}
 """Largest number of steps of one drive that is tried with an engine."""
+TRUTH_STEPS = 256
+"""Steps per controller sample of a solution by refinement: 4 times those of the finest point of a
+study, so that its own error is a fraction of that point's at any order of convergence."""
 
 Observe = Callable[[Rig, Scene, Drive | None], Observation]
 """Runs a drive through a world; `sautereau.sim_backend.physics.observation.observe`."""
@@ -94,11 +98,35 @@ class StepRefinement:
                 raise self._diverged[level]
             return DIVERGED
         apart = [_distance(run, last) for run in runs[:-1] if run is not None]
-        widest = Errors(max(each.time for each in apart), max(each.force for each in apart))
-        found = total(widest, apart[-1], ROUNDING, self._rounding(last))
+        found = total(_largest(apart), apart[-1], ROUNDING, self._rounding(last))
         # The force of a finger that strikes the key of a held string grows as the step shrinks.
         is_blow = _largest_force(last) > BLOW * _largest_force(before)
         return Errors(found.time, math.inf) if is_blow else found
+
+    def finest(self, most: int) -> tuple[int, Observation, Errors]:
+        """Return the steps, observation and error of the finest level of at most so many steps.
+
+        The error is the larger of its distances from the two levels before: if errors at least
+        halve from one to the next, the last distance alone bounds it (Richardson extrapolation),
+        and these may agree by coincidence.
+
+        Raises:
+            SceneError: One of the levels cannot be simulated, or their events are not the same.
+        """
+        level = max(2, math.floor(math.log2(min(most, self.most) / self.first)))
+        levels = range(level - 2, level + 1)
+        runs = [run for run in map(self.run, levels) if run is not None]
+        if len(runs) < len(levels):
+            raise next(self._diverged[each] for each in levels if each in self._diverged)
+        found = _largest([_distance(run, runs[-1]) for run in runs[:-1]])
+        if not math.isfinite(found.time + found.force):
+            raise SceneError(
+                f"scene: its numbers of contacts, releases or returns differ between"
+                f" {self.steps(level - 2)} and {self.steps(level)} steps per controller sample, so"
+                " that no solution is known to compare with; change the drive, so that no event"
+                " nearly happens"
+            )
+        return self.steps(level), runs[-1], total(found, ROUNDING)
 
     def run(self, level: int) -> Observation | None:
         """Return the observation at a level; None where the engine diverged."""
@@ -123,6 +151,17 @@ class StepRefinement:
         if not self._noise:
             return Errors(0.0, 0.0)
         return Errors(self._noise, self._noise / max(_shortest_pluck(run), self._noise))
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the ways to simulate a scene are compared with."""
+
+    observation: Observation
+    errors: Errors
+    """Its own."""
+    origin: str
+    """How it was found, and what it was checked by."""
 
 
 class Trial:
@@ -167,9 +206,40 @@ class Trial:
             run = refinement.run(len(found))
             found.append(DIVERGED if run is None else total(errors(run, self._exact), ROUNDING))
             if len(found) >= CHECKED:
-                last = found[-CHECKED:]
-                worst = Errors(max(e.time for e in last), max(e.force for e in last))
-                yield refinement.steps(len(found) - CHECKED), worst
+                yield refinement.steps(len(found) - CHECKED), _largest(found[-CHECKED:])
+
+    def truth(self, scene: Scene) -> Truth:
+        """Return the exact solution of a scene, or where it has none the rigid engine's finest.
+
+        The latter is checked: of the same scene with what the exact engine supports, the rigid
+        engine's error with these steps is measured.
+
+        Args:
+            scene: With its plectrum and string chosen.
+
+        Raises:
+            SceneError: The scene cannot be simulated, or its events depend on the step.
+        """
+        if self._solve is not None and scene.solvable:
+            found = self._solve(self._rig, scene, self._drive)
+            return Truth(found, Errors(0.0, 0.0), "the exact solution")
+        rigid = scene.model_copy(update={"engine": "rigid"})
+        steps, found, own = self._refinement(rigid, steps_in_sample(self.true, LONGEST)).finest(
+            TRUTH_STEPS
+        )
+        step = self.true.controller.sample_period / steps
+        origin = (
+            f"the rigid engine with steps of {step * 1e6:.3g} us, within {_text(own)} by halving"
+            " the step"
+        )
+        if self._solve is not None:
+            string = "spring" if scene.string == "modal" else scene.string
+            bare = rigid.model_copy(update={"string": string, "bending": None, "play": None})
+            apart = errors(self.run(bare, steps), self._solve(self._rig, bare, self._drive))
+            origin += (
+                f"; without {_unsolved(scene)} it is within {_text(apart)} of the exact solution"
+            )
+        return Truth(found, own, origin)
 
     def estimate(self, scene: Scene, steps: int) -> Errors:
         """Return the error of a number of steps per controller sample, by shorter steps."""
@@ -190,6 +260,17 @@ class Trial:
         return StepRefinement(lambda steps: self.run(scene, steps), first, most, period, noise)
 
 
+def _text(found: Errors) -> str:
+    return f"{found.time * 1e6:.2g} us and {100 * found.force:.2g} %"
+
+
+def _unsolved(scene: Scene) -> str:
+    """Return the names of the parts that the exact engine does not support."""
+    parts = ["the string's modes"] if scene.string == "modal" else []
+    parts += [part for part in ("bending", "play") if getattr(scene, part) is not None]
+    return " and ".join(parts)
+
+
 def encoder_noise(true: Rig) -> float:
     """Return the time [s] in which a pressing fingertip moves by half an encoder count."""
     speed = true.press.jack_speed * true.key.press_arm / true.key.jack_arm
@@ -205,6 +286,10 @@ def stepped(true: Rig, scene: Scene, steps: int, **changes: str) -> Scene:
 def total(*parts: Errors) -> Errors:
     """Return the sum of errors, which may all have the same sign."""
     return Errors(sum(part.time for part in parts), sum(part.force for part in parts))
+
+
+def _largest(found: Sequence[Errors]) -> Errors:
+    return Errors(max(each.time for each in found), max(each.force for each in found))
 
 
 def _largest_force(run: Observation) -> float:

@@ -1,7 +1,7 @@
 """Select the cheapest engine, string model and step that reach the accuracy of a scene."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from importlib.util import find_spec
 
 from sautereau.rig.schema import Rig
@@ -95,7 +95,7 @@ def select_solver(
     if met:
         return max(met, key=lambda found: found.real_time_factor)
     if missed:
-        closest = min(missed, key=lambda found: excess(found.errors, asked))
+        closest = min(missed, key=lambda found: asked.excess(*astuple(found.errors)))
         raise SceneError(_out_of_reach(closest, asked))
     raise refusals[0]
 
@@ -127,16 +127,9 @@ def best_models(true: Rig, scene: Scene) -> Scene:
     return scene.on_bench(true).model_copy(update={"string": string})
 
 
-def excess(found: Errors, asked: Accuracy) -> float:
-    """Return the error over the one asked for, dimensionless."""
-    if asked.time is not None:
-        return found.time / asked.time
-    return found.force / (asked.force or math.inf)
-
-
 def meets(found: Errors, asked: Accuracy) -> bool:
     """Return whether an error is at most the one asked for."""
-    return found != refinement.DIVERGED and excess(found, asked) <= 1
+    return found != refinement.DIVERGED and asked.excess(*astuple(found)) <= 1
 
 
 def reached(found: Errors) -> str:
@@ -161,7 +154,8 @@ def _refined(trial: refinement.Trial, scene: Scene, asked: Accuracy, own: Errors
     closest = None
     for steps, error in trial.errors(scene):
         found = _selected(trial.true, scene, steps, asked, refinement.total(error, own))
-        if closest is None or excess(found.errors, asked) < excess(closest.errors, asked):
+        times = asked.excess(*astuple(found.errors))
+        if closest is None or times < asked.excess(*astuple(closest.errors)):
             closest = found
         if meets(found.errors, asked):
             break
@@ -203,9 +197,11 @@ def _spring_error(trial: refinement.Trial, scene: Scene) -> Errors:
 
 
 def _out_of_reach(closest: Selected, asked: Accuracy) -> str:
-    scene, times = closest.scene, excess(closest.errors, asked)
-    if math.isfinite(times):
-        fix = f"ask for {times:.3g} times as much"
+    scene, found = closest.scene, closest.errors
+    if math.isfinite(asked.excess(*astuple(found))):
+        # Rounded upwards, so that it is reached where it is asked for.
+        reachable = Accuracy(found.time, None) if asked.time else Accuracy(None, found.force)
+        fix = f"ask for {reachable.rounded_up()}"
     else:
         fix = (
             "a contact, release or return nearly does not happen: change the drive, or give a step"

@@ -8,22 +8,32 @@ import os
 import platform
 import statistics
 import time
-from dataclasses import asdict, fields, replace
-from importlib.metadata import version
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from sautereau.analysis.errors import ModelError
 from sautereau.rig.disk import read_text, write_durably
 from sautereau.rig.document import rig_json
 from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
+from sautereau.rig.version import code_hash
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Accuracy
 from sautereau.sim_backend.physics.drive import Drive
-from sautereau.sim_backend.physics.observation import Observation, drive_of, errors, play, reference
+from sautereau.sim_backend.physics.observation import (
+    Observation,
+    drive_of,
+    errors,
+    observe,
+    play,
+    reference,
+)
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.trade.refinement import stepped
+from sautereau.sim_backend.trade.refinement import Trial, Truth, stepped, total
 from sautereau.sim_backend.trade.results import MARGIN, Point, Trade, pareto_front, recommended
 from sautereau.sim_backend.trade.select import best_models
 
@@ -33,13 +43,16 @@ FEW = (1, 8)
 """Those that simpler levels and strings are tried with: a step does not improve a model."""
 RUNS = (3, 99)  # Least and largest number of runs whose median speed counts
 ENOUGH = 0.3  # s, total duration of runs after which there are no more
+SIMULATING = ("rig", "trajectory", "analysis", "sim_backend")
+"""Packages whose code may change a study; one in the cache is of the same code."""
 
 
 def run_trade(rig: Rig, scene: Scene, fresh: bool = False) -> Trade:
     """Measure error and speed of a scene over engine, step, level and string.
 
-    The truth is the reference solution of the scene, with the best level and string where it
-    says "auto"; simpler ones than those are tried, but no better ones.
+    The truth is the exact solution of the scene, with the best level and string where it says
+    "auto", or where there is none its finest refinement; see `Trial.truth`. Simpler models than
+    those are tried, but no better ones.
 
     Args:
         scene: With a step or an accuracy, which only affects the recommendation.
@@ -60,6 +73,7 @@ def stored_trade(rig: Rig, scene: Scene) -> Trade | None:
     try:
         document = json.loads(read_text(_path(rig, scene)))
         points = tuple(Point(**point) for point in document.pop("points"))
+        document["requested"] = Accuracy(**document["requested"])
         pareto = tuple(document.pop("pareto"))
         return replace(Trade(points=points, pareto=pareto, **document), cached=True)
     except (OSError, ValueError, TypeError, KeyError):
@@ -74,30 +88,75 @@ def store_trade(rig: Rig, scene: Scene, trade: Trade) -> None:
         write_durably(path, json.dumps(asdict(trade)), replace=True)
 
 
-def timed(rig: Rig, scene: Scene, drive: Drive) -> tuple[Observation, float, float]:
-    """Return what is observed in a drive, and the times [s] to build its world and to run it.
+@dataclass
+class Timed:
+    """One way to simulate a drive, and how long each of its repeats took."""
 
-    Both are medians of repeats, after one that loads what is cached or compiled.
+    found: Observation
+    first: float
+    """s, to build the world and to run the drive for the first time, which may compile."""
+    builds: list[float] = field(default_factory=list)
+    """s, to build its world."""
+    runs: list[float] = field(default_factory=list)
+    """s, to run the drive."""
+
+    @property
+    def build(self) -> float:
+        """Median time [s] to build its world."""
+        return statistics.median(self.builds)
+
+    @property
+    def run(self) -> float:
+        """Median time [s] to run the drive."""
+        return statistics.median(self.runs)
+
+    @property
+    def spread(self) -> float:
+        """Interquartile range of the times of a run over their median, dimensionless."""
+        low, middle, high = np.percentile(self.runs, (25, 50, 75))
+        return float((high - low) / middle)
+
+    def repeat(self, rig: Rig, way: Scene, drive: Drive) -> None:
+        """Simulate it once more."""
+        started = time.perf_counter()
+        world = new_world(rig, way, start=drive.start)
+        built = time.perf_counter()
+        play(world, drive)
+        self.runs.append(time.perf_counter() - built)
+        self.builds.append(built - started)
+
+
+def first_runs(rig: Rig, ways: Sequence[Scene], drive: Drive) -> list[Timed | str]:
+    """Simulate a drive once in each way.
 
     Args:
-        scene: With its step and engine chosen.
+        ways: With their steps and engines chosen.
 
-    Raises:
-        SceneError: The scene cannot be simulated.
+    Returns:
+        One for each way; for one that cannot be simulated, why.
+    """
+    found: list[Timed | str] = []
+    for way in tracked(ways):
+        started = time.perf_counter()
+        try:
+            seen = play(new_world(rig, way, start=drive.start), drive)
+            found.append(Timed(seen, time.perf_counter() - started))
+        except (SceneError, ModelError) as error:
+            found.append(str(error))
+    return found
+
+
+def time_in_turns(rig: Rig, ways: Sequence[Scene], drive: Drive, found: Sequence[Timed]) -> None:
+    """Repeat the ways to simulate a drive in turns, so that a load slows all of them alike.
+
+    Args:
+        found: Their first runs.
     """
     least, most = RUNS
-    builds: list[float] = []
-    runs: list[float] = []
-    play(new_world(rig, scene, start=drive.start), drive)
-    while True:
-        started = time.perf_counter()
-        world = new_world(rig, scene, start=drive.start)
-        built = time.perf_counter()
-        found = play(world, drive)
-        runs.append(time.perf_counter() - built)
-        builds.append(built - started)
-        if len(runs) == most or (len(runs) >= least and sum(runs) > ENOUGH):
-            return found, statistics.median(builds), statistics.median(runs)
+    for n in range(most):
+        for way, one in zip(ways, found, strict=True):
+            if n < least or sum(one.runs) < ENOUGH:
+                one.repeat(rig, way, drive)
 
 
 def machine() -> str:
@@ -109,8 +168,8 @@ def machine() -> str:
 def _path(rig: Rig, scene: Scene) -> Path:
     import platformdirs
 
-    parts = [version("sautereau"), platform.node(), machine(), rig_json(rig), repr(scene)]
-    parts += [field.name for field in fields(Point)]
+    code = code_hash(Path(__file__).parents[2], SIMULATING)
+    parts = [code, platform.node(), machine(), rig_json(rig), repr(scene)]
     name = hashlib.sha256("\n".join(parts).encode()).hexdigest()
     return platformdirs.user_cache_path("sautereau", appauthor=False) / "trade" / f"{name}.json"
 
@@ -118,40 +177,62 @@ def _path(rig: Rig, scene: Scene) -> Path:
 def _measured(rig: Rig, scene: Scene) -> Trade:
     true = scene.true_rig(rig)
     drive = drive_of(rig, scene)
-    exact = best_models(true, scene)
-    truth = reference(rig, exact, drive)
-    points = [_point(rig, way, drive, truth) for way in tracked(_ways(true, exact))]
+    best = best_models(true, scene)
+    truth = Trial(rig, true, drive, observe, reference).truth(best)
+    ways = _ways(true, best)
+    every = list(zip(ways, first_runs(rig, ways, drive), strict=True))
+    kept = [one for i, one in enumerate(every) if not any(_is_same(one, b) for b in every[:i])]
+    clocked = [(way, one) for way, one in kept if isinstance(one, Timed)]
+    time_in_turns(rig, [way for way, _ in clocked], drive, [one for _, one in clocked])
+    points = [_point(rig, way, drive, truth, one) for way, one in kept]
     good = [i for i, point in enumerate(points) if not point.failed]
     front = pareto_front(
         [points[i].error or 0.0 for i in good],
         [points[i].real_time_factor or 0.0 for i in good],
         MARGIN,
     )
-    asked = Accuracy.parse(scene.accuracy).time if scene.accuracy else None
-    requested = asked or 0.5 / rig.daq.sample_rate  # half a sample, which no recording resolves
+    # Half a sample, which no recording resolves
+    asked = scene.accuracy or f"{0.5 / rig.daq.sample_rate} s"
+    extra = [one.first - one.build - one.run for way, one in clocked if way.engine == "exact"]
     return Trade(
         scene=scene.description,
         machine=machine(),
-        requested=requested,
+        truth=truth.origin,
+        requested=Accuracy.parse(asked),
         points=tuple(points),
         pareto=tuple(good[i] for i in front),
-        recommended=recommended(points, requested, MARGIN),
+        recommended=recommended(points, Accuracy.parse(asked), MARGIN),
+        compile_time=max(0.0, extra[0]) if extra else 0.0,
+        same=len(every) - len(kept),
     )
+
+
+def _is_same(this: tuple[Scene, Timed | str], other: tuple[Scene, Timed | str]) -> bool:
+    """Return whether two ways with one engine and models simulated the same steps.
+
+    An engine that divides its step itself, while something stiff is in contact, may ignore ours.
+    """
+    (way, one), (before, two) = this, other
+    if isinstance(one, str) or isinstance(two, str):
+        return False
+    models = [(each.engine, each.plectrum, each.string) for each in (way, before)]
+    motions = [vars(each.found.motions).values() for each in (one, two)]
+    return models[0] == models[1] and all(map(np.array_equal, *motions))
 
 
 def _ways(true: Rig, exact: Scene) -> list[Scene]:
     """Return complete scenes: all steps of the exact one, and a few of each simpler model."""
-    engines = ["rigid", "exact"] if exact.solvable else ["rigid"]
-    ways = [stepped(true, exact, n, engine=engine) for engine in engines for n in STEPS[engine]]
+    ways = [stepped(true, exact, n, engine=engine) for engine in STEPS for n in STEPS[engine]]
     simpler = [{"plectrum": level} for level in _simpler_levels(true, exact)]
     if exact.string == "modal":
         simpler.append({"string": "spring"})
-    return ways + [
+    ways += [
         stepped(true, exact, n, engine=engine, **change)
         for change in simpler
-        for engine in (["rigid", "exact"] if "string" in change else engines)
+        for engine in ("rigid", "exact")
         for n in FEW
     ]
+    return [way for way in ways if way.engine == "rigid" or way.solvable]
 
 
 def _simpler_levels(true: Rig, exact: Scene) -> list[str]:
@@ -161,14 +242,12 @@ def _simpler_levels(true: Rig, exact: Scene) -> list[str]:
     return [*simpler, "two-beam"] if true.plectrum.tip_thickness is not None else simpler
 
 
-def _point(rig: Rig, way: Scene, drive: Drive, truth: Observation) -> Point:
+def _point(rig: Rig, way: Scene, drive: Drive, truth: Truth, one: Timed | str) -> Point:
     models = way.engine, way.plectrum, way.string
     blank = Point(way.description, way.step or 0.0, *models)
-    try:
-        found, built, ran = timed(rig, way, drive)
-    except (SceneError, ModelError) as error:
-        return replace(blank, failed=str(error))
-    error = errors(found, truth)
+    if isinstance(one, str):
+        return replace(blank, failed=one)
+    error = total(errors(one.found, truth.observation), truth.errors)
     if not math.isfinite(error.time + error.force):
         return replace(blank, failed="contacts or releases are missing, or there are too many")
     simulated = drive.samples * rig.controller.sample_period
@@ -176,7 +255,8 @@ def _point(rig: Rig, way: Scene, drive: Drive, truth: Observation) -> Point:
         blank,
         error=error.time,
         force_error=error.force,
-        real_time_factor=simulated / (built + ran),
-        build_time=built,
-        run_time=ran,
+        real_time_factor=simulated / (one.build + one.run),
+        build_time=one.build,
+        run_time=one.run,
+        spread=one.spread,
     )

@@ -7,9 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.rig.load import load_rig
-from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.scene import load_scene
-from sautereau.sim_backend.trade import study
+from sautereau.sim_backend.parts import Accuracy
+from sautereau.sim_backend.physics.base import steps_in_sample
+from sautereau.sim_backend.physics.drive import drive_of
+from sautereau.sim_backend.physics.observation import errors, observe
+from sautereau.sim_backend.scene import load_scene, packaged_scenes, parse_scene
+from sautereau.sim_backend.trade import refinement, study
+from sautereau.sim_backend.trade.refinement import stepped
 from sautereau.sim_backend.trade.results import (
     Point,
     Trade,
@@ -20,8 +24,10 @@ from sautereau.sim_backend.trade.results import (
     trade_text,
 )
 from sautereau.sim_backend.trade.study import run_trade, store_trade, stored_trade
+from tests.budget import slow
 
 POINT = Point("a push", 1e-4, "rigid", "elastica", "spring", 1e-6, 1e-4, 10.0)
+US10 = Accuracy(1e-5, None)
 FAILED = replace(POINT, error=None, force_error=None, real_time_factor=None, failed="it diverged")
 
 few = st.lists(st.tuples(st.integers(0, 5), st.integers(1, 5)), max_size=12)
@@ -48,8 +54,8 @@ def test_the_fastest_point_within_the_requested_error_is_recommended():
         replace(POINT, error=5e-5, real_time_factor=90.0),
         FAILED,
     ]
-    assert recommended(points, 1e-5) == 1
-    assert recommended(points, 1e-7) is None
+    assert recommended(points, US10) == 1
+    assert recommended(points, Accuracy(1e-7, None)) is None
 
 
 def test_a_simpler_model_is_not_recommended_for_the_noise_of_a_clock():
@@ -59,10 +65,10 @@ def test_a_simpler_model_is_not_recommended_for_the_noise_of_a_clock():
         replace(POINT, error=8.8e-6, level="rods", real_time_factor=125.0),
         replace(POINT, error=5e-6, real_time_factor=109.0),
     ]
-    assert recommended(points, 1e-5, 0.1) == 0
+    assert recommended(points, US10, 0.1) == 0
     points[1] = replace(points[1], real_time_factor=250.0)
-    assert recommended(points, 1e-5, 0.1) == 1
-    assert recommended(points[2:], 1e-5, 0.1) == 0
+    assert recommended(points, US10, 0.1) == 1
+    assert recommended(points[2:], US10, 0.1) == 0
 
 
 @pytest.fixture(scope="module")
@@ -96,16 +102,13 @@ def _spent(point):
 
 def test_the_recommended_point_is_accurate_and_the_front_starts_with_the_best(trade):
     chosen = trade.points[trade.recommended]
-    assert chosen.error <= trade.requested == 0.5 / load_rig().daq.sample_rate
+    assert chosen.error <= trade.requested.time == 0.5 / load_rig().daq.sample_rate
     best = trade.points[trade.pareto[0]]
     assert best.error == min(p.error for p in trade.points)
 
 
 def test_an_engine_that_fails_is_not_fast(monkeypatch):
-    def fail(rig, scene, drive):
-        raise SceneError("it diverged")
-
-    monkeypatch.setattr(study, "timed", fail)
+    monkeypatch.setattr(study, "first_runs", lambda rig, ways, drive: ["it diverged"] * len(ways))
     monkeypatch.setattr(study, "store_trade", lambda *args: None)
     trade = run_trade(load_rig(), load_scene("pluck"), fresh=True)
     assert {p.failed for p in trade.points} == {"it diverged"}
@@ -115,13 +118,14 @@ def test_an_engine_that_fails_is_not_fast(monkeypatch):
 
 
 def test_missing_events_are_a_failure(monkeypatch):
-    def clear(rig, scene, drive):
-        found, *times = real(rig, scene, drive)
-        found.events.releases.clear()
-        return found, *times
+    def clear(rig, ways, drive):
+        runs = real(rig, ways, drive)
+        for one in runs:
+            one.found.events.releases.clear()
+        return runs
 
-    real = study.timed
-    monkeypatch.setattr(study, "timed", clear)
+    real = study.first_runs
+    monkeypatch.setattr(study, "first_runs", clear)
     monkeypatch.setattr(study, "store_trade", lambda *args: None)
     monkeypatch.setattr(study, "STEPS", {"rigid": (8,), "exact": (1,)})
     monkeypatch.setattr(study, "RUNS", (1, 1))
@@ -131,7 +135,8 @@ def test_missing_events_are_a_failure(monkeypatch):
 
 def made(*points):
     good = [i for i, p in enumerate(points) if not p.failed]
-    return Trade("a push", "a machine", 1e-5, points, tuple(good), good[0] if good else None)
+    chosen = good[0] if good else None
+    return Trade("a push", "a machine", "the exact solution", US10, points, tuple(good), chosen)
 
 
 def test_a_document_is_json_with_the_points_of_the_contract():
@@ -181,3 +186,139 @@ def test_the_text_says_that_close_speeds_count_as_equal():
 def test_speeds_within_the_margin_count_as_equal():
     assert pareto_front([1.0, 2.0], [10.0, 10.5], 0.1) == [0]
     assert pareto_front([1.0, 2.0], [10.0, 11.5], 0.1) == [0, 1]
+
+
+PUSHED = """
+finger = "push"
+plectrum = "elastica"
+string = "{string}"
+friction = true
+felt = false
+{choice}
+[push]
+force = "1.2 N"
+duration = "15 ms"
+"""
+BENDING = '[bending]\nfrequency = "400 Hz"\ndamping = 0.01'
+PLAY = '[play]\nstiffness = "1e5 N/m"\ndamping = "5 N s/m"'
+UNSOLVED = [("modal", BENDING), slow("modal", ""), slow("spring", BENDING), slow("spring", PLAY)]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(study, "STEPS", {"rigid": (1, 4, 16), "exact": (1, 8)})
+    monkeypatch.setattr(refinement, "TRUTH_STEPS", 64)
+    monkeypatch.setattr(study, "RUNS", (1, 1))
+    monkeypatch.setattr(study, "store_trade", lambda *args: None)
+
+
+@pytest.mark.parametrize(("string", "part"), UNSOLVED)
+def test_a_scene_without_an_exact_solution_is_compared_with_its_refinement(quick, string, part):
+    """Stated errors are 0.5 to 5 times the distance from a solution 16 times as fine."""
+    rig, scene = (
+        load_rig(),
+        parse_scene(PUSHED.format(string=string, choice='step = "50 us"') + part),
+    )
+    trade = run_trade(rig, scene, fresh=True)
+    assert "halving the step" in trade.truth
+    assert "of the exact solution" in trade.truth
+    assert {p.engine for p in trade.points if p.string == string and p.level == "elastica"} == {
+        "rigid"
+    }
+    drive = drive_of(rig, scene)
+    finest = observe(rig, stepped(rig, scene, 1024, engine="rigid"), drive)
+    for point in trade.points:
+        assert not point.failed
+        if point.string == string:
+            way = scene.model_copy(update={"step": point.dt, "plectrum": point.level})
+            true = errors(observe(rig, way, drive), finest)
+            assert 0.5 * true.time < point.error < 5 * true.time + 1e-7
+    if string == "modal":
+        simpler = [p for p in trade.points if p.string == "spring"]
+        assert {p.engine for p in simpler} == ({"rigid"} if part else {"rigid", "exact"})
+        assert min(p.error for p in simpler) > max(
+            p.error for p in trade.points if (p.string, p.level) == ("modal", "elastica")
+        )
+
+
+def test_a_string_left_to_the_accuracy_is_compared_with_the_modal_one(quick):
+    text = PUSHED.format(string="auto", choice='engine = "auto"\naccuracy = "200 us"')
+    trade = run_trade(load_rig(), parse_scene(text), fresh=True)
+    assert {p.string for p in trade.points} == {"modal", "spring"}
+    assert trade.points[trade.recommended].error < 200e-6
+
+
+def test_an_accuracy_of_forces_is_recommended_by_errors_of_forces(quick, tmp_path):
+    """The beam's force is 20 % off, that of rods 0.03 %."""
+    rig = load_rig()
+    for asked, allowed in (("0.001 %", 1e-5), ("0.1 %", 1e-3)):
+        text = PUSHED.format(string="spring", choice=f'engine = "auto"\naccuracy = "{asked}"')
+        trade = run_trade(rig, parse_scene(text), fresh=True)
+        assert trade.points[trade.recommended].force_error <= allowed
+        assert asked in "\n".join(trade_text(trade))
+        document = trade_document(trade)
+        assert document["requested_error"] is None
+        assert document["requested_force_error"] == pytest.approx(allowed)
+    trade_figure(trade).savefig(tmp_path / "trade.png")
+    points = [
+        replace(POINT, error=1e-4, force_error=1e-6, real_time_factor=10.0),
+        replace(POINT, error=1e-9, force_error=1e-2, real_time_factor=99.0),
+    ]
+    assert recommended(points, Accuracy(None, 1e-3)) == 0
+
+
+@pytest.mark.slow
+def test_steps_that_the_engine_divides_alike_appear_once(quick):
+    """While a hard fingertip presses, the engine's own steps are shorter than those given."""
+    text = PUSHED[: PUSHED.index("[push]")].format(string="spring", choice='step = "100 us"')
+    pad = '[fingertip]\nstiffness = "300 kN/m"\ndamping = "15 N s/m"\n'
+    text = text.replace('"push"', '"ideal"') + pad + BENDING
+    trade = run_trade(load_rig(), parse_scene(text), fresh=True)
+    steps = [p.dt for p in trade.points if (p.engine, p.level) == ("rigid", "elastica")]
+    assert trade.same > 0
+    assert len(steps) < 3
+    assert "left out" in "\n".join(trade_text(trade))
+
+
+def test_the_recommended_lines_make_the_scene_that_was_measured(trade):
+    lines = trade_text(trade)
+    start = next(i for i, line in enumerate(lines) if line.startswith("  engine ="))
+    chosen = trade.points[trade.recommended]
+    text = "\n".join(lines[start : start + 4])
+    scene = load_scene("pluck")
+    named = parse_scene(
+        f'finger = "push"\nfriction = false\nfelt = false\n{text}\n'
+        '[push]\nforce = "1.2 N"\nduration = "15 ms"'
+    )
+    rig = load_rig()
+    assert (named.engine, named.plectrum, named.string) == (
+        chosen.engine,
+        chosen.level,
+        chosen.string,
+    )
+    assert steps_in_sample(rig, named.step) == steps_in_sample(rig, chosen.dt)
+    assert scene.push == named.push
+
+
+def test_a_busy_machine_is_stated():
+    calm = made(*(replace(POINT, spread=0.05) for _ in range(3)))
+    busy = made(*(replace(POINT, spread=0.6) for _ in range(3)))
+    assert "busy" not in "\n".join(trade_text(calm))
+    assert "varied by 60 %" in "\n".join(trade_text(busy))
+
+
+@pytest.mark.parametrize("asked", ["3.21 us", "9.99 us", "10 us", "0.0123 %", "8 %"])
+def test_an_accuracy_is_rounded_upwards_to_two_digits(asked):
+    one = Accuracy.parse(asked)
+    more = one.rounded_up()
+    value, rounded = (each.time or each.force for each in (one, more))
+    assert value <= rounded * (1 + 1e-12) < value * 1.1
+    assert (Accuracy.parse(str(more)).time or Accuracy.parse(str(more)).force) >= value * (1 - 1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", packaged_scenes())
+def test_every_packaged_scene_has_a_study(quick, name):
+    trade = run_trade(load_rig(), load_scene(name), fresh=True)
+    assert trade.points[trade.recommended].error <= trade.requested.time
+    assert not any(point.failed for point in trade.points)
