@@ -88,7 +88,7 @@ class Trade:
     """s, by which the exact engine's first run took longer than later ones: it was compiled, or
     loaded from the cache of an earlier compilation."""
     same: int = 0
-    """Number of steps that are left out because the engine takes the same ones without them."""
+    """Number of steps that are omitted because the engine takes the same ones without them."""
     cached: bool = False
     """Whether it was measured before."""
 
@@ -198,7 +198,7 @@ def trade_text(trade: Trade) -> list[str]:
     )
     if trade.same:
         lines.append(
-            f"{counted(trade.same, 'step')} left out: the engine divides them itself, and takes the"
+            f"{counted(trade.same, 'step')} omitted: the engine divides them itself, and takes the"
             " same steps as with the one shown"
         )
     if trade.recommended is None:

@@ -65,7 +65,8 @@ AT_DESK = {
 }
 COMMANDS = ON_BENCH | AT_DESK
 VARIABLE = (
-    "real_time_factor", "build_time", "run_time", "machine", "pareto", "recommended",
+    "real_time_factor", "build_time", "run_time", "spread", "compile_time", "machine",
+    "pareto", "recommended",
     "size", "sha256", "samples_sha256", "software",
 )  # fmt: skip
 """Keys of answers that measure the machine, or depend on the versions that a recording names."""

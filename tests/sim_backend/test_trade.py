@@ -277,7 +277,7 @@ def test_steps_that_the_engine_divides_alike_appear_once(quick):
     steps = [p.dt for p in trade.points if (p.engine, p.level) == ("rigid", "elastica")]
     assert trade.same > 0
     assert len(steps) < 3
-    assert "left out" in "\n".join(trade_text(trade))
+    assert "omitted" in "\n".join(trade_text(trade))
 
 
 def test_the_recommended_lines_make_the_scene_that_was_measured(trade):
