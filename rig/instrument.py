@@ -1,12 +1,13 @@
 """The instrument's tables of the rig file: key, jack, plectrum, string."""
 
-import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from sautereau.rig.units import Force, Frequency, Inertia, Length, Mass, Moment, Section, Unit
+
+LARGEST = 10.0  # m, beyond any instrument: cubes and products of lengths stay finite
 
 
 class KeyMode(Section):
@@ -29,7 +30,7 @@ class Key(Section):
     """m, distance from the pin to the pressing point."""
     laser_arm: Length = Field(gt=0)
     """m, distance from the pin to the laser spot, which is fixed in space."""
-    jack_arm: Length = Field(gt=0)
+    jack_arm: Length = Field(gt=0, le=LARGEST)
     """m, distance from the pin to the jack."""
     front_arm: Length = Field(gt=0)
     """m, distance from the pin to the front edge."""
@@ -152,7 +153,7 @@ class Plectrum(Section):
     """m, free length from the clamp to the tip."""
     width: Length = Field(gt=0)
     """m, width across the bending plane."""
-    thickness: Length = Field(gt=0)
+    thickness: Length = Field(gt=0, le=LARGEST)
     """m, thickness in the bending plane."""
     youngs_modulus: Annotated[float, Unit("Pa", "2.9 GPa")] = Field(gt=0)
     """Pa, Young's modulus."""
@@ -168,7 +169,7 @@ class Plectrum(Section):
     paper. An overlap identified with one setting is wrong for the other."""
     friction: float = Field(default=0.0, strict=True, ge=0, le=0.5)
     """Dimensionless, coefficient of Coulomb friction between plectrum and string."""
-    tip_thickness: Length | None = Field(default=None, gt=0)
+    tip_thickness: Length | None = Field(default=None, gt=0, le=LARGEST)
     """m, thickness of the section at the tip, if it is cut thinner from below. Default:
     `thickness`."""
     tip_length: Length | None = Field(default=None, gt=0)
@@ -210,9 +211,7 @@ class Plectrum(Section):
 
     @property
     def bending_stiffness(self) -> float:
-        """N m^2, EI = E W h^3 / 12; infinite where the power is."""
-        if self.thickness > 1e100:
-            return math.inf
+        """N m^2, EI = E W h^3 / 12."""
         return self.youngs_modulus * self.width * self.thickness**3 / 12
 
 
@@ -259,7 +258,7 @@ class String(Section):
 class Choir(Section):
     """One more string that the key plucks, with its own jack and plectrum."""
 
-    jack_arm: Length = Field(gt=0)
+    jack_arm: Length = Field(gt=0, le=LARGEST)
     """m, distance from the pin to this jack."""
     jack: Jack
     plectrum: Plectrum

@@ -27,8 +27,6 @@ from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.key import angle_of_rise, key_motion, rise_of_angle
 from sautereau.trajectory.motion import Motion
 
-JACK_ARM_MAX = 10.0
-"""m, of a key's jack: no instrument is as deep."""
 STEPS = 2000
 """Instants of a prediction."""
 
@@ -123,10 +121,6 @@ def predict(rig: Rig, level: str = "auto", *, speed: JackSpeed | None = None) ->
     Raises:
         ModelError: The level has no solution for this rig, or the press ends before release.
     """
-    if rig.key.jack_arm > JACK_ARM_MAX:
-        raise ModelError(
-            f"key.jack_arm: {rig.key.jack_arm:.4g} m is more than {JACK_ARM_MAX:g} m; correct it"
-        )
     held = hold(rig, level)
     speed = speed or JackSpeed.constant(rig.press.jack_speed)
     # The plucks' own points are instants of the time base, release with the string still held.
