@@ -10,6 +10,7 @@ The force alone does not show where the key is: after a release it may be back a
 until the key reaches the front felt. A pause is then longer than this can last.
 """
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -50,8 +51,8 @@ LEAST = {"velocity": 0.5e-3, "force": 0.05}
 """m and N, least deflection at the laser, or force, of the largest press."""
 
 AGAIN = (
-    f"the key goes down again without {PAUSE * 1e3:g} ms at rest in between, so that these presses"
-    " are in one recording, of which only the first is analysed"
+    f"the key goes down again without {PAUSE * 1e3:g} ms at rest in between: it was split where the"
+    " key is highest, and what the start of a part has of the press before may disturb its contact"
 )
 NO_END = "the recording ends before key and force are back at rest"
 
@@ -165,10 +166,13 @@ def _between(
         motion = path[before.stop : after.start] - _level(path, before)
         high = float(motion.max(initial=0.0))
         if high >= HIGH * largest:
-            doubts = [AGAIN] * (of_key and _repeated(motion, high)) + [NO_END] * (
-                after.start == count
-            )
-            presses.append(Span(*_with_rests(before, after, count, step), tuple(doubts)))
+            start, stop = _with_rests(before, after, count, step)
+            turns = [before.stop + turn for turn in _turns(motion, high)] if of_key else []
+            ends = [start, *turns, stop]
+            again, no_end = (AGAIN,) * bool(turns), (NO_END,) * (after.start == count)
+            presses += [
+                Span(a, b, again + no_end * (b == stop)) for a, b in itertools.pairwise(ends)
+            ]
         elif high > BACK * largest:
             others.append(Span(before.stop, after.start))
     return presses, others
@@ -277,8 +281,11 @@ def _with_rests(before: slice, after: slice, count: int, step: float) -> tuple[i
     return max(first, before.stop - rest), min(last, after.start + rest)
 
 
-def _repeated(deflection: Floats, high: float) -> bool:
-    """Return whether the key goes down, up and down again."""
-    first = int(np.argmax(deflection > HIGH * high))
-    back = deflection[first:] < LOW * high
-    return bool(back.any() and (deflection[first + int(np.argmax(back)) :] > HIGH * high).any())
+def _turns(deflection: Floats, high: float) -> list[int]:
+    """Return where the key is highest between going up and going down again."""
+    turns, down = [], np.flatnonzero(deflection > HIGH * high)
+    for last, first in itertools.pairwise(down.tolist()):
+        between = deflection[last:first]
+        if first > last + 1 and between.min() < LOW * high:
+            turns.append(last + int(np.argmin(between)))
+    return turns

@@ -59,7 +59,8 @@ def split(file: Path, /, *, out: common.OutFolder, output: FileOutput = FileOutp
     """Write each press of a recording into a recording of its own.
 
     Presses are separated where the key is at rest for 40 ms, with key and force back where they
-    were before the press. The recording is not changed, and keeps what is between the presses.
+    were before the press; without such a pause where the key is highest, which is said. The
+    recording is not changed, and keeps what is between the presses.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def split(file: Path, /, *, out: common.OutFolder, output: FileOutput = FileOutp
     warnings += [f"{a:.6g} to {b:.6g} s: motion that is in no press" for a, b in others]
     lines = [
         *["SIMULATED"] * recorded.simulated,
-        f"{counted(len(spans), 'press')}, with at least {found.pause * 1e3:.4g} ms between them",
+        f"{counted(len(spans), 'press')}, separated by pauses of {found.pause * 1e3:.4g} ms or more",
         *(f"{one['path']}: {one['start']:.6g} to {one['stop']:.6g} s" for one in made),
         *(f"warning: {text}" for text in warnings),
     ]

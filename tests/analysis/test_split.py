@@ -1,5 +1,6 @@
 """Recordings of several presses: where each is, and that `split` writes all that it shows."""
 
+import itertools
 import json
 from datetime import datetime
 from pathlib import Path
@@ -107,12 +108,22 @@ def test_every_press_is_found_with_its_rests(one, record, without):
     assert found.others == ()
 
 
-def test_presses_without_a_pause_stay_together(one, record):
-    """Fast repetitions are not separated where the key does not come to rest, and this is said."""
-    fast = np.stack(one)[:, round(0.024 * RATE) : -round(0.049 * RATE)]  # all of it is motion
-    signals, _ = joined([fast] * 5, [0.2, 0.06, 0.3, 0.01, 0.005, 0.2])
-    found = found_in(record(signals))
-    assert [span.doubts for span in found.presses] == [(), (), (AGAIN,)]
+def test_presses_without_a_pause_are_divided_where_the_key_is_highest(one, record, tmp_path):
+    """As in a trill; each part has the pluck of its press, and the division is said."""
+    cut = 0.024
+    fast = np.stack(one)[:, round(cut * RATE) : -round(0.049 * RATE)]  # all of it is motion
+    signals, starts = joined([fast] * 6, [0.2, 0.06, 0.3, 0.02, 0.01, 0.005, 0.2])
+    path = record(signals)
+    spans = found_in(path).presses
+    assert [span.doubts for span in spans] == [(), (), *[(AGAIN,)] * 4]
+    for before, after in itertools.pairwise(spans[2:]):
+        assert before.stop == after.start
+    assert run("split", path, "--out", tmp_path / "presses") == 0
+    for file, start in zip(sorted((tmp_path / "presses").iterdir()), starts, strict=True):
+        (pluck,) = analyse_file(file).phases.plucks
+        offset = _start(file) - start / RATE + cut
+        assert pluck.contact + offset == pytest.approx(CONTACT, abs=0.2e-3)
+        assert pluck.release + offset == pytest.approx(RELEASE, abs=0.05e-3)
 
 
 def test_a_key_that_is_held_down_is_no_pause(one, record):
@@ -225,7 +236,7 @@ def test_split_writes_every_sample_of_each_press(one, record, tmp_path, capsys):
         run("split", path, "--out", tmp_path / "presses")
     assert run("split", path, "--out", tmp_path / "presses", "--force") == 0
     shown = capsys.readouterr().out
-    assert "3 presses, with at least 40 ms between them" in shown
+    assert "3 presses, separated by pauses of 40 ms or more" in shown
     assert all(len(line) <= WIDTH or "/" in line for line in shown.splitlines())
 
 
