@@ -25,16 +25,24 @@ INERTIA_RANGE = -0.5, 1.0
 """Dimensionless bounds of the relative error of the inertia."""
 SMOOTH = 1.2e-3
 """s, window of the moving average, applied twice to the acceleration for its column of the fit."""
+RISE_STD = 0.5
+"""N, standard deviation of the change of the load of a key without a string over the full rise:
+cloth, springs and lead weights, as in the paper's figure 7."""
 DRIFT_STD = 0.03
-"""N, standard deviation of the change of the load over the full rise, and at full speed."""
+"""N, standard deviation of this change at full speed."""
 HUM_STD = 5e-3
 """N, standard deviation of mains hum at each frequency, sine and cosine."""
 HUM = (50.0, 60.0)
 """Hz."""
 LEVEL_STD = 10.0
 """N, standard deviation of the constant load."""
-BENDS = 3
-"""Columns of the string: linear, quadratic and cubic in the rise."""
+BENDS = 4
+"""Columns of the string: linear, quadratic and cubic in the rise, and a peak at contact."""
+PEAK_STD = 0.1
+"""N, standard deviation of the peak of the load when the plectrum meets the string, as in the
+paper's figure 7."""
+PEAK = 0.8e-3
+"""s, standard deviation of this peak, a normal curve."""
 BEND_STD = 0.12, 0.1
 """Standard deviations of the quadratic and cubic terms over the force at release, about those that
 the rig's model expects."""
@@ -107,7 +115,8 @@ class KeyAndString:
         self._fall_std = math.hypot(release.fall_std, FALL_STD * release.fall)
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
         bend_std = np.array(BEND_STD) * max(1e-3, float(np.ptp(held.load)))
-        self._string_prior = np.diag([1 / self._fall_std**2, *(1 / bend_std**2)])
+        stds = np.array([self._fall_std, *bend_std, PEAK_STD])
+        self._string_prior = np.diag(1 / stds**2)
         self._keys: dict[tuple[float, float | None, bool], tuple[Floats, Floats, float]] = {}
 
     def free(self, noise: float) -> float:
@@ -129,8 +138,8 @@ class KeyAndString:
             times: s, shape (n,).
             noise: Variance of the noise over that of the rows.
         """
-        # There is no string in the rows before the first instant.
-        first = max(0, int((times[0] - self._held.time[0]) / self._held.step) - 1)
+        # There is no string in the rows before the first instant, apart from half of its peak.
+        first = max(0, int((times[0] - 4 * PEAK - self._held.time[0]) / self._held.step) - 1)
         string = self._white(self._bare(times, first).T, first).T
         string = string.reshape(BENDS, len(times), -1).swapaxes(0, 1)
         found = self._fits(string, noise, None)
@@ -186,7 +195,8 @@ class KeyAndString:
         square = line * (line - 1)
         cube = square * (line - 0.5)
         quadratic, cubic = self._expected
-        return np.concatenate([line + quadratic * square + cubic * cube, square, cube])
+        peak = np.exp(-0.5 * ((held.time[first:] - times[:, None]) / PEAK) ** 2)
+        return np.concatenate([line + quadratic * square + cubic * cube, square, cube, peak])
 
     def _fits(self, string: Floats, noise: float, inertia: float | None) -> ContactFits:
         """Return the fits.
@@ -254,7 +264,7 @@ def _base(strings: Expected, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
         moving[inside, 5] = np.maximum(lift - held.rise, 0.0) / lift
     time = np.concatenate([rest.time, held.time])
     hum = hum_at(time)
-    of_key = [LEVEL_STD, LEVEL_STD, DRIFT_STD, DRIFT_STD, INERTIA_STD]
+    of_key = [LEVEL_STD, LEVEL_STD, RISE_STD, DRIFT_STD, INERTIA_STD]
     prior = np.array([*of_key, max(1e-6, DAMPER_STD * damped), *[HUM_STD] * hum.shape[1]])
     return np.column_stack([moving, hum]), prior
 

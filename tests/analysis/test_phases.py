@@ -120,6 +120,36 @@ def test_speeds(make_press, speed, contact, release, slope, rate):
 
 
 @pytest.mark.parametrize(
+    ("before", "peak"), [(0.0, 0.0), (0.0, 0.1), (0.12, 0.0), (0.12, 0.1), (0.2, 0.0), (0.2, 0.1)]
+)
+def test_the_press_of_the_papers_figure_7(make_press, paper, before, peak):
+    """The force increases before contact, has a peak there, and diminishes after the release.
+
+    The jack is slower while the string is held, by up to a sixth.
+    """
+    random, rate = np.random.default_rng(1), 51_200.0
+    time = np.arange(round(0.35 * rate)) / rate
+    start, contact, release, end = 0.05, 0.077, 0.097, 0.19
+    inside = [time < start, time < contact, time < release, time < end]
+    speed = np.select(inside, [0, 0.072, 0.060, 0.070], 0)
+    window = np.hanning(round(6e-3 * rate))
+    speed = np.convolve(speed, window / window.sum(), "same")
+    load = before * np.clip((time - start) / (contact - start), 0, None)  # springs and cloth
+    load += np.where((time > contact) & (time < release), 17.5 * (time - contact), 0)
+    load += peak * np.exp(-0.5 * ((time - contact) / 0.8e-3) ** 2)
+    load *= np.where(time < release, 1, np.exp(-(time - release) / 0.05))
+    arm, inertia = paper.key.jack_arm, paper.key.inertia + paper.jack.mass * paper.key.jack_arm**2
+    force = load + inertia / paper.key.press_arm * np.gradient(speed / arm, 1 / rate)
+    velocity = speed * paper.key.laser_arm / arm
+    noises = (5e-5 * random.standard_normal(len(time)), 5e-3 * random.standard_normal(len(time)))
+    held, phases = only_pluck(make_press.build(velocity + noises[0], force + noises[1], rate))
+    assert held.contact == pytest.approx(contact, abs=0.4e-3)
+    assert held.release == pytest.approx(release, abs=0.1e-3)
+    assert not held.doubtful
+    assert not phases.warnings
+
+
+@pytest.mark.parametrize(
     "change",
     [
         {"slope": 30, "curvature": -400},
