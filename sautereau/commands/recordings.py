@@ -94,7 +94,8 @@ def split(file: Path, /, *, out: common.OutFolder, output: FileOutput = FileOutp
     warnings += [f"{a:.6g} to {b:.6g} s: motion that is in no press" for a, b in others]
     lines = [
         *["SIMULATED"] * recorded.simulated,
-        f"{counted(len(spans), 'press')}, separated by pauses of {found.pause * 1e3:.4g} ms or more",
+        f"{counted(len(spans), 'press')}, separated by pauses of"
+        f" {found.pause * 1e3:.4g} ms or more",
         *(f"{one['path']}: {one['start']:.6g} to {one['stop']:.6g} s" for one in made),
         *(f"warning: {text}" for text in warnings),
     ]
