@@ -22,8 +22,8 @@ SPARE_ROWS = 64
 _ENDS = np.array([0.0, 1.0])
 _FAULTS = {
     ix.TURNED_OVER: TURNED_OVER,
-    ix.LOST: "the simulation diverged or is too stiff; the scene's forces are out of its range:"
-    " lower masses, stiffness or damping",
+    ix.LOST: "the simulation diverged or is too stiff: the forces are out of the range of its"
+    " masses; raise the smallest inertia or mass, or lower the largest force, stiffness or damping",
     ix.JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
     ix.AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
     " contact; keep the arm in front of it",
@@ -98,7 +98,8 @@ class ExactWorld(World):
         if fault == ix.FINE and not np.isfinite(rows).all():
             fault = ix.LOST
         if fault != ix.FINE:
-            reached = rows[-1, 0] if last else 0.0
+            good = rows[np.isfinite(rows).all(axis=1), 0]
+            reached = good[-1] if len(good) else 0.0
             raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[fault]}")
         lists = self.events.contacts, self.events.releases, self.events.returns
         for time, event, choir, force in press.events[:events].tolist():

@@ -140,10 +140,10 @@ class StepRefinement:
     def _halvings(self, level: int, run: Observation) -> int:
         """Return by how many halvings the engine's steps are shorter than those of a level."""
         steps = np.diff(run.motions.time)[run.motions.finger_force[1:] > 0]
-        steps = steps[steps > 0]
-        if not len(steps):
+        steps, given = steps[steps > 0], self._period / self.steps(level)
+        if steps.sum() < given:  # a push that ends within a step divides it as well
             return 0
-        parts = self._period / self.steps(level) / float(np.median(steps))
+        parts = given / float(np.median(steps))
         return max(0, math.floor(math.log2(parts) + 1e-6))
 
     def _rounding(self, run: Observation) -> Errors:

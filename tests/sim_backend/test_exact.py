@@ -237,6 +237,13 @@ def test_diverging_motion_is_refused(finger):
         reference(RIG, scene)
 
 
+def test_a_key_without_mass_is_no_jump_of_the_fingertip():
+    """There is no fingertip in a push; and the instant in the message is a number."""
+    light = {"key.inertia": 1e-9, "jack.mass": 1e-9, "key.gravity_moment": 0.0}
+    with pytest.raises(SceneError, match=r"after [0-9.e-]+ s the simulation diverged"):
+        run(RIG.replaced(light), pushed(force=1.2, duration=0.03))
+
+
 # The world.
 
 

@@ -252,3 +252,11 @@ def test_levels_that_agree_by_coincidence_do_not_hide_an_error():
     error = {1: 2e-6, 2: -2e-6, 4: 1.5e-6, 8: 1.9e-6}
     refinement = StepRefinement(lambda n: events_at(0.01, 0.02 + error[n]), 1, 8, PERIOD)
     assert error[1] <= refinement.estimate(0).time
+
+
+@pytest.mark.parametrize("engine", ["exact", "rigid"])
+def test_a_push_shorter_than_a_step_has_a_claim(engine):
+    """It divides the step in which it ends; the engine did not divide it for its stiffness."""
+    push = scene(engine, want='step = "100 us"').push.model_copy(update={"duration": 1e-9})
+    pushed = scene(engine, want='step = "100 us"').model_copy(update={"push": push})
+    assert select_solver(load_rig(), pushed).errors.time < 1e-6

@@ -180,7 +180,9 @@ def part_surfaces(press):
         return ix.LOST
     if math.isnan(finger.angle):
         return ix.AT_PIN
-    if max(0.0, finger.angle) - x[0] > DEEP:
+    if -x[0] > DEEP:  # below its rail, where only an error of the forces takes it
+        return ix.LOST
+    if finger.angle - x[0] > DEEP:
         return ix.JUMPED
     x[0] = max(x[0], finger.angle, 0.0)
     for k in range(len(press.jacks)):
