@@ -295,4 +295,4 @@ def _finger_force(v: Mapping[str, Floats], rise: Floats, string: Floats) -> Floa
     travel, speed = arm * 2 * np.arctan(half), arm * spin
     felt = felt_force(travel, speed, c["dip"], c["felt_stiffness"], c["felt_damping"])
     rubbing = c["fingertip_friction"] * c["surface_height"]
-    return (moment + load * slope) / (arm + rubbing) + felt
+    return (moment + load * slope + arm * felt) / (arm + rubbing)

@@ -48,10 +48,10 @@ def felt_force(
 def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
     """Return the finger force [N] normal to the key that a motion requires.
 
-    F (a_p + mu h_f) = I a'' + friction - M_g + sum of N_j d(rise)/da over the jacks
-    (paper, 2.2) with the static gravity moment M_g of the key (`key.gravity_moment`) and the
-    friction mu of the fingertip at the height h_f above the pin, which reverses with the key; plus
-    the force of the front felt once the key has reached it.
+    F (a_p + mu h_f) = I a'' + friction - M_g + sum of N_j d(rise)/da over the jacks + a_p felt
+    (paper, 2.2) with the static gravity moment M_g of the key (`key.gravity_moment`), the friction
+    mu of the fingertip at the height h_f above the pin, which reverses with the key, and the force
+    of the front felt once the key has reached it.
 
     Args:
         angle: Motion of the key [rad], arrays (n,).
@@ -73,4 +73,4 @@ def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
     travel, speed = key.press_arm * angle.position, key.press_arm * angle.velocity
     felt = felt_force(travel, speed, key.dip, key.felt_stiffness, key.felt_damping)
     rubbing = rig.arm.fingertip_friction * key.surface_height * np.sign(angle.velocity)
-    return moment / (key.press_arm + rubbing) + felt
+    return (moment + key.press_arm * felt) / (key.press_arm + rubbing)

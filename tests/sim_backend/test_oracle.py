@@ -37,7 +37,7 @@ def drawn_choir(rng):
         "thickness": between(0.3e-3, 0.6e-3),
         "overlap": length * between(0.02, 0.1),
         "contact": str(rng.choice(["surface", "mid-line"])),
-        "friction": float(rng.choice([0.0, between(0, 0.2)])),
+        "friction": float(rng.choice([0.0, between(0, 0.3)])),
     }
     string = {"tension": between(30, 200), "plucking_point": between(0.05, 0.2)}
     return Choir.model_construct(
@@ -65,6 +65,7 @@ def drawn(seed):
         "felt_stiffness": np.exp(between(np.log(2e3), np.log(1e5))),
         "felt_damping": between(0, 30),
     }
+    tip = np.random.default_rng([seed, 3]).uniform(-0.3, 0.3)
     rig = RIG.model_copy(
         update={
             "key": RIG.key.model_copy(update=key),
@@ -72,6 +73,7 @@ def drawn(seed):
             "plectrum": first.plectrum,
             "string": first.string,
             "more_choirs": tuple(more),
+            "arm": RIG.arm.model_copy(update={"fingertip_friction": tip}),
         }
     )
     on = [bool(value) for value in rng.integers(0, 2, 3)]

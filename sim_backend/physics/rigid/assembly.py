@@ -21,6 +21,7 @@ from sautereau.sim_backend.physics.rigid.finger import PushFinger, SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, PaddedIdealFinger, touching_angle
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
 from sautereau.sim_backend.physics.rigid.key import StiffKey
+from sautereau.sim_backend.physics.rigid.pad import Friction
 from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
 from sautereau.sim_backend.physics.rigid.yielding import BendingKey, SinkingKey
 from sautereau.sim_backend.scene import Scene
@@ -250,13 +251,16 @@ def _finger(
     space: pymunk.Space, key: StiffKey, rig: Rig, scene: Scene, start: tuple[float, float]
 ) -> SteppedFinger:
     """Return the scene's finger."""
+    rubs = scene.friction and rig.arm.fingertip_friction != 0
+    friction = Friction(rig, key) if rubs else None
     if scene.push is not None:
-        return PushFinger(scene.push, rig.key.press_arm, start, rig.controller.sample_period)
+        period = rig.controller.sample_period
+        return PushFinger(scene.push, friction, rig.key.press_arm, start, period)
     if scene.servo is not None:
-        return ServoFinger(space, key, rig, start, scene.servo, scene)
+        return ServoFinger(space, key, rig, friction, start, scene.servo, scene)
     if scene.fingertip is not None:
-        return PaddedIdealFinger(key, rig, scene.fingertip, start)
-    return IdealFinger(space, key, rig, start)
+        return PaddedIdealFinger(key, rig, scene.fingertip, friction, start)
+    return IdealFinger(space, key, rig, friction, start)
 
 
 def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> StringForce | None:

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.finger import Finger, Reference
-from sautereau.sim_backend.physics.rigid.pad import Pad
+from sautereau.sim_backend.physics.rigid.pad import Friction, Pad
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 
 
@@ -45,6 +45,17 @@ class SteppedFinger(Finger, ABC):
         Args:
             weight: ms, for which the forces acted in it.
         """
+
+    @property
+    def trials(self) -> int:
+        """How often a step about an event is taken, each with the friction that the last gave."""
+        return 1
+
+    def retry(self, weight: float) -> None:
+        """Prepare another trial; `weight` as of `contact_force`."""
+
+    def foresee(self, force: float) -> None:
+        """Take the force [N] of the next step, by which the friction in it is known."""
 
     def reaches_key(self, angle: float, step: float) -> bool:
         """Return whether a separated finger reaches the key, at an angle [rad] after a step."""
@@ -94,9 +105,16 @@ class SteppedFinger(Finger, ABC):
 class PushFinger(SteppedFinger):
     """A force on the key from the first instant on; the arm is not simulated and stays still."""
 
-    def __init__(self, push: Push, press_arm: float, start: tuple[float, float], period: float):
+    def __init__(
+        self,
+        push: Push,
+        friction: Friction | None,
+        press_arm: float,
+        start: tuple[float, float],
+        period: float,
+    ):
         super().__init__(start)
-        self._push, self._period = push, period
+        self._push, self._period, self._friction = push, period, friction
         self._arm = press_arm
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
@@ -106,6 +124,11 @@ class PushFinger(SteppedFinger):
         within = on and left < self._period * (1 - 1e-9)
         self.push_end = left * 1e3 if within else math.inf
         return self.moment != before
+
+    def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
+        """Apply the friction; see `SteppedFinger`."""
+        if self._friction is not None:
+            self._friction.rub(self.contact_force(0.0), angle, omega, kick.step, kick.fraction)
 
     def contact_force(self, weight: float) -> float:
         return self.moment / self._arm / 1e3

@@ -1,7 +1,8 @@
-"""A compliant pad between fingertip and key: a force on the bodies in place of a joint."""
+"""Forces between fingertip and key in place of a joint: of a compliant pad, and friction."""
 
 import math
 
+from sautereau.rig.schema import Rig
 from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_force, set_torque
 from sautereau.sim_backend.physics.rigid.key import StiffKey
@@ -10,14 +11,60 @@ from sautereau.sim_backend.physics.rigid.step_event import Kick
 APART = -1e-9  # mm, overlap below which the pad has left the key
 
 
+class Friction:
+    """The friction of the fingertip on the key's surface, in mm, g and ms; for other values, N."""
+
+    def __init__(self, rig: Rig, key: StiffKey):
+        self._coefficient, self._radius = rig.arm.fingertip_friction, rig.arm.fingertip_radius * MM
+        self._lever, self._pin = key.lever, key.pin
+        self.height = rig.key.surface_height * MM
+        """mm, of the surface above the pin."""
+
+    def share(self, force: float, omega: float, step: float) -> float:
+        """Return the force along the key towards its front edge over the force on it.
+
+        The sign of the key's velocity changes over the velocity that the friction takes or gives in
+        a step: so the friction of a key at rest is as large as it must be, or none.
+
+        Args:
+            force: N, on the key.
+            omega: rad/ms, of the key.
+            step: ms.
+        """
+        change = abs(self._coefficient) * self.height * force * step / self._lever.moment
+        fastest = max(abs(omega), change)
+        return self._coefficient * omega / fastest if fastest else 0.0
+
+    def rub(
+        self, force: float, angle: float, omega: float, step: float, fraction: float = 1.0
+    ) -> tuple[float, float, float]:
+        """Rub the key, and return the force [N] on the fingertip, (x, z), and its moment [N mm].
+
+        Args:
+            force: N, on the key; for the others see `share`.
+            angle: rad, of the key.
+            fraction: Dimensionless, of the friction to apply.
+        """
+        along, lever = force * self.share(force, omega, step) * fraction, self._lever
+        set_torque(lever, lever.torque + along * self.height)
+        sine, cosine = math.sin(angle), math.cos(angle)
+        if not self._pin.fixed:
+            set_force(lever, (0.0, lever.force[1] - along * sine))
+        return along * cosine, along * sine, along * self._radius
+
+
 class Pad:
     """The pad on the key's surface, in mm and ms.
 
     Args:
+        friction: Of the fingertip; None for none.
         height: mm, of the fingertip's centre above the pin where an uncompressed pad touches.
     """
 
-    def __init__(self, fingertip: Fingertip, key: StiffKey, height: float):
+    def __init__(
+        self, fingertip: Fingertip, key: StiffKey, friction: Friction | None, height: float
+    ):
+        self._friction = friction
         self._stiffness, self._damping = fingertip.stiffness / MM, fingertip.damping
         self._lever, self._height, self.pin = key.lever, height, key.pin
         self.separated = True
@@ -42,8 +89,11 @@ class Pad:
         angle: float,
         omega: float,
         kick: Kick,
-    ) -> tuple[float, float]:
-        """Push the key, and return the force [N] on the fingertip, (x, z), as it is applied.
+    ) -> tuple[float, float, float]:
+        """Push the key, and return the force on the fingertip as it is applied.
+
+        Returns:
+            The force [N], (x, z), at the fingertip's centre, and its moment [N mm] about that.
 
         Args:
             place: mm, of the fingertip's centre at the end of the step.
@@ -62,11 +112,15 @@ class Pad:
         self.force = 0.0 if self.separated else max(0.0, push)
         self.before = 0.0 if self._fresh else self.force
         # A contact in the middle of an impulse: the force acts in the second part only.
-        applied = self.force * (kick.ahead / (2 * kick.step) if self._fresh else kick.fraction)
+        fraction = kick.ahead / (2 * kick.step) if self._fresh else kick.fraction
+        applied = self.force * fraction
         set_torque(self._lever, self._lever.torque + applied * reach)
         if not self.pin.fixed:
             set_force(self._lever, (0.0, self._lever.force[1] - applied * cosine))
-        return -applied * sine, applied * cosine
+        if self._friction is None:
+            return -applied * sine, applied * cosine, 0.0
+        along = self._friction.rub(self.force, angle, omega, kick.step, fraction)
+        return along[0] - applied * sine, along[1] + applied * cosine, along[2]
 
     def make_contact(self) -> None:
         """Be in contact with the key from now on."""
