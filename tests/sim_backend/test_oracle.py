@@ -12,7 +12,7 @@ from tests.sim_backend.scenes import RIG, push_of, pushed
 
 QUICK = (23, 41, 43, 59, 71, 93)
 """Seeds in which much happens: landings that accumulate, returns, a second contact, the felt."""
-SOON_STUCK = (217, 259)
+SOON_STUCK = (19, 117)
 """Seeds of a string that soon sticks on the plectrum."""
 
 
@@ -123,9 +123,7 @@ def test_the_oracles_elastica_is_that_of_table_1(force, drop, shortening):
     assert (-z * length, (1 - x) * length) == pytest.approx((drop, shortening), abs=6e-4)
 
 
-@pytest.mark.parametrize(
-    "seed", [*QUICK, *(slow(n) for n in (*range(66), *SOON_STUCK) if n not in QUICK)]
-)
+@pytest.mark.parametrize("seed", [*QUICK, *(slow(n) for n in (*range(66), 117) if n not in QUICK)])
 def test_random_presses_are_the_documented_equations(seed):
     compare(seed)
 

@@ -213,7 +213,7 @@ def part_surfaces(press):
         return ix.AT_PIN
     if max(0.0, finger.angle) - x[0] > DEEP:
         return ix.JUMPED
-    if finger.kind == ix.SERVO and finger.friction != 0.0:
+    if finger.friction != 0.0 and finger.kind == ix.SERVO and finger.angle >= x[0]:
         rub(press, 0.0)
         bare = finger.compliance
         for side in (1.0, -1.0):
