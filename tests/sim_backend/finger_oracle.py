@@ -102,7 +102,7 @@ class FingerOracle(Oracle):
         return z * np.cos(u[0]) - x * np.sin(u[0]) - self.top
 
     def reach(self, u, rub=0.0):
-        """Return the `Reach` with a share of the force that acts towards the front edge."""
+        """Return the `Reach` with a fraction of the force that acts towards the front edge."""
         a, w, arm, lengths = u[0], u[1], self.arm, self.lengths
         links, speeds = u[self.links : self.links + 2], u[self.links + 2 : self.links + 4]
         cos, sin, ca, sa = np.cos(links), np.sin(links), np.cos(a), np.sin(a)

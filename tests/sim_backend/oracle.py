@@ -290,7 +290,7 @@ class Oracle:
     def accelerations(self, u):
         """Return those of key and jacks, the jacks' normal forces, and the finger's.
 
-        That is the finger's normal force [N], and the share of it that acts towards the front edge.
+        That is the finger's normal force [N], and the fraction of it that acts on the surface.
         """
         a, w = u[0], u[1]
         geometry = [self.rise(j, a) for j in self.jacks]

@@ -18,10 +18,10 @@ def locate_tip(press, time):
     NaN if the fingertip is so close to the pin that no angle gives a contact. With a pad the key
     has its own angle, and the pad's moment is set. The friction is that of the mode.
     """
-    finger, side = press.finger, press.key.slip
+    finger = press.finger
     if finger.kind == ix.PUSH:
         finger.angle = -math.inf
-        rub(press, most_friction(finger, side))
+        rub(press, press.key.slip, 1.0)
         return
     if finger.kind == ix.SERVO:
         n = len(press.jacks)
@@ -54,8 +54,7 @@ def locate_tip(press, time):
     bias = (inward - 2 * omega * along - omega * omega * finger.height) / reach
     finger.angle, finger.speed, finger.reach = angle, omega, -reach
     if finger.kind == ix.SERVO:
-        radius = finger.height - finger.surface
-        slide2 = lx * sine - lz * cosine + radius
+        slide2 = lx * sine - lz * cosine + finger.height - finger.surface
         slide1 = ux * sine - uz * cosine + slide2
         finger.turn[0], finger.turn[1] = slope1, slope2
         move_arm(press, q1, q2, d1, d2, slide1, slide2)
@@ -68,26 +67,16 @@ def locate_tip(press, time):
         finger.push = push * finger.reach
         finger.force = max(0.0, push) if finger.overlap > 0.0 else 0.0
         finger.angle, finger.compliance = -math.inf, math.inf
-    rub(press, most_friction(finger, side))
+    rub(press, press.key.slip, 1.0)
 
 
 @inlined
-def most_friction(finger, side):
-    """Return the friction of a key that turns to a side (its sign), as `rub` takes it."""
-    share = side * finger.friction
-    return share / (finger.reach + share * finger.surface) if share != 0.0 else 0.0
-
-
-@inlined
-def rub(press, along):
-    """Set what a force on the key does with its friction.
-
-    Args:
-        along: 1/m, force along the key towards its front edge, over its moment on the key.
-    """
-    finger = press.finger
+def rub(press, side, part):
+    """Set what a force does with the friction of a key that turns to a side, or a part of it."""
+    finger, share, along = press.finger, side * press.finger.friction, 0.0
     finger.lever = finger.reach
-    if along != 0.0:
+    if share != 0.0:  # along the key, over the moment on it
+        along = part * share / (finger.reach + share * finger.surface)
         finger.lever /= 1 - along * finger.surface
     finger.moment = finger.force * finger.lever
     if finger.kind == ix.SERVO:
@@ -99,12 +88,7 @@ def rub(press, along):
 
 @compiled
 def move_arm(press, q1, q2, d1, d2, slide1, slide2):
-    """Set the joints' accelerations under the motors, and those per moment on the key.
-
-    Args:
-        slide1: m, of the point of link 2 in contact, along the key, per turn of joint 1.
-        slide2: m, of joint 2.
-    """
+    """Set the joints' accelerations under the motors, and by moments; `slide` is along the key."""
     finger = press.finger
     slope1, slope2 = finger.turn[0], finger.turn[1]
     coupling, twist = finger.coupling * math.cos(q2), finger.coupling * math.sin(q2)

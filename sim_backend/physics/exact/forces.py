@@ -4,7 +4,7 @@ import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, expanded, inlined
-from sautereau.sim_backend.physics.exact.fingertip import locate_tip, most_friction, rub
+from sautereau.sim_backend.physics.exact.fingertip import locate_tip, rub
 
 
 @inlined
@@ -171,22 +171,20 @@ def hold_key(press, least, most):
 def hold_by_friction(press):
     """Set the least friction of the fingertip with which the key stays at rest, and its margins."""
     key, finger = press.key, press.finger
-    bare, along = finger.reaction + finger.moment, 0.0
+    bare, part = finger.reaction + finger.moment, 0.0
     if bare <= 0.0 or (finger.touch and finger.compliance == 0.0):
         return
-    for side in (1.0, -1.0):
-        most, margin = most_friction(finger, side), key.up if side > 0 else key.down
-        rub(press, most)
-        pushed = finger.acceleration / finger.compliance if finger.touch else finger.moment
-        held = margin - side * (pushed - bare)
-        if side > 0:
-            key.up = max(margin, held)
-        else:
-            key.down = max(margin, held)
-        if margin < 0.0 < held and (side > 0 or press.x[0] > ix.CLOSE):  # not on the rail
-            # The moment's reciprocal is linear in the friction.
-            inverse = 1 / bare
-            along = most * (inverse - 1 / (bare + side * margin)) / (inverse - 1 / pushed)
-    rub(press, along)
+    side, margin = 1.0 if key.up < key.down else -1.0, min(key.up, key.down)
+    rub(press, side, 1.0)
+    pushed = finger.acceleration / finger.compliance if finger.touch else finger.moment
+    held = margin - side * (pushed - bare)
+    if margin < 0.0 < held and (side > 0 or press.x[0] > ix.CLOSE):  # not on the rail
+        # The moment's reciprocal is linear in the friction.
+        part = (1 / bare - 1 / (bare + side * margin)) / (1 / bare - 1 / pushed)
+    if side > 0:
+        key.up = max(margin, held)
+    else:
+        key.down = max(margin, held)
+    rub(press, side, part)
     if finger.touch:
         finger.reaction = finger.acceleration / finger.compliance

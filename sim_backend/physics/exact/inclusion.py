@@ -17,12 +17,7 @@ import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, entry, expanded, inlined
-from sautereau.sim_backend.physics.exact.fingertip import (
-    heading,
-    locate_tip,
-    most_friction,
-    rub,
-)
+from sautereau.sim_backend.physics.exact.fingertip import heading, locate_tip, rub
 from sautereau.sim_backend.physics.exact.forces import (
     accelerate,
     felt_push,
@@ -126,13 +121,7 @@ def root(press, q, t, by, pull, target):
 
 @compiled
 def sought(press, q, t, h, target, near):
-    """Return the unknown without the rail, with the present friction of the fingertip.
-
-    Args:
-        q: Without the moment of a push or a pad.
-        target: Unknown of a key that moves with the fingertip.
-        near: Whether the fingertip may touch the key.
-    """
+    """Return the unknown off the rail; the target is that of a key that follows the finger."""
     q, c = q + h * press.finger.moment, press.finger.compliance
     x = root(press, q, t, 1.0, 0.0, 0.0)
     if near and x < target:
@@ -155,17 +144,17 @@ def solve(press, kept, h, direction):
     q -= h * finger.moment
     side, target = 0.0 if kept else sign(omega), kept * finger.speed + h * finger.acceleration
     near = in_contact(kept, h, angle - finger.angle, omega - finger.speed)
-    rub(press, most_friction(finger, side))
+    rub(press, side, 1.0)
     x = sought(press, q, t, h, target, near)
     if in_contact(kept, h, angle, omega):  # the rail
         x = max(x, 0.0)
     if finger.friction != 0.0 and side == 0.0 and x != 0.0:
-        side, bare, most = sign(x), finger.compliance, most_friction(finger, sign(x))
-        rub(press, most)
+        side, bare = sign(x), finger.compliance
+        rub(press, side, 1.0)
         x = side * max(side * sought(press, q, t, h, target, near), 0.0)
         if x == 0.0 and near and bare < math.inf:
             needed = target / unbalanced(press, q + h * finger.moment, t, 0.0, side)
-            rub(press, most * (bare - needed) / (bare - finger.compliance))
+            rub(press, side, (bare - needed) / (bare - finger.compliance))
     finger.touch = near and (x < target or (x == target and direction >= 0))
     return x
 
@@ -214,11 +203,9 @@ def part_surfaces(press):
     if max(0.0, finger.angle) - x[0] > DEEP:
         return ix.JUMPED
     if finger.friction != 0.0 and finger.kind == ix.SERVO and finger.angle >= x[0]:
-        rub(press, 0.0)
-        bare = finger.compliance
         for side in (1.0, -1.0):
-            rub(press, most_friction(finger, side))
-            if finger.lever <= 0.0 or finger.compliance <= 0.0 < bare:
+            rub(press, side, 1.0)
+            if finger.lever <= 0.0 or finger.compliance < 0.0:
                 return ix.JAMMED
     x[0] = max(x[0], finger.angle, 0.0)
     for k in range(len(press.jacks)):

@@ -14,15 +14,12 @@ from sautereau.sim_backend.physics.rigid import bodies
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import touching_angle
 from sautereau.sim_backend.physics.rigid.key import StiffKey
-from sautereau.sim_backend.physics.rigid.pad import Friction, Pad, fingertip_state
+from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature, gravity_torque
 
 _ENDS = np.array([0.0, 1.0])
-RUBBED = 6
-"""Trials of a step about an event with friction, each of which leaves less than a third of the
-error: the friction by which the force changes its own next value."""
 
 
 class PositionLoops:
@@ -83,7 +80,6 @@ class ServoFinger(SteppedFinger):
     the relative rotation of the two links, which no rigid body can represent.
 
     Args:
-        friction: Of the fingertip; None for none.
         start: rad, joints when power comes on.
         scene: With its gravity and its fingertip.
 
@@ -96,7 +92,6 @@ class ServoFinger(SteppedFinger):
         space: pymunk.Space,
         key: StiffKey,
         rig: Rig,
-        friction: Friction | None,
         start: tuple[float, float],
         servo: Servo,
         scene: Scene,
@@ -120,7 +115,7 @@ class ServoFinger(SteppedFinger):
         self.upper, self.lower = bodies.add_arm(space, arm, start)
         self.upper.moment += first * bodies.INERTIA
         if scene.fingertip is not None:
-            self.pad = Pad(scene.fingertip, key, friction, self._height)
+            self.pad = Pad(scene.fingertip, key, self._height)
         else:
             self._tip = bodies.add_fingertip(space, key.lever, self.lower, rig.key, arm)
         self._brakes = bodies.brakes(space, self.upper, self.lower)
@@ -128,7 +123,6 @@ class ServoFinger(SteppedFinger):
         self._start = start
         self._powered = False
         self._separated = False
-        self._friction = None if self.pad is not None else friction
         self._force = self._foreseen = 0.0
         self._error = (0.0, 0.0)
         self._torque = (0.0, 0.0)
@@ -178,33 +172,24 @@ class ServoFinger(SteppedFinger):
         """Apply the motors' torques and the pad's force; see `SteppedFinger`."""
         (first, second), (a, b) = self._torque, self._correction
         first, second = first * kick.fraction + a, second * kick.fraction + b
-        if self.pad is not None:
+        x = z = moment = 0.0
+        if self.pad is not None or self.friction is not None:
             back = kick.fraction * kick.step - kick.ahead / 2  # to the middle of the last step
             place, velocity, along = self._tip_after(kick.step, back)
-            self._touch(along, self.pad.press(place, velocity, angle, omega, kick), second)
-        elif self._friction is not None:
-            rubbed = self._friction.rub(self._foreseen, angle, omega, kick.step, kick.fraction)
-            self._touch(self._tip_after(kick.step, 0.0)[2], rubbed, second)
-        else:
-            bodies.set_torque(self.lower, second)
+            if self.pad is not None:
+                x, z, moment = self.pad.press(place, velocity, angle, omega, kick)
+            elif self.friction is not None:
+                x, z, moment = self.friction.rub(self._foreseen, angle, omega, kick)
+            bodies.set_force(self.lower, (x, z))
+            moment += along[0] / 2 * z - along[1] / 2 * x
+        bodies.set_torque(self.lower, second + moment)
         bodies.set_torque(self.upper, first - second)
 
-    def _touch(
-        self, along: tuple[float, float], force: tuple[float, float, float], torque: float
-    ) -> None:
-        """Apply a force and moment at the end of link 2, and a torque [N mm], to that link."""
-        x, z, moment = force
-        bodies.set_force(self.lower, (x, z))
-        arm = along[0] / 2 * z - along[1] / 2 * x
-        bodies.set_torque(self.lower, torque + arm + moment)
-
-    @property
-    def trials(self) -> int:
-        return 1 if self._friction is None or self._separated else RUBBED
-
-    def retry(self, weight: float) -> None:
-        if not self._separated:
-            self._foreseen = max(0.0, self._tip.impulse / weight)
+    def retries(self, weight: float) -> bool:
+        if self.friction is None or self._separated:
+            return False
+        before, self._foreseen = self._foreseen, max(0.0, self._tip.impulse / weight)
+        return abs(self._foreseen - before) > 1e-9  # N
 
     def foresee(self, force: float) -> None:
         self._force = self._foreseen = force

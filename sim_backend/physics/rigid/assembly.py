@@ -223,6 +223,8 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     steps = steps_in_sample(rig, scene.step or period)
     division = Division(rig, key, jacks, period * MM / steps, scene.fingertip)
     finger = _finger(space, key, rig, scene, start)
+    if scene.friction and rig.arm.fingertip_friction:
+        (finger.pad or finger).friction = Friction(rig, key)
     iterations = scene.iterations, ITERATIONS[scene.finger]
     return Assembly(space, gravity, key, jacks, finger, division, dry, iterations)
 
@@ -251,16 +253,13 @@ def _finger(
     space: pymunk.Space, key: StiffKey, rig: Rig, scene: Scene, start: tuple[float, float]
 ) -> SteppedFinger:
     """Return the scene's finger."""
-    rubs = scene.friction and rig.arm.fingertip_friction != 0
-    friction = Friction(rig, key) if rubs else None
     if scene.push is not None:
-        period = rig.controller.sample_period
-        return PushFinger(scene.push, friction, rig.key.press_arm, start, period)
+        return PushFinger(scene.push, rig.key.press_arm, start, rig.controller.sample_period)
     if scene.servo is not None:
-        return ServoFinger(space, key, rig, friction, start, scene.servo, scene)
+        return ServoFinger(space, key, rig, start, scene.servo, scene)
     if scene.fingertip is not None:
-        return PaddedIdealFinger(key, rig, scene.fingertip, friction, start)
-    return IdealFinger(space, key, rig, friction, start)
+        return PaddedIdealFinger(key, rig, scene.fingertip, start)
+    return IdealFinger(space, key, rig, start)
 
 
 def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> StringForce | None:

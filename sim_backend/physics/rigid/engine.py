@@ -234,9 +234,7 @@ class RigidWorld(World):
         """
         *pulls, back, front = forces
         key, pressed, step = self._key, self._key.pressed, self._step
-        for trial in range(self._finger.trials + (step != self._engine_step)):
-            if trial:
-                self._finger.retry(kick.fraction * step)
+        for trial in range(20):  # the force that friction itself changes converges before
             self._finger.set_bodies(step)
             key.set_bodies(step)
             key.apply(back, front, kick.fraction)
@@ -244,6 +242,9 @@ class RigidWorld(World):
                 jack.set_bodies(step, force * kick.fraction)
             self._finger.apply_forces(self._elapsed, pressed.next, pressed.node, kick)
             self._parts.kick(step, kick.fraction)
+            again = self._finger.retries(kick.fraction * step)
+            if not again and (trial or step == self._engine_step):
+                break
         self._engine_step, self._fresh = step, True
 
     def _append_rows(

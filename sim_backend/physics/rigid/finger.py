@@ -22,6 +22,8 @@ class SteppedFinger(Finger, ABC):
     """Whether it strikes the key in the present step, which the engine does not know before."""
     pad: Pad | None = None
     """The pad between a compliant fingertip and the key; None for a rigid fingertip."""
+    friction: Friction | None = None
+    """Of the fingertip, without a pad; None for none."""
     push_end: float = math.inf
     """ms into the controller sample, end of that moment; inf if not within this sample."""
 
@@ -46,13 +48,9 @@ class SteppedFinger(Finger, ABC):
             weight: ms, for which the forces acted in it.
         """
 
-    @property
-    def trials(self) -> int:
-        """How often a step about an event is taken, each with the friction that the last gave."""
-        return 1
-
-    def retry(self, weight: float) -> None:
-        """Prepare another trial; `weight` as of `contact_force`."""
+    def retries(self, weight: float) -> bool:
+        """Take the friction from the force in a trial of a step; return whether to repeat it."""
+        return False
 
     def foresee(self, force: float) -> None:
         """Take the force [N] of the next step, by which the friction in it is known."""
@@ -105,16 +103,9 @@ class SteppedFinger(Finger, ABC):
 class PushFinger(SteppedFinger):
     """A force on the key from the first instant on; the arm is not simulated and stays still."""
 
-    def __init__(
-        self,
-        push: Push,
-        friction: Friction | None,
-        press_arm: float,
-        start: tuple[float, float],
-        period: float,
-    ):
+    def __init__(self, push: Push, press_arm: float, start: tuple[float, float], period: float):
         super().__init__(start)
-        self._push, self._period, self._friction = push, period, friction
+        self._push, self._period = push, period
         self._arm = press_arm
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
@@ -127,8 +118,8 @@ class PushFinger(SteppedFinger):
 
     def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Apply the friction; see `SteppedFinger`."""
-        if self._friction is not None:
-            self._friction.rub(self.contact_force(0.0), angle, omega, kick.step, kick.fraction)
+        if self.friction is not None:
+            self.friction.rub(self.contact_force(0.0), angle, omega, kick)
 
     def contact_force(self, weight: float) -> float:
         return self.moment / self._arm / 1e3

@@ -12,7 +12,7 @@ from sautereau.sim_backend.physics.finger import Reference, joint_cubics
 from sautereau.sim_backend.physics.rigid.bodies import MM, add_driver, impulse_of
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.key import StiffKey
-from sautereau.sim_backend.physics.rigid.pad import Friction, Pad, fingertip_state
+from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.trajectory.key import contact_angle
 from sautereau.trajectory.motion import Floats, dot
@@ -85,16 +85,9 @@ class PaddedIdealFinger(PrescribedFinger):
         start: rad, joints when power comes on.
     """
 
-    def __init__(
-        self,
-        key: StiffKey,
-        rig: Rig,
-        fingertip: Fingertip,
-        friction: Friction | None,
-        start: tuple[float, float],
-    ):
+    def __init__(self, key: StiffKey, rig: Rig, fingertip: Fingertip, start: tuple[float, float]):
         super().__init__(rig, start)
-        self._pad = self.pad = Pad(fingertip, key, friction, self._height)
+        self._pad = self.pad = Pad(fingertip, key, self._height)
         self._elapsed = 0.0
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
@@ -134,16 +127,9 @@ class IdealFinger(PrescribedFinger):
         start: rad, joints when power comes on.
     """
 
-    def __init__(
-        self,
-        space: pymunk.Space,
-        key: StiffKey,
-        rig: Rig,
-        friction: Friction | None,
-        start: tuple[float, float],
-    ):
+    def __init__(self, space: pymunk.Space, key: StiffKey, rig: Rig, start: tuple[float, float]):
         super().__init__(rig, start)
-        self._friction, self._force = friction, 0.0
+        self._force = 0.0
         self._body, self._contact = add_driver(space, key.lever)
         self._reach, self._struck = 1.0, 0
         self._next = math.nan, 0.0  # ms and mm, end of the next step and the contact's arm there
@@ -157,9 +143,9 @@ class IdealFinger(PrescribedFinger):
         ahead, step, _ = kick
         then, reach = self._next
         self._reach = reach if abs(then - elapsed) < SAME else self._touching(elapsed)[1]
-        if self._friction is not None:  # the moment per force
-            share = self._friction.share(self._force, omega, step)
-            self._reach += share * self._friction.height
+        if self.friction is not None:  # the moment per force
+            part = self.friction.part(self._force, omega, step)
+            self._reach += part * self.friction.height
         angle_ahead, reach = self._touching(elapsed + ahead)
         self._next = elapsed + ahead, reach
         if ahead < step / 4:  # the error is corrected over a quarter step at least

@@ -12,7 +12,7 @@ APART = -1e-9  # mm, overlap below which the pad has left the key
 
 
 class Friction:
-    """The friction of the fingertip on the key's surface, in mm, g and ms; for other values, N."""
+    """The friction of the fingertip on the key's surface, in mm, g and ms."""
 
     def __init__(self, rig: Rig, key: StiffKey):
         self._coefficient, self._radius = rig.arm.fingertip_friction, rig.arm.fingertip_radius * MM
@@ -20,32 +20,19 @@ class Friction:
         self.height = rig.key.surface_height * MM
         """mm, of the surface above the pin."""
 
-    def share(self, force: float, omega: float, step: float) -> float:
-        """Return the force along the key towards its front edge over the force on it.
-
-        The sign of the key's velocity changes over the velocity that the friction takes or gives in
-        a step: so the friction of a key at rest is as large as it must be, or none.
-
-        Args:
-            force: N, on the key.
-            omega: rad/ms, of the key.
-            step: ms.
-        """
+    def part(self, force: float, omega: float, step: float) -> float:
+        """Return the force towards the front edge over the force [N] on a key of a rate [1/ms]."""
+        # The sign changes over the rate that friction takes or gives in a step [ms]: so that of a
+        # key at rest is as large as it must be, or none.
         change = abs(self._coefficient) * self.height * force * step / self._lever.moment
         fastest = max(abs(omega), change)
         return self._coefficient * omega / fastest if fastest else 0.0
 
     def rub(
-        self, force: float, angle: float, omega: float, step: float, fraction: float = 1.0
+        self, force: float, angle: float, omega: float, kick: Kick
     ) -> tuple[float, float, float]:
-        """Rub the key, and return the force [N] on the fingertip, (x, z), and its moment [N mm].
-
-        Args:
-            force: N, on the key; for the others see `share`.
-            angle: rad, of the key.
-            fraction: Dimensionless, of the friction to apply.
-        """
-        along, lever = force * self.share(force, omega, step) * fraction, self._lever
+        """Apply it; return the force [N], (x, z), and moment [N mm] on the fingertip."""
+        along, lever = force * self.part(force, omega, kick.step) * kick.fraction, self._lever
         set_torque(lever, lever.torque + along * self.height)
         sine, cosine = math.sin(angle), math.cos(angle)
         if not self._pin.fixed:
@@ -57,14 +44,12 @@ class Pad:
     """The pad on the key's surface, in mm and ms.
 
     Args:
-        friction: Of the fingertip; None for none.
         height: mm, of the fingertip's centre above the pin where an uncompressed pad touches.
     """
 
-    def __init__(
-        self, fingertip: Fingertip, key: StiffKey, friction: Friction | None, height: float
-    ):
-        self._friction = friction
+    friction: Friction | None = None
+
+    def __init__(self, fingertip: Fingertip, key: StiffKey, height: float):
         self._stiffness, self._damping = fingertip.stiffness / MM, fingertip.damping
         self._lever, self._height, self.pin = key.lever, height, key.pin
         self.separated = True
@@ -90,10 +75,7 @@ class Pad:
         omega: float,
         kick: Kick,
     ) -> tuple[float, float, float]:
-        """Push the key, and return the force on the fingertip as it is applied.
-
-        Returns:
-            The force [N], (x, z), at the fingertip's centre, and its moment [N mm] about that.
+        """Push the key; return the force [N], (x, z), and moment [N mm] applied to the fingertip.
 
         Args:
             place: mm, of the fingertip's centre at the end of the step.
@@ -117,9 +99,9 @@ class Pad:
         set_torque(self._lever, self._lever.torque + applied * reach)
         if not self.pin.fixed:
             set_force(self._lever, (0.0, self._lever.force[1] - applied * cosine))
-        if self._friction is None:
-            return -applied * sine, applied * cosine, 0.0
-        along = self._friction.rub(self.force, angle, omega, kick.step, fraction)
+        along = 0.0, 0.0, 0.0
+        if self.friction is not None:
+            along = self.friction.rub(self.force, angle, omega, kick._replace(fraction=fraction))
         return along[0] - applied * sine, along[1] + applied * cosine, along[2]
 
     def make_contact(self) -> None:
