@@ -124,6 +124,7 @@ class ServoFinger(SteppedFinger):
         self._powered = False
         self._separated = False
         self._force = self._foreseen = 0.0
+        self._rate: float | None = None  # of the key after a trial of a step, in which it may jump
         self._error = (0.0, 0.0)
         self._torque = (0.0, 0.0)
         self._correction = (0.0, 0.0)
@@ -179,7 +180,8 @@ class ServoFinger(SteppedFinger):
             if self.pad is not None:
                 x, z, moment = self.pad.press(place, velocity, angle, omega, kick)
             elif self.friction is not None:
-                x, z, moment = self.friction.rub(self._foreseen, angle, omega, kick)
+                rate = omega if self._rate is None else self._rate
+                x, z, moment = self.friction.rub(self._foreseen, angle, rate, kick)
             bodies.set_force(self.lower, (x, z))
             moment += along[0] / 2 * z - along[1] / 2 * x
         bodies.set_torque(self.lower, second + moment)
@@ -189,13 +191,14 @@ class ServoFinger(SteppedFinger):
         if self.friction is None or self._separated:
             return False
         before, self._foreseen = self._foreseen, max(0.0, self._tip.impulse / weight)
-        return abs(self._foreseen - before) > 1e-9  # N
+        self._rate = bodies.angular_velocity_of(self.friction.lever)
+        return abs(self._foreseen - before) > 1e-9 * (1 + before)
 
     def foresee(self, force: float) -> None:
         self._force = self._foreseen = force
 
     def contact_force(self, weight: float) -> float:
-        self._correction = (0.0, 0.0)
+        self._correction, self._rate = (0.0, 0.0), None
         first, second = self._omegas
         self._omegas = a, b = self.upper.angular_velocity, self.lower.angular_velocity
         self._acceleration = (a - first) / weight, (b - second) / weight

@@ -16,7 +16,7 @@ class Friction:
 
     def __init__(self, rig: Rig, key: StiffKey):
         self._coefficient, self._radius = rig.arm.fingertip_friction, rig.arm.fingertip_radius * MM
-        self._lever, self._pin = key.lever, key.pin
+        self.lever, self._pin = key.lever, key.pin
         self.height = rig.key.surface_height * MM
         """mm, of the surface above the pin."""
 
@@ -24,7 +24,7 @@ class Friction:
         """Return the force towards the front edge over the force [N] on a key of a rate [1/ms]."""
         # The sign changes over the rate that friction takes or gives in a step [ms]: so that of a
         # key at rest is as large as it must be, or none.
-        change = abs(self._coefficient) * self.height * force * step / self._lever.moment
+        change = abs(self._coefficient) * self.height * force * step / self.lever.moment
         fastest = max(abs(omega), change)
         return self._coefficient * omega / fastest if fastest else 0.0
 
@@ -32,7 +32,7 @@ class Friction:
         self, force: float, angle: float, omega: float, kick: Kick
     ) -> tuple[float, float, float]:
         """Apply it; return the force [N], (x, z), and moment [N mm] on the fingertip."""
-        along, lever = force * self.part(force, omega, kick.step) * kick.fraction, self._lever
+        along, lever = force * self.part(force, omega, kick.step) * kick.fraction, self.lever
         set_torque(lever, lever.torque + along * self.height)
         sine, cosine = math.sin(angle), math.cos(angle)
         if not self._pin.fixed:
