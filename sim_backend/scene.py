@@ -62,7 +62,8 @@ class Scene(Section):
     """String model: a massless `spring`, or `modal`, a string in its modes that vibrates after the
     release. With an `accuracy`, `auto` lets the stand-in choose, here and below."""
     friction: bool
-    """Whether pivot and registers have friction."""
+    """Whether pivot, registers and fingertip have friction; without it `arm.fingertip_friction` has
+    no effect."""
     felt: bool
     """Whether the key has its front felt."""
     tongue: bool = False

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.choirs import LIFT_MAX
-from sautereau.analysis.model.key import felt_force
+from sautereau.analysis.model.key import required_force
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.elastica import REACHES, Elastica, uniform_table
 from sautereau.analysis.model.plectrum.levels import AUTO, plectrum_map
@@ -277,9 +277,8 @@ def _peak_force(v: Mapping[str, Floats], equilibria: Equilibria, paths: Paths) -
 def _finger_force(v: Mapping[str, Floats], rise: Floats, string: Floats) -> Floats:
     """Return the force [N] of the finger at rises [m] of a jack at constant speed.
 
-    `sautereau.analysis.model.key.finger_force` with the trigonometry of
-    `sautereau.trajectory.key` written in the tangent of half the angle; rise and string
-    force of shape (cases, points).
+    The trigonometry is that of `sautereau.trajectory.key`, written in the tangent of half the
+    angle; rise and string force of shape (cases, points).
     """
     c = {name.split(".")[1]: value[:, None] for name, value in v.items() if name[0] in "ajkp"}
     b, hb = c["jack_arm"], c["jack_surface_height"]
@@ -288,11 +287,6 @@ def _finger_force(v: Mapping[str, Floats], rise: Floats, string: Floats) -> Floa
     slope = (b + hb * sine) / cosine**2
     spin = c["jack_speed"] / slope
     curvature = (2 * b * sine + hb * (1 + sine**2)) / cosine**3
-    moment = -c["inertia"] * curvature * spin**2 / slope - c["gravity_moment"]
-    moment = moment + c["pivot_coulomb_friction"] + c["pivot_viscous_friction"] * spin
     load = c["mass"] * GRAVITY + string + c["register_friction"]
-    arm = c["press_arm"]
-    travel, speed = arm * 2 * np.arctan(half), arm * spin
-    felt = felt_force(travel, speed, c["dip"], c["felt_stiffness"], c["felt_damping"])
-    rubbing = c["fingertip_friction"] * c["surface_height"]
-    return (moment + load * slope) / (arm + rubbing) + felt
+    acceleration = -curvature * spin**2 / slope
+    return required_force(c, 2 * np.arctan(half), spin, acceleration, load * slope)

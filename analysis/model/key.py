@@ -1,5 +1,8 @@
 """The rigid key under the finger: inverse dynamics of a press."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from sautereau.analysis.model.choirs import choirs, key_of
@@ -23,46 +26,38 @@ def jack_load(jack: Jack, velocity: Floats, acceleration: Floats, string_force: 
     return jack.mass * (acceleration + GRAVITY) + string_force + friction
 
 
-def felt_force(
-    travel: Floats,
-    speed: Floats,
-    dip: float | Floats,
-    stiffness: float | Floats,
-    damping: float | Floats,
+def required_force(
+    c: Mapping[str, Any], angle: Floats, omega: Floats, alpha: Floats, moment: Floats
 ) -> Floats:
-    """Return the force [N] of the front felt on the key, referred to the pressing point.
+    """Return the finger force [N] normal to the key that a motion requires.
 
-    A spring and a damper that cannot pull; all arguments broadcast together.
+    F (a_p + mu h_f sgn a') = I a'' + c a' + tau sgn a' - M_g + a_p felt + moment (docs/model.md).
 
     Args:
-        travel: m, of the pressing point from rest.
-        speed: m/s, of the pressing point.
-        dip: m, travel at which the key reaches the felt.
-        stiffness: N/m.
-        damping: N s/m.
+        c: Fields of `rig.key` and `fingertip_friction`; these and the others broadcast together.
+        angle: rad, of the key.
+        omega: rad/s.
+        alpha: rad/s^2.
+        moment: N m, of the jacks, against a rise.
     """
-    pressed = travel - dip
-    return np.where(pressed > 0, np.maximum(stiffness * pressed + damping * speed, 0.0), 0.0)
+    side, arm = np.sign(omega), c["press_arm"]
+    moment = moment + c["inertia"] * alpha - c["gravity_moment"]
+    moment = moment + side * c["pivot_coulomb_friction"] + c["pivot_viscous_friction"] * omega
+    pressed = arm * angle - c["dip"]
+    felt = c["felt_stiffness"] * pressed + c["felt_damping"] * arm * omega
+    moment = moment + arm * np.where(pressed > 0, np.maximum(felt, 0.0), 0.0)  # it cannot pull
+    return moment / (arm + side * (c["fingertip_friction"] * c["surface_height"]))
 
 
 def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
-    """Return the finger force [N] normal to the key that a motion requires.
-
-    F (a_p + mu h_f) = I a'' + friction - M_g + sum of N_j d(rise)/da over the jacks
-    (paper, 2.2) with the static gravity moment M_g of the key (`key.gravity_moment`) and the
-    friction mu of the fingertip at the height h_f above the pin, which reverses with the key; plus
-    the force of the front felt once the key has reached it.
+    """Return the finger force [N] of a motion (paper, 2.2); see `required_force`.
 
     Args:
         angle: Motion of the key [rad], arrays (n,).
         string_force: N, with which the strings push the jacks down, shape (choirs, n); or
             that of the first string alone, shape (n,).
     """
-    key = rig.key
-    friction = key.pivot_coulomb_friction * np.sign(angle.velocity)
-    friction = friction + key.pivot_viscous_friction * angle.velocity
-    moment = key.inertia * angle.acceleration + friction - key.gravity_moment
-    forces = np.atleast_2d(string_force)
+    moment, forces = np.zeros_like(angle.position), np.atleast_2d(string_force)
     for number, choir in enumerate(choirs(rig)):
         lever = key_of(rig, choir)
         force = forces[number] if number < len(forces) else np.zeros_like(angle.position)
@@ -70,7 +65,5 @@ def finger_force(rig: Rig, angle: Motion, string_force: Floats) -> Floats:
         bend = rise_curvature(lever, angle.position) * angle.velocity**2
         acceleration = slope * angle.acceleration + bend
         moment = moment + slope * jack_load(choir.jack, slope * angle.velocity, acceleration, force)
-    travel, speed = key.press_arm * angle.position, key.press_arm * angle.velocity
-    felt = felt_force(travel, speed, key.dip, key.felt_stiffness, key.felt_damping)
-    rubbing = rig.arm.fingertip_friction * key.surface_height * np.sign(angle.velocity)
-    return moment / (key.press_arm + rubbing) + felt
+    c = {**vars(rig.key), "fingertip_friction": rig.arm.fingertip_friction}
+    return required_force(c, *angle, moment)

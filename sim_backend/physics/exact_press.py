@@ -124,12 +124,15 @@ def _set_jack(scene: Scene, choir: Choir, found: Any) -> None:
 
 
 def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
-    """Return one `FINGER` with its brakes on, all zero for a push.
+    """Return one `FINGER` with its brakes on, or a push.
 
     The equations are those of `sautereau.trajectory.dynamics`.
     """
     arm, found = rig.arm, np.zeros(1, ix.FINGER)
-    found["kind"] = FINGERS.index(scene.finger)
+    found["kind"], found["reach"] = FINGERS.index(scene.finger), rig.key.press_arm
+    found["surface"] = rig.key.surface_height
+    if scene.friction:
+        found["friction"] = arm.fingertip_friction
     if scene.push:
         return found
     first, second = armature(arm)

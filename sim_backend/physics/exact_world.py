@@ -27,6 +27,8 @@ _FAULTS = {
     ix.JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
     ix.AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
     " contact; keep the arm in front of it",
+    ix.JAMMED: "the friction of the fingertip jams the arm on the key: no motion follows from"
+    " the forces; lower arm.fingertip_friction, or move arm.base_x",
 }
 
 

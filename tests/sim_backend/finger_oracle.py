@@ -2,7 +2,9 @@
 
 It is written from the equations of docs/stand-in.md, in the links' absolute angles t1 = q1 and
 t2 = q1 + q2. With the gap g(a, t1, t2) = z cos a - x sin a - hf - r between key and fingertip, a
-force F >= 0 has the moment F dg/da on the key, and F dg/dt on the links.
+force F >= 0 has the moment F dg/da on the key, and F dg/dt on the links. With friction, a force T
+acts on the key along its surface towards the front edge, T hf about the pin, and -T on the point of
+link 2 that touches the key.
 """
 
 from dataclasses import dataclass
@@ -41,18 +43,19 @@ class Reach:
 
     gap: float
     lever: float  # dg/da
+    arm: float  # moment on the key per N, with friction
     links: np.ndarray  # dg/dt
     opening: float  # speed of the gap over a key at rest, m/s
     free: float  # acceleration of the gap over a key that keeps its speed, m/s^2
     rates: np.ndarray  # accelerations of the links, rad/s^2
-    yields: np.ndarray  # accelerations of the links per N
+    yields: np.ndarray  # accelerations of the links per N, with friction
 
     def grip(self, rate, moment, inertia):
-        """Return the moment of the force that cancels a rate of the gap on such a key."""
-        compliance = self.links @ self.yields + self.lever**2 / inertia
+        """Return the force that cancels a rate of the gap on such a key, and its lever."""
+        compliance = self.links @ self.yields + self.lever * self.arm / inertia
         if compliance == 0:
-            return -np.inf  # a finger that leaves a key on its rail
-        return -self.lever * (rate + self.lever * moment / inertia) / compliance
+            return -np.inf, self.arm  # a finger that leaves a key on its rail
+        return -(rate + self.lever * moment / inertia) / compliance, self.arm
 
 
 class FingerOracle(Oracle):
@@ -98,7 +101,8 @@ class FingerOracle(Oracle):
         z = self.arm.base_z + self.lengths @ np.sin(links)
         return z * np.cos(u[0]) - x * np.sin(u[0]) - self.top
 
-    def reach(self, u):
+    def reach(self, u, rub=0.0):
+        """Return the `Reach` with a fraction of the force that acts towards the front edge."""
         a, w, arm, lengths = u[0], u[1], self.arm, self.lengths
         links, speeds = u[self.links : self.links + 2], u[self.links + 2 : self.links + 4]
         cos, sin, ca, sa = np.cos(links), np.sin(links), np.cos(a), np.sin(a)
@@ -109,11 +113,15 @@ class FingerOracle(Oracle):
         if self.ideal:
             rates, yields = u[self.links + 4 :], np.zeros(2)
         else:
-            rates, yields = self.turning(links, speeds, gradient)
+            # The point that touches the key is the fingertip's radius below the centre.
+            slip = lengths * (cos * sa - sin * ca) + [0.0, arm.fingertip_radius]
+            rates, yields = self.turning(links, speeds, gradient + rub * slip)
+        lever = -(x * ca + z * sa)
         free = az * ca - ax * sa - 2 * w * (vx * ca + vz * sa) - w**2 * height
         return Reach(
             height - self.top,
-            -(x * ca + z * sa),
+            lever,
+            lever + rub * self.key.surface_height,
             gradient,
             vz * ca - vx * sa,
             free + gradient @ rates,
@@ -123,15 +131,18 @@ class FingerOracle(Oracle):
 
     # Its place in the oracle
 
-    def finger(self, u, moment, inertia):
+    def finger(self, u, moment, inertia, rub):
         if not self.touch:
-            return 0.0
-        reach = self.reach(u)
+            return 0.0, 0.0
+        reach = self.reach(u, rub)
         return reach.grip(reach.free, moment, inertia)
 
-    def blow(self, u, momentum, inertia):
-        reach = self.reach(u)
+    def blow(self, u, momentum, inertia, rub):
+        reach = self.reach(u, rub)
         return reach.grip(reach.opening, momentum, inertia)
+
+    def leads(self, u):
+        return (self.touch and self.ideal) or super().leads(u)
 
     def gaps(self, u):
         return super().gaps(u) | {FINGER: self.gap(u)}
@@ -145,21 +156,17 @@ class FingerOracle(Oracle):
         u[self.links : self.links + 2] -= reach.gap * reach.links / (reach.links @ reach.links)
         return u
 
-    def struck(self, u, impulse):
-        reach = self.reach(u)
-        u[self.links + 2 : self.links + 4] += reach.yields * impulse / reach.lever
+    def struck(self, u, impulse, rub):
+        u[self.links + 2 : self.links + 4] += self.reach(u, rub).yields * impulse
         return u
 
     def right(self, t, u):
-        alpha, rates, _, grip = self.accelerations(u)
-        reach = self.reach(u)
+        alpha, rates, _, force, rub = self.accelerations(u)
+        reach = self.reach(u, rub)
         jacks = (x for n, r in enumerate(rates) for x in (u[3 + 2 * n], r))
-        turning = reach.rates + reach.yields * grip / reach.lever
+        turning = reach.rates + reach.yields * force
         speeds = u[self.links + 2 : self.links + 4]
         return [u[1], alpha, *jacks, *speeds, *turning, *(self.jerk if self.ideal else ())]
-
-    def observed(self, t, u):
-        return u[0], u[1], u[2], self.accelerations(u)[3] / self.reach(u).lever
 
     def guards(self):
         if self.touch:
@@ -176,8 +183,8 @@ class FingerOracle(Oracle):
     def holds(self, u, touching, small=1e-12):
         if self.touch and self.stick and self.ideal:
             return False  # two rests: the force between them is not determined
-        alpha, *_, grip = self.accelerations(u)
-        if self.touch and grip < -small:
+        alpha, _, _, force, _ = self.accelerations(u)
+        if self.touch and force < -small:
             return False
         if FINGER in touching and not self.touch:
             reach = self.reach(u)

@@ -219,6 +219,7 @@ class Oracle:
         self.scene, self.push = scene, scene.push
         self.tau = key.pivot_coulomb_friction if scene.friction else 0.0
         self.viscous = key.pivot_viscous_friction if scene.friction else 0.0
+        self.mu = rig.arm.fingertip_friction if scene.friction else 0.0
         first = (key.jack_arm, rig.jack, rig.plectrum, rig.string)
         more = [(c.jack_arm, c.jack, c.plectrum, c.string) for c in rig.more_choirs]
         self.jacks = [
@@ -287,19 +288,23 @@ class Oracle:
     # A mode: `stick`, `sign`, and of each jack `on` and `sign`
 
     def accelerations(self, u):
-        """Return those of key and jacks, the jacks' normal forces, and the finger's moment."""
+        """Return those of key and jacks, the jacks' normal forces, and the finger's.
+
+        That is the finger's normal force [N], and the fraction of it that acts on the surface.
+        """
         a, w = u[0], u[1]
         geometry = [self.rise(j, a) for j in self.jacks]
         loads = [self.load(j, y) for j, y in self.standing(u)]
         inertia, moment = self.key.inertia, self.moment(a, w) - self.sign * self.tau
         for j, (_, r1, r2), load in zip(self.jacks, geometry, loads, strict=True):
             if j.on:
-                rub = self.friction(j) * self.sign
+                held = load + self.friction(j) * self.sign
                 inertia += j.jack.mass * r1**2
-                moment -= r1 * (load + rub + j.jack.mass * r2 * w**2)
+                moment -= r1 * (held + j.jack.mass * r2 * w**2)
         inertia = np.inf if self.stick else inertia
-        grip = self.finger(u, moment, inertia)
-        alpha = (moment + grip) / inertia
+        rub = self.resting(u)[2] if self.stick else self.mu * self.sign
+        force, arm = self.finger(u, moment, inertia, rub)
+        alpha = (moment + force * arm) / inertia
         rates, normals = [], []
         for j, (_, r1, r2), load in zip(self.jacks, geometry, loads, strict=True):
             m, f = j.jack.mass, self.friction(j)
@@ -310,26 +315,46 @@ class Oracle:
             else:
                 rates.append(0.0 if j.sign == 0 else -(load + f * j.sign) / m)
                 normals.append(0.0)
-        return alpha, rates, normals, grip
+        return alpha, rates, normals, force, rub
 
-    def finger(self, u, moment, inertia):
-        """Return the finger's moment on a key with this other moment and this inertia."""
-        return self.push.force * self.key.press_arm if self.time < self.push.duration else 0.0
+    def finger(self, u, moment, inertia, rub):
+        """Return the finger's force on a key with this other moment and inertia, and its lever.
+
+        The lever [m] is the moment per N: that of the force and of its share `rub` on the surface.
+        """
+        force = self.push.force if self.time < self.push.duration else 0.0
+        return force, self.key.press_arm + rub * self.key.surface_height
 
     def standing(self, u):
         """Return each jack with its rise."""
         return zip(self.jacks, u[2 : 2 + 2 * len(self.jacks) : 2], strict=True)
 
-    def margins(self, u):
-        """Return by how much the key's moment is within its friction: [below, above]."""
-        moment, low, high = self.moment(u[0], u[1]), -self.tau, self.tau
-        moment += self.finger(u, moment, np.inf)
+    def resting(self, u):
+        """Return by how much the moment on a key at rest is within its friction: [below, above].
+
+        Then the friction of the fingertip: the least that keeps the key at rest, between none and
+        that of the motion that would begin. Then the side of the moment without it.
+        """
+        other, low, high = self.moment(u[0], u[1]), -self.tau, self.tau
         for j, y in self.standing(u):
             if j.on:
                 r1, load, f = self.rise(j, u[0])[1], self.load(j, y), self.friction(j)
                 low += r1 * max(0.0, load - f)
                 high += r1 * (load + f)
-        return (np.inf if u[0] <= 0 else moment - low), high - moment
+
+        def total(rub):
+            force, arm = self.finger(u, other, np.inf, rub)
+            return other + force * arm
+
+        free = total(0.0)
+        up, down = (free, free) if self.mu == 0 else (total(self.mu), total(-self.mu))
+        below = np.inf if u[0] <= 0 else max(free, down) - low
+        above, rub = high - min(free, up), 0.0
+        if free > high >= up:
+            rub = brentq(lambda rub: total(rub) - high, 0.0, self.mu, xtol=1e-16)
+        if free < low <= down and u[0] > 0:
+            rub = brentq(lambda rub: total(rub) - low, 0.0, -self.mu, xtol=1e-16)
+        return below, above, rub, np.sign(2 * free - low - high)
 
     def right(self, _, u):
         alpha, rates, *_ = self.accelerations(u)
@@ -337,7 +362,7 @@ class Oracle:
 
     def observed(self, t, u):
         """Return angle and velocity of the key, the first jack's rise, and the finger's force."""
-        return u[0], u[1], u[2], self.accelerations(u)[3] / self.key.press_arm
+        return u[0], u[1], u[2], self.accelerations(u)[3]
 
     def choose(self, u, touching):
         """Set the mode in which the motion continues from a state."""
@@ -358,18 +383,26 @@ class Oracle:
 
     def holds(self, u, touching, small=1e-12):
         """Return whether a trial mode violates no inequality."""
-        alpha, rates, normals, _ = self.accelerations(u)
+        alpha, rates, normals, *_ = self.accelerations(u)
         if self.stick:
-            if min(self.margins(u)) < -small:
+            if min(self.resting(u)[:2]) < -small:
                 return False
-        elif u[1] == 0 and (alpha * self.sign <= 0 or (u[0] <= 0 and self.sign < 0)):
-            return False
+        elif u[1] == 0:
+            if alpha * self.sign <= 0 or (u[0] <= 0 and self.sign < 0):
+                return False
+            # Friction that drives the key lets it leave its rest on either side.
+            if self.mu and not self.leads(u):
+                return False
         return all(
             normals[k] >= -small
             if j.on
             else self.flies(k, u, alpha, rates[k], touching=k in touching)
             for k, j in enumerate(self.jacks)
         )
+
+    def leads(self, u):
+        """Return whether a key at rest starts to the side of its moment without fingertip."""
+        return self.resting(u)[3] == self.sign
 
     def flies(self, k, u, alpha, rate, *, touching):
         """Return whether a jack above the key violates no inequality."""
@@ -401,13 +434,14 @@ class Oracle:
         for k in touching:
             if k != FINGER:
                 u[3 + 2 * k] = r1[k] * x
-        return self.struck(u, impulse), touching
+        return self.struck(u, *impulse), touching
 
     def joint(self, u, r1, joined):
-        """Return the key's velocity after a joint impact, the finger's impulse [N m s], gap speeds.
+        """Return the key's velocity after a joint impact, the finger's impulse, gap speeds.
 
-        Those are a jack's own speed relative to the key after it, and the finger's relative to the
-        key that it has not touched.
+        The impulse is that along the normal [N s] and its share on the surface. The speeds are a
+        jack's own one relative to the key after it, and the finger's relative to the key that it
+        has not touched.
         """
         inertia, momentum = self.key.inertia, self.key.inertia * u[1]
         for k, slope in r1.items():
@@ -416,12 +450,21 @@ class Oracle:
                 momentum += self.jacks[k].jack.mass * slope * u[3 + 2 * k]
         rail = 0.0 if u[0] <= 0 else -np.inf
         alone = max(momentum / inertia, rail)
-        x, impulse = alone, 0.0
+        x, impulse = alone, (0.0, 0.0)
         if FINGER in joined:
-            impulse = self.blow(u, momentum, inertia)
-            x = (momentum + impulse) / inertia
+
+            def after(rub):
+                force, arm = self.blow(u, momentum, inertia, rub)
+                return (momentum + force * arm) / inertia
+
+            free, rub = after(0.0), 0.0
+            if self.mu and free:  # the friction is that of the velocity after the impact
+                rub = self.mu * np.sign(free)
+                if after(rub) * free < 0:
+                    rub = brentq(after, 0.0, rub, xtol=1e-16)
+            x, impulse = after(rub), (self.blow(u, momentum, inertia, rub)[0], rub)
             if x < rail:
-                x, impulse = 0.0, self.blow(u, 0.0, np.inf)
+                x, impulse = 0.0, (self.blow(u, 0.0, np.inf, 0.0)[0], 0.0)
         relative = {k: u[3 + 2 * k] - slope * x for k, slope in r1.items()}
         return x, impulse, relative | {FINGER: self.opening(u, alone)}
 
@@ -437,8 +480,8 @@ class Oracle:
         """Return a state with the finger on the key, which it touches but for rounding."""
         return u
 
-    def struck(self, u, impulse):
-        """Return a state after an impulse [N m s] of the finger on the key."""
+    def struck(self, u, impulse, rub):
+        """Return a state after an impulse [N s] of the finger on the key."""
         return u
 
     # Events
@@ -447,8 +490,8 @@ class Oracle:
         """Return (name, jack, function of the state), each positive in this mode."""
         out = []
         if self.stick:
-            out += [("slip", None, lambda u: self.margins(u)[1])]
-            out += [("slip", None, lambda u: min(self.margins(u)[0], 1.0))]
+            out += [("slip", None, lambda u: self.resting(u)[1])]
+            out += [("slip", None, lambda u: min(self.resting(u)[0], 1.0))]
         else:
             s = self.sign
             out.append(("stop", None, lambda u: s * u[1]))

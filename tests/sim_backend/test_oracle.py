@@ -12,7 +12,7 @@ from tests.sim_backend.scenes import RIG, push_of, pushed
 
 QUICK = (23, 41, 43, 59, 71, 93)
 """Seeds in which much happens: landings that accumulate, returns, a second contact, the felt."""
-SOON_STUCK = (217, 259)
+SOON_STUCK = (19, 117)
 """Seeds of a string that soon sticks on the plectrum."""
 
 
@@ -37,7 +37,7 @@ def drawn_choir(rng):
         "thickness": between(0.3e-3, 0.6e-3),
         "overlap": length * between(0.02, 0.1),
         "contact": str(rng.choice(["surface", "mid-line"])),
-        "friction": float(rng.choice([0.0, between(0, 0.2)])),
+        "friction": float(rng.choice([0.0, between(0, 0.3)])),
     }
     string = {"tension": between(30, 200), "plucking_point": between(0.05, 0.2)}
     return Choir.model_construct(
@@ -65,6 +65,7 @@ def drawn(seed):
         "felt_stiffness": np.exp(between(np.log(2e3), np.log(1e5))),
         "felt_damping": between(0, 30),
     }
+    tip = np.random.default_rng([seed, 3]).uniform(-0.3, 0.3)
     rig = RIG.model_copy(
         update={
             "key": RIG.key.model_copy(update=key),
@@ -72,6 +73,7 @@ def drawn(seed):
             "plectrum": first.plectrum,
             "string": first.string,
             "more_choirs": tuple(more),
+            "arm": RIG.arm.model_copy(update={"fingertip_friction": tip}),
         }
     )
     on = [bool(value) for value in rng.integers(0, 2, 3)]
@@ -121,9 +123,7 @@ def test_the_oracles_elastica_is_that_of_table_1(force, drop, shortening):
     assert (-z * length, (1 - x) * length) == pytest.approx((drop, shortening), abs=6e-4)
 
 
-@pytest.mark.parametrize(
-    "seed", [*QUICK, *(slow(n) for n in (*range(66), *SOON_STUCK) if n not in QUICK)]
-)
+@pytest.mark.parametrize("seed", [*QUICK, *(slow(n) for n in (*range(66), 117) if n not in QUICK)])
 def test_random_presses_are_the_documented_equations(seed):
     compare(seed)
 

@@ -16,11 +16,12 @@ def locate_tip(press, time):
     With the joints q, a' = A q' and a'' = A q'' + bias. For a servo q'' = free - by F, where F is
     the moment on the key; for an ideal finger q is the reference, whatever the force. The angle is
     NaN if the fingertip is so close to the pin that no angle gives a contact. With a pad the key
-    has its own angle, and the pad's moment is set.
+    has its own angle, and the pad's moment is set. The friction is that of the mode.
     """
     finger = press.finger
     if finger.kind == ix.PUSH:
         finger.angle = -math.inf
+        rub(press, press.key.slip, 1.0)
         return
     if finger.kind == ix.SERVO:
         n = len(press.jacks)
@@ -51,27 +52,45 @@ def locate_tip(press, time):
     inward = ux * d1 * d1 + lx * d12 * d12
     inward = inward * sine - (uz * d1 * d1 + lz * d12 * d12) * cosine
     bias = (inward - 2 * omega * along - omega * omega * finger.height) / reach
-    finger.angle, finger.speed, finger.lever = angle, omega, -reach
+    finger.angle, finger.speed, finger.reach = angle, omega, -reach
     if finger.kind == ix.SERVO:
-        move_arm(press, q1, q2, d1, d2, slope1, slope2)
+        slide2 = lx * sine - lz * cosine + finger.height - finger.surface
+        slide1 = ux * sine - uz * cosine + slide2
+        finger.turn[0], finger.turn[1] = slope1, slope2
+        move_arm(press, q1, q2, d1, d2, slide1, slide2)
         s1, s2 = finger.free[0], finger.free[1]
-        finger.compliance = slope1 * finger.by[0] + slope2 * finger.by[1]
     finger.acceleration = slope1 * s1 + slope2 * s2 + bias
     if finger.pad_stiffness > 0.0:  # a moment, which a rigid fingertip's contact never joins
         finger.overlap = finger.height - z * cosine + x * sine
-        closing = finger.lever * (omega - press.v[0])
+        closing = finger.reach * (omega - press.v[0])
         push = finger.pad_stiffness * finger.overlap + finger.pad_damping * closing
-        finger.push = push * finger.lever
-        finger.moment = max(0.0, finger.push) if finger.overlap > 0.0 else 0.0
+        finger.push = push * finger.reach
+        finger.force = max(0.0, push) if finger.overlap > 0.0 else 0.0
         finger.angle, finger.compliance = -math.inf, math.inf
+    rub(press, press.key.slip, 1.0)
+
+
+@inlined
+def rub(press, side, part):
+    """Set what a force does with the friction of a key that turns to a side, or a part of it."""
+    finger, share, along = press.finger, side * press.finger.friction, 0.0
+    finger.lever = finger.reach
+    if share != 0.0:  # along the key, over the moment on it
+        along = part * share / (finger.reach + share * finger.surface)
+        finger.lever /= 1 - along * finger.surface
+    finger.moment = finger.force * finger.lever
+    if finger.kind == ix.SERVO:
         for j in range(2):
-            finger.free[j] -= finger.by[j] * finger.moment
+            finger.by[j] = finger.bare[j] - along * finger.aside[j]
+        if finger.pad_stiffness == 0.0:
+            finger.compliance = finger.turn[0] * finger.by[0] + finger.turn[1] * finger.by[1]
 
 
 @compiled
-def move_arm(press, q1, q2, d1, d2, slope1, slope2):
-    """Set the joints' accelerations under the motors, and those per moment on the key."""
+def move_arm(press, q1, q2, d1, d2, slide1, slide2):
+    """Set the joints' accelerations under the motors, and by moments; `slide` is along the key."""
     finger = press.finger
+    slope1, slope2 = finger.turn[0], finger.turn[1]
     coupling, twist = finger.coupling * math.cos(q2), finger.coupling * math.sin(q2)
     m11 = finger.inertia1 + finger.inertia2 + 2 * coupling
     m12, m22 = finger.inertia2 + coupling, finger.inertia2 + finger.rotor2
@@ -81,14 +100,18 @@ def move_arm(press, q1, q2, d1, d2, slope1, slope2):
     right1 = finger.torque[0] - finger.weight1 * math.cos(q1) - weight + twist * (2 * d1 + d2) * d2
     right2 = finger.torque[1] - weight - twist * d1 * d1
     if finger.locked[0]:
-        right1 = slope1 = 0.0
+        right1 = slope1 = slide1 = 0.0
     if finger.locked[1]:
-        right2 = slope2 = 0.0
+        right2 = slope2 = slide2 = 0.0
     size = m11 * m22 - m12 * m12
     finger.free[0] = (right1 * m22 - right2 * m12) / size
     finger.free[1] = (right2 * m11 - right1 * m12) / size
-    finger.by[0] = (slope1 * m22 - slope2 * m12) / size
-    finger.by[1] = (slope2 * m11 - slope1 * m12) / size
+    finger.bare[0] = (slope1 * m22 - slope2 * m12) / size
+    finger.bare[1] = (slope2 * m11 - slope1 * m12) / size
+    if finger.friction != 0.0:
+        slide1, slide2 = slide1 + slope1 * finger.surface, slide2 + slope2 * finger.surface
+        finger.aside[0] = (slide1 * m22 - slide2 * m12) / size
+        finger.aside[1] = (slide2 * m11 - slide1 * m12) / size
 
 
 @inlined

@@ -3,8 +3,8 @@
 import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import expanded, inlined
-from sautereau.sim_backend.physics.exact.fingertip import locate_tip
+from sautereau.sim_backend.physics.exact.compile import compiled, expanded, inlined
+from sautereau.sim_backend.physics.exact.fingertip import locate_tip, rub
 
 
 @inlined
@@ -115,7 +115,7 @@ def accelerate(press, time):
             jack.load += jack.mass * jack.slope * a[0]
             a[k + 1] += jack.slope * a[0]
     for j in range(len(x) - 1 - len(press.jacks)):
-        a[len(x) - 2 + j] = finger.free[j] - finger.by[j] * finger.reaction
+        a[len(x) - 2 + j] = finger.free[j] - finger.by[j] * (finger.reaction + finger.moment)
 
 
 @expanded
@@ -163,3 +163,28 @@ def hold_key(press, least, most):
     elif finger.touch:  # friction carries as much as it can, the finger the remainder
         finger.reaction = max(0.0, -most)
     key.up, key.down = -(least + finger.reaction), most + finger.reaction
+    if finger.friction != 0.0:
+        hold_by_friction(press)
+
+
+@compiled
+def hold_by_friction(press):
+    """Set the least friction of the fingertip with which the key stays at rest, and its margins."""
+    key, finger = press.key, press.finger
+    bare, part = finger.reaction + finger.moment, 0.0
+    if bare <= 0.0 or (finger.touch and finger.compliance == 0.0):
+        return
+    side, margin = 1.0 if key.up < key.down else -1.0, min(key.up, key.down)
+    rub(press, side, 1.0)
+    pushed = finger.acceleration / finger.compliance if finger.touch else finger.moment
+    held = margin - side * (pushed - bare)
+    if margin < 0.0 < held and (side > 0 or press.x[0] > ix.CLOSE):  # not on the rail
+        # The moment's reciprocal is linear in the friction.
+        part = (1 / bare - 1 / (bare + side * margin)) / (1 / bare - 1 / pushed)
+    if side > 0:
+        key.up = max(margin, held)
+    else:
+        key.down = max(margin, held)
+    rub(press, side, part)
+    if finger.touch:
+        finger.reaction = finger.acceleration / finger.compliance

@@ -8,14 +8,16 @@ acceleration. A jack k in contact with the key pushes back with
 where s is the slope of the key under it: m (s x - v) is its change of momentum, zero as long as it
 is faster than the key. Phi rises, piecewise linearly, with a jump at 0 by dry friction. Without a
 finger 0 is in Phi(x); a finger that would move the key by x_f pushes with F = Phi(x) >= 0, which
-takes c F from it: x = x_f - c F, with c = 0 if it is ideal. The rail holds x >= 0.
+takes c F from it: x = x_f - c F, with c = 0 if it is ideal. The rail holds x >= 0. With friction of
+the fingertip, c and the moment of a push or a pad depend on the sign of x, which is that without
+it; if the one with it differs, the least that leaves x = 0 acts.
 """
 
 import math
 
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, entry, expanded, inlined
-from sautereau.sim_backend.physics.exact.fingertip import heading, locate_tip
+from sautereau.sim_backend.physics.exact.fingertip import heading, locate_tip, rub
 from sautereau.sim_backend.physics.exact.forces import (
     accelerate,
     felt_push,
@@ -118,6 +120,16 @@ def root(press, q, t, by, pull, target):
 
 
 @compiled
+def sought(press, q, t, h, target, near):
+    """Return the unknown off the rail; the target is that of a key that follows the finger."""
+    q, c = q + h * press.finger.moment, press.finger.compliance
+    x = root(press, q, t, 1.0, 0.0, 0.0)
+    if near and x < target:
+        x = root(press, q, t, c, 1.0, target) if c > 0.0 else target
+    return x
+
+
+@compiled
 def solve(press, kept, h, direction):
     """Solve the inclusion; return the unknown, and set whether the finger touches the key.
 
@@ -129,13 +141,20 @@ def solve(press, kept, h, direction):
     """
     finger, angle, omega = press.finger, press.x[0], press.v[0]
     q, t = pose(press, kept, h)
-    x = root(press, q, t, 1.0, 0.0, 0.0)
-    c, target = finger.compliance, kept * finger.speed + h * finger.acceleration
+    q -= h * finger.moment
+    side, target = 0.0 if kept else sign(omega), kept * finger.speed + h * finger.acceleration
     near = in_contact(kept, h, angle - finger.angle, omega - finger.speed)
-    if near and x < target:
-        x = root(press, q, t, c, 1.0, target) if c > 0.0 else target
+    rub(press, side, 1.0)
+    x = sought(press, q, t, h, target, near)
     if in_contact(kept, h, angle, omega):  # the rail
         x = max(x, 0.0)
+    if finger.friction != 0.0 and side == 0.0 and x != 0.0:
+        side, bare = sign(x), finger.compliance
+        rub(press, side, 1.0)
+        x = side * max(side * sought(press, q, t, h, target, near), 0.0)
+        if x == 0.0 and near and bare < math.inf:
+            needed = target / unbalanced(press, q + h * finger.moment, t, 0.0, side)
+            rub(press, side, (bare - needed) / (bare - finger.compliance))
     finger.touch = near and (x < target or (x == target and direction >= 0))
     return x
 
@@ -164,7 +183,8 @@ def resolve(press, h):
             slow = jack.dry / jack.mass
             v[at] = free - min(max(free, -slow), slow)
     for j in range(len(x) - 1 - len(press.jacks)):
-        v[len(x) - 2 + j] += h * finger.free[j] - finger.by[j] * taken
+        moved = finger.free[j] - finger.by[j] * finger.moment
+        v[len(x) - 2 + j] += h * moved - finger.by[j] * taken
     v[0] = omega
     for i in range(len(x)):
         x[i] += h * v[i]
@@ -184,6 +204,11 @@ def part_surfaces(press):
         return ix.LOST
     if finger.angle - x[0] > DEEP:
         return ix.JUMPED
+    if finger.friction != 0.0 and finger.kind == ix.SERVO and finger.angle >= x[0]:
+        for side in (1.0, -1.0):
+            rub(press, side, 1.0)
+            if finger.lever <= 0.0 or finger.compliance < 0.0:
+                return ix.JAMMED
     x[0] = max(x[0], finger.angle, 0.0)
     for k in range(len(press.jacks)):
         rise, _, _ = surface(press.jacks[k].arm, key.height, x[0])

@@ -60,10 +60,10 @@ def write_row(press):
     row = press.rows[run.rows]
     run.rows += 1
     row[0], row[1], row[2], row[3] = run.time, press.x[0], press.v[0], press.x[1]
-    row[4] = finger.moment / press.key.press_arm
+    row[4] = finger.force
     if finger.kind != ix.PUSH:
-        pushed = finger.moment if finger.pad == ix.PRESSED else 0.0
-        row[4] = (finger.reaction if finger.touch else pushed) / finger.lever
+        pushed = finger.force if finger.pad == ix.PRESSED else 0.0
+        row[4] = finger.reaction / finger.lever if finger.touch else pushed
     row[5] = 0.0
     for k in range(len(press.jacks)):
         row[5] += string_force(press, k)
@@ -168,11 +168,11 @@ def advance_step(press, end):
     """Advance to the end [s] of an undivided step, within which a push may end; return a status."""
     key, finger, run, status = press.key, press.finger, press.run, ix.FINE
     while status == ix.FINE and run.time < end:
-        until = key.push_end if finger.moment != 0.0 and key.push_end < end else end
+        until = key.push_end if finger.force != 0.0 and key.push_end < end else end
         status = advance(press, until)
         if status == ix.FINE and until < end:
             write_row(press)
-            finger.moment, run.changed = 0.0, 1
+            finger.force, run.changed = 0.0, 1
     if status == ix.FINE:
         run.ends -= 1
         write_row(press)
@@ -195,9 +195,9 @@ def start_sample(press, sample, cubics, powered):
     if finger.kind == ix.SERVO and powered:
         close_loops(press)
     pushes = finger.kind == ix.PUSH and powered and run.start < key.push_end
-    force = key.force * key.press_arm if pushes else 0.0
-    run.changed = sample == 0 or finger.kind != ix.PUSH or force != finger.moment
-    finger.moment = force
+    force = key.force if pushes else 0.0
+    run.changed = sample == 0 or finger.kind != ix.PUSH or force != finger.force
+    finger.force = force
     return status
 
 

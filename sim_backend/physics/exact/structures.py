@@ -15,7 +15,7 @@ key leaves it."""
 CONTACT, RELEASE, RETURN = 0, 1, 2
 """Kinds of a string's events, in the order of the lists in `PluckEvents`."""
 PUSH, IDEAL, SERVO = 0, 1, 2  # Kinds of finger
-FINE, TURNED_OVER, LOST, JUMPED, AT_PIN = 0, 1, 2, 3, 4  # Status after an interval of time
+FINE, TURNED_OVER, LOST, JUMPED, AT_PIN, JAMMED = 0, 1, 2, 3, 4, 5  # Status of an interval
 CLOSE, SLOW = 1e-13, 1e-11
 """Gap [rad, m] below which surfaces are in contact, and speed that counts as zero."""
 EVENTS = 512  # Most events of strings that one call records
@@ -68,10 +68,10 @@ JACK = _record(
 """
 FINGER = _record(
     "base_x base_z upper lower height inertia1 inertia2 rotor2 coupling weight1 weight2"
-    " integral_time radians pad_stiffness pad_damping moment reaction angle speed acceleration"
-    " compliance lever overlap push",
+    " integral_time radians pad_stiffness pad_damping friction surface force moment reaction angle"
+    " speed acceleration compliance reach lever overlap push",
     "kind still touch pad",
-    "stiffness damping feedforward start limit offset integral lag torque free by",
+    "stiffness damping feedforward start limit offset integral lag torque free by turn bare aside",
     locked=("i8", 2),
     cubics=("f8", (2, 4)),
 )
@@ -80,17 +80,20 @@ FINGER = _record(
 - base_x, base_z, upper, lower, height [m]: of the arm, and of the fingertip's centre in contact
 - inertia1, inertia2, rotor2, coupling [kg m^2], weight1, weight2 [N m]: of the arm
 - pad_stiffness [N/m]: 0 for a rigid fingertip; pad_damping [N s/m]
-- moment, reaction [N m]: on the key, of a push or a pad, and of a rigid contact
+- friction: of the fingertip; surface [m]: height of the key's surface above the pin
+- force [N]: of a push or a pad; moment, reaction [N m]: on the key, of that, and of a rigid contact
 - angle, speed, acceleration [rad, rad/s, rad/s^2]: of a key in contact with the fingertip; the
   acceleration is the one without a force
 - compliance [rad/s^2 per N m]: what a moment takes from it, 0 if ideal, infinite behind a pad
-- lever [m]: moment per force
+- reach [m]: of the force, from the pin; lever [m]: moment per force, with friction
 - overlap [m]: of a pad; push [N m]: moment of its spring and damper, negative if they would pull
 - kind; still: whether an ideal finger is at rest; touch: whether it touches the key; pad: state
 - stiffness [N m/rad], damping [N m s/rad], feedforward [kg m^2], integral_time [s]: of the loops
 - radians [rad]: of an encoder count; start [rad]: where the encoders are 0
 - limit, offset, integral, torque [N m]; lag [rad]: following error of the last sample
 - free [rad/s^2], by [rad/s^2 per N m]: accelerations without a force, and what a moment takes
+- turn: of the key in contact, per turn of the joint; bare: `by` without friction; aside [rad m/s^2
+  per N m]: what the friction adds, times the force along the key over the moment
 - locked: whether the joint is braked; cubics [rad]: its reference over the controller sample
 """
 RUN = _record("period step tolerance time start", "order steps left crowd changed events rows ends")

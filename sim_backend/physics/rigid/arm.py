@@ -123,6 +123,8 @@ class ServoFinger(SteppedFinger):
         self._start = start
         self._powered = False
         self._separated = False
+        self._force = self._foreseen = 0.0
+        self._rate: float | None = None  # of the key after a trial of a step, in which it may jump
         self._error = (0.0, 0.0)
         self._torque = (0.0, 0.0)
         self._correction = (0.0, 0.0)
@@ -171,19 +173,32 @@ class ServoFinger(SteppedFinger):
         """Apply the motors' torques and the pad's force; see `SteppedFinger`."""
         (first, second), (a, b) = self._torque, self._correction
         first, second = first * kick.fraction + a, second * kick.fraction + b
-        if self.pad is not None:
+        x = z = moment = 0.0
+        if self.pad is not None or self.friction is not None:
             back = kick.fraction * kick.step - kick.ahead / 2  # to the middle of the last step
             place, velocity, along = self._tip_after(kick.step, back)
-            force = self.pad.press(place, velocity, angle, omega, kick)
-            bodies.set_force(self.lower, force)
-            second_arm = along[0] / 2 * force[1] - along[1] / 2 * force[0]
-            bodies.set_torque(self.lower, second + second_arm)
-        else:
-            bodies.set_torque(self.lower, second)
+            if self.pad is not None:
+                x, z, moment = self.pad.press(place, velocity, angle, omega, kick)
+            elif self.friction is not None:
+                rate = omega if self._rate is None else self._rate
+                x, z, moment = self.friction.rub(self._foreseen, angle, rate, kick)
+            bodies.set_force(self.lower, (x, z))
+            moment += along[0] / 2 * z - along[1] / 2 * x
+        bodies.set_torque(self.lower, second + moment)
         bodies.set_torque(self.upper, first - second)
 
+    def retries(self, weight: float) -> bool:
+        if self.friction is None or self._separated:
+            return False
+        before, self._foreseen = self._foreseen, max(0.0, self._tip.impulse / weight)
+        self._rate = bodies.angular_velocity_of(self.friction.lever)
+        return abs(self._foreseen - before) > 1e-9 * (1 + before)
+
+    def foresee(self, force: float) -> None:
+        self._force = self._foreseen = force
+
     def contact_force(self, weight: float) -> float:
-        self._correction = (0.0, 0.0)
+        self._correction, self._rate = (0.0, 0.0), None
         first, second = self._omegas
         self._omegas = a, b = self.upper.angular_velocity, self.lower.angular_velocity
         self._acceleration = (a - first) / weight, (b - second) / weight
@@ -196,6 +211,7 @@ class ServoFinger(SteppedFinger):
         if not force > 0:
             self._separated = True
             self._tip.max = 2 * bodies.FAR
+        self._foreseen, self._force = max(0.0, 2 * force - self._force), force
         return force
 
     def reaches_key(self, angle: float, step: float) -> bool:

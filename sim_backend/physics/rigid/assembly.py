@@ -21,6 +21,7 @@ from sautereau.sim_backend.physics.rigid.finger import PushFinger, SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, PaddedIdealFinger, touching_angle
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
 from sautereau.sim_backend.physics.rigid.key import StiffKey
+from sautereau.sim_backend.physics.rigid.pad import Friction
 from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
 from sautereau.sim_backend.physics.rigid.yielding import BendingKey, SinkingKey
 from sautereau.sim_backend.scene import Scene
@@ -222,6 +223,8 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     steps = steps_in_sample(rig, scene.step or period)
     division = Division(rig, key, jacks, period * MM / steps, scene.fingertip)
     finger = _finger(space, key, rig, scene, start)
+    if scene.friction and rig.arm.fingertip_friction:
+        (finger.pad or finger).friction = Friction(rig, key)
     iterations = scene.iterations, ITERATIONS[scene.finger]
     return Assembly(space, gravity, key, jacks, finger, division, dry, iterations)
 

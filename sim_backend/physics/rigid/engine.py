@@ -234,7 +234,7 @@ class RigidWorld(World):
         """
         *pulls, back, front = forces
         key, pressed, step = self._key, self._key.pressed, self._step
-        for _ in range(2 if step != self._engine_step else 1):
+        for trial in range(20):  # the force that friction itself changes converges before
             self._finger.set_bodies(step)
             key.set_bodies(step)
             key.apply(back, front, kick.fraction)
@@ -242,6 +242,9 @@ class RigidWorld(World):
                 jack.set_bodies(step, force * kick.fraction)
             self._finger.apply_forces(self._elapsed, pressed.next, pressed.node, kick)
             self._parts.kick(step, kick.fraction)
+            again = self._finger.retries(kick.fraction * step)
+            if not again and (trial or step == self._engine_step):
+                break
         self._engine_step, self._fresh = step, True
 
     def _append_rows(
@@ -258,12 +261,14 @@ class RigidWorld(World):
             impact: Whether velocities jump; then the mean force contains the impulse.
         """
         pull = sum(jack.pull for jack in self._loaded)
+        last = (self._rows or self._before)[-1][4]
         rise, before, after = self._jacks[0].rise / MM, mean, mean
         if self._finger.pad is not None:
             before = self._finger.pad.before
         elif drift and pull != pulled and not impact:
             before = self._force_before()
             after = (mean * (drift + ahead) - before * drift) / ahead
+        self._finger.foresee(last if impact else after)
         if drift:
             row = self._elapsed, self._seen_angle, omega * MM, rise, before, pulled
             self._rows.append(row)

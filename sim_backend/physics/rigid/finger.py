@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 
 from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.finger import Finger, Reference
-from sautereau.sim_backend.physics.rigid.pad import Pad
+from sautereau.sim_backend.physics.rigid.pad import Friction, Pad
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 
 
@@ -22,6 +22,8 @@ class SteppedFinger(Finger, ABC):
     """Whether it strikes the key in the present step, which the engine does not know before."""
     pad: Pad | None = None
     """The pad between a compliant fingertip and the key; None for a rigid fingertip."""
+    friction: Friction | None = None
+    """Of the fingertip, without a pad; None for none."""
     push_end: float = math.inf
     """ms into the controller sample, end of that moment; inf if not within this sample."""
 
@@ -45,6 +47,13 @@ class SteppedFinger(Finger, ABC):
         Args:
             weight: ms, for which the forces acted in it.
         """
+
+    def retries(self, weight: float) -> bool:
+        """Take the friction from the force in a trial of a step; return whether to repeat it."""
+        return False
+
+    def foresee(self, force: float) -> None:
+        """Take the force [N] of the next step, by which the friction in it is known."""
 
     def reaches_key(self, angle: float, step: float) -> bool:
         """Return whether a separated finger reaches the key, at an angle [rad] after a step."""
@@ -106,6 +115,11 @@ class PushFinger(SteppedFinger):
         within = on and left < self._period * (1 - 1e-9)
         self.push_end = left * 1e3 if within else math.inf
         return self.moment != before
+
+    def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
+        """Apply the friction; see `SteppedFinger`."""
+        if self.friction is not None:
+            self.friction.rub(self.contact_force(0.0), angle, omega, kick)
 
     def contact_force(self, weight: float) -> float:
         return self.moment / self._arm / 1e3

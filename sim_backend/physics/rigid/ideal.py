@@ -129,6 +129,7 @@ class IdealFinger(PrescribedFinger):
 
     def __init__(self, space: pymunk.Space, key: StiffKey, rig: Rig, start: tuple[float, float]):
         super().__init__(rig, start)
+        self._force = 0.0
         self._body, self._contact = add_driver(space, key.lever)
         self._reach, self._struck = 1.0, 0
         self._next = math.nan, 0.0  # ms and mm, end of the next step and the contact's arm there
@@ -142,6 +143,9 @@ class IdealFinger(PrescribedFinger):
         ahead, step, _ = kick
         then, reach = self._next
         self._reach = reach if abs(then - elapsed) < SAME else self._touching(elapsed)[1]
+        if self.friction is not None:  # the moment per force
+            part = self.friction.part(self._force, omega, step)
+            self._reach += part * self.friction.height
         angle_ahead, reach = self._touching(elapsed + ahead)
         self._next = elapsed + ahead, reach
         if ahead < step / 4:  # the error is corrected over a quarter step at least
@@ -155,7 +159,8 @@ class IdealFinger(PrescribedFinger):
         self.strikes, self._struck = self._struck > 0, self._struck - 1
 
     def contact_force(self, weight: float) -> float:
-        return impulse_of(self._contact) / (weight * self._reach)
+        self._force = impulse_of(self._contact) / (weight * self._reach)
+        return self._force
 
     def stays_clear(self, angle: float) -> bool:
         """Return whether no contact angle of the sample reaches the key's."""

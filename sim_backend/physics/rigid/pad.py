@@ -1,7 +1,8 @@
-"""A compliant pad between fingertip and key: a force on the bodies in place of a joint."""
+"""Forces between fingertip and key in place of a joint: of a compliant pad, and friction."""
 
 import math
 
+from sautereau.rig.schema import Rig
 from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.rigid.bodies import MM, set_force, set_torque
 from sautereau.sim_backend.physics.rigid.key import StiffKey
@@ -10,12 +11,43 @@ from sautereau.sim_backend.physics.rigid.step_event import Kick
 APART = -1e-9  # mm, overlap below which the pad has left the key
 
 
+class Friction:
+    """The friction of the fingertip on the key's surface, in mm, g and ms."""
+
+    def __init__(self, rig: Rig, key: StiffKey):
+        self._coefficient, self._radius = rig.arm.fingertip_friction, rig.arm.fingertip_radius * MM
+        self.lever, self._pin = key.lever, key.pin
+        self.height = rig.key.surface_height * MM
+        """mm, of the surface above the pin."""
+
+    def part(self, force: float, omega: float, step: float) -> float:
+        """Return the force towards the front edge over the force [N] on a key of a rate [1/ms]."""
+        # The sign changes over the rate that friction takes or gives in a step [ms]: so that of a
+        # key at rest is as large as it must be, or none.
+        change = abs(self._coefficient) * self.height * force * step / self.lever.moment
+        fastest = max(abs(omega), change)
+        return self._coefficient * omega / fastest if fastest else 0.0
+
+    def rub(
+        self, force: float, angle: float, omega: float, kick: Kick
+    ) -> tuple[float, float, float]:
+        """Apply it; return the force [N], (x, z), and moment [N mm] on the fingertip."""
+        along, lever = force * self.part(force, omega, kick.step) * kick.fraction, self.lever
+        set_torque(lever, lever.torque + along * self.height)
+        sine, cosine = math.sin(angle), math.cos(angle)
+        if not self._pin.fixed:
+            set_force(lever, (0.0, lever.force[1] - along * sine))
+        return along * cosine, along * sine, along * self._radius
+
+
 class Pad:
     """The pad on the key's surface, in mm and ms.
 
     Args:
         height: mm, of the fingertip's centre above the pin where an uncompressed pad touches.
     """
+
+    friction: Friction | None = None
 
     def __init__(self, fingertip: Fingertip, key: StiffKey, height: float):
         self._stiffness, self._damping = fingertip.stiffness / MM, fingertip.damping
@@ -42,8 +74,8 @@ class Pad:
         angle: float,
         omega: float,
         kick: Kick,
-    ) -> tuple[float, float]:
-        """Push the key, and return the force [N] on the fingertip, (x, z), as it is applied.
+    ) -> tuple[float, float, float]:
+        """Push the key; return the force [N], (x, z), and moment [N mm] applied to the fingertip.
 
         Args:
             place: mm, of the fingertip's centre at the end of the step.
@@ -62,11 +94,15 @@ class Pad:
         self.force = 0.0 if self.separated else max(0.0, push)
         self.before = 0.0 if self._fresh else self.force
         # A contact in the middle of an impulse: the force acts in the second part only.
-        applied = self.force * (kick.ahead / (2 * kick.step) if self._fresh else kick.fraction)
+        fraction = kick.ahead / (2 * kick.step) if self._fresh else kick.fraction
+        applied = self.force * fraction
         set_torque(self._lever, self._lever.torque + applied * reach)
         if not self.pin.fixed:
             set_force(self._lever, (0.0, self._lever.force[1] - applied * cosine))
-        return -applied * sine, applied * cosine
+        along = 0.0, 0.0, 0.0
+        if self.friction is not None:
+            along = self.friction.rub(self.force, angle, omega, kick._replace(fraction=fraction))
+        return along[0] - applied * sine, along[1] + applied * cosine, along[2]
 
     def make_contact(self) -> None:
         """Be in contact with the key from now on."""
