@@ -81,8 +81,8 @@ def _complete(axes: Axes, press: Press, found: Phases) -> None:
     names = pluck_names(found.plucks, string_names(press.rig))
     for name, held in zip(names, found.plucks, strict=True):
         which = f"{name}{', doubtful' * held.doubtful}"
-        _boundary(axes, held.contact, held.contact_std, CONTACT, "-", f"contact {which}")
-        _boundary(axes, held.release, held.release_std, RELEASE, "--", f"release {which}")
+        _boundary(axes, held.contact, held.contact_std, CONTACT, "-", f"contact, {which}")
+        _boundary(axes, held.release, held.release_std, RELEASE, "--", f"release, {which}")
     others = {name: getattr(found, name) for name in ("bottomed", "bottom", "returned")}
     for name, instant in others.items():
         if instant is not None and time[inside][0] <= instant * 1e3 <= time[inside][-1]:

@@ -36,7 +36,7 @@ MOST_DEVIATION = 4.0
 """Bound of a deviation in standard deviations, as a rig may be of another instrument."""
 CLEARANCE_STD, OVERLAP_STD, MODULUS_STD = 0.1e-3, 0.15, 0.15
 """m and relative, standard deviations of each string's own errors in the rig."""
-LEAST_OWN_STD = 0.05
+LEAST_OWN_STD = 0.08
 """Least standard deviation of the logarithms of a string's rise and force."""
 LEAST_CLIMB, LEAST_FORCE = 1e-5, 1e-9
 """m and N, smallest rise and force of which the logarithm is taken."""

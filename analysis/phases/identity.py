@@ -26,8 +26,12 @@ from sautereau.trajectory.motion import Floats
 SHARED_STDS = (0.3e-3, 0.3, 0.4)
 """Standard deviations of the error that all strings share: rise at contact (m), logarithms of rise
 from contact to release and of force. They are those of a rig that was measured with a ruler."""
-FORCE_DROP_STD = 0.1
-"""Relative standard uncertainty of a force drop, of which strings held at once share a part."""
+FORCE_DROP_STD, HELD_AT_ONCE_STD = 0.1, 0.2
+"""Relative standard uncertainty of a force drop; that of strings held at once, of whose sum each
+may get a part of the other's force."""
+CLEARLY = 1.2
+"""Ratio of the distances of contacts and of releases above which one of them decides alone whose
+pluck it is."""
 FAR = 4.0
 """Distance of a single pluck from a single string, in standard deviations, above which it is no
 pluck of this string: 1.3 mm at contact, or a force of a fifth or fivefold."""
@@ -73,14 +77,16 @@ def with_strings(
     for way, weight in zip(ways, weights.tolist(), strict=True):
         orders[way.order] += weight
     order = max(orders, key=orders.__getitem__)
-    # In another order, a pluck has the contact of one string and the release of another. It is then
-    # that of the string with which it has more in common: what is farther apart decides.
-    by_contact = np.ptp([c.time for c in contacts]) > np.ptp([r.time for r in releases])
+    # In another order, a pluck has the contact of one string and the release of another. It is that
+    # of the string with which it has far more in common.
+    far = [float(np.ptp([each.time for each in of])) for of in (contacts, releases)]
     chances = np.zeros((len(pairs), len(strings.contacts)))
     for way, weight in zip(ways, weights.tolist(), strict=True):
         for release, row in way.strings.items():
-            pluck = order.index(way.order[release]) if by_contact else release
-            if row < len(strings.contacts):
+            by_contact = order.index(way.order[release])
+            pluck = by_contact if far[0] > CLEARLY * far[1] else release
+            undecided = pluck != by_contact and far[1] < CLEARLY * far[0]
+            if row < len(strings.contacts) and not undecided:
                 chances[pluck, row] += weight
     spread = 2 * math.sqrt(max(orders[order] * (1 - orders[order]), 0.0))
     found = [
@@ -168,7 +174,9 @@ def _seen(
     first, last = np.abs(np.interp(times, signals.time, signals.speed)) * stds
     climbs = np.maximum(rises[1] - rises[0], LEAST_CLIMB)
     forces = np.maximum([release.fall for release in releases], LEAST_FORCE)
-    fallen = np.hypot(FORCE_DROP_STD, [release.fall_std for release in releases] / forces)
+    both = (times[0][:, None] < times[1]) & (times[0] < times[1][:, None])
+    known = np.where(both.sum(1) > 1, HELD_AT_ONCE_STD, FORCE_DROP_STD)
+    fallen = np.hypot(known, [release.fall_std for release in releases] / forces)
     slopes = np.zeros((len(releases), 3, 3))  # by the errors of contact, release and force
     slopes[:, 0, 0], slopes[:, 2, 2] = first, fallen
     slopes[:, 1, 0], slopes[:, 1, 1] = -first / climbs, last / climbs
