@@ -124,6 +124,8 @@ def _ways(
         order = list(plucks)
         for k, other in zip(free, exchanged, strict=True):
             order[k] = other
+        if any(contacts[k].time >= r.time for k, r in zip(order, releases, strict=True)):
+            continue
         seen, noise = _seen([contacts[k] for k in order], releases, signals)
         seen, noise = seen[:, :count], noise[:, :count, :count]
         alone = [-0.5 * (odds + np.linalg.slogdet(shared + one)[1]) for one in noise]
