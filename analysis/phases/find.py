@@ -93,10 +93,10 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
             ) from error
     else:
         found = Found(plucks_by_hand(signals, by_hand), Fit("by hand", 1.0))
-    pairs, identities = with_strings(found.plucks, signals, strings)
+    known_plucks = with_strings(found.plucks, signals, strings)
     plucks = [
-        replace(measured(signals, *pair), string=own.string, string_probability=own.probability)
-        for pair, own in zip(pairs, identities, strict=True)
+        replace(measured(signals, contact, release), string=string, string_probability=probability)
+        for contact, release, string, probability in known_plucks
     ]
     # Of one signal alone, the force or the place of a pluck is assumed.
     known = by_hand is not None or signals.missing
@@ -111,7 +111,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         released_speed = _mean(speed, time, plucks[0].release, after)
     steady = float(time[begin + np.argmax(speed[begin:] >= FULL_SPEED * speed[settled].mean())])
     start, bottom = float(-offset / slope), float(time[end])
-    contacts = [contact for contact, _ in pairs]
+    contacts = [contact for contact, *_ in known_plucks]
     said = [
         *checks.about_end(signals, begin),
         *checks.about_instants(plucks, contacts, steady, signals.missing),

@@ -12,7 +12,7 @@ it.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -38,72 +38,49 @@ pluck of this string: 1.3 mm at contact, or a force of a fifth or fivefold."""
 LEAST_PROBABILITY = 0.95
 """Probability above which a string is stated."""
 
-Pair = tuple[Contact, Release]
-
-
-@dataclass(frozen=True)
-class Identity:
-    """The string of a pluck."""
-
-    string: int | None
-    """Its number in the rig, from 1; None where the data do not show it."""
-    probability: float
-    """Probability of this string, or of the likeliest one."""
-
-
-@dataclass(frozen=True)
-class _Way:
-    """One way to explain the plucks of a press."""
-
-    order: tuple[int, ...]
-    """Index of the contact that belongs to each release."""
-    strings: dict[int, int]
-    """Row of the string of each assigned release."""
-    log: float
-    """Logarithm of its likelihood."""
+Way = tuple[tuple[int, ...], dict[int, int], float]
+"""A way to explain plucks: the contact of each release, the row of the string of each assigned
+release, and the logarithm of the likelihood."""
 
 
 def with_strings(
-    pairs: Sequence[Pair], signals: Signals, strings: Expected
-) -> tuple[list[Pair], list[Identity]]:
-    """Return the plucks of a press, their contacts in the likeliest order, and their strings."""
+    pairs: Sequence[tuple[Contact, Release]], signals: Signals, strings: Expected
+) -> list[tuple[Contact, Release, int | None, float]]:
+    """Return the plucks of a press, their contacts in the likeliest order, with their strings.
+
+    A string is its number in the rig, from 1, or None where the data do not show it; with the
+    probability of this string, or of the likeliest one.
+    """
     if not pairs:
-        return [], []
+        return []
     contacts, releases = zip(*pairs, strict=True)
     ways = list(_ways(contacts, releases, signals, strings))
-    weights = np.exp(np.array([way.log for way in ways]) - max(way.log for way in ways))
-    weights /= weights.sum()
-    orders = dict.fromkeys((way.order for way in ways), 0.0)
-    for way, weight in zip(ways, weights.tolist(), strict=True):
-        orders[way.order] += weight
-    order = max(orders, key=orders.__getitem__)
+    weights = np.exp(np.array([log for *_, log in ways]) - max(log for *_, log in ways))
+    weights = (weights / weights.sum()).tolist()
+    orders = dict.fromkeys((order for order, *_ in ways), 0.0)
+    for (order, *_), weight in zip(ways, weights, strict=True):
+        orders[order] += weight
+    best = max(orders, key=orders.__getitem__)
     # In another order, a pluck has the contact of one string and the release of another. It is that
     # of the string with which it has far more in common.
-    far = [float(np.ptp([each.time for each in of])) for of in (contacts, releases)]
+    apart, after = (float(np.ptp([each.time for each in of])) for of in (contacts, releases))
     chances = np.zeros((len(pairs), len(strings.contacts)))
-    for way, weight in zip(ways, weights.tolist(), strict=True):
-        for release, row in way.strings.items():
-            by_contact = order.index(way.order[release])
-            pluck = by_contact if far[0] > CLEARLY * far[1] else release
-            undecided = pluck != by_contact and far[1] < CLEARLY * far[0]
-            if row < len(strings.contacts) and not undecided:
+    for (order, rows, _), weight in zip(ways, weights, strict=True):
+        for release, row in rows.items():
+            by_contact = best.index(order[release])
+            pluck = by_contact if apart > CLEARLY * after else release
+            decided = pluck == by_contact or after > CLEARLY * apart
+            if row < len(strings.contacts) and decided:
                 chances[pluck, row] += weight
-    spread = 2 * math.sqrt(max(orders[order] * (1 - orders[order]), 0.0))
-    found = [
-        (_exchanged(contacts[k], spread), release)
-        for k, release in zip(order, releases, strict=True)
-    ]
-    likeliest = chances.argmax(1).tolist()
-    return found, [
-        Identity(strings.numbers[row] if chance[row] >= LEAST_PROBABILITY else None, chance[row])
-        for chance, row in zip(chances.tolist(), likeliest, strict=True)
-    ]
-
-
-def _exchanged(contact: Contact, spread: float) -> Contact:
-    """Return a contact whose uncertainty has the part of its exchange multiplied by a number."""
-    own, exchange = _own_std(contact), spread * contact.exchange_std
-    return replace(contact, std=math.hypot(own, exchange), exchange_std=exchange)
+    spread = 2 * math.sqrt(max(orders[best] * (1 - orders[best]), 0.0))
+    found = []
+    for k, release, chance in zip(best, releases, chances.tolist(), strict=True):
+        row, exchange = int(np.argmax(chance)), spread * contacts[k].exchange_std
+        std = math.hypot(_own_std(contacts[k]), exchange)
+        string = strings.numbers[row] if chance[row] >= LEAST_PROBABILITY else None
+        contact = replace(contacts[k], std=std, exchange_std=exchange)
+        found.append((contact, release, string, chance[row]))
+    return found
 
 
 def _own_std(contact: Contact) -> float:
@@ -113,7 +90,7 @@ def _own_std(contact: Contact) -> float:
 
 def _ways(
     contacts: Sequence[Contact], releases: Sequence[Release], signals: Signals, strings: Expected
-) -> Iterator[_Way]:
+) -> Iterator[Way]:
     """Yield every way to explain the plucks of a press."""
     count, plucks = 2 if signals.missing == "force" else 3, range(len(releases))
     members, places, variations = _rows(strings, len(strings.contacts) > len(releases))
@@ -143,7 +120,7 @@ def _ways(
                     away = (seen[list(each)] - places[list(rows)]).ravel()
                     distance = away @ np.linalg.solve(covariance, away)
                     log = rest - 0.5 * (distance + np.linalg.slogdet(covariance)[1])
-                    yield _Way(tuple(order), dict(zip(each, rows, strict=True)), float(log))
+                    yield tuple(order), dict(zip(each, rows, strict=True)), float(log)
 
 
 def _rows(strings: Expected, merge: bool) -> tuple[list[tuple[int, ...]], Floats, Floats]:

@@ -110,18 +110,11 @@ def compared_string(phases: Sequence[Phases]) -> int:
         AnalysisError: No press has a pluck of a string of the rig.
     """
     plucks = [held for found in phases for held in found.plucks]
-    strings = [held.string for held in plucks if held.string]
-    if strings:
+    if strings := [held.string for held in plucks if held.string]:
         return min(strings)
-    none = f"none of the {len(phases)} presses has a pluck"
-    if plucks:
-        raise AnalysisError(
-            f"{none} whose string is known, so there is nothing to compare; check clearance,"
-            " overlap and modulus of the strings in the rig, or press each string alone"
-        )
     raise AnalysisError(
-        f"{none}, so there is nothing to compare; check the forces, and the string and plectrum of"
-        " that key"
+        f"none of the {len(phases)} presses has a pluck{' whose string is known' * bool(plucks)},"
+        " so there is nothing to compare; check the forces, and the strings and plectra of that key"
     )
 
 
