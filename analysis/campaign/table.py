@@ -88,7 +88,7 @@ class Campaign:
         others = [n for n, (name, _) in named.items() if name not in (*OF_PLUCK, *OF_STRING)]
         for pluck in range(1, int(data["plucks"].max()) + 1):
             own = {n: name for n, (name, k) in named.items() if k == pluck and n not in others}
-            part = data[others].join(data[list(own)].rename(columns=own))
+            part = data[others].join(data[list(own)].set_axis(list(own.values()), axis=1))
             parts.append(part[part["string"].notna()])
         return pd.concat(parts or [data[:0]], ignore_index=True)
 

@@ -29,13 +29,10 @@ from contact to release and of force. They are those of a rig that was measured 
 FORCE_DROP_STD, HELD_AT_ONCE_STD = 0.1, 0.2
 """Relative standard uncertainty of a force drop; that of strings held at once, of whose sum each
 may get a part of the other's force."""
-CLEARLY = 1.2
-"""Ratio of the distances of contacts and of releases above which one of them decides alone whose
-pluck it is."""
 FAR = 4.0
 """Distance of a single pluck from a single string, in standard deviations, above which it is no
 pluck of this string: 1.3 mm at contact, or a force of a fifth or fivefold."""
-LEAST_PROBABILITY = 0.95
+LEAST_PROBABILITY = 0.9
 """Probability above which a string is stated."""
 
 Way = tuple[tuple[int, ...], dict[int, int], float]
@@ -46,7 +43,7 @@ release, and the logarithm of the likelihood."""
 def with_strings(
     pairs: Sequence[tuple[Contact, Release]], signals: Signals, strings: Expected
 ) -> list[tuple[Contact, Release, int | None, float]]:
-    """Return the plucks of a press, their contacts in the likeliest order, with their strings.
+    """Return the plucks of a press, their contacts in an order that is likely, with their strings.
 
     A string is its number in the rig, from 1, or None where the data do not show it; with the
     probability of this string, or of the likeliest one.
@@ -61,17 +58,16 @@ def with_strings(
     for (order, *_), weight in zip(ways, weights, strict=True):
         orders[order] += weight
     best = max(orders, key=orders.__getitem__)
+    if orders[best] < LEAST_PROBABILITY:
+        best = tuple(range(len(pairs)))  # as the load was fitted
     # In another order, a pluck has the contact of one string and the release of another. It is that
-    # of the string with which it has far more in common.
-    apart, after = (float(np.ptp([each.time for each in of])) for of in (contacts, releases))
+    # of the string with which it has more in common: what is farther apart decides.
+    by_contact = np.ptp([c.time for c in contacts]) > np.ptp([r.time for r in releases])
     chances = np.zeros((len(pairs), len(strings.contacts)))
     for (order, rows, _), weight in zip(ways, weights, strict=True):
         for release, row in rows.items():
-            by_contact = best.index(order[release])
-            pluck = by_contact if apart > CLEARLY * after else release
-            decided = pluck == by_contact or after > CLEARLY * apart
-            if row < len(strings.contacts) and decided:
-                chances[pluck, row] += weight
+            if row < len(strings.contacts):
+                chances[best.index(order[release]) if by_contact else release, row] += weight
     spread = 2 * math.sqrt(max(orders[best] * (1 - orders[best]), 0.0))
     found = []
     for k, release, chance in zip(best, releases, chances.tolist(), strict=True):

@@ -85,7 +85,7 @@ def split_column(column: str) -> tuple[str, int]:
 def by_string(row: Row) -> Row:
     """Return a row whose columns are numbered by string: those of string 2 end in `_2`.
 
-    A string without a pluck has no values, and a pluck of an unknown string is left out.
+    A string without a pluck has no values, and a pluck of an unknown string is omitted.
     """
     found: Row = {
         name: value for name, value in row.items() if split_column(name)[0] not in OF_PLUCK

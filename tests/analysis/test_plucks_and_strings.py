@@ -196,14 +196,16 @@ def test_the_touch_of_plectra_is_that_of_their_own_strings(tmp_path):
     rows, model = [], []
     random = np.random.default_rng(1)
     for number in range(8):
-        ratios = random.uniform(0.85, 1.15, 2)
+        thickness, overlap = random.uniform(0.85, 1.15, (2, 2)) * [[0.5, 0.45], [0.3, 0.25]]
         values = {
-            "plectrum.thickness": f"{0.5 * ratios[0]} mm",
-            "more_choirs.0.plectrum.thickness": f"{0.45 * ratios[1]} mm",
+            "plectrum.thickness": f"{thickness[0]} mm",
+            "plectrum.overlap": f"{overlap[0]} mm",
+            "more_choirs.0.plectrum.thickness": f"{thickness[1]} mm",
+            "more_choirs.0.plectrum.overlap": f"{overlap[1]} mm",
         }
         rig = with_values(SPINET, values).model_copy(update={"name": f"spinet {number}"})
         model += [
-            (choir.plectrum.thickness, each.string_force.max())
+            (choir.plectrum.thickness, choir.plectrum.overlap, each.string_force.max())
             for choir, each in zip(choirs(rig), predict(rig).choirs, strict=True)
         ]
         for press in range(2):
@@ -218,13 +220,16 @@ def test_the_touch_of_plectra_is_that_of_their_own_strings(tmp_path):
     assert touch.presses == len(rows)
     assert len(touch.plectra) == 16
     assert {plectrum.presses for plectrum in touch.plectra} == {2}
-    forces = dict(model)
+    forces = {thickness: force for thickness, _, force in model}
     for plectrum in touch.plectra:
         own = forces[plectrum.shape["plectrum_thickness"]] * 190 / 150
         assert plectrum.felt["force_drop"].value == pytest.approx(own, rel=0.15)
-    exponent = touch.felt["force_drop"].exponents["plectrum_thickness"].value
-    columns = np.log(np.array(model)).T
-    assert exponent == pytest.approx(np.polyfit(*columns, 1)[0], abs=0.3)
+    *shape, force = np.log(np.array(model)).T
+    strings = np.tile(np.eye(2), (8, 1)).T
+    expected = np.linalg.lstsq(np.stack([*shape, *strings], 1), force, rcond=None)[0]
+    exponents = touch.felt["force_drop"].exponents
+    for name, exponent in zip(("thickness", "overlap"), expected, strict=False):
+        assert exponents[f"plectrum_{name}"].value == pytest.approx(exponent, abs=0.3)
 
 
 @pytest.fixture(scope="module")
