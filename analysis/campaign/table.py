@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -81,7 +82,8 @@ class Campaign:
 
         Of a table without the column `string`, it has the first plucks.
         """
-        data, parts = self.data, []
+        data: Any = self.data
+        parts = []
         if "string" not in data:
             return data.loc[data["plucks"] > 0].reset_index(drop=True)
         named = {str(name): split_column(str(name)) for name in data}

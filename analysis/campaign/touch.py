@@ -136,7 +136,7 @@ def find_touch(campaign: Campaign) -> Touch:
     if 0 < simulated.sum() < len(presses):
         notes.append("this campaign mixes presses of the stand-in and of an instrument")
     sessions = sum(plectrum.sessions for plectrum in each)
-    count = presses["path"].nunique()
+    count = len(set(presses["path"]))
     return Touch(bool(simulated.any()), count, sessions, tuple(each), felt, tuple(notes))
 
 
@@ -215,7 +215,7 @@ def _fit(
     spreads = _means(values, found, groups, subgroups)
     parts = found.residual, found.subgroup, found.group
     unexplained = _exponents(data, shape, by_session, plectra)
-    felt = Felt(presses["path"].nunique(), sum(omitted.values()), *parts, *unexplained)
+    felt = Felt(len(set(presses["path"])), sum(omitted.values()), *parts, *unexplained)
     return felt, dict(zip(names, spreads, strict=True)), notes
 
 

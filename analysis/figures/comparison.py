@@ -87,7 +87,7 @@ def _draw(figure: FigureBase, sets: Sequence[_Set], prediction: Prediction) -> N
     below = figure.add_subplot(grid[1, 0], sharex=top)
     right = figure.add_subplot(grid[:, 1])
     plucks = [held.string or 0 for found in sets[0][1] for held in found.plucks]
-    string = min(filter(None, plucks), default=1)
+    string = min([len(prediction.choirs), *filter(None, plucks)]) if any(plucks) else 1
     _over_time(top, below, sets, prediction, string)
     _force_on_deflection(right, sets, prediction, string)
     simulated = any(press.simulated for presses, _ in sets for press in presses)

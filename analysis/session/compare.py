@@ -75,6 +75,11 @@ def compare(
         AnalysisError: No press has a pluck to compare.
     """
     string = compared_string(phases)
+    if string > (strings := min(len(each.choirs) for each in predictions)):
+        raise AnalysisError(
+            f"string {string} was plucked, and the model has {strings}; compare with a rig that has"
+            " the string"
+        )
     both = zip(phases, predictions, strict=True)
     held = [(h, p, p.choirs[string - 1]) for f, p in both if (h := f.of_string(string))]
     predicted = [(h, *predicted_features(p, own)) for h, p, own in held]
@@ -215,7 +220,7 @@ def predicted_means(
     for row, own in zip(rows, predictions, strict=True):
         for pluck, prediction in enumerate(own, 1):
             string = row.get(column("string", pluck))
-            if not isinstance(string, int):
+            if not isinstance(string, int) or string > len(prediction.choirs):
                 continue
             values = pluck_features(rig, prediction, prediction.choirs[string - 1])
             for name, value in values.items():

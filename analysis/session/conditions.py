@@ -184,7 +184,8 @@ def _condition(
             if held.string == string
         ] or [(one, predictions[0]) for one, predictions in zip(found, each, strict=True)]
         prediction = both[0][1]
-        comparison = compare(*map(list, zip(*both, strict=True)), gain_stds(own))
+        compared, predictions = zip(*both, strict=True)
+        comparison = compare(compared, predictions, gain_stds(own))
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:
         warnings.append(f"no comparison with the model: {error}")
