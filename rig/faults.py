@@ -94,10 +94,12 @@ def line_of(text: str, key: str) -> int | None:
     parts = key.split(".")
     for number, line in enumerate(text.split("\n"), 1):
         if header := re.match(r"\s*(\[\[?)\s*([\w.\-]+)\s*\]", line):
-            table = header[2].split(".")
             if header[1] == "[[":
                 counts[header[2]] = counts.get(header[2], -1) + 1
-                table = [*table, str(counts[header[2]])]
+            table, name = [], ""
+            for part in header[2].split("."):  # an array's inner tables are those of its last entry
+                name = f"{name}.{part}".lstrip(".")
+                table += [part, str(counts[name])] if name in counts else [part]
             here = table
         elif entry := re.match(r"\s*([\w.\-]+)\s*=", line):
             here = [*table, *entry[1].split(".")]

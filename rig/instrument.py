@@ -228,6 +228,8 @@ class String(Section):
     """Hz, fundamental frequency."""
     diameter: Length = Field(default=0.31e-3, gt=0)
     """m, diameter of the wire."""
+    name: str = ""
+    """Name of its choir, which results show beside its number: `8' back`."""
 
     @model_validator(mode="after")
     def _plucked_between_its_ends(self):

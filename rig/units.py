@@ -193,6 +193,21 @@ Moment = Annotated[float, Unit("N*m", "4 mN m")]
 Inertia = Annotated[float, Unit("kg*m**2", "7e-4 kg m^2")]
 
 
+def _replaced(node: Any, values: Mapping[str, Any]) -> Any:
+    """Return a table, an array of tables or a value with other values by dotted key."""
+    if "" in values:
+        return values[""]
+    parts: dict[str, dict[str, Any]] = {}
+    for key, value in values.items():
+        part, _, inner = key.partition(".")
+        parts.setdefault(part, {})[inner] = value
+    if isinstance(node, tuple):
+        return tuple(
+            _replaced(n, parts[str(k)]) if str(k) in parts else n for k, n in enumerate(node)
+        )
+    return node.model_copy(update={k: _replaced(getattr(node, k), v) for k, v in parts.items()})
+
+
 class Section(BaseModel):
     """A table of the rig file: frozen, no unknown keys, no NaN."""
 
@@ -203,9 +218,4 @@ class Section(BaseModel):
 
         `sautereau.rig.load.with_values` checks them, which takes milliseconds.
         """
-        parts: dict[str, dict[str, Any]] = {}
-        for key, value in values.items():
-            part, _, name = key.partition(".")
-            parts.setdefault(part, {})[name] = value
-        changed = {part: getattr(self, part).model_copy(update=new) for part, new in parts.items()}
-        return self.model_copy(update=changed)
+        return _replaced(self, values)

@@ -83,11 +83,15 @@ class Judged:
 def find_judged(campaign: Campaign) -> Judged | None:
     """Compare the judgements of touch with each measured quantity; None without judgements.
 
-    Warm-up presses and presses without a pluck are excluded.
+    Warm-up presses and presses without a pluck of a known string are excluded. Of a press with
+    several, the quantities are those of the string with the lowest number.
     """
     data = campaign.data
     if TOUCH not in data or "plucks" not in data or not len(data[TOUCH].dropna()):
         return None
+    data = campaign.plucks
+    if "string" in data:
+        data = data.sort_values("string", kind="stable").drop_duplicates("path").sort_index()
     columns = [name for name in MEASURED if name in data]
     codes, values = judgements(data, columns)
     counts = {level: int(np.count_nonzero(codes == k)) for k, level in enumerate(LEVELS)}

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from sautereau.analysis.campaign.labels import TOUCH, touch_in
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.press.features import UNITS as FEATURE_UNITS
-from sautereau.analysis.press.features import Row, split_column
+from sautereau.analysis.press.features import Row, column, split_column
 from sautereau.analysis.session.analysed import AnalysedPress, analyse_file
 from sautereau.rig.disk import as_text
 from sautereau.rig.errors import SautereauError
@@ -29,6 +30,12 @@ PLECTRUM = {
     "friction": "1",
 }
 """Values of the rig's plectrum that become columns, with their units."""
+OF_STRING = (
+    "plectrum",
+    *(f"plectrum_{name}" for name in PLECTRUM),
+    *("string_stiffness", "string_clearance"),
+)
+"""Columns that describe the string of a pluck; those of the second pluck end in `_2`."""
 UNITS = {
     "path": "",
     "size": "byte",
@@ -50,8 +57,9 @@ UNITS = {
     **{name: unit for name, unit in FEATURE_UNITS.items() if name not in ("path", "simulated")},
 }
 """Columns in their order, with their units; the unit of text and yes/no is empty. `mtime` is the
-time of the file's last change since 1970. The values of plectrum and string and `jack_speed`, the
-planned speed, are the rig's. The last columns are the features of
+time of the file's last change since 1970. Plectrum and string are those of the string to which the
+pluck belongs, and of the rig's first string if that is unknown; with `jack_speed`, the planned
+speed, their values are the rig's. The last columns are the features of
 `sautereau.analysis.press.features`."""
 
 KINDS = {
@@ -155,23 +163,36 @@ def row_of(found: AnalysedPress, path: Path) -> Row:
         "notes": session.notes,
         TOUCH: touch_in(session.notes),
         "rig": rig.name,
-        "plectrum": plectrum_id(rig),
-        **{f"plectrum_{name}": getattr(rig.plectrum, name) for name in PLECTRUM},
-        "string_stiffness": rig.string.static_stiffness,
-        "string_clearance": rig.jack.string_clearance,
+        **_of_string(rig, 1),
         "jack_speed": rig.press.jack_speed,
     }
+    for pluck, held in enumerate(found.phases.plucks, 1):
+        values = _of_string(rig, held.string) if held.string else {}
+        row |= {column(name, pluck): value for name, value in values.items()}
     return row | {name: value for name, value in found.features.items() if name not in row}
 
 
-def plectrum_id(rig: Rig) -> str:
-    """Return an identifier of a plectrum: eight hexadecimal digits.
+def _of_string(rig: Rig, string: int) -> Row:
+    """Return the values of the columns of `OF_STRING` for a string of the rig."""
+    choir = choirs(rig)[string - 1]
+    return {
+        "plectrum": plectrum_id(rig, string),
+        **{f"plectrum_{name}": getattr(choir.plectrum, name) for name in PLECTRUM},
+        "string_stiffness": choir.string.static_stiffness,
+        "string_clearance": choir.jack.string_clearance,
+    }
+
+
+def plectrum_id(rig: Rig, string: int = 1) -> str:
+    """Return an identifier of a string's plectrum: eight hexadecimal digits.
 
     It is the same for rigs with the same name and the same values of the plectrum. Two plectra with
-    equal values can be distinguished by the names of their rigs.
+    equal values can be distinguished by their strings and by the names of their rigs.
     """
     # The place of the string in the model is not a property of the plectrum.
-    description = f"{rig.name}\n{rig.plectrum.model_dump_json(exclude={'contact'})}"
+    plectrum = choirs(rig)[string - 1].plectrum
+    description = f"{rig.name}\n{plectrum.model_dump_json(exclude={'contact'})}"
+    description += f"\nstring {string}" * (string > 1)
     return hashlib.sha256(description.encode()).hexdigest()[:8]
 
 
@@ -186,8 +207,8 @@ def column_faults(table: "pa.Table") -> list[str]:
     if missing := [name for name in required if name not in names]:
         return [f"no column {', '.join(missing)}"]
     faults = [f"{n}: a press has no value" for n in required if table.column(n).null_count]
-    for name, column in zip(names, table.columns, strict=True):
-        kind, column_type = KINDS.get(name, "number"), column.type
+    for name, values in zip(names, table.columns, strict=True):
+        kind, column_type = KINDS.get(split_column(name)[0], "number"), values.type
         right = {
             "text": pa.types.is_string,
             "yes/no": pa.types.is_boolean,
@@ -196,7 +217,7 @@ def column_faults(table: "pa.Table") -> list[str]:
         if not right and not (pa.types.is_null(column_type) and name not in ALWAYS):
             faults.append(f"{name}: {column_type}, not {kind}")
         elif pa.types.is_float64(column_type):
-            numbers = column.drop_null().to_numpy()
+            numbers = values.drop_null().to_numpy()
             least = 1 / LARGEST if name in POSITIVE else -LARGEST
             if not ((least <= numbers) & (numbers <= LARGEST)).all():
                 faults.append(f"{name}: not numbers from {least:g} to {LARGEST:g}")

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,7 @@ import pyarrow.parquet as pq
 from sautereau.analysis.campaign.labels import LEVELS, TOUCH
 from sautereau.analysis.campaign.row import (
     KINDS,
+    OF_STRING,
     Fault,
     Row,
     Source,
@@ -28,15 +30,17 @@ from sautereau.analysis.campaign.row import (
     unit_of,
 )
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.press.features import OF_PLUCK, split_column
 from sautereau.rig.disk import make_folder, write_durably
 from sautereau.rig.faults import fault_list
 
 KEY = b"sautereau"  # Key of the file's metadata
 MOST_ROWS = 1_000_000  # Largest number of presses in a table
 MOST_BYTES = 2**29  # Largest unpacked size of a table's columns (byte)
-SCHEMA = 3
+SCHEMA = 4
 """Version of the columns. Tables of sautereau 0.1 have no version number and count as version 1.
-Version 2 has no column `TOUCH`."""
+Version 2 has no column `TOUCH`. Up to version 3 there is no column `string`, and the plectrum is
+always that of the rig's first string."""
 RENAMED = {
     "contact_duration": "pluck_duration",
     "peak_force": "release_force",
@@ -71,6 +75,24 @@ class Campaign:
         if TOUCH in data:
             data[TOUCH] = data[TOUCH].astype(pd.CategoricalDtype(LEVELS, ordered=True))
         return data
+
+    @cached_property
+    def plucks(self) -> pd.DataFrame:
+        """One row for each pluck whose string is known, with the columns of a first pluck.
+
+        Of a table without the column `string`, it has the first plucks.
+        """
+        data: Any = self.data
+        parts = []
+        if "string" not in data:
+            return data.loc[data["plucks"] > 0].reset_index(drop=True)
+        named = {str(name): split_column(str(name)) for name in data}
+        others = [n for n, (name, _) in named.items() if name not in (*OF_PLUCK, *OF_STRING)]
+        for pluck in range(1, int(data["plucks"].max()) + 1):
+            own = {n: name for n, (name, k) in named.items() if k == pluck and n not in others}
+            part = data[others].join(data[list(own)].set_axis(list(own.values()), axis=1))
+            parts.append(part[part["string"].notna()])
+        return pd.concat(parts or [data[:0]], ignore_index=True)
 
     @property
     def simulated(self) -> bool:

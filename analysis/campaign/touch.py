@@ -66,7 +66,7 @@ class Felt:
     presses: int
     """Number of presses in which it is above 0."""
     omitted: int
-    """Number of other presses with a pluck. They are omitted for this quantity only."""
+    """Number of other plucks. They are omitted for this quantity only."""
     press: Spread
     """Standard deviation of presses within a session: the repeatability."""
     session: Spread | None
@@ -100,8 +100,9 @@ class Touch:
 def find_touch(campaign: Campaign) -> Touch:
     """Fit the force at the key as a function of the plectrum's shape, and divide its spread.
 
-    Warm-up presses and presses without a pluck are excluded. The first pluck of a press is used. A
-    press in which a quantity is missing or not above 0 is omitted for that quantity only.
+    Warm-up presses, presses without a pluck, and plucks of an unknown string are excluded. A pluck
+    counts for the plectrum of its string; one whose quantity is missing or not above 0 is omitted
+    for that quantity only.
 
     Raises:
         AnalysisError: Too few presses remain for a spread of any quantity.
@@ -135,11 +136,12 @@ def find_touch(campaign: Campaign) -> Touch:
     if 0 < simulated.sum() < len(presses):
         notes.append("this campaign mixes presses of the stand-in and of an instrument")
     sessions = sum(plectrum.sessions for plectrum in each)
-    return Touch(bool(simulated.any()), len(presses), sessions, tuple(each), felt, tuple(notes))
+    count = len(set(presses["path"]))
+    return Touch(bool(simulated.any()), count, sessions, tuple(each), felt, tuple(notes))
 
 
 def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
-    """Return the presses that can be compared, and notes about the others."""
+    """Return the plucks that can be compared, and notes about the others."""
     data = campaign.data
     missing = [name for name in ("warm_up", "plucks", *FELT) if name not in data]
     if missing:
@@ -157,11 +159,13 @@ def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
         )
         if which.any()
     ]
-    kept = data.loc[~warm_up & plucked].reset_index(drop=True)
+    kept = campaign.plucks.loc[lambda each: ~each["warm_up"].astype(bool)].reset_index(drop=True)
+    if "string" in data and (unknown := int(data.loc[~warm_up, "plucks"].sum()) - len(kept)):
+        notes.append(f"excluded plucks of an unknown string: {unknown}")
     if len(kept) < 2:
         excluded = f" ({'; '.join(notes)})" if notes else ""
         raise AnalysisError(
-            f"touch of {campaign.path}: {len(kept)} presses to compare{excluded}, and a spread"
+            f"touch of {campaign.path}: {len(kept)} plucks to compare{excluded}, and a spread"
             " needs 2 or more; make more presses"
         )
     return kept, notes
@@ -211,7 +215,7 @@ def _fit(
     spreads = _means(values, found, groups, subgroups)
     parts = found.residual, found.subgroup, found.group
     unexplained = _exponents(data, shape, by_session, plectra)
-    felt = Felt(len(presses), sum(omitted.values()), *parts, *unexplained)
+    felt = Felt(len(set(presses["path"])), sum(omitted.values()), *parts, *unexplained)
     return felt, dict(zip(names, spreads, strict=True)), notes
 
 

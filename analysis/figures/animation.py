@@ -12,13 +12,14 @@ from matplotlib.patches import Polygon
 
 from sautereau.analysis.figures.jack import JackView
 from sautereau.analysis.figures.made import how_made, stamp
-from sautereau.analysis.figures.palette import ARM, PHASES, PRESSED, SERIES
+from sautereau.analysis.figures.palette import ARM, PHASES, PRESSED, SERIES, SEVERAL
 from sautereau.analysis.figures.side import BenchPose, draw_surroundings
+from sautereau.analysis.model.choirs import string_names
+from sautereau.analysis.phases.found import FREE, stretches
 from sautereau.analysis.press.replay import ChoirMotion, Replay
 
 SIZE = (9.6, 6.4)  # Size of the figure (in): 960 by 640 pixels
 DPI = 100  # Pixels per inch
-HELD = PHASES[1][1]
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,9 @@ def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Part]]:
         _strings(figure.add_subplot(grid[1, 0]), scene),
     ]
     heads = grid[:2, 1].subgridspec(len(scene.choirs), 1)
+    strings = string_names(scene.press.rig)
     for number, motion in enumerate(scene.choirs):
-        name = f"choir {number + 1}: " if len(scene.choirs) > 1 else ""
+        name = f"{strings[number]}: " if len(scene.choirs) > 1 else ""
         axes = figure.add_subplot(heads[number, 0])
         parts.append(_head(axes, motion, name))
         if number + 1 < len(scene.choirs):
@@ -160,8 +162,10 @@ def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
         at = int(np.argmax(values))
         style = {"textcoords": "offset points", "va": "top", "fontsize": 8}
         axes.annotate(f"peak {values[at]:.2g} N", (time[at], most), (5, -2), **style)
-    for held in scene.phases.plucks:
-        axes.axvspan(held.contact * 1e3, held.release * 1e3, color=HELD, zorder=0)
+    ends = [(held.contact * 1e3, held.release * 1e3) for held in scene.phases.plucks]
+    for start, stop, name in stretches(ends, -np.inf, np.inf):
+        if np.isfinite([start, stop]).all() and name != FREE:
+            axes.axvspan(start, stop, color=PHASES.get(name, SEVERAL)[0], zorder=0)
     axes.set(xlim=(scene.time[0] * 1e3, scene.time[-1] * 1e3), xlabel="time after the trigger (ms)")
     axes.set_ylabel(label)
     now = axes.axvline(scene.time[0] * 1e3, color=PRESSED, lw=1.2)

@@ -126,7 +126,7 @@ def _legend(axes, rig: Rig) -> None:
     """Write the lengths that have no arrow."""
     rows = [_length_text(rig, name, text) for name, text in LENGTHS.items()]
     if rig.more_choirs:
-        rows.append(f"{len(rig.more_choirs)} more choir{'s' * (len(rig.more_choirs) > 1)}")
+        rows.append(f"{len(rig.more_choirs)} more string{'s' * (len(rig.more_choirs) > 1)}")
     axes.axis("off")
     half = (len(rows) + 1) // 2
     for column, part in enumerate((rows[:half], rows[half:])):

@@ -86,15 +86,17 @@ def _draw(figure: FigureBase, sets: Sequence[_Set], prediction: Prediction) -> N
     top = figure.add_subplot(grid[0, 0])
     below = figure.add_subplot(grid[1, 0], sharex=top)
     right = figure.add_subplot(grid[:, 1])
-    _over_time(top, below, sets, prediction)
-    _force_on_deflection(right, sets, prediction)
+    plucks = [held.string or 0 for found in sets[0][1] for held in found.plucks]
+    string = min([len(prediction.choirs), *filter(None, plucks)]) if any(plucks) else 1
+    _over_time(top, below, sets, prediction, string)
+    _force_on_deflection(right, sets, prediction, string)
     simulated = any(press.simulated for presses, _ in sets for press in presses)
     numbers = " against ".join(counted(len(presses), "press") for presses, _ in sets)
     figure.suptitle(f"Rig {sets[0][0][0].rig.name}: {numbers}, {how_made(simulated)}")
     stamp(figure, simulated)
 
 
-def _over_time(top, below, sets: Sequence[_Set], prediction: Prediction) -> None:
+def _over_time(top, below, sets: Sequence[_Set], prediction: Prediction, string: int) -> None:
     for (presses, _), colour, of_set in zip(sets, COLOURS, _names(sets), strict=False):
         press = presses[0]
         label = f"{of_set}{press.path.name}, {_label(press)}"
@@ -102,9 +104,9 @@ def _over_time(top, below, sets: Sequence[_Set], prediction: Prediction) -> None
         below.plot(press.time * 1e3, press.samples["force"], color=colour, lw=0.8)
     press, phases = sets[0][0][0], sets[0][1][0]
     start, drawn = phases.start, np.ones(len(prediction.time), bool)
-    if phases.plucks:  # a prediction for a measured speed holds while the string is held
-        start = phases.plucks[0].contact - prediction.in_time[0].contact
-        drawn = prediction.near_pluck(BESIDE)
+    if held := phases.of_string(string):  # for a measured speed, it holds while that is held
+        start = held.contact - prediction.choirs[string - 1].contact
+        drawn = prediction.near_pluck(BESIDE, string)
     model, deflection = (prediction.time[drawn] + start) * 1e3, prediction.deflection[drawn] * 1e3
     top.plot(model, deflection, color=PREDICTED, ls="--", label="predicted")
     top.set_ylabel("deflection at the laser (mm)")
@@ -114,27 +116,27 @@ def _over_time(top, below, sets: Sequence[_Set], prediction: Prediction) -> None
     end = phases.bottom * 1e3
     below.set_xlim(0, end)
     scale_to_pluck(below, press, phases, prediction.peak_force)
-    held = phases.plucks[:1]
-    edges = [0.0, *(1e3 * t for pluck in held for t in (pluck.contact, pluck.release)), end]
-    shade_phases(below, edges)
-    shade_phases(top, edges, named=True)
+    shade_phases(below, phases, 0.0)
+    shade_phases(top, phases, 0.0, named=True)
 
 
-def _force_on_deflection(axes, sets: Sequence[_Set], prediction: Prediction) -> None:
+def _force_on_deflection(axes, sets: Sequence[_Set], prediction: Prediction, string: int) -> None:
     for (presses, phases), colour, of_set in zip(sets, COLOURS, _names(sets), strict=False):
         label = f"{of_set}{_label(presses[0])}, {counted(len(presses), 'press')}"
         for press, found in zip(presses, phases, strict=True):
-            if not found.plucks:
+            held = found.of_string(string)
+            if held is None:
                 continue
-            held = found.plucks[0]
             end = min(held.release + BESIDE, found.bottom)
             deflection, force = press.from_contact(held.contact, held.contact - BESIDE, end)
             axes.plot(deflection * 1e3, force, color=colour, lw=0.7, alpha=0.7, label=label)
             label = None
-    deflection, force = prediction.from_contact(BESIDE)
+    deflection, force = prediction.from_contact(BESIDE, string)
     label = f"predicted ({prediction.level})"
     axes.plot(deflection * 1e3, force, color=PREDICTED, ls="--", lw=2, label=label)
-    axes.set(xlabel="deflection at the laser from contact (mm)", ylabel="finger force (N)")
+    which = f" with string {string}" * (len(prediction.choirs) > 1)
+    below = f"deflection at the laser from contact{which} (mm)"
+    axes.set(xlabel=below, ylabel="finger force (N)")
     axes.legend(loc="upper left")
 
 

@@ -12,12 +12,14 @@ MEASURED, PREDICTED, BEFORE, AGAINST = "#0b4f8a", VERMILLION, "#8c8c8c", GREEN
 """A measurement, the model, the model before a fit, and a measurement to compare with."""
 CONTACT, RELEASE, OTHER = GREEN, VERMILLION, "#4d4d4d"
 """Boundaries of phases, and other instants and signals."""
-PHASES = (
-    ("free", "#ffffff", ""),
-    ("string held", "#fbdcc0", "//"),
-    ("string released", "#cfe3f5", "."),
-)
-"""Name, colour and hatching of the three phases."""
+PHASES = {
+    "free": ("#ffffff", ""),
+    "string held": ("#fbdcc0", "//"),
+    "string released": ("#cfe3f5", "."),
+}
+"""Colour and hatching of the phases by their names."""
+SEVERAL = ("#f0b27a", "xx")
+"""Those of a phase in which several strings are held."""
 HATCH = "#00000018"
 """Colour of the hatching."""
 DOUBTFUL = YELLOW  # Intervals with a quality flag
@@ -38,7 +40,7 @@ GROUPS = {
     "curves": (MEASURED, PREDICTED, BEFORE),
     "sets": (MEASURED, PREDICTED, AGAINST),
     "instants": (MEASURED, CONTACT, RELEASE, OTHER),
-    "phases": tuple(colour for _, colour, _ in PHASES),
+    "phases": tuple(colour for colour, _ in (*PHASES.values(), SEVERAL)),
     "series": SERIES,
     "levels": LEVELS,
     "bench": (ARM, PRESSED, METAL),

@@ -1,16 +1,27 @@
 """The plot of presses and their phases: signals, boundaries and their uncertainty."""
 
 from collections.abc import Sequence
+from itertools import cycle
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made
-from sautereau.analysis.figures.palette import CONTACT, DOUBTFUL, MEASURED, OTHER, RELEASE
+from sautereau.analysis.figures.palette import (
+    AGAINST,
+    CONTACT,
+    DOUBTFUL,
+    MEASURED,
+    OTHER,
+    PREDICTED,
+    RELEASE,
+)
 from sautereau.analysis.figures.pressed import scale_to_pluck, shade_phases
 from sautereau.analysis.loading.press import Press
+from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.phases.found import pluck_names
 from sautereau.rig.quantities import QUANTITIES
 
 MOST = 8  # Maximum number of presses in one plot
@@ -53,10 +64,8 @@ def _complete(axes: Axes, press: Press, found: Phases) -> None:
         inside = slice(None)
     axes.plot(time[inside], press.samples["force"][inside], color=MEASURED, lw=1.1)
     scale_to_pluck(axes, press, found)
-    if len(found.plucks) == 1:
-        (held,) = found.plucks
-        edges = (found.start, held.contact, held.release, found.bottom)
-        shade_phases(axes, [instant * 1e3 for instant in edges])
+    if found.plucks:
+        shade_phases(axes, found, found.start * 1e3)
     axes.set_ylabel("finger force (N), thick", color=MEASURED)
     axes.set_xlabel("time after the trigger (ms)")
     speed = axes.twinx()
@@ -69,10 +78,11 @@ def _complete(axes: Axes, press: Press, found: Phases) -> None:
         label = f"load without a pluck: {start * 1e3:.4g} to {stop * 1e3:.4g} ms"
         style = {"facecolor": DOUBTFUL, "edgecolor": OTHER, "hatch": "xx", "alpha": 0.4, "lw": 0}
         axes.axvspan(start * 1e3, stop * 1e3, label=label, zorder=0.4, **style)
-    for number, held in enumerate(found.plucks, 1):
-        which = f"{number}{', doubtful' * held.doubtful}"
-        _boundary(axes, held.contact, held.contact_std, CONTACT, "-", f"contact {which}")
-        _boundary(axes, held.release, held.release_std, RELEASE, "--", f"release {which}")
+    names = pluck_names(found.plucks, string_names(press.rig))
+    for name, held in zip(names, found.plucks, strict=True):
+        which = f"{name}{', doubtful' * held.doubtful}"
+        _boundary(axes, held.contact, held.contact_std, CONTACT, "-", f"contact, {which}")
+        _boundary(axes, held.release, held.release_std, RELEASE, "--", f"release, {which}")
     others = {name: getattr(found, name) for name in ("bottomed", "bottom", "returned")}
     for name, instant in others.items():
         if instant is not None and time[inside][0] <= instant * 1e3 <= time[inside][-1]:
@@ -88,18 +98,19 @@ def _close(axes: Axes, press: Press, found: Phases) -> None:
 
     A load without a pluck is drawn from its start on.
     """
-    plucks = [(held.contact, held.release, MEASURED) for held in found.plucks]
-    stretches = plucks + [(*stretch, OTHER) for stretch in found.missed]
+    names = pluck_names(found.plucks, string_names(press.rig))
+    every = zip(found.plucks, names, cycle((MEASURED, AGAINST, PREDICTED)), strict=False)
+    plucks = [(held.contact, held.release, name, colour) for held, name, colour in every]
+    stretches = plucks + [(*stretch, "load without a pluck", OTHER) for stretch in found.missed]
     if not stretches:
         axes.text(0.5, 0.5, "no pluck", transform=axes.transAxes, ha="center", va="center")
         axes.set_axis_off()
         return
-    for start, stop, colour in stretches:
+    for start, stop, label, colour in stretches:
         margin = 0.25 * (stop - start)
         deflection, force = press.from_contact(start, start - margin, stop + margin)
-        label = "load without a pluck" if colour == OTHER else "pluck"
         axes.plot(deflection * 1e3, force, lw=0.7, color=colour, label=label)
-    if found.missed:
+    if len(stretches) > 1:
         axes.legend(fontsize=8)
     axes.axvline(0.0, color=CONTACT, lw=1)
     axes.set(xlabel="deflection at the laser from contact (mm)", ylabel="finger force (N)")

@@ -90,7 +90,7 @@ def _jack(axes, trajectory: Trajectory, expected: Expectation | None) -> None:
     time = trajectory.time * 1e3
     axes.plot(time, trajectory.rise.position * 1e3, color=FIRST)
     cruise = trajectory.cruise
-    axes.axvspan(cruise.start * 1e3, cruise.end * 1e3, color=PHASES[2][1], zorder=0)
+    axes.axvspan(cruise.start * 1e3, cruise.end * 1e3, color=PHASES["string released"][0], zorder=0)
     name = "cruise" if trajectory.law.steady else "gesture"
     axes.text(
         (cruise.start + cruise.end) * 500, 0.97, f"{name}\n{cruise.speed:.5g} m/s",

@@ -1,27 +1,29 @@
 """What the plots of a press over time share: its phases, and a force axis that shows the pluck."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from matplotlib.axes import Axes
 
-from sautereau.analysis.figures.palette import HATCH, OTHER, PHASES
+from sautereau.analysis.figures.palette import HATCH, OTHER, PHASES, SEVERAL
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.phases.found import stretches
 
 
-def shade_phases(axes: Axes, edges: Sequence[float], *, named: bool = False) -> None:
+def shade_phases(axes: Axes, found: Phases, start: float, *, named: bool = False) -> None:
     """Shade the phases of a press, and name them above the upper edge of the axes.
 
     Args:
-        edges: Start of the first phase and end of each, in the unit of the axis.
+        axes: Of a time in ms.
+        start: ms, start of the first phase.
     """
-    for (name, colour, hatch), start, stop in zip(PHASES, edges, edges[1:], strict=False):
-        axes.axvspan(start, stop, facecolor=colour, edgecolor=HATCH, hatch=hatch, lw=0, zorder=0)
-        if start > edges[0]:
-            axes.axvline(start, color=OTHER, lw=0.6, zorder=0.5)
+    held = [(pluck.contact * 1e3, pluck.release * 1e3) for pluck in found.plucks]
+    for begin, stop, name in stretches(held, start, found.bottom * 1e3):
+        colour, hatch = PHASES.get(name, SEVERAL)
+        axes.axvspan(begin, stop, facecolor=colour, edgecolor=HATCH, hatch=hatch, lw=0, zorder=0)
+        if begin > start:
+            axes.axvline(begin, color=OTHER, lw=0.6, zorder=0.5)
         if named:
-            place = ((start + stop) / 2, 1.01)
+            place = ((begin + stop) / 2, 1.01)
             axes.text(*place, name, transform=axes.get_xaxis_transform(), ha="center", va="bottom")
 
 
@@ -34,7 +36,7 @@ def scale_to_pluck(axes: Axes, press: Press, found: Phases, highest: float = 0.0
         highest: N, of another curve in the axes.
     """
     time, force = press.time, press.samples["force"]
-    first = found.plucks[0].contact if found.plucks else found.start
+    first = min((held.contact for held in found.plucks), default=found.start)
     before, seen = (time < first) & (time <= found.bottom), (time >= first) & (time <= found.bottom)
     if not seen.any():
         return

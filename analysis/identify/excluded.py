@@ -65,6 +65,8 @@ def used_instants(
     used &= ~(back & (low | (time <= np.max(time[caught], initial=-np.inf) + edge)))
     for pluck in phases.plucks:
         used &= np.abs(time - pluck.release) > RELEASE_MARGIN + edge
+        if pluck.string is None:  # and its force is not modelled
+            used &= (time < pluck.contact - edge) | (time > pluck.release)
     used &= clear_of_flags(press, time, edge)
     coupled, stretch = coupled_force(rig), np.zeros(len(time), int)
     for mark in press.quality_flags:

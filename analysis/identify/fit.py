@@ -10,7 +10,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.excluded import coupled_force
 from sautereau.analysis.identify.hidden import BOUND_STDS, delay_std, hidden_parameters
 from sautereau.analysis.identify.observed import BACK, FREE, HELD, MIN_INSTANTS, observed
-from sautereau.analysis.identify.parameter_names import MODE, TIME, TIME_RANGE
+from sautereau.analysis.identify.parameter_names import MODE, TIME, TIME_RANGE, canonical
 from sautereau.analysis.identify.parameters import Parameter, Prior, parameters, values_of_rig
 from sautereau.analysis.identify.problem import COARSE, TOLERANCE, Problem, minimise
 from sautereau.analysis.identify.residuals import InverseDynamics
@@ -75,6 +75,8 @@ def inverse_dynamics(
     """
     if not presses:
         raise AnalysisError("there is no press to fit; give at least one recording")
+    names = list(map(canonical, names))
+    priors = {canonical(name): prior for name, prior in (priors or {}).items()}
     rig = check_alike({str(press.path): press.rig for press in presses})
     free = parameters(rig, names, priors)
     free += tuple(hidden_parameters(rig, names))

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from sautereau.analysis.identify.parameter_names import (
-    CHOIR,
     CLEARANCE,
     DAMPER,
     DAMPER_LIFT,
@@ -17,6 +16,7 @@ from sautereau.analysis.identify.parameter_names import (
     FRICTION,
     LATE_SLIDING,
     MODULUS,
+    OF_STRING,
     OUTWARD,
     OVERLAP,
     RELEASE,
@@ -25,6 +25,7 @@ from sautereau.analysis.identify.parameter_names import (
     TIME,
     VELOCITY_GAIN,
     VIBRATION,
+    split_name,
 )
 from sautereau.analysis.identify.parameters import Parameter
 from sautereau.rig.acquisition import Channel
@@ -55,8 +56,8 @@ DAMPER_STD = 0.2
 """Relative standard uncertainty of the dampers' stiffness if the rig assumes no range."""
 DAMPER_LIFT_STD = 0.1e-3
 """Standard uncertainty of the dampers' lift if the rig assumes no range (m)."""
-CHOIR_STD = 0.3
-"""Relative standard uncertainty of stiffness and overlap of the plectra of further choirs."""
+STRING_STD = 0.3
+"""Relative standard uncertainty of stiffness and overlap of the plectra of further strings."""
 BOUND_STDS = 10
 """Distance of the bounds of a hidden parameter from its value, in standard uncertainties."""
 
@@ -80,19 +81,20 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         _hidden(RELEASE, 0.0, RELEASE_STD),
         _fraction(VIBRATION, VIBRATION_MEAN, VIBRATION_STD),
     ]
-    for choir in range(1, len(rig.more_choirs) + 1):
-        stiffness, overlap, clearance = (name.format(choir) for name in CHOIR)
-        found += [
-            _hidden(stiffness, 1.0, CHOIR_STD),
-            _hidden(overlap, 1.0, CHOIR_STD),
-            _hidden(clearance, 0.0, CLEARANCE_STD, "m"),
-        ]
+    for string in range(2, len(rig.more_choirs) + 2):
+        stiffness, overlap, clearance = (name.format(string) for name in OF_STRING)
+        free = {own for number, own in map(split_name, names) if number == string}
+        found += [_hidden(stiffness, 1.0, STRING_STD)] * free.isdisjoint({MODULUS, STIFFNESS})
+        found += [_hidden(overlap, 1.0, STRING_STD)] * (OVERLAP not in free)
+        found += [_hidden(clearance, 0.0, CLEARANCE_STD, "m")] * (CLEARANCE not in free)
     damper = rig.jack.damper
     if damper is not None and damper.stiffness > 0:
         std = assumed_std(rig, "jack.damper.stiffness") / damper.stiffness or DAMPER_STD
         lift_std = assumed_std(rig, "jack.damper.lift") or DAMPER_LIFT_STD
         found += [_hidden(DAMPER, 1.0, std), _hidden(DAMPER_LIFT, damper.lift, lift_std, "m")]
-    plectrum_is_free = not {MODULUS, STIFFNESS, OVERLAP}.isdisjoint(names)
+    plectrum_is_free = not {MODULUS, STIFFNESS, OVERLAP}.isdisjoint(
+        own for _, own in map(split_name, names)
+    )
     if plectrum_is_free and rig.plectrum.contact == "surface":
         found += [
             _fraction(FRICTION, rig.plectrum.friction, FRICTION_STD),

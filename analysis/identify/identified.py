@@ -313,6 +313,11 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
             " its jack; what precedes the landing is excluded: let the finger rest on the key"
             " before it presses"
         )
+    if unknown := sum(press.unknown for press in dynamics.presses):
+        found.append(
+            f"not fitted: {unknown} pluck{'s' * (unknown > 1)} whose string is not known; see"
+            " `sautereau phases`"
+        )
     if not any(len(press.releases) for press in dynamics.presses):
         found.append("no press has a pluck: plectrum, string and clearance are not identifiable")
     return tuple(found)

@@ -11,17 +11,17 @@ import numpy as np
 
 from sautereau.analysis.identify.combinations import covariance_of
 from sautereau.analysis.identify.parameter_names import (
-    CHOIR,
     CLOTH,
     DAMPER,
     DAMPER_LIFT,
     FORCE_GAIN,
     LATE_SLIDING,
     MODE,
-    NAMES,
+    OF_STRING,
     SLIDING,
     TIME,
     VELOCITY_GAIN,
+    is_name,
 )
 from sautereau.trajectory.motion import Floats
 
@@ -104,7 +104,7 @@ def _how(name: str) -> str | None:
     """Return how to measure or remove what a parameter describes; None if that is impossible."""
     if name.startswith(MODE) or name == CLOTH:
         return "record presses at another speed as well"
-    if name.startswith(CHOIR[0].partition("{")[0]):
+    if name.startswith(OF_STRING[0].partition("{")[0]):
         return "press with the other registers off"
-    measured = f"measure {name}, free it, and give it by --prior" if name in NAMES else None
+    measured = f"measure {name}, free it, and give it by --prior" if is_name(name) else None
     return _HOW.get(name, measured)

@@ -54,7 +54,11 @@ class Observed:
     used: NDArray[np.bool_]
     """Which instants are fitted, shape (n,)."""
     releases: Floats
-    """Measured times of release (s after the trigger), increasing; shape (plucks,)."""
+    """Times of release of known strings (s after the trigger), increasing; shape (plucks,)."""
+    strings: NDArray[np.intp]
+    """Their strings, by number from 0, shape (plucks,)."""
+    unknown: int
+    """Number of plucks of unknown strings."""
     release_angles: Floats
     """rad, key angle at the first releases, those whose rise is fitted; shape (releases,)."""
     release_stds: Floats
@@ -157,8 +161,9 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     rows = first + part * np.arange(SUBSTEPS * (count - 1) + 2 * (half // part) + 1)
     every, pushed = Motion(smooth(angle), smooth(velocity) / arm, slope / arm), smooth(force)
     motion = Motion(*(values[at] for values in every))
-    releases = np.array([p.release for p in phases.plucks], float)
-    stds = np.array([p.release_std for p in phases.plucks], float)
+    known = [p for p in phases.plucks if p.string]
+    releases = np.array([p.release for p in known], float)
+    stds = np.array([p.release_std for p in known], float)
     angles = np.interp(releases, press.time, angle)
     speeds = np.interp(releases, time, smooth(press.samples["jack_speed"]))
     used = used_instants(press, phases, time[at], motion, shift)
@@ -175,6 +180,8 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         motion=motion,
         used=used,
         releases=releases,
+        strings=np.array([p.string for p in known], np.intp) - 1,
+        unknown=len(phases.plucks) - len(known),
         release_angles=angles,
         release_stds=np.hypot(stds * speeds, RISE_STD),
         release_speeds=speeds,

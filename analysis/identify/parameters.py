@@ -17,7 +17,12 @@ from sautereau.analysis.identify.parameter_names import (
     OVERLAP,
     STIFFNESS,
     TIME,
+    canonical,
+    is_name,
+    rig_key,
+    split_name,
 )
+from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.faults import fault_list, unit_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity
@@ -71,12 +76,13 @@ class Parameter:
     def scale(self, value: float) -> float:
         """Return the scale by which changes of the parameter near a value are divided."""
         width = self.high - self.low
-        return width if self.name == FRICTION else max(abs(value), width / FACTOR)
+        return width if split_name(self.name)[1] == FRICTION else max(abs(value), width / FACTOR)
 
     @property
     def difference(self) -> float:
         """Step of numerical derivatives, divided by the scale."""
-        return FRICTION_DIFFERENCE if self.name == FRICTION else DIFFERENCE
+        rubs = split_name(self.name)[1] == FRICTION
+        return FRICTION_DIFFERENCE if rubs else DIFFERENCE
 
 
 def check_names(names: Sequence[str], priors: Collection[str] = ()) -> None:
@@ -85,7 +91,7 @@ def check_names(names: Sequence[str], priors: Collection[str] = ()) -> None:
     Raises:
         AnalysisError: Reports all faults of `parameters` that no rig could fix.
     """
-    if faults := _name_faults(names, priors):
+    if faults := _name_faults(list(map(canonical, names)), priors):
         raise AnalysisError(fault_list("identify", faults))
 
 
@@ -93,11 +99,13 @@ def _name_faults(names: Sequence[str], priors: Collection[str]) -> list[str]:
     faults = [
         f"{name}: no parameter has this name{_near(name, NAMES)}"
         for name in dict.fromkeys(names)
-        if name not in NAMES
+        if not is_name(name)
     ]
     faults += [f"{name}: given twice; name it once" for name in set(names) if names.count(name) > 1]
-    if {MODULUS, STIFFNESS} <= set(names):
-        faults.append(f"{MODULUS}, {STIFFNESS}: one determines the other; fit one of them")
+    for stiffness in (name for name in names if split_name(name)[1] == STIFFNESS):
+        modulus = stiffness.replace(STIFFNESS, MODULUS)
+        if modulus in names:
+            faults.append(f"{modulus}, {stiffness}: one determines the other; fit one of them")
     faults += [
         f"prior of {name}: it is not fitted{_near(name, names)}; free it or omit the prior"
         for name in priors
@@ -117,18 +125,20 @@ def parameters(
     assumes, or without one a tenth and ten times the rig's value.
 
     Args:
-        names: From `NAMES`; `offset.force` is handled by the fit itself.
+        names: As of `is_name`; `offset.force` is handled by the fit itself.
 
     Raises:
         AnalysisError: A name is unknown or given twice, no name is given, a prior contradicts
             itself, or a prior is for a parameter that is not fitted. Reports all faults.
     """
     priors = priors or {}
-    faults = _name_faults(names, priors)
+    faults, strings = _name_faults(names, priors), 1 + len(rig.more_choirs)
+    beyond = [name for name in names if split_name(name)[0] > strings]
+    faults += [f"{name}: the rig has {strings} string{'s' * (strings > 1)}" for name in beyond]
     found = [
         _parameter(rig, name, priors.get(name, Prior()), faults)
         for name in names
-        if name in NAMES and name != FORCE
+        if is_name(name) and name not in (FORCE, *beyond)
     ]
     if faults:
         raise AnalysisError(fault_list("identify", faults))
@@ -142,13 +152,14 @@ def read_prior(text: str) -> tuple[str, Prior]:
         AnalysisError: The text has another form, or the unit does not fit the key.
     """
     name, _, value = (part.strip() for part in text.partition("="))
+    name = canonical(name)
     spread, ends = _SPREAD.fullmatch(value), _RANGE.fullmatch(value)
     found = spread or ends
-    if name not in NAMES or found is None:
+    if not is_name(name) or found is None:
         raise AnalysisError(
             f"prior {text!r}: expected a key with a range or a standard uncertainty, such as"
             f" 'plectrum.overlap=0.1 mm to 0.5 mm' or 'key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2'"
-            f"{'' if name in NAMES else _near(name, NAMES)}"
+            f"{'' if is_name(name) else _near(name, NAMES)}"
         )
     unit = unit_of_parameter(name)
     try:
@@ -162,8 +173,10 @@ def read_prior(text: str) -> tuple[str, Prior]:
 
 def value_of(rig: Rig, name: str) -> float:
     """Return the value [SI] of a parameter in the rig; 0 for an offset."""
-    section, _, field = name.partition(".")
-    return 0.0 if section == "offset" else float(getattr(getattr(rig, section), field))
+    string, own = split_name(name)
+    section, _, field = own.partition(".")
+    holder = rig if string == 1 else rig.more_choirs[string - 2]
+    return 0.0 if section == "offset" else float(getattr(getattr(holder, section), field))
 
 
 def values_of_rig(rig: Rig, free: Sequence[Parameter]) -> Floats:
@@ -173,8 +186,8 @@ def values_of_rig(rig: Rig, free: Sequence[Parameter]) -> Floats:
 
 def unit_of_parameter(name: str) -> str:
     """Return a parameter's SI unit; empty for a ratio."""
-    known = {STIFFNESS: "N*m**2", TIME: "s", FORCE: "N"}
-    return known.get(name) or unit_of(Rig, name.split(".")) or ""
+    known, own = {STIFFNESS: "N*m**2", TIME: "s", FORCE: "N"}, split_name(name)[1]
+    return known.get(own) or unit_of(Rig, own.split(".")) or ""
 
 
 def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
@@ -185,9 +198,7 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
     """
     found: dict[str, str | float] = {}
     for name, value in values.items():
-        if name == STIFFNESS:
-            ratio = rig.plectrum.youngs_modulus / rig.plectrum.bending_stiffness
-            name, value = MODULUS, value * ratio
+        name, value = _of_rig(rig, name, value)
         if name == TIME:
             at, channel = next(
                 (i, c) for i, c in enumerate(rig.daq.channels) if c.quantity == "velocity"
@@ -195,19 +206,24 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
             found[f"daq.channels.{at}.delay"] = format_quantity(channel.delay - value, "s")
         elif name != FORCE:
             unit = unit_of_parameter(name)
-            found[name] = format_quantity(value, unit) if unit else value
+            found[rig_key(name)] = format_quantity(value, unit) if unit else value
     return found
+
+
+def _of_rig(rig: Rig, name: str, value: float) -> tuple[str, float]:
+    """Return name and value of a parameter, of Young's modulus for that of a bending stiffness."""
+    modulus = name.replace(STIFFNESS, MODULUS)
+    ratio = value_of(rig, modulus) / value_of(rig, name) if modulus != name else 1.0
+    return modulus, value * ratio
 
 
 def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
     """Return the rig with these values [SI]; they must be within the bounds of the rig's keys."""
-    own = {n: v for n, v in values.items() if n != STIFFNESS and not n.startswith("offset.")}
-    changed = rig.replaced(own)
-    if STIFFNESS not in values:
-        return changed
-    plectrum = changed.plectrum
-    modulus = values[STIFFNESS] * plectrum.youngs_modulus / plectrum.bending_stiffness
-    return changed.replaced({"plectrum.youngs_modulus": modulus})
+    own = {n: v for n, v in values.items() if not n.startswith("offset.")}
+    stiffnesses = {n: own.pop(n) for n in list(own) if split_name(n)[1] == STIFFNESS}
+    changed = rig.replaced({rig_key(name): value for name, value in own.items()})
+    moduli = dict(_of_rig(changed, name, value) for name, value in stiffnesses.items())
+    return changed.replaced({rig_key(name): value for name, value in moduli.items()})
 
 
 def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Parameter:
@@ -237,16 +253,17 @@ def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Paramete
 
 def bounds_of(rig: Rig, name: str) -> tuple[float, float]:
     """Return the bounds [SI] of a parameter without a prior; both are 0 if nothing is known."""
-    if known := ENDS.get(name) or rig.assumed.get(name):
+    string, own = split_name(name)
+    if known := ENDS.get(own) or rig.assumed.get(rig_key(name)):
         return known
-    value = value_of(rig, name)
-    if name == STIFFNESS and MODULUS in rig.assumed:
-        ratio = rig.plectrum.bending_stiffness / rig.plectrum.youngs_modulus
-        low, high = rig.assumed[MODULUS]
+    value, modulus = value_of(rig, name), name.replace(STIFFNESS, MODULUS)
+    if own == STIFFNESS and rig_key(modulus) in rig.assumed:
+        ratio = value / value_of(rig, modulus)
+        low, high = rig.assumed[rig_key(modulus)]
         return low * ratio, high * ratio
     low, high = sorted((value / FACTOR, value * FACTOR))
-    if name == OVERLAP:
-        high = min(high, 0.9 * rig.plectrum.length)
+    if own == OVERLAP:
+        high = min(high, 0.9 * choirs(rig)[string - 1].plectrum.length)
     return low, high
 
 

@@ -10,13 +10,14 @@ from sautereau.analysis.identify.elastic import Bending, modes_of, noise_gain, s
 from sautereau.analysis.identify.held import HeldString, held_string
 from sautereau.analysis.identify.observed import SUBSTEPS, Observed
 from sautereau.analysis.identify.parameter_names import (
-    CHOIR,
     CLOTH,
     DAMPER,
     DAMPER_LIFT,
     FINGERTIP,
     FORCE_GAIN,
+    FRICTION,
     LATE_SLIDING,
+    OF_STRING,
     RELEASE,
     SLIDING,
     TIME,
@@ -72,15 +73,14 @@ class InverseDynamics:
         self._nominal, self._record = _inertia_over_arm(rig), shortest_record(presses)
         rows = [np.stack([*p.motion, p.lagged_force])[:, p.used] for p in self.presses]
         *motion, self._lagged = np.concatenate(rows, axis=1)
-        self._motion, count = Motion(*motion), len(choirs(rig))
+        self._motion = Motion(*motion)
         released = [
-            np.stack([p.release_angles, p.release_speeds, p.release_stds])[:, :count]
-            for p in self.presses
+            np.stack([p.release_angles, p.release_speeds, p.release_stds]) for p in self.presses
         ]
         self._starts = np.cumsum([p.used.sum() for p in self.presses])[:-1]
         self._angles, self._speeds, self.rise_stds = np.concatenate(released, axis=1)
         """`rise_stds`: m, standard uncertainty of the rise at each modelled release."""
-        self._orders = np.concatenate([np.arange(part.shape[1]) for part in released])
+        self._released = np.concatenate([p.strings[: len(p.release_angles)] for p in self.presses])
 
     def with_free(self, free: Sequence[Parameter]) -> "InverseDynamics":
         """Return the same dynamics with other fitted parameters."""
@@ -121,7 +121,7 @@ class InverseDynamics:
         state = self._state(rig, strings, values)
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
         measured = rise_of_angle(rig.key, gain * self._angles) - self._speeds * lag
-        rises = (measured + state.extra_rise - modelled[self._orders]) / self.rise_stds
+        rises = (measured + state.extra_rise - modelled[self._released]) / self.rise_stds
         motion = Motion(*(gain * np.stack(self._motion) - state.bending))
         # Compare in units of the measured force: its noise does not depend on the gain.
         force, required = state.measured, finger_force(rig, motion, state.strings)
@@ -159,10 +159,8 @@ def _inertia_over_arm(rig: Rig) -> float:
 
 @dataclass(frozen=True)
 class _String:
-    """A choir's string for given values of the parameters."""
+    """A string for given values of the parameters."""
 
-    number: int
-    """Number of the choir, from 0."""
     choir: Choir
     key: Key
     """Key with the lever arm of the choir's jack."""
@@ -192,7 +190,7 @@ def _joined(states: "Sequence[_State]") -> _State:
 
 
 def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float) -> list[_String]:
-    """Return the strings in the order of their release.
+    """Return the strings in the order of the rig.
 
     Args:
         rig: Rig with the values of the parameters.
@@ -200,26 +198,27 @@ def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float)
         friction: Fitted friction of the first plectrum minus that of the rig.
     """
     found = []
-    for number, stated in enumerate(choirs(rig)):
-        choir = _further(stated, number, values, friction) if number else stated
+    for number, stated in enumerate(choirs(rig), 1):
+        choir = _further(stated, number, values, friction) if number > 1 else stated
         key, pluck = key_of(rig, choir), choir_pluck(choir, level)
         late = 1 + values.get(RELEASE, 0.0)
         height = choir.jack.string_clearance + late * pluck.release_height
         held = held_string(choir, pluck, level, values)
-        found.append(_String(number, choir, key, held, float(angle_of_rise(key, height))))
-    return sorted(found, key=lambda string: string.release)
+        found.append(_String(choir, key, held, float(angle_of_rise(key, height))))
+    return found
 
 
 def _further(choir: Choir, number: int, values: Mapping[str, float], friction: float) -> Choir:
-    """Return a further choir with the values of its parameters.
+    """Return a further string with the values of its hidden parameters.
 
-    Its friction changes by the same amount as that of the first choir.
+    Its friction changes by the same amount as that of the first string, unless it is fitted itself.
     """
-    names = [name.format(number) for name in CHOIR]
-    if names[0] not in values:
-        return choir
-    stiffness, overlap, clearance = (values[name] for name in names)
+    stiffness, overlap, clearance = (
+        values.get(name.format(number), nothing)
+        for name, nothing in zip(OF_STRING, (1.0, 1.0, 0.0), strict=True)
+    )
     plectrum, jack = choir.plectrum, choir.jack
+    friction *= f"string{number}.{FRICTION}" not in values
     changed = {
         "youngs_modulus": stiffness * plectrum.youngs_modulus,
         "overlap": min(overlap * plectrum.overlap, 0.9 * plectrum.length),
@@ -247,8 +246,8 @@ def _state(
     risen = [rise_of_angle(string.key, angle) for string in strings]
     releases, key, damped = press.releases - lag, rig.key, values.get(DAMPER, 0.0)
     higher = values[DAMPER_LIFT] - rig.jack.damper.lift if rig.jack.damper and damped else 0.0
-    lasts = np.searchsorted(press.substep_time, releases)[: len(strings)].tolist()
-    lasts += [0] * (len(strings) - len(lasts))
+    lasts = np.zeros(len(strings), int)
+    lasts[press.strings] = np.searchsorted(press.substep_time, releases)
     arms = np.array([choir.jack_arm for choir in choirs(rig)])
     inertia, gain = _inertia_over_arm(rig) * key.press_arm, values.get(FORCE_GAIN, 1.0)
     bending = Bending(modes, press, lag, gain, key.press_arm, inertia)
@@ -267,25 +266,21 @@ def _state(
                     rise_of_angle(string.key, angle - bent[0]) + string.choir.jack_arm * rise
                     for string in strings
                 ]
-        heights = [
-            height - cloth * pushing[string.number]
-            for string, height in zip(strings, risen, strict=True)
-        ]
+        heights = [height - cloth * push for height, push in zip(risen, pushing, strict=True)]
         held = [
             string.held.force(height[: len(known)] - string.choir.jack.string_clearance, known)
             for string, height, known in zip(strings, heights, behind, strict=True)
         ]
         before, pushing = pushing, np.zeros_like(pushing)
-        for string, height, own in zip(strings, heights, held, strict=True):
-            pushing[string.number, : len(own)] = own
+        for push, string, height, own in zip(pushing, strings, heights, held, strict=True):
+            push[: len(own)] = own
             if damped and (damper := string.choir.jack.damper) is not None:
                 lowered = np.maximum(damper.lift + higher - height, 0.0)
-                pushing[string.number] -= damped * damper.stiffness * lowered
+                push -= damped * damper.stiffness * lowered
     extra = key.jack_arm * (rise - bent[0]) - cloth * before[0]
-    count = min(len(strings), len(press.release_angles))
     return _State(
         press.force(lag)[press.used],
         press.smoothed(pushing)[:, press.used],
         press.smoothed(bent)[:, press.used] if modes else np.zeros((3, int(press.used.sum()))),
-        np.interp(releases[:count], press.substep_time, extra),
+        np.interp(releases[: len(press.release_angles)], press.substep_time, extra),
     )

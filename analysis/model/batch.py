@@ -139,7 +139,7 @@ def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
         )
     if rig.more_choirs:
         faults.append(
-            f"more_choirs: the rig has {len(rig.more_choirs)}, but a batch has one choir; use"
+            f"more_choirs: the rig has {len(rig.more_choirs)}, but a batch has one string; use"
             " predict, or remove them"
         )
     if faults:

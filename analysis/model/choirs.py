@@ -85,6 +85,12 @@ def choirs(rig: Rig) -> tuple[Choir, ...]:
     return (first, *rig.more_choirs)
 
 
+def string_names(rig: Rig) -> tuple[str, ...]:
+    """Return the names of a rig's strings: `string 1`, or `string 1 (8' back)` where named."""
+    names = [choir.string.name for choir in choirs(rig)]
+    return tuple(f"string {k}" + f" ({name})" * bool(name) for k, name in enumerate(names, 1))
+
+
 def key_of(rig: Rig, choir: Choir) -> Key:
     """Return the key with the lever arm of a choir's jack."""
     if choir.jack_arm == rig.key.jack_arm:

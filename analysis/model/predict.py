@@ -65,29 +65,24 @@ class Prediction(ChoirPluck):
         """Finger force just before the first choir's string is released [N]."""
         return float(self.finger_force[np.flatnonzero(self.string_force > 0)[-1]])
 
-    @property
-    def in_time(self) -> tuple[ChoirPluck, ...]:
-        """The plucks of all choirs in the order of their releases, as a recording has them."""
-        return tuple(sorted(self.choirs, key=lambda choir: choir.release))
-
-    def near_pluck(self, beside: float) -> NDArray[np.bool_]:
+    def near_pluck(self, beside: float, string: int = 1) -> NDArray[np.bool_]:
         """Return which instants are at most a time [s] before contact or after release.
 
-        The pluck is the first one in time.
+        Args:
+            string: Number of the string, from 1.
         """
-        first = self.in_time[0]
-        return (self.time > first.contact - beside) & (self.time < first.release + beside)
+        own = self.choirs[string - 1]
+        return (self.time > own.contact - beside) & (self.time < own.release + beside)
 
-    def from_contact(self, beside: float) -> tuple[Floats, Floats]:
+    def from_contact(self, beside: float, string: int = 1) -> tuple[Floats, Floats]:
         """Return the key deflection since contact [m] and the finger force [N], shape (steps,).
-
-        The pluck is the first one in time.
 
         Args:
             beside: s, before contact and after release, that is returned as well.
+            string: Number of the string, from 1.
         """
-        near = self.near_pluck(beside)
-        at_contact = np.interp(self.in_time[0].contact, self.time, self.deflection)
+        near = self.near_pluck(beside, string)
+        at_contact = np.interp(self.choirs[string - 1].contact, self.time, self.deflection)
         return self.deflection[near] - at_contact, self.finger_force[near]
 
 

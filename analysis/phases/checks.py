@@ -7,7 +7,7 @@ import numpy as np
 
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.expected import Expected
-from sautereau.analysis.phases.found import FAIR, RIGID, Fit, Growth, HeldString
+from sautereau.analysis.phases.found import FAIR, RIGID, Fit, Growth, HeldString, pluck_names
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.remark import Remark
 from sautereau.daq.signals.quality_flags import HOW_TO_FIX, QualityFlag, quality_warnings
@@ -91,14 +91,15 @@ def _unexplained(fit: Fit) -> str:
     return f"the load that is not explained is {left:.2g} times its noise (limit {limit:.2g})"
 
 
-def about_exchange(contacts: Sequence[Contact]) -> list[Remark]:
+def about_exchange(contacts: Sequence[Contact], plucks: Sequence[HeldString]) -> list[Remark]:
     """Return a warning if contacts of strings held at once may belong to each other's release."""
     which = [i for i, c in enumerate(contacts) if c.exchange_std > LARGE]
     if not which:
         return []
     most = max(contacts[i].exchange_std for i in which)
+    names = " and of ".join(pluck_names(plucks)[i] for i in which)
     text = (
-        f"contacts of plucks {' and '.join(str(i + 1) for i in which)}: the strings are held at"
+        f"contacts of {names}: the strings are held at"
         " once, and their contacts explain the load as well if they are exchanged, so half their"
         f" distance, {most * 1e3:.2g} ms, is in their uncertainties; press each string alone"
     )
@@ -142,6 +143,21 @@ def about_likeness(
             )
             found.append(Remark(text, (i,)))
     return found
+
+
+def about_strings(plucks: Sequence[HeldString], strings: Expected) -> list[Remark]:
+    """Return a remark on plucks whose string is not known, in a rig that has several."""
+    return [
+        Remark(
+            f"pluck {i + 1}, released at {held.release * 1e3:.5g} ms: its string is not known; the"
+            f" likeliest one has a probability of {held.string_probability:.2g}: check clearance,"
+            " overlap and modulus of the strings in the rig, or press each string alone",
+            (i,),
+            doubt=False,
+        )
+        for i, held in enumerate(plucks)
+        if held.string is None and len(strings.contacts) > 1
+    ]
 
 
 def about_end(signals: Signals, begin: int) -> list[Remark]:
@@ -198,8 +214,9 @@ def about_instants(
             )
             found.append(Remark(text, (i,)))
         if held.release - before < CLOSE:
+            both = " and ".join(pluck_names(plucks)[i - 1 : i + 1])
             text = (
-                f"plucks {i} and {i + 1}: their releases are {(held.release - before) * 1e3:.2g} ms"
+                f"{both}: their releases are {(held.release - before) * 1e3:.2g} ms"
                 f" apart, below {CLOSE * 1e3:.2g} ms, so they may be one pluck; plot the phases,"
                 " and press each string alone"
             )
@@ -231,11 +248,11 @@ def about_flags(
         near = [(i, what) for i, what, t in instants if mark.start - NEAR < t < mark.stop + NEAR]
         if not near:
             continue
-        of = " of pluck {}" if len(plucks) > 1 else ""
+        of = [f" of {name}" if len(plucks) > 1 else "" for name in pluck_names(plucks)]
         when = f"{mark.start * 1e3:.5g} to {mark.stop * 1e3:.5g} ms"
         text = (
             f"{mark.channel} {mark.kind} from {when}, at"
-            f" the {' and the '.join(what + of.format(i + 1) for i, what in near)}: {then};"
+            f" the {' and the '.join(what + of[i] for i, what in near)}: {then};"
             f" {HOW_TO_FIX[mark.kind]}"
         )
         # A contact is fitted to all rows of the held string, a release to those around it.
@@ -259,4 +276,4 @@ def about_flags(
 
 def _who(index: int, plucks: Sequence[HeldString]) -> str:
     """Return which pluck a text is about; nothing for the only one."""
-    return f"pluck {index + 1}: " if len(plucks) > 1 else ""
+    return f"{pluck_names(plucks)[index]}: " if len(plucks) > 1 else ""

@@ -34,6 +34,10 @@ FORCE_STD = 0.5
 """Standard deviation of the logarithm of a force from that of the rig."""
 MOST_DEVIATION = 4.0
 """Bound of a deviation in standard deviations, as a rig may be of another instrument."""
+CLEARANCE_STD, OVERLAP_STD, MODULUS_STD = 0.1e-3, 0.15, 0.15
+"""m and relative, standard deviations of each string's own errors in the rig."""
+LEAST_OWN_STD = 0.08
+"""Least standard deviation of the logarithms of a string's rise and force."""
 LEAST_CLIMB, LEAST_FORCE = 1e-5, 1e-9
 """m and N, smallest rise and force of which the logarithm is taken."""
 
@@ -55,6 +59,11 @@ class Expected:
     """N at the finger, two independent standard deviations of (q, c) times the force at release,
     caused by what the rig does not contain exactly: friction, overlap, and whether the string lies
     on the plectrum's surface; shape (2, 2), one deviation per row."""
+    numbers: tuple[int, ...]
+    """Numbers of the strings in the rig, from 1, in the same order."""
+    variations: Floats
+    """Covariances of contact [m] and the logarithms of climb and force by each string's own errors,
+    in the same order; shape (strings, 3, 3)."""
     damper: tuple[float, float]
     """m, rise of the jack at which the damper leaves the string, and N at the finger, by which it
     carries the jack at rest; both 0 without a damper."""
@@ -151,8 +160,23 @@ def _expected(key: Key, levers: tuple[Key, ...], every: tuple[Choir, ...]) -> Ex
         np.array(forces)[order],
         (float(bends[0]), float(bends[1])),
         np.asarray(shapes, dtype=float),
+        tuple((order + 1).tolist()),
+        np.stack([_own_variation(every[k]) for k in order]),  # pyright: ignore[reportArgumentType]
         _damper(key, every[0]),
     )
+
+
+def _own_variation(choir: Choir) -> Floats:
+    """Return the covariance of a string's contact [m], and of the logarithms of climb and force."""
+    plectrum, known = choir.plectrum, np.log(_terms(choir)[2:])  # pyright: ignore[reportArgumentType]
+    slopes = np.zeros((3, 3))
+    slopes[0, 0] = CLEARANCE_STD
+    values = {"overlap": OVERLAP_STD, "youngs_modulus": MODULUS_STD}
+    for column, (name, std) in enumerate(values.items(), 1):
+        changed = plectrum.model_copy(update={name: OVERLAP * getattr(plectrum, name)})
+        moved = np.log(_terms(choir.model_copy(update={"plectrum": changed}))[2:])  # pyright: ignore[reportArgumentType]
+        slopes[1:, column] = std * (moved - known) / math.log(OVERLAP)
+    return slopes @ slopes.T + np.diag([0.0, LEAST_OWN_STD, LEAST_OWN_STD]) ** 2
 
 
 def _damper(key: Key, choir: Choir) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
 from sautereau.analysis.phases.compliant.slow import WIDTH
 from sautereau.analysis.phases.expected import Expected, expected
 from sautereau.analysis.phases.found import Fit, HeldString, Phases, line_through, measured
+from sautereau.analysis.phases.identity import with_strings
 from sautereau.analysis.phases.peak import peak_force
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.rows import rows_of
@@ -92,10 +93,14 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
             ) from error
     else:
         found = Found(plucks_by_hand(signals, by_hand), Fit("by hand", 1.0))
-    plucks = [measured(signals, contact, release) for contact, release in found.plucks]
+    known_plucks = with_strings(found.plucks, signals, strings)
+    plucks = [
+        replace(measured(signals, contact, release), string=string, string_probability=probability)
+        for contact, release, string, probability in known_plucks
+    ]
     # Of one signal alone, the force or the place of a pluck is assumed.
     known = by_hand is not None or signals.missing
-    contact = plucks[0].contact if plucks else float(time[end])
+    contact = min((held.contact for held in plucks), default=float(time[end]))
     contact = max(contact, float(time[begin + LEAST_SAMPLES // 2]))
     settled = _at_full_speed(time, speed, time[begin], contact)
     slope, offset = line_through(time[settled], signals.rise[settled])
@@ -106,12 +111,13 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         released_speed = _mean(speed, time, plucks[0].release, after)
     steady = float(time[begin + np.argmax(speed[begin:] >= FULL_SPEED * speed[settled].mean())])
     start, bottom = float(-offset / slope), float(time[end])
-    contacts = [contact for contact, _ in found.plucks]
+    contacts = [contact for contact, *_ in known_plucks]
     said = [
         *checks.about_end(signals, begin),
         *checks.about_instants(plucks, contacts, steady, signals.missing),
         *checks.about_flags(signals, press.quality_flags, plucks, (start, bottom)),
-        *checks.about_exchange(contacts),
+        *checks.about_exchange(contacts, plucks),
+        *checks.about_strings(plucks, strings),
         *checks.about_fit(signals, found.fit, found.further, plucks, strings),
         *([] if known else checks.about_likeness(signals, plucks, strings)),
     ]

@@ -1,6 +1,8 @@
 """The result of segmenting a press: its phases, and its plucks with their forces."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -20,6 +22,10 @@ RIGID = 10.0
 """Variance of the residuals over the noise below which the fit of a rigid key is fair."""
 FAIR = 15e-3
 """N, rms of the residuals below which the fit of a compliant key is fair."""
+
+
+FREE, RELEASED = "free", "string released"
+"""Phases in which no string is held: before a contact, and after the last release."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,11 @@ class HeldString:
     """N/m, finger force on key deflection at the laser while the string is held."""
     doubtful: bool = False
     """Whether a warning is about this pluck or the complete press."""
+    string: int | None = None
+    """Number of its string in the rig: 1 for the first, then those of `more_choirs` in their order;
+    None where the data do not show it."""
+    string_probability: float | None = None
+    """Probability of this string, or of the likeliest one; None where it was not evaluated."""
 
     @property
     def pluck_duration(self) -> float:
@@ -130,9 +141,47 @@ class Phases:
     remarks: tuple[str, ...] = ()
     """For information: they make no result doubtful."""
 
+    def of_string(self, string: int) -> HeldString | None:
+        """Return the pluck of a string by its number in the rig; None without one."""
+        return next((held for held in self.plucks if held.string == string), None)
+
     def __repr__(self) -> str:
         plucks = (f"{p.contact * 1e3:.3f} to {p.release * 1e3:.3f} ms" for p in self.plucks)
         return f"<Phases: string held {', '.join(plucks) or 'never'} after the trigger>"
+
+
+def pluck_names(plucks: Sequence[HeldString], strings: Sequence[str] = ()) -> list[str]:
+    """Return what plucks are called: their string, or their number where it is unknown.
+
+    Args:
+        strings: Names of the rig's strings; empty for `string 1` and so on.
+    """
+    return [
+        (strings[p.string - 1] if strings else f"string {p.string}")
+        if p.string
+        else f"pluck {number} (unknown string)"
+        for number, p in enumerate(plucks, 1)
+    ]
+
+
+def stretches(
+    held: Sequence[tuple[float, float]], start: float, stop: float
+) -> list[tuple[float, float, str]]:
+    """Return the phases of a press in words: start and stop of each, and how many strings are held.
+
+    Args:
+        held: Contact and release of each string; all times in any one unit.
+        start: Start of the first phase.
+        stop: End of the last phase.
+    """
+    inside = {t for ends in held for t in ends if start < t < stop}
+    edges, last = [start, *sorted(inside), stop], max((end for _, end in held), default=stop)
+    found = []
+    for begin, end in pairwise(edges):
+        count = sum(contact <= begin < release for contact, release in held)
+        name = f"{count} strings held" if count > 1 else "string held"
+        found.append((begin, end, name if count else FREE if begin < last else RELEASED))
+    return found
 
 
 def line_through(x: Floats, y: Floats) -> tuple[float, float]:

@@ -4,7 +4,7 @@ The work on a string and the deflection start at contact, where the paper aligns
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -33,7 +33,11 @@ COMPARED = (
     "held_work",
 )
 """Features of a pluck that the model predicts; forces are counted from those at rest."""
-OF_PLUCK = ("contact", "contact_std", "release", "release_std", *COMPARED)  # Columns of each pluck
+OF_PLUCK = (
+    *("string", "string_probability", "contact", "contact_std", "release", "release_std"),
+    *COMPARED,
+)
+"""Columns of each pluck."""
 UNITS = {
     name: QUANTITIES[name].unit
     for name in (
@@ -73,20 +77,37 @@ def column(name: str, pluck: int = 1) -> str:
 
 
 def split_column(column: str) -> tuple[str, int]:
-    """Return the quantity of a column and the number of its pluck, from 1: `release_2` is 2.
+    """Return the quantity of a column and the number of its pluck, from 1: `release_2` is 2."""
+    name, _, number = column.rpartition("_")
+    return (name, int(number)) if name and number.isdecimal() else (column, 1)
+
+
+def by_string(row: Row) -> Row:
+    """Return a row whose columns are numbered by string: those of string 2 end in `_2`.
+
+    A string without a pluck has no values, and a pluck of an unknown string is omitted.
+    """
+    found: Row = {
+        name: value for name, value in row.items() if split_column(name)[0] not in OF_PLUCK
+    }
+    found |= dict.fromkeys(OF_PLUCK)
+    for pluck in range(1, int(row.get("plucks") or 0) + 1):
+        string = row.get(column("string", pluck))
+        if isinstance(string, int):
+            found |= {column(name, string): row.get(column(name, pluck)) for name in OF_PLUCK}
+    return found
+
+
+def title_of(column: str, strings: Sequence[str] = ()) -> str:
+    """Return the label of a column with its displayed unit; of several strings with the string.
 
     Args:
-        column: Column of a row of `features`, or any other column, which has no number.
+        column: Of a row of `by_string`.
+        strings: Names of the rig's strings.
     """
-    name, _, number = column.rpartition("_")
-    return (name, int(number)) if name in UNITS and number.isdecimal() else (column, 1)
-
-
-def title_of(column: str) -> str:
-    """Return the label of a column with its displayed unit and the number of a later pluck."""
-    name, pluck = split_column(column)
+    name, string = split_column(column)
     title = QUANTITIES[name].title(QUANTITIES[name].displayed[1])
-    return title if pluck == 1 else f"{title}, pluck {pluck}"
+    return f"{title}, {strings[string - 1]}" if len(strings) > 1 and name in OF_PLUCK else title
 
 
 def gain_stds(rig: Rig) -> dict[str, float]:

@@ -15,6 +15,7 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import key_of
 from sautereau.analysis.model.plectrum.shape import bent, straight
 from sautereau.analysis.phases import HeldString, Phases
+from sautereau.analysis.phases.found import pluck_names
 from sautereau.analysis.press.strings import VibratingString, stilled, vibrating_strings
 from sautereau.daq.file.recorded import Joints, Plan
 from sautereau.rig.instrument import Choir
@@ -66,10 +67,11 @@ class Replay:
 
     def phase(self, time: float) -> str:
         """Return the phase of the press at a time [s], in words."""
-        plucks = self.phases.plucks
-        held = [n for n, one in enumerate(plucks, 1) if one.contact <= time < one.release]
+        plucks, names = self.phases.plucks, pluck_names(self.phases.plucks)
+        held = [n for n, p in zip(names, plucks, strict=True) if p.contact <= time < p.release]
         if held:
-            return f"string held, pluck {held[0]}" if len(plucks) > 1 else "string held"
+            several = len(plucks) > 1 or len(self.choirs) > 1
+            return f"{' and '.join(held) if several else 'string'} held"
         gone = sum(time >= one.release for one in plucks)
         if not gone:
             return "before contact"
@@ -105,7 +107,7 @@ def replay(press: Press, phases: Phases, time: Floats, arm: Joints | Plan | None
     """Return the motion of a press at given instants.
 
     Args:
-        phases: Its phases; the plucks belong to the choirs in the order of the model's contacts.
+        phases: Its phases; a pluck of an unknown string moves none.
         time: s after the trigger, within the press and evenly spaced; shape (n,), n at least 2.
         arm: The arm as recorded by the encoders, or else as planned; None for no arm.
 
@@ -114,8 +116,6 @@ def replay(press: Press, phases: Phases, time: Floats, arm: Joints | Plan | None
     """
     seen, turned = press.time, press.samples["angle"]
     strings = vibrating_strings(press.rig)
-    in_turn = sorted(range(len(strings)), key=lambda number: strings[number].contact)
-    found = dict(zip(in_turn, phases.plucks, strict=False))
     return Replay(
         press=press,
         phases=phases,
@@ -123,8 +123,8 @@ def replay(press: Press, phases: Phases, time: Floats, arm: Joints | Plan | None
         angle=np.interp(time, seen, turned),
         joints=_joints(arm, time),
         choirs=tuple(
-            _choir(press.rig, string, found.get(number), seen, turned, time)
-            for number, string in enumerate(strings)
+            _choir(press.rig, string, phases.of_string(number), seen, turned, time)
+            for number, string in enumerate(strings, 1)
         ),
     )
 

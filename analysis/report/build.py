@@ -14,6 +14,7 @@ from sautereau.analysis.report import facts, figures, tables
 from sautereau.analysis.report.contents import Contents
 from sautereau.analysis.report.fits import Fit
 from sautereau.analysis.report.slow_motion import moving
+from sautereau.analysis.results.comparison import compared_presses
 from sautereau.analysis.text import counted
 from sautereau.rig.text import rig_text
 
@@ -88,9 +89,9 @@ def build_report(contents: Contents, about: About) -> str:
             {
                 "name": name,
                 "level": condition.prediction.level,
-                "presses": counted(condition.comparison.presses, "press"),
+                "presses": compared_presses(condition.rig, condition.comparison),
                 "rows": tables.comparison_rows(condition.comparison),
-                "features": tables.compared_rows(condition.features),
+                "features": tables.compared_rows(condition),
             }
             for name, condition in zip(names, conditions, strict=True)
             if condition.comparison and condition.prediction

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
-from sautereau.analysis.phases import Phases
+from sautereau.analysis.phases import HeldString
 from sautereau.analysis.report.drawing import envelope
 from sautereau.analysis.report.slow_motion import SlowMotion, slow_motion
 from sautereau.analysis.session.analysed import AnalysedPress, analyse_recording
@@ -47,8 +47,8 @@ class PressRecord(AnalysedPress):
     events: tuple[Event, ...]
     traces: Mapping[str, Trace]
     """By the names in `COLUMNS`; empty if the press is not drawn."""
-    held: Trace | None
-    """Force over deflection around the first pluck; None without one, or if not drawn."""
+    held: Mapping[int, Trace]
+    """Force over deflection around the pluck of each string, by its number; empty if not drawn."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -141,15 +141,16 @@ def _record(number: int, recorded: Recorded, whole: AnalysedPress, points: int) 
         software=recorded.software,
         events=recorded.events,
         traces=traces,
-        held=_held(press, whole.phases, points // 2) if points else None,
+        held={
+            pluck.string: _held(press, pluck, whole.phases.bottom, points // 2)
+            for pluck in whole.phases.plucks
+            if pluck.string and points
+        },
     )
 
 
-def _held(press: Press, phases: Phases, points: int) -> Trace | None:
-    if not phases.plucks:
-        return None
-    first = phases.plucks[0]
-    end = min(first.release + BESIDE, phases.bottom)
-    deflection, force = press.from_contact(first.contact, first.contact - BESIDE, end)
+def _held(press: Press, pluck: HeldString, bottom: float, points: int) -> Trace:
+    end = min(pluck.release + BESIDE, bottom)
+    deflection, force = press.from_contact(pluck.contact, pluck.contact - BESIDE, end)
     kept = envelope(force, points)
     return Trace(deflection[kept], force[kept])

@@ -11,6 +11,7 @@ import numpy as np
 
 from sautereau.analysis.figures.palette import SERIES
 from sautereau.analysis.phases import HeldString
+from sautereau.analysis.phases.found import pluck_names, stretches
 from sautereau.analysis.report.contents import (
     BESIDE,
     COLUMNS,
@@ -27,8 +28,13 @@ COLOURS = SERIES  # Colours of the conditions; if there is only one condition, o
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 """Dashes of presses with the same colour."""
 MODEL = "#5a6969"
-SHADES = ("rgba(120,120,120,0.08)", "rgba(230,159,0,0.22)", "rgba(86,180,233,0.18)")
-"""Colours of the three phases."""
+SHADES = {
+    "free": "rgba(120,120,120,0.08)",
+    "string held": "rgba(230,159,0,0.22)",
+    "string released": "rgba(86,180,233,0.18)",
+}
+"""Colours of the phases by their names."""
+SEVERAL = "rgba(213,94,0,0.34)"  # That of a phase in which several strings are held
 HEIGHT = 240  # Height of one row (px)
 
 
@@ -58,21 +64,24 @@ def over_time(contents: Contents) -> Plot:
 
 def force_on_deflection(contents: Contents) -> Plot:
     """Draw force over deflection from contact, of the presses and of the model."""
-    plot = Plot([_axis_title("force")], "key deflection from contact (mm)", 420)
+    strings = {each.comparison.string for each in contents.conditions if each.comparison}
+    several = any(each.rig.more_choirs for each in contents.conditions)
+    which = f" with string {' or '.join(map(str, sorted(strings)))}" if strings and several else ""
+    plot = Plot([_axis_title("force")], f"key deflection from contact{which} (mm)", 420)
     for index, condition in enumerate(contents.conditions):
-        first = True
+        first, string = True, condition.comparison.string if condition.comparison else 1
         for record in condition.presses:
-            if record.held is None:
+            if string not in record.held:
                 continue
             plot.add(
-                **_press_line(contents, index, record, record.held, 1.0),
+                **_press_line(contents, index, record, record.held[string], 1.0),
                 showlegend=first,
                 hovertemplate=_hover(record, "%{x:.4f} mm, %{y:.4g} N"),
             )
             first = False
         if condition.prediction is not None:
             plot.add(
-                **_line(Trace(*condition.prediction.from_contact(BESIDE)), 1e3, 1.0),
+                **_line(Trace(*condition.prediction.from_contact(BESIDE, string)), 1e3, 1.0),
                 line={"color": MODEL, "width": 4, "dash": "dash"},
                 name=f"model, condition {index + 1}" if len(contents.conditions) > 1 else "model",
                 legendgroup=f"model {index}",
@@ -143,15 +152,16 @@ def _mark_plucks(plot: Plot, record: PressRecord, colour: str) -> None:
     """Mark contacts and releases of a press on its force."""
     if "force" not in record.traces or not record.phases.plucks:
         return
-    force = record.traces["force"]
-    plucks = record.phases.plucks
+    force, plucks = record.traces["force"], record.phases.plucks
+    several = len(plucks) > 1 or record.press.rig.more_choirs
+    names = [f", {name}" if several else "" for name in pluck_names(plucks)]
     times = [time for held in plucks for time in (held.contact, held.release)]
     plot.add(
         x=[time * 1e3 for time in times],
         y=np.interp(times, force.x, force.y),
         mode="markers",
         marker={"color": colour, "size": 7, "symbol": ["circle-open", "x-thin-open"] * len(plucks)},
-        text=["contact", "release"] * len(plucks),
+        text=[what + name for name in names for what in ("contact", "release")],
         opacity=0.6,
         meta=record.number,
         showlegend=False,
@@ -161,19 +171,21 @@ def _mark_plucks(plot: Plot, record: PressRecord, colour: str) -> None:
 
 
 def _shade(plot: Plot, condition: Condition) -> None:
-    """Shade the three phases between the mean contact and release of all presses."""
-    held = _first_plucks(condition.presses)
-    if not held:
-        return
-    end = max(record.phases.bottom for record in condition.presses)
-    edges = [0.0, *_mean_times(held), end]
-    names = ("free", "string held", "string released")
-    for start, stop, colour, name in zip(edges[:-1], edges[1:], SHADES, names, strict=True):
-        plot.shade(start * 1e3, stop * 1e3, colour, name)
+    """Shade the phases between the mean contacts and releases of each string in all presses."""
+    plucks = _plucks_by_string(condition.presses)
+    if plucks:
+        end = max(record.phases.bottom for record in condition.presses)
+        for start, stop, name in stretches([_mean_times(p) for p in plucks.values()], 0.0, end):
+            plot.shade(start * 1e3, stop * 1e3, SHADES.get(name, SEVERAL), name)
 
 
-def _first_plucks(presses: Sequence[PressRecord]) -> list[HeldString]:
-    return [record.phases.plucks[0] for record in presses if record.phases.plucks]
+def _plucks_by_string(presses: Sequence[PressRecord]) -> dict[int, list[HeldString]]:
+    """Return the plucks of all presses by the number of their string; 0 for an unknown one."""
+    found: dict[int, list[HeldString]] = {}
+    for record in presses:
+        for held in record.phases.plucks:
+            found.setdefault(held.string or 0, []).append(held)
+    return dict(sorted(found.items()))
 
 
 def _mean_times(held: Sequence[HeldString]) -> tuple[float, float]:
@@ -186,7 +198,7 @@ def zooms(contents: Contents) -> list[tuple[str, str]]:
 
     The first one is its initial range; the template adds those that do not depend on the presses.
     """
-    held = _first_plucks(contents.presses)
+    held = [pluck for record in contents.presses for pluck in record.phases.plucks]
     bottom = max(record.phases.bottom for record in contents.presses)
     found = [("Key going down", 0.0, bottom)] if bottom > 0 else []
     if held:
@@ -205,19 +217,24 @@ def about_time(contents: Contents) -> str:
     """Return the caption of the plot over time, which also serves as its text alternative."""
     presses = contents.presses
     drawn = sum(bool(record.traces) for record in presses)
-    held = _first_plucks(presses)
+    plucks = _plucks_by_string(presses)
+    held = sum(bool(record.phases.plucks) for record in presses)
     text = (
         f"Key deflection at the laser, jack speed and finger force of {drawn} of {len(presses)}"
         " presses over the time after the trigger."
     )
-    if held:
-        contact, release = _mean_times(held)
+    text += f" {held} of the presses have a pluck;" if held else ""
+    several = len(plucks) > 1 or any(record.press.rig.more_choirs for record in presses)
+    for string, own in plucks.items():
+        contact, release = _mean_times(own)
+        name = f" string {string}:" if string else " unknown string:"
         text += (
-            f" {len(held)} of the presses have a pluck; mean contact at {contact * 1e3:.3f} ms"
-            f" (open circles), mean release at {release * 1e3:.3f} ms (crosses)."
+            f"{name if several else ''} mean contact at {contact * 1e3:.3f} ms (open circles),"
+            f" mean release at {release * 1e3:.3f} ms (crosses)."
         )
     if len(contents.conditions) == 1 and held:
-        text += " The shading separates the three phases at these means."
+        text += " The shading separates the phases at these means"
+        text += ", darker where several strings are held." if several else "."
     return (
         f"{text} Each trace is decimated to at most {contents.points + 2} samples, the minimum and"
         " the maximum of equal intervals, so that all peaks are kept. The features were computed"
@@ -227,7 +244,7 @@ def about_time(contents: Contents) -> str:
 
 def about_force(contents: Contents) -> str:
     """Return the caption of the plot of force over deflection."""
-    drawn = sum(record.held is not None for record in contents.presses)
+    drawn = sum(bool(record.held) for record in contents.presses)
     models = sum(condition.prediction is not None for condition in contents.conditions)
     return (
         f"Finger force over the key deflection at the laser from contact, of {drawn} presses"

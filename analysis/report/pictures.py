@@ -49,7 +49,8 @@ def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
     """Draw a string, and the band that it swept during the frame.
 
     Args:
-        number: Number of the choir, from 1.
+        number: Number of the string, from 1.
+        name: Its name, a colon and a space; empty for a single string.
     """
     string = motion.choir.string
     across = (WIDE - 2 * MARGIN) / string.length
@@ -68,10 +69,11 @@ def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
         label("plectrum", at + GAP, GAP - LOW / 2),
         label("bridge", WIDE - MARGIN, GAP - LOW / 2, "end"),
     )
-    about = f"{name}string from nut to bridge, at rest: no pluck was found"
+    named = name.removesuffix(": ") or "string"
+    about = f"{named} from nut to bridge, at rest: no pluck was found"
     if motion.plucks:
         about = (
-            f"{name}string from nut to bridge; its deflection of at most {most * 1e3:.2g} mm is"
+            f"{named} from nut to bridge; its deflection of at most {most * 1e3:.2g} mm is"
             f" magnified {up / across:.0f} times; shaded: band swept during the frame"
         )
     return Picture(f"string-{number}", about, 0, -LOW // 2, WIDE, LOW, LETTERS, shapes)
@@ -124,7 +126,8 @@ def force_picture(scene: Replay) -> Picture:
         label(f"{stop * 1e3:.2f} ms", WIDE - MARGIN, foot, "end"),
     )
     top, bottom = rounded(high * up + GAP + LETTERS), rounded(foot - GAP)
-    about = "finger force over time; shaded: string held"
+    about = "finger force over time; shaded: string held, darker: several strings held"
+    about = about if len(scene.phases.plucks) > 1 else about.partition(",")[0]
     return Picture("force", about, 0, -top, WIDE, top - bottom, LETTERS, shapes)
 
 
@@ -178,7 +181,7 @@ def _felt(x: float, top: float) -> Shape:
 
 
 def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
-    """Draw one choir's jack, plectrum, damper and wire."""
+    """Draw one string's jack, plectrum, damper and wire."""
     choir = motion.choir
     plectrum, jack = choir.plectrum, choir.jack
     clamp = (plectrum.overlap - plectrum.length) * UM

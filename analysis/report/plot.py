@@ -72,13 +72,14 @@ class Plot:
         self._traces.append({"type": "scatter", "x": _packed(x), "y": _packed(y), **axes, **trace})
 
     def shade(self, start: float, stop: float, colour: str, name: str) -> None:
-        """Shade a part of the horizontal axis in all rows, with its name in the legend."""
+        """Shade a part of the horizontal axis in all rows, with its name in the legend once."""
+        new = all(shape["name"] != name for shape in self._layout["shapes"])
         self._layout["shapes"] += [
             {
                 "type": "rect", "layer": "below", "fillcolor": colour, "line": {"width": 0},
                 "xref": f"x{axis}", "x0": start, "x1": stop,
                 "yref": f"y{axis} domain", "y0": 0, "y1": 1,
-                "name": name, "legendgroup": name, "showlegend": axis == self._axes[0],
+                "name": name, "legendgroup": name, "showlegend": new and axis == self._axes[0],
             }
             for axis in self._axes
         ]  # fmt: skip

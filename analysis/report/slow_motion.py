@@ -10,7 +10,7 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made
 from sautereau.analysis.loading.press import Press
-from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.model.choirs import choirs, string_names
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.replay import Replay, replay
 from sautereau.analysis.report.drawing import Frames
@@ -22,7 +22,7 @@ from sautereau.analysis.report.pictures import (
 )
 
 FRAMES = 101
-OF_ALL_CHOIRS = 202  # Total number of frames of all choirs: a third of a megabyte of the page
+OF_ALL_STRINGS = 202  # Total number of frames of all strings: a third of a megabyte of the page
 BESIDE = 0.25
 """Fraction of the time from first contact to last release that is shown before and after it."""
 LEAST_BESIDE = 4e-3  # s, shortest time shown after release, in which the string vibrates
@@ -63,7 +63,7 @@ def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
     first, last = float(press.time[0]), float(press.time[-1])
     start = max(first, contact - margin)
     stop = min(last, release + max(margin, LEAST_BESIDE))
-    frames = min(FRAMES, max(2, OF_ALL_CHOIRS // len(choirs(press.rig))))
+    frames = min(FRAMES, max(2, OF_ALL_STRINGS // len(choirs(press.rig))))
     return SlowMotion(number, replay(press, phases, np.linspace(start, stop, frames)))
 
 
@@ -88,7 +88,7 @@ def about(shown: SlowMotion) -> str:
     start, stop = scene.time[0] * 1e3, scene.time[-1] * 1e3
     kind = how_made(scene.press.simulated)
     strings, moved = len(scene.choirs), sum(motion.plucks for motion in scene.choirs)
-    several = f" All {strings} choirs are shown, {moved} of them plucked." if strings > 1 else ""
+    several = f" All {strings} strings are shown, {moved} of them plucked." if strings > 1 else ""
     plucks = len(scene.phases.plucks)
     if plucks > moved:
         several += f" {plucks} plucks were found, and {moved} can be assigned to the rig's strings."
@@ -113,9 +113,10 @@ def moving(shown: SlowMotion) -> dict[str, Any]:
         attribute, as JSON.
     """
     scene = shown.scene
-    several = len(scene.choirs) > 1
+    strings, several = string_names(scene.press.rig), len(scene.choirs) > 1
     named = [
-        (i, motion, f"choir {i}: " if several else "") for i, motion in enumerate(scene.choirs, 1)
+        (i, motion, f"{strings[i - 1]}: " if several else "")
+        for i, motion in enumerate(scene.choirs, 1)
     ]
     columns = (
         [head_picture(*one) for one in named],

@@ -4,8 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.press.features import (
+    OF_PLUCK,
     Row,
+    by_string,
     column,
     gain_stds,
     split_column,
@@ -16,7 +19,7 @@ from sautereau.analysis.report.contents import PressRecord
 from sautereau.analysis.results.comparison import SIGNS, error_cells, feature_cells
 from sautereau.analysis.results.comparison import repeatability_rows as rows_of_repeatability
 from sautereau.analysis.session.compare import Comparison
-from sautereau.analysis.session.conditions import SessionAnalysis
+from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability
 from sautereau.rig.quantities import QUANTITIES
@@ -38,7 +41,7 @@ DIGITS = {
 }
 """Features in the table, in their order, with their decimal places."""
 LATER = ("contact", "release", "pluck_duration", "release_force", "force_drop")
-"""Features in the table of the second and later plucks as well."""
+"""Features in the table of the second and later strings as well."""
 COURSE = ("free_speed", "pluck_duration", "release_force")
 """Features that are drawn from press to press."""
 
@@ -52,26 +55,26 @@ def feature_table(found: SessionAnalysis[PressRecord]) -> dict[str, Any]:
         standard deviation; empty where there are none.
     """
     presses, many = found.presses, len(found.conditions) > 1
+    strings = max((string_names(c.rig) for c in found.conditions), key=len)
+    features = [by_string(press.features) for press in presses]
     numbers = {p.number: i for i, c in enumerate(found.conditions, 1) for p in c.presses}
-    most = max(len(press.phases.plucks) for press in presses)
-    columns = [*DIGITS, *(column(name, pluck) for pluck in range(2, most + 1) for name in LATER)]
+    later = range(2, len(strings) + 1)
+    columns = [*DIGITS, *(column(name, string) for string in later for name in LATER)]
     if all(len(press.phases.plucks) == 1 for press in presses):
         columns.remove("plucks")
-    columns = [
-        name for name in columns if any(_value(p.features, name) is not None for p in presses)
-    ]
+    columns = [name for name in columns if any(_value(f, name) is not None for f in features)]
     rows = []
-    for press in presses:
+    for press, own in zip(presses, features, strict=True):
         marks = [f" condition {numbers[press.number]}"] * many
         marks += [" warm-up"] * press.session.warm_up
-        cells = [_cell(press.features, name) for name in columns]
+        cells = [_cell(own, name) for name in columns]
         rows.append({"number": press.number, "mark": ",".join(marks), "cells": cells})
     feet = []
     if not many and len(found.conditions[0].counted) > 1:
         pooled = {one.name: one for one in found.conditions[0].features}
         cells = zip(*(_statistics(pooled.get(name)) for name in columns), strict=True)
         feet = list(zip(("mean", "standard deviation"), cells, strict=True))
-    return {"heads": [_title(name) for name in columns], "rows": rows, "feet": feet}
+    return {"heads": [_title(name, strings) for name in columns], "rows": rows, "feet": feet}
 
 
 def _value(features: Row, name: str) -> float | None:
@@ -103,8 +106,8 @@ def _statistics(one: PooledFeature | None) -> tuple[str, str]:
     return f"{one.measured.value * scale:.{DIGITS[name]}f}", f"{spread:g}"
 
 
-def _title(name: str) -> str:
-    return title_of(name).replace("uJ", "µJ")
+def _title(name: str, strings: Sequence[str]) -> str:
+    return title_of(name, strings).replace("uJ", "µJ")
 
 
 @dataclass(frozen=True)
@@ -121,18 +124,28 @@ class Course:
 def courses(presses: Sequence[PressRecord]) -> list[Course]:
     """Return the features in `COURSE` from press to press."""
     found = []
-    for name in COURSE:
-        scale, _ = QUANTITIES[name].displayed
-        values = [_value(press.features, name) for press in presses]
-        stds = [std_of(press.features, name, gain_stds(press.press.rig)) for press in presses]
+    strings = max((string_names(press.press.rig) for press in presses), key=len)
+    features = [by_string(press.features) for press in presses]
+    gains = [gain_stds(press.press.rig) for press in presses]
+    every = range(1, len(strings) + 1)
+    for name in (column(n, k) for n in COURSE for k in (every if n in OF_PLUCK else (1,))):
+        scale, _ = QUANTITIES[split_column(name)[0]].displayed
+        values = [_value(own, name) for own in features]
+        stds = [std_of(own, name, gain) for own, gain in zip(features, gains, strict=True)]
         shown = [None if std is None else std * scale for std in stds]
-        found.append(Course(_title(name), values, shown))
+        if any(value is not None for value in values):
+            found.append(Course(_title(name, strings), values, shown))
     return found
 
 
-def compared_rows(found: Sequence[PooledFeature]) -> list[tuple[str, ...]]:
+def compared_rows(found: Condition[PressRecord]) -> list[tuple[str, ...]]:
     """Return feature, mean, its interval, the model's value and the number of presses."""
-    cells = [(*feature_cells(one), str(one.presses)) for one in found if one.predicted is not None]
+    strings = string_names(found.rig)
+    cells = [
+        (*feature_cells(one, strings), str(one.presses))
+        for one in found.features
+        if one.predicted is not None
+    ]
     return [(label.replace("uJ", "µJ"), *rest) for label, *rest in cells]
 
 

@@ -1,10 +1,13 @@
 """The analysis of a session: comparison, repeatability, drift, differences from another session."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.press.features import split_column, title_of
 from sautereau.analysis.results.result import Result, frame_of, json_of, shown
+from sautereau.analysis.session import compare as session
 from sautereau.analysis.session.compare import Mean
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.difference import Difference, Pair
@@ -12,6 +15,7 @@ from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
 from sautereau.analysis.text import counted, percent, table
 from sautereau.rig.quantities import QUANTITIES
+from sautereau.rig.schema import Rig
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -160,6 +164,7 @@ def _condition_document(found: Condition) -> dict[str, Any]:
         "changed": dict(found.changed),
     }
     if found.comparison:
+        result["string"] = found.comparison.string
         for name in SIGNS:
             result[name] = json_of(getattr(found.comparison, name), "interval")
     if found.features:
@@ -229,15 +234,17 @@ def _comparison_lines(found: Condition, features: bool) -> list[str]:
     if not (found.comparison and found.prediction):
         return []
     errors = [error_cells(name, getattr(found.comparison, name)) for name in SIGNS]
+    strings = string_names(found.rig)
     lines = [
         "Model error, (model - measured) / measured,"
-        f" {counted(found.comparison.presses, 'press')}, plectrum model {found.prediction.level}:",
+        f" {compared_presses(found.rig, found.comparison)}, plectrum model"
+        f" {found.prediction.level}:",
         *table([("feature", "error", "95 % interval", "the model is"), *errors], indent=2),
     ]
     compared = [one for one in found.features if one.predicted is not None]
     if features and compared:
         heads = ("feature", "measured", "95 % of the mean", "model")
-        lines += table([heads, *map(feature_cells, compared)], indent=2)
+        lines += table([heads, *(feature_cells(one, strings) for one in compared)], indent=2)
         kind = compared[0].measured.interval
         lines += [f"  95 % intervals: {INTERVALS[kind]}"] if kind in INTERVALS else []
     return lines
@@ -245,8 +252,10 @@ def _comparison_lines(found: Condition, features: bool) -> list[str]:
 
 def _drift_lines(found: Condition) -> list[str]:
     """Return the features of `DRIFTING` whose drift is significant."""
+    strings = string_names(found.rig)
     return [
-        f"  drift of the {title_of(one.name)}: {one.drift.value * scale:+.3g} per press (95 %:"
+        f"  drift of the {title_of(one.name, strings)}: {one.drift.value * scale:+.3g} per press"
+        " (95 %:"
         f" {one.drift.low * scale:+.3g} to {one.drift.high * scale:+.3g})"
         for one in found.features
         if one.name in DRIFTING and one.drift and one.drift.significant
@@ -257,7 +266,8 @@ def _drift_lines(found: Condition) -> list[str]:
 def pair_lines(found: Pair) -> list[str]:
     """Return two conditions side by side as text."""
     numbers = [counted(len(one.counted), "press") for one in (found.first, found.second)]
-    rows = map(_difference_cells, found.differences)
+    strings = string_names(found.first.rig)
+    rows = (_difference_cells(one, strings) for one in found.differences)
     changed = "; ".join(f"{key}: {a} and {b}" for key, (a, b) in found.changed.items())
     lines = [
         *([f"{found.label}:"] if found.label else []),
@@ -270,13 +280,19 @@ def pair_lines(found: Pair) -> list[str]:
     return [*lines, "  no 95 % intervals: at least one set has a single press"]
 
 
-def _difference_cells(one: Difference) -> tuple[str, ...]:
+def _difference_cells(one: Difference, strings: Sequence[str]) -> tuple[str, ...]:
     """Return a feature, its two means, their difference, the half-width of its interval, a mark."""
     scale, _ = QUANTITIES[split_column(one.name)[0]].displayed
     means = (f"{each.measured.value * scale:.5g}" for each in (one.first, one.second))
     half = "-" if one.high is None else f"{(one.high - one.value) * scale:.3g}"
     mark = "*" if one.significant else ""
-    return title_of(one.name), *means, f"{one.value * scale:+.3g}", half, mark
+    return title_of(one.name, strings), *means, f"{one.value * scale:+.3g}", half, mark
+
+
+def compared_presses(rig: Rig, found: session.Comparison) -> str:
+    """Return which string was compared in how many presses: `string 1, 3 presses`."""
+    strings, presses = string_names(rig), counted(found.presses, "press")
+    return f"{strings[found.string - 1]}, {presses}" if len(strings) > 1 else presses
 
 
 def error_cells(name: str, error: Mean) -> tuple[str, str, str, str]:
@@ -287,13 +303,22 @@ def error_cells(name: str, error: Mean) -> tuple[str, str, str, str]:
     return QUANTITIES[name].label, percent(error.value), interval, sign
 
 
-def feature_cells(feature: PooledFeature) -> tuple[str, str, str, str]:
-    """Return label, mean, its interval and the model's value as texts."""
+def feature_cells(feature: PooledFeature, strings: Sequence[str]) -> tuple[str, str, str, str]:
+    """Return label, mean, its interval and the model's value as texts.
+
+    Args:
+        strings: Names of the rig's strings.
+    """
     scale, _ = QUANTITIES[split_column(feature.name)[0]].displayed
     ends = _ends(feature.measured)
     interval = f"{ends[0] * scale:.5g} to {ends[1] * scale:.5g}" if ends else NO_INTERVAL
     predicted = "" if feature.predicted is None else f"{feature.predicted * scale:.5g}"
-    return title_of(feature.name), f"{feature.measured.value * scale:.5g}", interval, predicted
+    return (
+        title_of(feature.name, strings),
+        f"{feature.measured.value * scale:.5g}",
+        interval,
+        predicted,
+    )
 
 
 def _ends(mean: Mean | Spread | Difference) -> list[float] | None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.model import predict as model
+from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.model.string.string import first_mode_release_speed
 from sautereau.analysis.results.result import Result, part_of, shown
 from sautereau.rig.quantities import QUANTITIES
@@ -34,7 +35,7 @@ class Prediction(Result):
 
     @property
     def document(self) -> dict[str, Any]:
-        """Durations, forces and speeds as JSON, SI, the first choir's first."""
+        """Durations, forces and speeds as JSON, SI: of string 1, and in `choirs` of each string."""
         found = self.press
         names = ("contact", "release", "pluck_duration", "release_force", "plectrum_force",
                  "release_lift", "release_angle", "peak_force", "work", "v_osc")  # fmt: skip
@@ -42,6 +43,7 @@ class Prediction(Result):
         of_choir = ("contact", "release", "pluck_duration", "plectrum_force", "release_lift",
                     "release_angle", "work")  # fmt: skip
         return {
+            "string": 1,
             **part_of(found, *names),
             "level": found.level,
             "warnings": list(found.warnings),
@@ -51,8 +53,8 @@ class Prediction(Result):
                 for name in ("x", "z", "velocity_x", "velocity_z")
             },
             "choirs": [
-                part_of(choir, *of_choir) | {"gives_way": choir.released_at_fold}
-                for choir in found.choirs
+                {"string": k, **part_of(choir, *of_choir), "gives_way": choir.released_at_fold}
+                for k, choir in enumerate(found.choirs, 1)
             ],
         }
 
@@ -69,8 +71,9 @@ class Prediction(Result):
             f"rig {self.rig.name}, plectrum model {found.level}, jack speed"
             f" {self.rig.press.jack_speed:.4g} m/s; times after the jack leaves rest:"
         ]
-        for number, choir in enumerate(found.choirs, 1):
-            name = f"string {number}: " if len(found.choirs) > 1 else ""
+        several, strings = len(found.choirs) > 1, string_names(self.rig)
+        for string, choir in zip(strings, found.choirs, strict=True):
+            name = f"{string}: " if several else ""
             early = (
                 ", before the tip: the plectrum's deflection reaches its limit"
                 * choir.released_at_fold
@@ -83,7 +86,7 @@ class Prediction(Result):
                     for quantity in ("plectrum_force", "release_lift", "release_angle")
                 ),
             ]
-        first = " of string 1" * (len(found.choirs) > 1)
+        first = f" of {strings[0]}" * several
         return [
             *lines,
             f"finger: {_shown('release_force', found.release_force)}{first},"

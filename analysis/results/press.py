@@ -9,8 +9,9 @@ from sautereau.analysis.press.features import NEED, gain_stds
 
 HEADER = (
     "Contact and release: time after the trigger. !: doubtful, see the warnings.\n"
-    f"{'':<13} {'jack speed':>10}  contact  release pluck duration\n"
-    f"{'press':<15} {'(m/s)':>8} {'(ms)':>8} {'(ms)':>8} {'(ms)':>8} release force (N)"
+    f"{'':<13} {'jack speed':>10}        contact  release    pluck     release\n"
+    f"{'':<48} duration       force\n"
+    f"{'press':<15} {'(m/s)':>8} string {'(ms)':>8} {'(ms)':>8} {'(ms)':>8} {'(N)':>11}"
 )
 """Head of the rows, which fit into 80 columns."""
 
@@ -68,8 +69,8 @@ def press_line(press: Press, phases: Phases) -> str:
         row += "" if number == 0 else f"\n{'':<24}"
         force = "-" if press.missing == "force" else f"{held.release_force:.4f}"
         row += (
-            f" {held.contact * 1e3:>8.3f} {held.release * 1e3:>8.3f}"
-            f" {held.pluck_duration * 1e3:>8.3f} {'!' * held.doubtful:<2}{force:>15}"
+            f" {held.string or '-':>5} {held.contact * 1e3:>8.3f} {held.release * 1e3:>8.3f}"
+            f" {held.pluck_duration * 1e3:>8.3f} {'!' * held.doubtful:<2}{force:>9}"
         )
     set_by_hand = phases.fit is not None and phases.fit.model == "by hand"
     alone = f"  no {press.missing}" if press.missing else ""

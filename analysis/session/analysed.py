@@ -138,7 +138,7 @@ def _edges(phases: Phases, held: HeldString) -> list[float]:
     The force on the key bends at each contact and drops at each release. Of instants that are close
     together, one is an edge.
     """
-    first = phases.plucks[0]
+    first = min(phases.plucks, key=lambda each: each.contact)
     edges = [first.contact - BEFORE * first.pluck_duration]
     least = SHORT * held.pluck_duration
     inside = (t for each in phases.plucks for t in (each.contact, each.release))

@@ -15,7 +15,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.features import COMPARED, Row, column, work_along
+from sautereau.analysis.press.features import Row, column, work_along
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -47,7 +47,9 @@ class Comparison:
     """
 
     presses: int
-    """Presses with a pluck."""
+    """Presses with a pluck of the string."""
+    string: int
+    """Number of the string in the rig."""
     slope_error: Mean
     """Error of the slope of finger force against deflection while the string is held."""
     magnitude_error: Mean
@@ -61,9 +63,9 @@ def compare(
     predictions: Sequence[Prediction],
     gains: Mapping[str, float] | None = None,
 ) -> Comparison:
-    """Compare the first pluck of repeated presses with predictions.
+    """Compare the plucks of one string in repeated presses with predictions.
 
-    The first pluck is the one that is released first, in the recording as in the prediction.
+    It is the first string of the rig that has plucks.
 
     Args:
         predictions: Prediction of each press for the measured speed of its jack.
@@ -72,14 +74,15 @@ def compare(
     Raises:
         AnalysisError: No press has a pluck to compare.
     """
-    both = zip(phases, predictions, strict=True)
-    held = [(f.plucks[0], p, p.in_time[0]) for f, p in both if f.plucks]
-    if not held:
+    string = compared_string(phases)
+    if string > (strings := min(len(each.choirs) for each in predictions)):
         raise AnalysisError(
-            f"none of the {len(phases)} presses has a pluck, so there is nothing to compare;"
-            " check the forces, and the string and plectrum of that key"
+            f"string {string} was plucked, and the model has {strings}; compare with a rig that has"
+            " the string"
         )
-    predicted = [(h, *predicted_features(p, first)) for h, p, first in held]
+    both = zip(phases, predictions, strict=True)
+    held = [(h, p, p.choirs[string - 1]) for f, p in both if (h := f.of_string(string))]
+    predicted = [(h, *predicted_features(p, own)) for h, p, own in held]
     gains = gains or {}
     instants = [math.hypot(h.contact_std, h.release_std) / h.pluck_duration for h, _, _ in held]
 
@@ -88,6 +91,7 @@ def compare(
 
     return Comparison(
         presses=len(held),
+        string=string,
         slope_error=error(
             [slope / h.force_slope for h, slope, _ in predicted], gains.get("force_slope", 0.0)
         ),
@@ -97,10 +101,25 @@ def compare(
         ),
         # The model is given the measured speed.
         duration_error=error(
-            [first.pluck_duration / h.pluck_duration for h, _, first in held],
+            [own.pluck_duration / h.pluck_duration for h, _, own in held],
             gains.get("held_speed", 0.0),
             float(np.mean(instants)),
         ),
+    )
+
+
+def compared_string(phases: Sequence[Phases]) -> int:
+    """Return the number of the first string of the rig that has plucks in repeated presses.
+
+    Raises:
+        AnalysisError: No press has a pluck of a string of the rig.
+    """
+    plucks = [held for found in phases for held in found.plucks]
+    if strings := [held.string for held in plucks if held.string]:
+        return min(strings)
+    raise AnalysisError(
+        f"none of the {len(phases)} presses has a pluck{' whose string is known' * bool(plucks)},"
+        " so there is nothing to compare; check the forces, and the strings and plectra of that key"
     )
 
 
@@ -194,22 +213,20 @@ def predicted_means(
             until its release. Plucks without a prediction are not compared.
 
     Returns:
-        By the columns of `sautereau.analysis.press.features`, pluck by pluck, SI; those of
-        `COMPARED` that both have.
+        By the columns of `sautereau.analysis.press.features.by_string`, SI; those of `COMPARED`
+        that both have.
     """
-    each = [
-        [pluck_features(rig, p, p.in_time[k]) for k, p in enumerate(own) if k < len(p.in_time)]
-        for own in predictions
-    ]
-    found = {}
-    for number in range(max(map(len, each), default=0)):
-        for name in COMPARED:
-            key = column(name, number + 1)
-            both = [(row, own) for row, own in zip(rows, each, strict=True) if number < len(own)]
-            values = [own[number][name] for row, own in both if isinstance(row.get(key), float)]
-            if values:
-                found[key] = float(np.mean(values))
-    return found
+    found: dict[str, list[float]] = {}
+    for row, own in zip(rows, predictions, strict=True):
+        for pluck, prediction in enumerate(own, 1):
+            string = row.get(column("string", pluck))
+            if not isinstance(string, int) or string > len(prediction.choirs):
+                continue
+            values = pluck_features(rig, prediction, prediction.choirs[string - 1])
+            for name, value in values.items():
+                if isinstance(row.get(column(name, pluck)), float):
+                    found.setdefault(column(name, string), []).append(value)
+    return {name: float(np.mean(values)) for name, values in found.items()}
 
 
 def pluck_features(rig: Rig, prediction: Prediction, choir: ChoirPluck) -> dict[str, float]:

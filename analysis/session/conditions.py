@@ -13,7 +13,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.press.features import gain_stds
 from sautereau.analysis.session.analysed import AnalysedPress
-from sautereau.analysis.session.compare import Comparison, compare, predicted_means
+from sautereau.analysis.session.compare import Comparison, compare, compared_string, predicted_means
 from sautereau.analysis.session.pooled import PooledFeature, pooled_features
 from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
 from sautereau.rig.document import flat, values_of
@@ -149,6 +149,12 @@ def _condition(
         "the jack stops or turns back while its string is held, or is recorded in too few samples;"
         " press without a stop",
     )
+    unknown = sum(held.string is None for press in known for held in press.phases.plucks)
+    if unknown and unknown < sum(len(press.phases.plucks) for press in known):
+        warnings.append(
+            f"not compared: {unknown} pluck{'s' * (unknown > 1)} whose string is not known: see"
+            " `sautereau phases`"
+        )
     silent = [press for press in known if not press.phases.plucks]
     if len(silent) < len(known):  # otherwise the comparison itself gives the reason
         warnings += _omitted(silent, "no pluck was found; see `sautereau phases`")
@@ -169,8 +175,17 @@ def _condition(
         plucked = [p[0] for press, p in zip(known, each, strict=True) if press.speeds]
         prediction = plucked[0] if plucked else predict(rig or own, level)
         warnings += prediction.warnings
-        firsts = [p[0] for p in each]
-        comparison = compare([press.phases for press in known], firsts, gain_stds(own))
+        found = [press.phases for press in known]
+        string = compared_string(found)
+        both = [
+            (one, predicted)
+            for one, predictions in zip(found, each, strict=True)
+            for held, predicted in zip(one.plucks, predictions, strict=False)
+            if held.string == string
+        ] or [(one, predictions[0]) for one, predictions in zip(found, each, strict=True)]
+        prediction = both[0][1]
+        compared, predictions = zip(*both, strict=True)
+        comparison = compare(compared, predictions, gain_stds(own))
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:
         warnings.append(f"no comparison with the model: {error}")

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.press.features import OF_PLUCK, UNITS, Row, column, split_column
+from sautereau.analysis.press.features import (
+    OF_PLUCK,
+    UNITS,
+    Row,
+    by_string,
+    column,
+    split_column,
+)
 from sautereau.analysis.session.compare import Mean, mean_of
 from sautereau.analysis.session.repeatability import LEAST, Trend, trend_of
 
@@ -20,7 +27,7 @@ class PooledFeature:
     """One feature over repeated presses, in its unit."""
 
     name: str
-    """Column of `sautereau.analysis.press.features`."""
+    """Column of `sautereau.analysis.press.features.by_string`."""
     unit: str
     values: tuple[float, ...]
     """Values of the presses that have it, in the order in which they were made."""
@@ -41,12 +48,14 @@ class PooledFeature:
 def pooled_features(
     rows: Sequence[Row], predicted: Mapping[str, float]
 ) -> tuple[PooledFeature, ...]:
-    """Return the features of repeated presses.
+    """Return the features of repeated presses, those of plucks by their strings.
 
     Args:
+        rows: Of `sautereau.analysis.press.features`.
         predicted: The model's, of `sautereau.analysis.session.compare.predicted_means`.
     """
-    most = max((int(row.get("plucks") or 0) for row in rows), default=0)
+    rows = [by_string(row) for row in rows]
+    most = max((split_column(name)[1] for row in rows for name in row), default=1)
     later = [column(name, k) for k in range(2, most + 1) for name in OF_PLUCK if name in POOLED]
     found = []
     for name in (*POOLED, *later):

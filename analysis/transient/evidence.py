@@ -144,7 +144,7 @@ def _bounds(
     speed = press.samples["jack_speed"]
     moving = (time > phases.start) & (speed >= FULL_SPEED * phases.free_speed)
     steady = float(time[np.argmax(moving)])
-    first = phases.plucks[0] if phases.plucks else None
+    first = min(phases.plucks, key=lambda held: held.contact, default=None)
     contact = first.contact - DEVIATIONS * first.contact_std if first else phases.bottom
     if not first:
         notes.append("no pluck was found: everything before the bottom counts as the free phase")

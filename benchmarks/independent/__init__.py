@@ -3,7 +3,7 @@
 It shares no code with the rest of the project.
 """
 
-from .chosen import ONE_FACTOR, random_carved, random_conditions
+from .chosen import ONE_FACTOR, random_carved, random_conditions, random_two_strings
 from .conditions import FORCE, VELOCITY, Choir, Conditions, Sensor
 from .files import write_csv, write_rig
 from .press import Pluck, Pressed, Truth, press
@@ -21,6 +21,7 @@ __all__ = [
     "press",
     "random_carved",
     "random_conditions",
+    "random_two_strings",
     "write_csv",
     "write_rig",
 ]

@@ -154,6 +154,34 @@ def random_carved(rng: np.random.Generator) -> Conditions:
     return replace(c, choirs=tuple(replace(each, carving=carving) for each in c.choirs))
 
 
+def random_two_strings(rng: np.random.Generator) -> Conditions:
+    """Draw every factor as `random_conditions` does, and a second string in any order to the first.
+
+    Contacts are up to 2 mm apart, forces differ by the plectra's thickness and overlap. The rig's
+    errors of clearance are those of the key, and of each jack.
+    """
+    c = random_conditions(rng)
+    first, (arm, gap, overlap, thickness) = (
+        c.choirs[0],
+        rng.uniform((-0.022, -2e-3, 0.12e-3, 0.8), (0.022, 2e-3, 0.4e-3, 1.25)),
+    )
+    others = 0.05e-3 * rng.standard_normal(2)
+    second = replace(
+        first,
+        arm=first.arm + float(arm),
+        clearance=max(0.8e-3, first.clearance + float(gap)),
+        overlap=float(overlap),
+        overlap_factor=float(np.exp(rng.uniform(np.log(0.8), np.log(1.25)))),
+        thickness=first.thickness * float(thickness),
+        plucking_point=first.plucking_point * float(rng.uniform(1.0, 1.4)),
+    )
+    choirs = tuple(
+        replace(each, clearance_factor=1 / (1 / each.clearance_factor + error / each.clearance))
+        for each, error in zip((first, second), others.tolist(), strict=True)
+    )
+    return replace(c, choirs=choirs, rise=10e-3)
+
+
 STIFF = Conditions()
 
 

@@ -55,6 +55,7 @@ def animate(
         "start": start,
         "stop": stop,
         "plucks": plucked,
+        "strings": [k for k, motion in enumerate(scene.choirs, 1) if motion.plucks],
         "arm": scene.joints is not None,
         "warnings": [*press.warnings, *phases.warnings],
     }
@@ -93,6 +94,7 @@ def listen(
     quality
         Quality factor of the strings, for all losses except those to the air.
     """
+    from sautereau.analysis.model.choirs import string_names
     from sautereau.analysis.press.sound import LEVEL, SAMPLE_RATE, sound_of, write_sound
 
     bench = common.load_rig(rig)
@@ -105,15 +107,15 @@ def listen(
         "level": LEVEL,
         **part_of(sound, "duration", "full_scale", "releases", "decay_times", "modes"),
     }
-    heard = zip(sound.releases, sound.modes, sound.decay_times, strict=True)
+    heard = zip(string_names(bench), sound.releases, sound.modes, sound.decay_times, strict=True)
     lines = [
         f"computed by the model, not recorded: {out}",
         f"{sound.duration:.4g} s at {SAMPLE_RATE / 1e3:g} kHz; full scale is"
         f" {sound.full_scale:.4g} N on the bridge, the loudest sample is at {LEVEL:g} dB",
         *(
-            f"choir {i}: release at {release * 1e3:.4g} ms into the file, {modes} modes; the lowest"
+            f"{string}: release at {release * 1e3:.4g} ms into the file, {modes} modes; the lowest"
             f" decays by 60 dB in {decay:.3g} s"
-            for i, (release, modes, decay) in enumerate(heard, 1)
+            for string, release, modes, decay in heard
         ),
     ]
     return output.answer(result, lines)

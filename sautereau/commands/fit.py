@@ -133,7 +133,8 @@ def identify(
     Parameters
     ----------
     free
-        Parameters to fit, separated by commas: plectrum.overlap,key.inertia.
+        Parameters to fit, separated by commas: plectrum.overlap,key.inertia. Those of further
+        strings are called string2.plectrum.overlap and so on.
     prior
         Prior knowledge of a parameter, "key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2", or its bounds,
         "plectrum.overlap=0.1 mm to 0.5 mm". Repeat it for several. Default bounds: the ranges

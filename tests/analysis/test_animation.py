@@ -119,8 +119,8 @@ def test_arm_and_choirs_are_shown(make_press):
     scene = staged(press, frame_times(0.05, 0.08, 5), arm)
     figure, _ = animation_figure(scene, 5)
     said = "\n".join(texts(figure))
-    assert "choir 1: " in said
-    assert "choir 2: " in said
+    assert "string 1: " in said
+    assert "string 2: " in said
     assert "no arm" not in said
     (picture,) = pictures(scene, [2])
     assert picture.size == (960, 640)

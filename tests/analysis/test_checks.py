@@ -25,8 +25,9 @@ def contacts_of(plucks, exchange_std=0.0):
 
 
 def instants(*plucks, exchange_std=0.0):
+    plucks = [replace(pluck, string=number) for number, pluck in enumerate(plucks, 1)]
     contacts = contacts_of(plucks, exchange_std)
-    return [*about_instants(plucks, contacts, 0.01, None), *about_exchange(contacts)]
+    return [*about_instants(plucks, contacts, 0.01, None), *about_exchange(contacts, plucks)]
 
 
 def test_uncertainties_above_a_millisecond_are_one_warning_for_each_pluck():
@@ -35,7 +36,7 @@ def test_uncertainties_above_a_millisecond_are_one_warning_for_each_pluck():
     assert said.text.startswith("uncertainty of contact 1.2 ms and of release 1.1 ms, above 1 ms:")
     (said,) = instants(held(0.05, 0.06), held(0.07, 0.09, release_std=2e-3))
     assert said.plucks == (1,)
-    assert said.text.startswith("pluck 2: uncertainty of release 2 ms, above 1 ms: check")
+    assert said.text.startswith("string 2: uncertainty of release 2 ms, above 1 ms: check")
 
 
 def test_strings_held_at_once_are_no_warning_unless_the_contact_is_uncertain():
@@ -49,12 +50,15 @@ def test_two_releases_within_a_millisecond_may_be_one():
     assert instants(held(0.05, 0.08), held(0.06, 0.0811)) == []
     (said,) = instants(held(0.05, 0.08), held(0.06, 0.0809))
     assert said.plucks == (0, 1)
-    assert said.text.startswith("plucks 1 and 2: their releases are 0.9 ms apart, below 1 ms,")
+    assert said.text.startswith(
+        "string 1 and string 2: their releases are 0.9 ms apart, below 1 ms,"
+    )
 
 
 def test_contacts_that_may_be_exchanged_have_one_warning_about_both():
     said = instants(held(0.05, 0.08, 3e-3), held(0.06, 0.09, 3e-3), exchange_std=2.9e-3)
     assert [remark.plucks for remark in said] == [(0, 1)]
+    assert said[0].text.startswith("contacts of string 1 and of string 2: ")
     assert "half their distance, 2.9 ms" in said[0].text
 
 
@@ -79,11 +83,10 @@ def test_a_quality_flag_is_a_warning_where_it_can_change_a_result(make_press, ki
 
 def test_a_stretch_at_two_plucks_is_one_warning(make_press):
     mark = QualityFlag("drop-out", "velocity", 0.0799, 0.0801)
-    plucks = [held(0.05, 0.08), held(0.0802, 0.1)]
+    plucks = [replace(held(0.05, 0.08), string=2), held(0.0802, 0.1)]
     (said,) = about_flags(signals_of(make_press()), [mark], plucks, (0.02, 0.12))
-    assert (
-        "79.9 to 80.1 ms, at the release of pluck 1 and the contact of pluck 2: only" in said.text
-    )
+    where = "at the release of string 2 and the contact of pluck 2 (unknown string)"
+    assert f"79.9 to 80.1 ms, {where}: only" in said.text
     assert said.plucks == (0,)
 
 

@@ -61,7 +61,7 @@ def test_a_compliant_arm_is_no_model_error(speed):
 def test_every_pluck_is_predicted_for_the_speed_until_its_own_release(paper):
     """Here the jack rises at 0.06 m/s until the first release, and at 0.1 m/s from then on."""
     rig = paper.model_copy(update={"more_choirs": (choir(paper, stagger=0.9e-3),)})
-    first, second = predict(rig).in_time
+    first, second = predict(rig).choirs
     rises = [paper.press.jack_speed * t for t in (first.contact, first.release)]
     rises += [paper.press.jack_speed * t for t in (second.contact, second.release)]
 
@@ -78,7 +78,7 @@ def test_every_pluck_is_predicted_for_the_speed_until_its_own_release(paper):
     ]
     phases = Phases(0.0, 0.15, tuple(held), 0.06, 0.06, 0.1, ())
     each = [predict(rig, speed=speed) for speed in jack_speeds(press, phases)]
-    rows = [{"pluck_duration": 0.0, "pluck_duration_2": 0.0}]
+    rows = [{"pluck_duration": 0.0, "pluck_duration_2": 0.0, "string": 1, "string_2": 2}]
     found = predicted_means(rows, rig, [each])
     assert found["pluck_duration"] == pytest.approx(held[0].pluck_duration, rel=1e-3)
     assert found["pluck_duration_2"] == pytest.approx(held[1].pluck_duration, rel=2e-3)
@@ -115,6 +115,7 @@ def phases_of(prediction, *, slope=0.0, rise=0.0, duration=0.0):
         release_force=0.3 + magnitude,
         force_drop=magnitude,
         force_slope=predicted_slope / (1 + slope),
+        string=1,
     )
     return Phases(0.01, 0.2, (held,), 0.072, 0.07, 0.072, ())
 
@@ -163,21 +164,32 @@ def test_presses_without_a_pluck_do_not_count(prediction):
     assert found.slope_error.value == pytest.approx(0.1, rel=1e-12)
 
 
-def test_the_first_pluck_is_that_of_the_string_released_first(paper):
-    """Which need not be the rig's first choir: here the second plectrum is higher."""
+@pytest.mark.parametrize("known", [(2,), (2, 1), (None, 2)])
+def test_a_pluck_is_compared_with_its_own_string(paper, known):
+    """Whatever the order of the releases: here the second plectrum is higher."""
     lower = choir(paper, stagger=-0.8e-3, overlap=0.2e-3)
     found = predict(paper.model_copy(update={"more_choirs": (lower,)}))
-    first = found.in_time[0]
-    assert first is found.choirs[1]
-    slope, rise = predicted_features(found, first)
-    duration = first.pluck_duration
-    held = HeldString(0.04, 0.04 + duration, 1e-5, 1e-5, 0.3, 0.3 + rise, rise, slope)
-    compared = compare([Phases(0.01, 0.2, (held,), 0.072, 0.07, 0.072, ())], [found])
+    plucks = []
+    for k, string in enumerate(known):
+        own = found.choirs[(string or 1) - 1]
+        slope, rise = predicted_features(found, own)
+        times = (0.04 + 0.1 * k, 0.04 + 0.1 * k + own.pluck_duration)
+        plucks.append(HeldString(*times, 1e-5, 1e-5, 0.3, 0.3 + rise, rise, slope, string=string))
+    compared = compare([Phases(0.01, 0.2, tuple(plucks), 0.072, 0.07, 0.072, ())], [found])
+    assert compared.string == min(filter(None, known))
     for error in (compared.slope_error, compared.magnitude_error, compared.duration_error):
         assert error.value == pytest.approx(0.0, abs=1e-12)
-    deflection, force = found.from_contact(0.0)
+    deflection, force = found.from_contact(0.0, compared.string)
+    own = found.choirs[compared.string - 1]
     assert deflection[0] == pytest.approx(0.0, abs=5e-6)
-    assert force[-1] == pytest.approx(found.finger_force[held_steps(first)][-1], rel=0.01)
+    assert force[-1] == pytest.approx(found.finger_force[held_steps(own)][-1], rel=0.01)
+
+
+def test_plucks_of_unknown_strings_are_not_compared(prediction):
+    known = phases_of(prediction)
+    unknown = replace(known, plucks=(replace(known.plucks[0], string=None),))
+    with pytest.raises(AnalysisError, match="whose string is known"):
+        compare([unknown], [prediction])
 
 
 @pytest.mark.parametrize("phases", [[], [MUTE], [MUTE, MUTE]])
@@ -214,7 +226,8 @@ def pooled(rows, rig, predictions):
 
 def features_of(predicted, share=0.0):
     """Return the features of a press for a given relative model error of each."""
-    return {name: value / (1 + share) for name, value in predicted.items()}
+    values = {name: value / (1 + share) for name, value in predicted.items()}
+    return {"plucks": 1, "string": 1} | values
 
 
 def test_every_feature_is_compared_with_the_models(paper, prediction):
@@ -240,7 +253,7 @@ def test_one_press_has_features_without_intervals(paper, prediction):
 
 
 def test_features_without_a_pluck_are_not_compared(paper, prediction):
-    assert pooled([dict.fromkeys(COMPARED)], paper, [prediction]) == {}
+    assert pooled([{"plucks": 0} | dict.fromkeys(COMPARED)], paper, [prediction]) == {}
 
 
 def test_the_held_work_of_a_prediction_is_its_own(paper, prediction):

@@ -145,8 +145,8 @@ def test_every_choir_is_shown(more, write_session, tmp_path):
     rig = rig.model_copy(update={"more_choirs": rig.more_choirs * more})
     page = page_of(write_session(tmp_path, 1, rig=rig))
     assert len(page.pictures) == 2 * (1 + more) + 2
-    assert f"All {1 + more} choirs are shown, 1 of them plucked" in page.section
-    assert "choir 2: string from nut to bridge, at rest: no pluck was found" in page.section
+    assert f"All {1 + more} strings are shown, 1 of them plucked" in page.section
+    assert "string 2 from nut to bridge, at rest: no pluck was found" in page.section
     assert page.size < 2 * MOST_DATA
 
 
@@ -168,8 +168,8 @@ def test_a_pluck_without_a_string_is_reported(make_press):
     press = make_press()
     phases = find_phases(press)
     (held,) = phases.plucks
-    later = replace(held, contact=held.contact + 0.05, release=held.release + 0.05)
+    later = replace(held, contact=held.contact + 0.05, release=held.release + 0.05, string=None)
     shown = slow_motion(1, press, replace(phases, plucks=(held, later)))
     assert "2 plucks were found, and 1 can be assigned" in about(shown)
-    assert readings(shown)["phase"][shown.at_release] == "string held, pluck 1"
+    assert readings(shown)["phase"][shown.at_release] == "string 1 held"
     assert readings(shown)["phase"][-1] == "2 of 2 strings released"

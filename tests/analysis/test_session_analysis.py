@@ -123,10 +123,15 @@ def test_only_presses_of_one_rig_one_scene_and_one_day_are_pooled(four):
     assert found.conditions[0].warnings == ("presses of 2 sessions of one day are pooled",)
 
 
+def released(force):
+    """Return the features of a press with a pluck of string 1."""
+    return {"plucks": 1, "string": 1, "release_force": force}
+
+
 def test_drift_and_spread_of_a_known_series():
     random = np.random.default_rng(1)
     values = 0.7 + 0.01 * np.arange(8) + 1e-4 * random.standard_normal(8)
-    (feature,) = pooled_features([{"plucks": 1, "release_force": v} for v in values.tolist()], {})
+    (feature,) = pooled_features([released(v) for v in values.tolist()], {})
     assert feature.std == pytest.approx(values.std(ddof=1))
     assert feature.drift.significant
     assert feature.drift.low < 0.01 < feature.drift.high
@@ -137,15 +142,15 @@ def test_a_difference_has_welchs_interval():
     random = np.random.default_rng(2)
     a, b = random.normal(1.0, 0.1, 5), random.normal(0.8, 0.3, 9)
     first, second = (
-        pooled_features([{"release_force": v} for v in values.tolist()], {})[0] for values in (a, b)
+        pooled_features([released(v) for v in values.tolist()], {})[0] for values in (a, b)
     )
     found = difference(first, second)
     expected = ttest_ind(a, b, equal_var=False).confidence_interval(0.95)
     assert (found.low, found.high) == pytest.approx((expected.low, expected.high))
     assert found.value == pytest.approx(a.mean() - b.mean())
-    alone = pooled_features([{"release_force": 1.0}], {})[0]
+    alone = pooled_features([released(1.0)], {})[0]
     assert (difference(first, alone).low, difference(first, alone).significant) == (None, False)
-    same = pooled_features([{"release_force": 1.0}] * 3, {})[0]
+    same = pooled_features([released(1.0)] * 3, {})[0]
     assert (difference(same, same).low, difference(same, same).high) == (0, 0)
 
 

@@ -32,8 +32,8 @@ def answer(recorded: Recorded) -> dict[str, Any]:
     """Return recorded samples, loaded signals, phases with uncertainties, subjects of warnings."""
     found = press_of(recorded)
     phases = find_phases(found)
-    names = ("contact", "contact_std", "release", "release_std", "release_force", "force_drop",
-             "force_slope", "doubtful")  # fmt: skip
+    names = ("string", "contact", "contact_std", "release", "release_std", "release_force",
+             "force_drop", "force_slope", "doubtful")  # fmt: skip
     plucks = {name: [getattr(each, name) for each in phases.plucks] for name in names}
     return plain(
         {
