@@ -1,22 +1,13 @@
 """The plot of presses and their phases: signals, boundaries and their uncertainty."""
 
 from collections.abc import Sequence
-from itertools import cycle
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made
-from sautereau.analysis.figures.palette import (
-    AGAINST,
-    CONTACT,
-    DOUBTFUL,
-    MEASURED,
-    OTHER,
-    PREDICTED,
-    RELEASE,
-)
+from sautereau.analysis.figures.palette import CONTACT, DOUBTFUL, MEASURED, OTHER, RELEASE, SERIES
 from sautereau.analysis.figures.pressed import scale_to_pluck, shade_phases
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import string_names
@@ -99,8 +90,10 @@ def _close(axes: Axes, press: Press, found: Phases) -> None:
     A load without a pluck is drawn from its start on.
     """
     names = pluck_names(found.plucks, string_names(press.rig))
-    every = zip(found.plucks, names, cycle((MEASURED, AGAINST, PREDICTED)), strict=False)
-    plucks = [(held.contact, held.release, name, colour) for held, name, colour in every]
+    plucks = [
+        (held.contact, held.release, name, SERIES[(held.string or 0) - 1])
+        for held, name in zip(found.plucks, names, strict=True)
+    ]
     stretches = plucks + [(*stretch, "load without a pluck", OTHER) for stretch in found.missed]
     if not stretches:
         axes.text(0.5, 0.5, "no pluck", transform=axes.transAxes, ha="center", va="center")
