@@ -18,6 +18,7 @@ from sautereau.analysis.identify.parameter_names import (
     STIFFNESS,
     TIME,
 )
+from sautereau.rig import ranges
 from sautereau.rig.faults import fault_list, unit_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity
@@ -25,6 +26,8 @@ from sautereau.trajectory.motion import Floats
 
 FACTOR = 10.0
 """Ratio of a bound to the rig's value if the rig file assumes no range."""
+OF_STIFFNESS = (MODULUS, "plectrum.width", "plectrum.thickness")
+"""Values of which the bending stiffness consists."""
 DIFFERENCE = 1e-3
 """Step of numerical derivatives, divided by the parameter's scale."""
 FRICTION_DIFFERENCE = 0.02
@@ -162,8 +165,7 @@ def read_prior(text: str) -> tuple[str, Prior]:
 
 def value_of(rig: Rig, name: str) -> float:
     """Return the value [SI] of a parameter in the rig; 0 for an offset."""
-    section, _, field = name.partition(".")
-    return 0.0 if section == "offset" else float(getattr(getattr(rig, section), field))
+    return 0.0 if name.startswith("offset.") else ranges.value_of(rig, name)
 
 
 def values_of_rig(rig: Rig, free: Sequence[Parameter]) -> Floats:
@@ -240,10 +242,11 @@ def bounds_of(rig: Rig, name: str) -> tuple[float, float]:
     if known := ENDS.get(name) or rig.assumed.get(name):
         return known
     value = value_of(rig, name)
-    if name == STIFFNESS and MODULUS in rig.assumed:
-        ratio = rig.plectrum.bending_stiffness / rig.plectrum.youngs_modulus
-        low, high = rig.assumed[MODULUS]
-        return low * ratio, high * ratio
+    factors = [key for key in OF_STIFFNESS if key in rig.assumed]
+    if name == STIFFNESS and MODULUS in factors:
+        ends = ({key: rig.assumed[key][end] for key in factors} for end in (0, 1))
+        low, high = (rig.replaced(values).plectrum.bending_stiffness for values in ends)
+        return low, high
     low, high = sorted((value / FACTOR, value * FACTOR))
     if name == OVERLAP:
         high = min(high, 0.9 * rig.plectrum.length)

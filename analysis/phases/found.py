@@ -1,5 +1,6 @@
 """The result of segmenting a press: its phases, and its plucks with their forces."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -65,6 +66,8 @@ class HeldString:
     """N/m, finger force on key deflection at the laser while the string is held."""
     doubtful: bool = False
     """Whether a warning is about this pluck or the complete press."""
+    rise: float = math.nan
+    """N, rise of the finger force from contact to release: `force_rise`."""
 
     @property
     def pluck_duration(self) -> float:
@@ -143,6 +146,18 @@ def line_through(x: Floats, y: Floats) -> tuple[float, float]:
     return slope, level - slope * middle
 
 
+def force_rise(deflection: Floats, force: Floats) -> float:
+    """Return the rise of the parabola through the force over the deflection, from end to end [N].
+
+    Finger and key vibrate while a string is held: the force at an instant may be off by a tenth of
+    its rise, the parabola through all of it is not.
+    """
+    middle, half = (deflection[-1] + deflection[0]) / 2, (deflection[-1] - deflection[0]) / 2
+    along = (deflection - middle) / half
+    degree = min(2, len(force) - 1)
+    return float(2 * np.polynomial.polynomial.polyfit(along, force, degree)[1])
+
+
 def measured(signals: Signals, contact: Contact, release: Release) -> HeldString:
     """Return a pluck with its finger forces.
 
@@ -158,7 +173,8 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         before = line_through(time[side] - release.time, force[side])[1]
     else:
         before = float(force[min(side.start, len(force) - 1)])
-    travel = signals.deflection[first:last] - signals.deflection[first:last].mean()
+    held = signals.deflection[first:last], force[first:last]
+    travel = held[0] - held[0].mean()
     return HeldString(
         contact=contact.time,
         release=release.time,
@@ -168,5 +184,6 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         release_force=before,
         # The fall was found with the rig's inertia.
         force_drop=release.fall - contact.inertia * release.slowed,
-        force_slope=float(travel @ force[first:last] / (travel @ travel)),
+        force_slope=float(travel @ held[1] / (travel @ travel)),
+        rise=force_rise(*held),
     )

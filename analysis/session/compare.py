@@ -5,7 +5,7 @@ loses 10 to 30 % of its speed then, and the key's inertia, slowed down, pushes i
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -15,7 +15,9 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.phases.found import force_rise
 from sautereau.analysis.press.features import COMPARED, Row, column, work_along
+from sautereau.analysis.session.budget import Budget, Contribution, budget
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -23,6 +25,11 @@ MANY = 20
 """Smallest number of presses for a bootstrap interval. For fewer presses Student's t is better."""
 NORMAL = 1.96  # Half width of a 95 % interval, in standard uncertainties
 RESAMPLES = 9999  # Number of samples of a bootstrap
+
+
+ERRORS = ("slope_error", "magnitude_error", "duration_error")
+"""The errors of a comparison."""
+LEAST_FRACTION = 0.02  # Smallest part of a variance that is listed
 
 
 @dataclass(frozen=True)
@@ -43,7 +50,8 @@ class Comparison:
     """The paper's three statements as model errors [1], (model - measured) / measured.
 
     Their intervals contain the variation from press to press, and errors that all presses share:
-    the gains of the sensors, and the standard uncertainties of contact and release.
+    the gains of the sensors, and the standard uncertainties of contact and release. Those of the
+    budget contain the ranges of the model's inputs as well.
     """
 
     presses: int
@@ -54,6 +62,26 @@ class Comparison:
     """Error of the increase of the finger force from contact to release."""
     duration_error: Mean
     """Error of the pluck duration."""
+    stds: Mapping[str, float]
+    """Standard uncertainty of each measured value, relative: of all presses together, or without
+    the variation from press to press for a single one."""
+    budget: Budget | None = None
+
+    def interval(self, name: str) -> tuple[float, float] | None:
+        """Return the 95 % interval of an error with the model's inputs.
+
+        That of a single press lacks the variation from press to press; without inputs it has none.
+        """
+        error = getattr(self, name)
+        if self.budget and (len(self.budget.contributions) > 1 or error.low is not None):
+            return self.budget.intervals[name]
+        return None if error.low is None else (error.low, error.high)
+
+    @property
+    def unexplained(self) -> list[str]:
+        """Names of the errors whose interval does not contain 0."""
+        ends = {name: self.interval(name) for name in self.stds}
+        return [name for name, each in ends.items() if each and not each[0] <= 0 <= each[1]]
 
 
 def compare(
@@ -83,25 +111,45 @@ def compare(
     gains = gains or {}
     instants = [math.hypot(h.contact_std, h.release_std) / h.pluck_duration for h, _, _ in held]
 
-    def error(ratios: Sequence[float], *stds: float) -> Mean:
-        return _with_shared(mean_of([ratio - 1 for ratio in ratios]), math.hypot(*stds))
-
-    return Comparison(
-        presses=len(held),
-        slope_error=error(
-            [slope / h.force_slope for h, slope, _ in predicted], gains.get("force_slope", 0.0)
-        ),
-        magnitude_error=error(
-            [rise / (h.release_force - h.contact_force) for h, _, rise in predicted],
-            gains.get("release_force", 0.0),
-        ),
-        # The model is given the measured speed.
-        duration_error=error(
-            [first.pluck_duration / h.pluck_duration for h, _, first in held],
-            gains.get("held_speed", 0.0),
-            float(np.mean(instants)),
-        ),
+    # The model is given the measured speed.
+    duration_std = math.hypot(gains.get("held_speed", 0.0), float(np.mean(instants)))
+    ratios = (
+        [slope / h.force_slope for h, slope, _ in predicted],
+        [rise / h.rise for h, _, rise in predicted],
+        [first.pluck_duration / h.pluck_duration for h, _, first in held],
     )
+    shared = (gains.get("force_slope", 0.0), gains.get("release_force", 0.0), duration_std)
+    found, stds = {}, {}
+    for name, own, std in zip(ERRORS, ratios, shared, strict=True):
+        found[name] = error = _with_shared(mean_of([ratio - 1 for ratio in own]), std)
+        known = error.low is not None and error.high is not None
+        half = (error.high - error.low) / 2 / (1 + error.value) if known else NORMAL * std
+        stds[name] = half / NORMAL
+    return Comparison(len(held), **found, stds=stds)
+
+
+def listed_contributions(found: Comparison) -> list[Contribution]:
+    """Return the contributions that matter to any error; none without ranges."""
+    every = found.budget.contributions if found.budget else ()
+    return [c for c in every if max(c.fractions.values()) >= LEAST_FRACTION] if every[1:] else []
+
+
+def with_budget(found: Comparison, rig: Rig, predict: Callable[[Rig], Prediction]) -> Comparison:
+    """Return a comparison with its uncertainty budget.
+
+    Args:
+        rig: The bench that is predicted.
+        predict: Returns the prediction of a press for a rig.
+    """
+
+    def values(of: Rig) -> dict[str, float]:
+        prediction = predict(of)
+        first = prediction.in_time[0]
+        values = *predicted_features(prediction, first), first.pluck_duration
+        return dict(zip(found.stds, values, strict=True))
+
+    errors = {name: getattr(found, name).value for name in found.stds}
+    return replace(found, budget=budget(rig, values, errors, found.stds))
 
 
 def _with_shared(error: Mean, std: float) -> Mean:
@@ -132,8 +180,8 @@ def predicted_features(
     held = held_steps(prediction if choir is None else choir)
     force, deflection = prediction.finger_force[held], prediction.deflection[held]
     even = np.linspace(deflection[0], deflection[-1], len(deflection))
-    slope = np.polyfit(even, np.interp(even, deflection, force), 1)[0]
-    return float(slope), float(force[-1] - force[0])
+    force = np.interp(even, deflection, force)
+    return float(np.polyfit(even, force, 1)[0]), force_rise(even, force)
 
 
 def held_steps(pluck: Prediction | ChoirPluck) -> slice:

@@ -1,0 +1,125 @@
+"""The uncertainty budget of a comparison: what the ranges of the rig do to the model's errors."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.batch import VARIABLES
+from sautereau.rig.ranges import Deviation, deviations
+from sautereau.rig.schema import Rig
+from sautereau.trajectory.motion import Floats
+
+INPUTS = (
+    *(n for n in VARIABLES if not n.startswith(("press.", "key.dip", "key.felt"))),
+    "key.laser_arm",
+)
+"""Values of the rig that change the force and the motion while a string is held."""
+MEASUREMENT = "measurement"  # Name of the contribution of presses, gains, contact and release
+DRAWS = 10_000  # Values of a distribution, for the ends of its 95 % interval to 1 % of its width
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What one input contributes to the uncertainty of the model's errors."""
+
+    name: str
+    """Dotted key of a value with an assumed range, or `MEASUREMENT`."""
+    std: float | None
+    """SI, its standard uncertainty; None for the measurement."""
+    effects: dict[str, float]
+    """Relative change of the model by that, of each error; positive if the model's value rises with
+    the input."""
+    fractions: dict[str, float]
+    """Fraction of the variance of each error, and so of the error that it is expected to
+    explain."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The 95 % intervals of model errors with the model's inputs, and the contributions to them."""
+
+    intervals: dict[str, tuple[float, float]]
+    """Interval of each error [1]; the model is consistent with the presses if it contains 0."""
+    contributions: tuple[Contribution, ...]
+    """The largest first."""
+    left_out: tuple[str, ...]
+    """Why inputs are not among them."""
+
+
+def budget(
+    rig: Rig,
+    predict: Callable[[Rig], Mapping[str, float]],
+    errors: Mapping[str, float],
+    stds: Mapping[str, float],
+) -> Budget:
+    """Return the uncertainty budget of model errors.
+
+    The logarithm of the model is a parabola in each input, through both ends of its range, and a
+    sum over the inputs: exact for products of powers, as forces of a plectrum nearly are. The
+    intervals are those of its distribution (JCGM 101:2008).
+
+    Args:
+        rig: The bench that is predicted.
+        predict: Returns the model's values for a rig, by the names of the errors.
+        errors: Model errors [1].
+        stds: Relative standard uncertainties of the measured values.
+    """
+    from scipy.special import ndtri
+    from scipy.stats import qmc
+
+    names, left_out = list(errors), []
+
+    def logarithm(of: Rig) -> Floats:
+        return np.log([predict(of)[name] for name in names])
+
+    nominal, inputs = logarithm(rig), []
+    for deviation in deviations(rig, INPUTS):
+        try:
+            inputs.append((deviation, _parabola(rig, deviation, logarithm, nominal)))
+        except ModelError as error:
+            left_out.append(f"the range of {deviation.name} is not in the intervals: {error}")
+    draws = qmc.LatinHypercube(1 + len(inputs), rng=np.random.default_rng(0)).random(DRAWS)
+    changes = [np.outer(ndtri(draws[:, 0]), [stds[name] for name in names])]
+    for (deviation, coefficients), drawn in zip(inputs, draws.T[1:], strict=True):
+        change = (deviation.low + (deviation.high - deviation.low) * drawn) / deviation.std
+        changes.append(np.stack([change, change**2], 1) @ coefficients)
+    ends = np.quantile(np.exp(np.sum(changes, axis=0)), (0.025, 0.975), axis=0)
+    ratios = 1 + np.array([errors[name] for name in names])
+    # Of an input whose range is on one side of the rig's value all of the change is unknown.
+    squares = [np.mean(change**2, axis=0) for change in changes]
+    total = np.maximum(np.sum(squares, axis=0), 1e-300)
+    stated = [(MEASUREMENT, None, np.sqrt(squares[0]))] + [
+        (d.name, d.std, np.sqrt(own) * np.sign(c[0]))
+        for (d, c), own in zip(inputs, squares[1:], strict=True)
+    ]
+    contributions = [
+        Contribution(name, std, _named(names, effect), _named(names, own / total))
+        for (name, std, effect), own in zip(stated, squares, strict=True)
+    ]
+    return Budget(
+        {
+            n: (float(r * a - 1), float(r * b - 1))
+            for n, r, a, b in zip(names, ratios, *ends, strict=True)
+        },
+        tuple(sorted(contributions, key=lambda c: -max(c.fractions.values()))),
+        tuple(left_out),
+    )
+
+
+def _named(names: list[str], values: Floats) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=True))
+
+
+def _parabola(
+    rig: Rig, deviation: Deviation, logarithm: Callable[[Rig], Floats], nominal: Floats
+) -> Floats:
+    """Return the coefficients of an input over its standard uncertainty and of the square, shape
+    (2, errors)."""
+    ends = [end for end in (deviation.low, deviation.high) if end]
+    changed = [logarithm(deviation.applied(rig, end)) - nominal for end in ends]
+    along = np.array(ends) / deviation.std
+    if len(ends) < 2:  # the rig's value is one end of its range
+        return np.stack([changed[0] / along[0], np.zeros_like(nominal)])
+    return np.linalg.solve(np.stack([along, along**2], 1), np.array(changed))
