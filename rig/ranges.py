@@ -1,15 +1,20 @@
 """Independent errors that the values of a rig may have, by their assumed ranges."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sautereau.rig.schema import Rig
 
+Floats = NDArray[np.float64]
 FROM_THE_FRONT = ("key.front_arm", "key.press_arm", "key.laser_arm")
 """Lengths from the balance pin that are measured from the front edge: the place of the pin shifts
 all of them together. One that is measured from the pin has no assumed range."""
+DRAWS = 10_000  # Of a distribution, for the ends of its 95 % interval to 1 % of its width
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,28 @@ class Deviation:
 def value_of(rig: Rig, key: str) -> float:
     """Return a value of one of the rig's tables by its dotted key [SI]."""
     return float(reduce(getattr, key.split("."), rig))
+
+
+def drawn(stds: Floats, inputs: Sequence[tuple[Deviation, Floats]]) -> list[Floats]:
+    """Return draws of the changes of results by normal errors, and by each uniform one (JCGM 101).
+
+    Args:
+        stds: Standard uncertainties by the normal errors, shape (results,).
+        inputs: Errors, each with the coefficients of its value over its standard uncertainty and
+            of the powers of that, shape (powers, results).
+
+    Returns:
+        Arrays of shape (`DRAWS`, results).
+    """
+    from scipy.special import ndtri
+    from scipy.stats import qmc
+
+    draws = qmc.LatinHypercube(1 + len(inputs), rng=np.random.default_rng(0)).random(DRAWS)
+    found = [np.outer(ndtri(draws[:, 0]), stds)]
+    for (error, coefficients), at in zip(inputs, draws.T[1:], strict=True):
+        change = (error.low + (error.high - error.low) * at[:, None]) / error.std
+        found.append(change ** np.arange(1, 1 + len(coefficients)) @ coefficients)
+    return found
 
 
 def deviations(rig: Rig, names: Iterable[str]) -> list[Deviation]:

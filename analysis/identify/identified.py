@@ -33,10 +33,10 @@ from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import ignored, level_name
 from sautereau.analysis.phases import Phases
+from sautereau.rig.ranges import drawn
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-DRAWS = 10_000  # Values of a distribution, for the ends of its 95 % interval to 1 % of its width
 SIGNIFICANT = 3.0
 """A hidden friction is reported as a result if it differs from the rig's value by this number of
 standard uncertainties."""
@@ -79,18 +79,6 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class AlsoFitted:
-    """A value of the rig that was fitted without being requested, since it biases others; SI."""
-
-    name: str
-    unit: str
-    value: float
-    rig_value: float
-    std: float | None
-    """Total standard uncertainty; None if undetermined."""
-
-
-@dataclass(frozen=True)
 class FittedMode:
     """A fitted elastic mode of the key and the parts that move with it."""
 
@@ -130,7 +118,7 @@ class Identified:
     """m, RMS residual of the rises at release; None if no press has a release."""
     force_offsets: tuple[float, ...]
     """N, fitted zero of the force in each press; 0 if it was not fitted."""
-    also_fitted: tuple[AlsoFitted, ...]
+    also_fitted: tuple[Estimate, ...]
     """Values of the rig that were fitted without being requested."""
     modes: tuple[FittedMode, ...]
     """Elastic modes of the key; empty for a rigid key."""
@@ -215,17 +203,20 @@ def evaluate(fitted: Fit) -> Identified:
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
     names, hidden_prior = [p.name for p in found.free], prior[found.nuisances]
     known = Information(names, rows, prior, np.abs(moved), moved_by)
-    estimates = [
-        _estimate(
-            found,
-            k,
-            float(values[k]),
-            (float(stds[k]), float(np.sqrt(noise[k, k]))),
-            ends[:, k] if good.fits else None,
-            known,
-        )
-        for k in shown
-    ]
+    estimates, also = (
+        [
+            _estimate(
+                found,
+                k,
+                float(values[k]),
+                (float(stds[k]), float(np.sqrt(noise[k, k]))),
+                ends[:, k] if good.fits else None,
+                known,
+            )
+            for k in which
+        ]
+        for which in (shown, unasked)
+    )
     forces, rises = dynamics.residuals(values)
     offsets = [float(w.trend(f).mean()) for f, w in zip(forces, found.whitenings, strict=True)]
     deviations = np.outer(stds, stds)
@@ -249,14 +240,7 @@ def evaluate(fitted: Fit) -> Identified:
         residual_before=fitted.residual_before,
         rise_residual=rms([rises * dynamics.rise_stds]) if len(rises) else None,
         force_offsets=tuple(offsets),
-        also_fitted=tuple(
-            AlsoFitted(
-                *(found.free[k].name, found.free[k].unit, float(values[k])),
-                value_of(dynamics.rig, found.free[k].name),
-                float(stds[k] * found.scales[k]) if np.isfinite(stds[k]) else None,
-            )
-            for k in unasked
-        ),
+        also_fitted=tuple(also),
         modes=_modes(found, values, stds),
         quality=good,
         sensitivity=sensitivity,
@@ -325,15 +309,8 @@ def _ends(stds: Floats, inputs: Sequence[Input]) -> Floats:
     Args:
         stds: Of the normal errors, shape (parameters,).
     """
-    from scipy.special import ndtri
-    from scipy.stats import qmc
-
-    draws = qmc.LatinHypercube(1 + len(inputs), rng=np.random.default_rng(0)).random(DRAWS)
-    changes = np.outer(ndtri(draws[:, 0]), stds)
-    for each, drawn in zip(inputs, draws.T[1:], strict=True):
-        low, high = each.deviation.low, each.deviation.high
-        changes += np.outer(low + (high - low) * drawn, each.slopes)
-    low, high = np.quantile(changes, (0.025, 0.975), axis=0)
+    changes = drawn(stds, [(each.deviation, each.effects[None]) for each in inputs])
+    low, high = np.quantile(np.sum(changes, axis=0), (0.025, 0.975), axis=0)
     return np.stack([np.minimum(low, 0.0), np.maximum(high, 0.0)])
 
 

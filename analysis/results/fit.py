@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from sautereau.analysis.identify import fit as fitting
 from sautereau.analysis.identify.combinations import IDENTIFIABLE
 from sautereau.analysis.identify.fixed import Suggestion
-from sautereau.analysis.identify.identified import AlsoFitted, Estimate, FittedMode, Identified
+from sautereau.analysis.identify.identified import Estimate, FittedMode, Identified
 from sautereau.analysis.identify.parameter_names import CONTACT
 from sautereau.analysis.identify.parameters import rig_values
 from sautereau.analysis.identify.profile import Profile, profile
@@ -97,7 +97,7 @@ class Fit(Result):
                 "identifiable_below": IDENTIFIABLE,
                 "combinations": [asdict(c) for c in self.found.combinations],
             },
-            "also_fitted": {a.name: json_of(a, "name") for a in self.found.also_fitted},
+            "also_fitted": {e.name: json_of(e, "name") for e in self.found.also_fitted},
             "modes": [asdict(mode) for mode in self.found.modes],
             "fits": self.found.quality.fits,
             "quality": json_of(self.found.quality, "repetition", "quiet", "repeats"),
@@ -262,7 +262,7 @@ def _estimate_cells(estimate: Estimate) -> tuple[str, ...]:
     return estimate.name, value, *spreads, unit, rig
 
 
-def _stated(found: Estimate | AlsoFitted) -> str:
+def _stated(found: Estimate) -> str:
     """Return a value with its total uncertainty."""
     value, (spread,), unit = in_rig_units(found.value, found.std, found.unit, [found.std])
     return f"{value} +- {spread} {unit}".strip()

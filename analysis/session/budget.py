@@ -7,7 +7,7 @@ import numpy as np
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.batch import VARIABLES
-from sautereau.rig.ranges import Deviation, deviations
+from sautereau.rig.ranges import Deviation, deviations, drawn
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -17,7 +17,6 @@ INPUTS = (
 )
 """Values of the rig that change the force and the motion while a string is held."""
 MEASUREMENT = "measurement"  # Name of the contribution of presses, gains, contact and release
-DRAWS = 10_000  # Values of a distribution, for the ends of its 95 % interval to 1 % of its width
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ def budget(
 
     The logarithm of the model is a parabola in each input, through both ends of its range, and a
     sum over the inputs: exact for products of powers, as forces of a plectrum nearly are. The
-    intervals are those of its distribution (JCGM 101:2008).
+    intervals are those of its distribution (JCGM 101).
 
     Args:
         rig: The bench that is predicted.
@@ -66,9 +65,6 @@ def budget(
         errors: Model errors [1].
         stds: Relative standard uncertainties of the measured values.
     """
-    from scipy.special import ndtri
-    from scipy.stats import qmc
-
     names, left_out = list(errors), []
 
     def logarithm(of: Rig) -> Floats:
@@ -80,11 +76,7 @@ def budget(
             inputs.append((deviation, _parabola(rig, deviation, logarithm, nominal)))
         except ModelError as error:
             left_out.append(f"the range of {deviation.name} is not in the intervals: {error}")
-    draws = qmc.LatinHypercube(1 + len(inputs), rng=np.random.default_rng(0)).random(DRAWS)
-    changes = [np.outer(ndtri(draws[:, 0]), [stds[name] for name in names])]
-    for (deviation, coefficients), drawn in zip(inputs, draws.T[1:], strict=True):
-        change = (deviation.low + (deviation.high - deviation.low) * drawn) / deviation.std
-        changes.append(np.stack([change, change**2], 1) @ coefficients)
+    changes = drawn(np.array([stds[name] for name in names]), inputs)
     ends = np.quantile(np.exp(np.sum(changes, axis=0)), (0.025, 0.975), axis=0)
     ratios = 1 + np.array([errors[name] for name in names])
     # Of an input whose range is on one side of the rig's value all of the change is unknown.
