@@ -1,7 +1,7 @@
 """Benches of the independent simulator whose fixed numbers differ from the rig's in their ranges.
 
-The experimenter states the rig with the ranges `RANGES`, and the clearance of the string as the
-recordings show it with the lever lengths of that rig. True values are drawn from the ranges.
+The experimenter states the rig with the ranges `RANGES`, and the clearance of the string as a
+recording shows it, with the lever lengths of that rig. True values are drawn from the ranges.
 """
 
 from dataclasses import replace
@@ -32,41 +32,57 @@ OF_MODEL: dict[str, tuple[float, float]] = {
     "plectrum.overlap": (0.213e-3, 0.313e-3),
 }
 """SI, of numbers that are known only if nothing is fitted."""
+CLEARANCE_STD = 0.1e-3  # m, by which the clearance differs from the rig's
 NOMINAL = Conditions()  # What the experimenter believes
 
 
-def drawn(rng: np.random.Generator, ranges: dict[str, tuple[float, float]]) -> dict[str, float]:
-    """Return true values by dotted key; the place of the balance pin shifts three lengths."""
-    true = {name: float(rng.uniform(*ends)) for name, ends in ranges.items()}
-    shift = true["key.front_arm"] - NOMINAL.front_arm
+def true(rng: np.random.Generator, ranges: dict[str, tuple[float, float]]) -> dict[str, float]:
+    """Return true values by dotted key, drawn from their ranges, or else as the rig states them.
+
+    The place of the balance pin shifts the three lengths from the front edge.
+    """
+    (choir,) = NOMINAL.choirs
+    found = {
+        "key.front_arm": NOMINAL.front_arm,
+        "key.jack_arm": choir.arm,
+        "key.jack_surface_height": NOMINAL.jack_surface_height,
+        "jack.mass": choir.mass,
+        "jack.register_friction": choir.register_friction,
+        "plectrum.length": choir.length,
+        "plectrum.thickness": choir.thickness,
+        "string.tension": choir.tension,
+        **{name: float(rng.uniform(*ends)) for name, ends in ranges.items()},
+    }
+    shift = found["key.front_arm"] - NOMINAL.front_arm
     arms = {"key.press_arm": NOMINAL.press_arm, "key.laser_arm": NOMINAL.laser_arm}
-    return true | {name: arm + shift for name, arm in arms.items()}
+    return found | {name: arm + shift for name, arm in arms.items()}
 
 
 def conditions(
-    rng: np.random.Generator, true: dict[str, float], base: Conditions = NOMINAL
+    rng: np.random.Generator, values: dict[str, float], base: Conditions = NOMINAL
 ) -> Conditions:
     """Return a bench with these values, and with gains and delays that differ from the rig's."""
     (choir,) = base.choirs
     choir = replace(
         choir,
-        arm=true["key.jack_arm"],
-        mass=true["jack.mass"],
-        register_friction=true["jack.register_friction"],
-        length=true["plectrum.length"],
-        thickness=true["plectrum.thickness"],
-        width=true.get("plectrum.width", choir.width),
-        modulus=true.get("plectrum.youngs_modulus", choir.modulus),
-        overlap=true.get("plectrum.overlap", choir.overlap),
-        tension=true["string.tension"],
+        arm=values["key.jack_arm"],
+        clearance=choir.clearance + CLEARANCE_STD * float(rng.standard_normal()),
+        mass=values["jack.mass"],
+        register_friction=values["jack.register_friction"],
+        length=values["plectrum.length"],
+        thickness=values["plectrum.thickness"],
+        width=values.get("plectrum.width", choir.width),
+        modulus=values.get("plectrum.youngs_modulus", choir.modulus),
+        overlap=values.get("plectrum.overlap", choir.overlap),
+        tension=values["string.tension"],
     )
     return replace(
         base,
         choirs=(choir,),
-        press_arm=true["key.press_arm"],
-        laser_arm=true["key.laser_arm"],
-        front_arm=true["key.front_arm"],
-        jack_surface_height=true["key.jack_surface_height"],
+        press_arm=values["key.press_arm"],
+        laser_arm=values["key.laser_arm"],
+        front_arm=values["key.front_arm"],
+        jack_surface_height=values["key.jack_surface_height"],
         velocity=replace(
             VELOCITY,
             gain=1 + 0.01 * float(rng.standard_normal()),
@@ -101,9 +117,9 @@ def recorded(
 
 
 def _stated(made: Pressed, inertia: float, coulomb: float) -> dict[str, str | float]:
-    true, plain = made.conditions, Choir()
-    (choir,) = true.choirs
-    lever = (NOMINAL.choirs[0].arm / NOMINAL.laser_arm) / (choir.arm / true.laser_arm)
+    real, plain = made.conditions, Choir()
+    (choir,) = real.choirs
+    lever = (plain.arm / NOMINAL.laser_arm) / (choir.arm / real.laser_arm)
     lengths = {
         "key.front_arm": NOMINAL.front_arm,
         "key.press_arm": NOMINAL.press_arm,
@@ -114,7 +130,7 @@ def _stated(made: Pressed, inertia: float, coulomb: float) -> dict[str, str | fl
         "plectrum.width": plain.width,
         "plectrum.thickness": plain.thickness,
         "plectrum.overlap": plain.overlap,
-        "jack.string_clearance": choir.clearance * lever,
+        "jack.string_clearance": plain.clearance * lever,
     }
     stds = {
         key.replace(".delay", ".delay_std").replace(".scale", ".gain_std"): value

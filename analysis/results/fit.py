@@ -258,7 +258,7 @@ def _estimate_cells(estimate: Estimate) -> tuple[str, ...]:
     """Return name, value, its standard uncertainties, unit and the rig's own value."""
     stds = estimate.std_noise, estimate.std_inputs, estimate.std
     value, spreads, unit = in_rig_units(estimate.value, estimate.std, estimate.unit, stds)
-    rig = quantity_in_rig(estimate.rig_value, estimate.unit).removesuffix(unit).strip()
+    rig, *_ = in_rig_units(estimate.rig_value, estimate.std, estimate.unit)
     return estimate.name, value, *spreads, unit, rig
 
 

@@ -1,12 +1,14 @@
 """The uncertainty budget of a comparison: what the ranges of the rig do to the model's errors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.batch import VARIABLES
+from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.phases import Phases
 from sautereau.rig.ranges import Deviation, deviations, drawn
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
@@ -16,6 +18,9 @@ INPUTS = (
     "key.laser_arm",
 )
 """Values of the rig that change the force and the motion while a string is held."""
+BENT = 2.6
+"""(1 - u) (1 - v) of a key in its first bending, u = v = -0.6; see identify/elastic.py."""
+BENDING = "key bending"  # Name of the contribution of a key that is not rigid
 MEASUREMENT = "measurement"  # Name of the contribution of presses, gains, contact and release
 
 
@@ -24,9 +29,9 @@ class Contribution:
     """What one input contributes to the uncertainty of the model's errors."""
 
     name: str
-    """Dotted key of a value with an assumed range, or `MEASUREMENT`."""
+    """Dotted key of a value with an assumed range, `BENDING`, or `MEASUREMENT`."""
     std: float | None
-    """SI, its standard uncertainty; None for the measurement."""
+    """SI, its standard uncertainty; None for the last two."""
     effects: dict[str, float]
     """Relative change of the model by that, of each error; positive if the model's value rises with
     the input."""
@@ -43,8 +48,13 @@ class Budget:
     """Interval of each error [1]; the model is consistent with the presses if it contains 0."""
     contributions: tuple[Contribution, ...]
     """The largest first."""
-    left_out: tuple[str, ...]
+    omitted: tuple[str, ...]
     """Why inputs are not among them."""
+
+    @property
+    def of_ranges(self) -> bool:
+        """Whether any value of the rig has an assumed range."""
+        return any(each.std is not None for each in self.contributions)
 
 
 def budget(
@@ -52,6 +62,7 @@ def budget(
     predict: Callable[[Rig], Mapping[str, float]],
     errors: Mapping[str, float],
     stds: Mapping[str, float],
+    bending: float = 0.0,
 ) -> Budget:
     """Return the uncertainty budget of model errors.
 
@@ -64,8 +75,9 @@ def budget(
         predict: Returns the model's values for a rig, by the names of the errors.
         errors: Model errors [1].
         stds: Relative standard uncertainties of the measured values.
+        bending: Part of the held string's rise by which the laser may exaggerate it (`bending_of`).
     """
-    names, left_out = list(errors), []
+    names, omitted = list(errors), []
 
     def logarithm(of: Rig) -> Floats:
         return np.log([predict(of)[name] for name in names])
@@ -75,15 +87,21 @@ def budget(
         try:
             inputs.append((deviation, _parabola(rig, deviation, logarithm, nominal)))
         except ModelError as error:
-            left_out.append(f"the range of {deviation.name} is not in the intervals: {error}")
+            omitted.append(f"the range of {deviation.name} is not in the intervals: {error}")
+    if bending:
+        longer = {"slope_error": -1.0, "duration_error": 1.0}
+        error = Deviation(BENDING, 0.0, bending, ())
+        inputs.append((error, error.std * np.array([[longer.get(n, 0.0) for n in names]])))
     changes = drawn(np.array([stds[name] for name in names]), inputs)
-    ends = np.quantile(np.exp(np.sum(changes, axis=0)), (0.025, 0.975), axis=0)
+    each = [np.exp(np.quantile(c, (0.025, 0.975), axis=0)) for c in (sum(changes), changes[0])]
+    # With ranges on one side of the rig's values, the rig itself stays possible.
+    ends = np.stack([np.min(each, axis=0)[0], np.max(each, axis=0)[1]])
     ratios = 1 + np.array([errors[name] for name in names])
     # Of an input whose range is on one side of the rig's value all of the change is unknown.
     squares = [np.mean(change**2, axis=0) for change in changes]
     total = np.maximum(np.sum(squares, axis=0), 1e-300)
     stated = [(MEASUREMENT, None, np.sqrt(squares[0]))] + [
-        (d.name, d.std, np.sqrt(own) * np.sign(c[0]))
+        (d.name, d.std if d.keys else None, np.sqrt(own) * np.sign(c[0]))
         for (d, c), own in zip(inputs, squares[1:], strict=True)
     ]
     contributions = [
@@ -96,8 +114,25 @@ def budget(
             for n, r, a, b in zip(names, ratios, *ends, strict=True)
         },
         tuple(sorted(contributions, key=lambda c: -max(c.fractions.values()))),
-        tuple(left_out),
+        tuple(omitted),
     )
+
+
+def bending_of(rig: Rig, phases: Sequence[Phases]) -> float:
+    """Return the largest part of the held string's rise that may be bending of the key.
+
+    The laser then sees more motion than the jack has. The compliance that the phases fit is that of
+    finger, key and cloth together, so that it is an upper bound.
+    """
+    held = [(f.plucks[0], f.held_speed, f.fit) for f in phases if f.plucks]
+    parts = [
+        fit.compliance * pluck.rise / (pluck.pluck_duration * speed)
+        for pluck, speed, fit in held
+        if fit and speed
+    ]
+    key = rig.key
+    inertia = key.inertia + sum(c.jack.mass * c.jack_arm**2 for c in choirs(rig))
+    return BENT * key.jack_arm * key.press_arm / inertia * max(0.0, float(np.mean(parts or [0.0])))
 
 
 def _named(names: list[str], values: Floats) -> dict[str, float]:

@@ -73,7 +73,7 @@ class Comparison:
         That of a single press lacks the variation from press to press; without inputs it has none.
         """
         error = getattr(self, name)
-        if self.budget and (len(self.budget.contributions) > 1 or error.low is not None):
+        if self.budget and (self.budget.of_ranges or error.low is not None):
             return self.budget.intervals[name]
         return None if error.low is None else (error.low, error.high)
 
@@ -134,11 +134,12 @@ def listed_contributions(found: Comparison) -> list[Contribution]:
     return [c for c in every if max(c.fractions.values()) >= LEAST_FRACTION] if every[1:] else []
 
 
-def with_budget(found: Comparison, rig: Rig, predict: Callable[[Rig], Prediction]) -> Comparison:
-    """Return a comparison with its uncertainty budget.
+def with_budget(
+    found: Comparison, rig: Rig, predict: Callable[[Rig], Prediction], bending: float = 0.0
+) -> Comparison:
+    """Return a comparison with its uncertainty budget; further arguments as of `budget`.
 
     Args:
-        rig: The bench that is predicted.
         predict: Returns the prediction of a press for a rig.
     """
 
@@ -149,7 +150,7 @@ def with_budget(found: Comparison, rig: Rig, predict: Callable[[Rig], Prediction
         return dict(zip(found.stds, values, strict=True))
 
     errors = {name: getattr(found, name).value for name in found.stds}
-    return replace(found, budget=budget(rig, values, errors, found.stds))
+    return replace(found, budget=budget(rig, values, errors, found.stds, bending))
 
 
 def _with_shared(error: Mean, std: float) -> Mean:

@@ -14,6 +14,7 @@ from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.model.speed import JackSpeed
 from sautereau.analysis.press.features import gain_stds
 from sautereau.analysis.session.analysed import AnalysedPress
+from sautereau.analysis.session.budget import bending_of
 from sautereau.analysis.session.compare import (
     Comparison,
     compare,
@@ -187,9 +188,12 @@ def _condition(
         comparison = compare([press.phases for press in known], firsts, gain_stds(own))
         speed = next(press.speeds[0] for press in known if press.speeds)
         comparison = with_budget(
-            comparison, rig or own, lambda bench: _predicted(bench, own, level, speed)
+            comparison,
+            rig or own,
+            lambda bench: _predicted(bench, own, level, speed),
+            bending_of(own, [press.phases for press in known]),
         )
-        warnings += comparison.budget.left_out if comparison.budget else ()
+        warnings += comparison.budget.omitted if comparison.budget else ()
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:
         warnings.append(f"no comparison with the model: {error}")
