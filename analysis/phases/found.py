@@ -66,8 +66,8 @@ class HeldString:
     """N/m, finger force on key deflection at the laser while the string is held."""
     doubtful: bool = False
     """Whether a warning is about this pluck or the complete press."""
-    rise: float = math.nan
-    """N, rise of the finger force from contact to release: `force_rise`."""
+    force_rise: float = math.nan
+    """N, rise of the finger force from contact to release, by `rise_of_parabola`."""
 
     @property
     def pluck_duration(self) -> float:
@@ -146,7 +146,7 @@ def line_through(x: Floats, y: Floats) -> tuple[float, float]:
     return slope, level - slope * middle
 
 
-def force_rise(deflection: Floats, force: Floats) -> float:
+def rise_of_parabola(deflection: Floats, force: Floats) -> float:
     """Return the rise of the parabola through the force over the deflection, from end to end [N].
 
     Finger and key vibrate while a string is held: the force at an instant may be off by a tenth of
@@ -185,5 +185,5 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         # The fall was found with the rig's inertia.
         force_drop=release.fall - contact.inertia * release.slowed,
         force_slope=float(travel @ held[1] / (travel @ travel)),
-        rise=force_rise(*held),
+        force_rise=rise_of_parabola(*held),
     )

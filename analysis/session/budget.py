@@ -126,7 +126,7 @@ def bending_of(rig: Rig, phases: Sequence[Phases]) -> float:
     """
     held = [(f.plucks[0], f.held_speed, f.fit) for f in phases if f.plucks]
     parts = [
-        fit.compliance * pluck.rise / (pluck.pluck_duration * speed)
+        fit.compliance * pluck.force_rise / (pluck.pluck_duration * speed)
         for pluck, speed, fit in held
         if fit and speed
     ]

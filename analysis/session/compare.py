@@ -15,7 +15,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.phases.found import force_rise
+from sautereau.analysis.phases.found import rise_of_parabola
 from sautereau.analysis.press.features import COMPARED, Row, column, work_along
 from sautereau.analysis.session.budget import Budget, Contribution, budget
 from sautereau.rig.schema import Rig
@@ -115,7 +115,7 @@ def compare(
     duration_std = math.hypot(gains.get("held_speed", 0.0), float(np.mean(instants)))
     ratios = (
         [slope / h.force_slope for h, slope, _ in predicted],
-        [rise / h.rise for h, _, rise in predicted],
+        [rise / h.force_rise for h, _, rise in predicted],
         [first.pluck_duration / h.pluck_duration for h, _, first in held],
     )
     shared = (gains.get("force_slope", 0.0), gains.get("release_force", 0.0), duration_std)
@@ -182,7 +182,7 @@ def predicted_features(
     force, deflection = prediction.finger_force[held], prediction.deflection[held]
     even = np.linspace(deflection[0], deflection[-1], len(deflection))
     force = np.interp(even, deflection, force)
-    return float(np.polyfit(even, force, 1)[0]), force_rise(even, force)
+    return float(np.polyfit(even, force, 1)[0]), rise_of_parabola(even, force)
 
 
 def held_steps(pluck: Prediction | ChoirPluck) -> slice:

@@ -9,7 +9,7 @@ from benchmarks.independent import ONE_FACTOR
 from benchmarks.uncertain import NOMINAL, OF_MODEL, RANGES, conditions, inertia_of, recorded, true
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.model.speed import JackSpeed
-from sautereau.analysis.phases.found import force_rise
+from sautereau.analysis.phases.found import rise_of_parabola
 from sautereau.analysis.press.features import features
 from sautereau.analysis.results.comparison import Comparison, contribution_rows
 from sautereau.analysis.session.analysed import AnalysedPress, jack_speeds
@@ -92,10 +92,10 @@ def test_draws_have_the_quantiles_of_normal_and_uniform_errors():
 def test_the_rise_of_a_force_is_that_of_its_parabola_whatever_vibrates():
     along = np.linspace(1e-3, 2e-3, 1500)
     force = 0.1 + 900 * (along - 1e-3) - 1e5 * (along - 1e-3) ** 2
-    assert force_rise(along, force) == pytest.approx(0.8, rel=1e-9)
+    assert rise_of_parabola(along, force) == pytest.approx(0.8, rel=1e-9)
     shaken = force + 0.1 * np.sin(2 * np.pi * 7.3 * (along - 1e-3) / 1e-3)
     assert shaken[-1] - shaken[0] > 0.88
-    assert force_rise(along, shaken) == pytest.approx(0.8, abs=0.02)
+    assert rise_of_parabola(along, shaken) == pytest.approx(0.8, abs=0.02)
 
 
 def test_the_interval_of_a_power_is_that_of_its_draws(paper):

@@ -115,7 +115,7 @@ def phases_of(prediction, *, slope=0.0, rise=0.0, duration=0.0):
         release_force=0.3 + magnitude,
         force_drop=magnitude,
         force_slope=predicted_slope / (1 + slope),
-        rise=magnitude,
+        force_rise=magnitude,
     )
     return Phases(0.01, 0.2, (held,), 0.072, 0.07, 0.072, ())
 
@@ -172,7 +172,9 @@ def test_the_first_pluck_is_that_of_the_string_released_first(paper):
     assert first is found.choirs[1]
     slope, rise = predicted_features(found, first)
     duration = first.pluck_duration
-    held = HeldString(0.04, 0.04 + duration, 1e-5, 1e-5, 0.3, 0.3 + rise, rise, slope, rise=rise)
+    held = HeldString(
+        0.04, 0.04 + duration, 1e-5, 1e-5, 0.3, 0.3 + rise, rise, slope, force_rise=rise
+    )
     compared = compare([Phases(0.01, 0.2, (held,), 0.072, 0.07, 0.072, ())], [found])
     for error in (compared.slope_error, compared.magnitude_error, compared.duration_error):
         assert error.value == pytest.approx(0.0, abs=1e-12)
