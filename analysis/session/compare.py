@@ -15,7 +15,6 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.phases.found import rise_of_parabola
 from sautereau.analysis.press.features import COMPARED, Row, column, work_along
 from sautereau.analysis.session.budget import Budget, Contribution, budget
 from sautereau.rig.schema import Rig
@@ -181,8 +180,9 @@ def predicted_features(
     held = held_steps(prediction if choir is None else choir)
     force, deflection = prediction.finger_force[held], prediction.deflection[held]
     even = np.linspace(deflection[0], deflection[-1], len(deflection))
-    force = np.interp(even, deflection, force)
-    return float(np.polyfit(even, force, 1)[0]), rise_of_parabola(even, force)
+    # As `growth` of a force that does not ring: of a parabola over even steps.
+    slope = float(np.polyfit(even, np.interp(even, deflection, force), 1)[0])
+    return slope, slope * float(deflection[-1] - deflection[0])
 
 
 def held_steps(pluck: Prediction | ChoirPluck) -> slice:

@@ -9,7 +9,7 @@ from benchmarks.independent import ONE_FACTOR
 from benchmarks.uncertain import NOMINAL, OF_MODEL, RANGES, conditions, inertia_of, recorded, true
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.model.speed import JackSpeed
-from sautereau.analysis.phases.found import rise_of_parabola
+from sautereau.analysis.phases.found import growth
 from sautereau.analysis.press.features import features
 from sautereau.analysis.results.comparison import Comparison, contribution_rows
 from sautereau.analysis.session.analysed import AnalysedPress, jack_speeds
@@ -89,13 +89,20 @@ def test_draws_have_the_quantiles_of_normal_and_uniform_errors():
     assert np.std(normal + uniform) == pytest.approx(np.hypot(2, np.sqrt(3)), rel=0.02)
 
 
-def test_the_rise_of_a_force_is_that_of_its_parabola_whatever_vibrates():
-    along = np.linspace(1e-3, 2e-3, 1500)
-    force = 0.1 + 900 * (along - 1e-3) - 1e5 * (along - 1e-3) ** 2
-    assert rise_of_parabola(along, force) == pytest.approx(0.8, rel=1e-9)
-    shaken = force + 0.1 * np.sin(2 * np.pi * 7.3 * (along - 1e-3) / 1e-3)
-    assert shaken[-1] - shaken[0] > 0.88
-    assert rise_of_parabola(along, shaken) == pytest.approx(0.8, abs=0.02)
+@pytest.mark.parametrize("frequency", [133.0, 262.0, 777.0])
+def test_slope_and_rise_of_a_force_are_those_without_what_rings(frequency):
+    time = np.linspace(0.0, 0.028, 1500)
+    along = 1e-3 + 0.03 * time + 0.2 * time**2
+    end, travel = along[-1] - along[0], along - along[0]
+    force = 0.1 + 900 * travel - 1e5 * travel**2
+    rise = force[-1] - force[0]
+    assert growth(time, along, force) == pytest.approx((rise / end, rise), rel=1e-3)
+    shaken = force + 0.1 * np.sin(2 * np.pi * frequency * time)
+    assert growth(time, along, shaken) == pytest.approx((rise / end, rise), rel=0.01)
+    alone = np.polyfit(along, shaken, 1)[0]
+    assert abs(alone / (rise / end) - 1) > 2e-3
+    few = slice(None, None, 150)
+    assert growth(time[few], along[few], force[few])[0] == pytest.approx(rise / end, rel=0.05)
 
 
 def test_the_interval_of_a_power_is_that_of_its_draws(paper):
