@@ -179,7 +179,8 @@ def _condition_document(found: Condition) -> dict[str, Any]:
             ends = compared.interval(name)
             result[name] = measured | {"ci95": ends, "ci95_measured": measured["ci95"]}
         result["verdict"] = CONSISTENT if not compared.unexplained else UNEXPLAINED
-        result["budget"] = [asdict(c) for c in compared.budget.contributions if compared.budget]
+        every = compared.budget.contributions if compared.budget else ()
+        result["budget"] = [asdict(each) for each in every]
     if found.features:
         result["interval"] = found.features[0].measured.interval
         result["features"] = {

@@ -160,5 +160,5 @@ def _smoothed(press: Press, start: float, stop: float) -> JackSpeed | None:
     # At the ends the motion is that of the first and of the last window.
     window = min(max(round(WINDOW * press.rate), LEAST // 2), len(rise) // 2) | 1
     at = np.linspace(0, len(rise) - 1, min(INSTANTS, len(rise))).astype(int)
-    motion = (savgol_filter(rise, window, DEGREE, k, 1 / press.rate)[at] for k in range(3))
-    return JackSpeed(*motion)
+    motion = (savgol_filter(rise, window, DEGREE, k, 1 / press.rate) for k in range(3))
+    return JackSpeed(*(np.asarray(each, float)[at] for each in motion))

@@ -93,7 +93,9 @@ def budget(
         error = Deviation(BENDING, 0.0, bending, ())
         inputs.append((error, error.std * np.array([[longer.get(n, 0.0) for n in names]])))
     changes = drawn(np.array([stds[name] for name in names]), inputs)
-    each = [np.exp(np.quantile(c, (0.025, 0.975), axis=0)) for c in (sum(changes), changes[0])]
+    each = [
+        np.exp(np.quantile(c, (0.025, 0.975), axis=0)) for c in (np.sum(changes, 0), changes[0])
+    ]
     # With ranges on one side of the rig's values, the rig itself stays possible.
     ends = np.stack([np.min(each, axis=0)[0], np.max(each, axis=0)[1]])
     ratios = 1 + np.array([errors[name] for name in names])
@@ -149,4 +151,4 @@ def _parabola(
     along = np.array(ends) / deviation.std
     if len(ends) < 2:  # the rig's value is one end of its range
         return np.stack([changed[0] / along[0], np.zeros_like(nominal)])
-    return np.linalg.solve(np.stack([along, along**2], 1), np.array(changed))
+    return np.asarray(np.linalg.solve(np.stack([along, along**2], 1), np.array(changed)), float)

@@ -121,9 +121,9 @@ def compare(
     found, stds = {}, {}
     for name, own, std in zip(ERRORS, ratios, shared, strict=True):
         found[name] = error = _with_shared(mean_of([ratio - 1 for ratio in own]), std)
-        known = error.low is not None and error.high is not None
-        half = (error.high - error.low) / 2 / (1 + error.value) if known else NORMAL * std
-        stds[name] = half / NORMAL
+        if error.low is not None and error.high is not None:
+            std = (error.high - error.low) / 2 / NORMAL / (1 + error.value)
+        stds[name] = std
     return Comparison(len(held), **found, stds=stds)
 
 
