@@ -11,6 +11,11 @@ from sautereau.rig.quantities import DISPLAYED
 if TYPE_CHECKING:
     from sautereau.trajectory.checks import Check
 
+IN_RIG = DISPLAYED | {
+    **{"kg": (1e3, "g"), "N": (1e3, "mN"), "Pa": (1e-9, "GPa"), "N*m": (1e3, "mN m")},
+    "N*m*s/rad": (1e3, "mN m s/rad"),
+}
+"""Factor and unit in which rig files state a quantity, by its SI unit."""
 SOME_SIMULATED = "SIMULATED: at least one of these presses is simulated"
 """First line of the text on presses of which any was made on a stand-in."""
 WIDTH = 80  # Columns of the narrowest usual terminal, to which texts are wrapped
@@ -86,6 +91,35 @@ def _wrapped_line(line: str) -> str:
     return textwrap.fill(
         line, WIDTH, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
     )
+
+
+def quantity_in_rig(value: float, unit: str, digits: int = 4) -> str:
+    """Return an SI value in the unit in which rig files state it."""
+    scale, name = IN_RIG.get(unit, (1.0, unit.replace("**", "^").replace("*", " ")))
+    return f"{value * scale:.{digits}g} {name}".strip()
+
+
+def in_rig_units(
+    value: float, std: float | None, unit: str, stds: Sequence[float | None] = ()
+) -> tuple[str, list[str], str]:
+    """Return a value with the digits that its uncertainty leaves, and uncertainties, as rig files.
+
+    Args:
+        value: SI.
+        std: SI, its standard uncertainty; None if it is unknown.
+        unit: SI.
+        stds: SI, the uncertainties.
+
+    Returns:
+        The value, the uncertainties with two digits, or `-`, and their unit.
+    """
+    scale, name = IN_RIG.get(unit, (1.0, unit.replace("**", "^").replace("*", " ")))
+    largest = max(abs(value), std or 0.0) * scale
+    power = math.floor(math.log10(largest)) if largest and not 1e-3 <= largest < 1e5 else 0
+    scale, exponent = scale / 10.0**power, f"e{power}" if power else ""
+    digits = max(0, 1 - math.floor(math.log10(std * scale))) if std else 4
+    spreads = ["-" if each is None else f"{each * scale:.2g}{exponent}" for each in stds]
+    return f"{value * scale:.{min(digits, 9)}f}{exponent}", spreads, name
 
 
 def percent(ratio: float) -> str:

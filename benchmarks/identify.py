@@ -89,7 +89,7 @@ def bench(seed: int) -> Bench:
         "key.pivot_coulomb_friction": f"{uniform(0.4, 2.5)} mN m",
         "jack.string_clearance": f"{uniform(1.7, 2.2)} mm",
     }
-    nominal = with_values(load_rig(), {"plectrum.contact": "surface"})
+    nominal = measured(with_values(load_rig(), {"plectrum.contact": "surface"}))
     sensors: dict[str, str] = {}
     for number, channel in enumerate(nominal.daq.channels):
         at = f"daq.channels.{number}"
@@ -99,6 +99,13 @@ def bench(seed: int) -> Bench:
         sensors[f"{at}.delay"] = f"{max(0.0, delay)} s"
     scene = load_scene("paper").model_copy(update={"truth": truth, "step": STEP})
     return Bench(nominal, with_values(nominal, sensors), scene)
+
+
+def measured(rig: Rig) -> Rig:
+    """Return a rig whose experimenter has measured what is not fitted: without its ranges."""
+    known = (*FREE, "jack.damper")
+    kept = {name: ends for name, ends in rig.assumed.items() if name.startswith(known)}
+    return rig.model_copy(update={"assumed": kept})
 
 
 def presses_of(made: Bench, seeds: range) -> tuple[list[Press], list[Phases]]:

@@ -4,17 +4,20 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure, FigureBase
+from matplotlib.gridspec import SubplotSpec
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.made import how_made, stamp
-from sautereau.analysis.figures.palette import AGAINST, MEASURED, PREDICTED
+from sautereau.analysis.figures.palette import AGAINST, MEASURED, PREDICTED, SERIES
 from sautereau.analysis.figures.pressed import scale_to_pluck, shade_phases
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.session.compare import ERRORS, Comparison, listed_contributions
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.difference import Pair
 from sautereau.analysis.text import counted
+from sautereau.rig.quantities import QUANTITIES
 
 BESIDE = 5e-3
 """s, before contact and after release, that force on deflection and the model are drawn of."""
@@ -22,6 +25,8 @@ PICTURED = 8  # Number of presses of a condition that its plot shows, the first 
 ROWS = 8  # Number of conditions that a plot shows, the first ones
 SIZE = (12, 6.5)  # Inches, of the plot of a condition
 COLOURS = (MEASURED, AGAINST)  # Of the first set and of the other
+
+BAR = 0.27  # Height of a bar, of which an input has three
 
 _Set = tuple[Sequence[Press], Sequence[Phases]]
 
@@ -68,7 +73,7 @@ def session_figure(
     parts = figure.subfigures(len(rows), squeeze=False)[:, 0]
     for part, (n, condition, prediction) in zip(parts, rows, strict=True):
         sets = [condition, *(pair.second for pair in pairs if pair.first is condition)]
-        _draw(part, [_first_presses(each) for each in sets], prediction)
+        _draw(part, [_first_presses(each) for each in sets], prediction, condition.comparison)
         if count > 1:
             title = f"condition {n} of {count}, {found.label(condition)}"
             part.suptitle(f"{part.get_suptitle()}\n{title}")
@@ -80,12 +85,18 @@ def _first_presses(condition: Condition) -> _Set:
     return [load_press(press.press.path) for press in first], [press.phases for press in first]
 
 
-def _draw(figure: FigureBase, sets: Sequence[_Set], prediction: Prediction) -> None:
-    """Draw one or two sets of presses and the prediction of the first."""
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
+def _draw(
+    figure: FigureBase,
+    sets: Sequence[_Set],
+    prediction: Prediction,
+    compared: Comparison | None = None,
+) -> None:
+    """Draw one or two sets of presses, the prediction of the first, and what explains its error."""
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1), height_ratios=(1.6, 1))
     top = figure.add_subplot(grid[0, 0])
     below = figure.add_subplot(grid[1, 0], sharex=top)
-    right = figure.add_subplot(grid[:, 1])
+    budgeted = compared is not None and _budget(figure, grid[1, 1], compared)
+    right = figure.add_subplot(grid[0 if budgeted else slice(None), 1])
     plucks = [held.string or 0 for found in sets[0][1] for held in found.plucks]
     string = min([len(prediction.choirs), *filter(None, plucks)]) if any(plucks) else 1
     _over_time(top, below, sets, prediction, string)
@@ -138,6 +149,23 @@ def _force_on_deflection(axes, sets: Sequence[_Set], prediction: Prediction, str
     below = f"deflection at the laser from contact{which} (mm)"
     axes.set(xlabel=below, ylabel="finger force (N)")
     axes.legend(loc="upper left")
+
+
+def _budget(figure: FigureBase, place: SubplotSpec, found: Comparison) -> bool:
+    """Draw what each input contributes to the variances; return whether the rig states ranges."""
+    shown = listed_contributions(found)
+    if not shown:
+        return False
+    axes = figure.add_subplot(place)
+    for number, (name, colour) in enumerate(zip(ERRORS, SERIES, strict=False)):
+        at = [k + (number - 1) * BAR for k in range(len(shown))]
+        values = [100 * each.fractions[name] for each in shown]
+        axes.barh(at, values, BAR, color=colour, label=QUANTITIES[name].label)
+    axes.set_yticks(range(len(shown)), [each.name for each in shown], fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xlabel("part of the variance of the model error (%)")
+    axes.legend(fontsize=8)
+    return True
 
 
 def _names(sets: Sequence[_Set]) -> tuple[str, ...]:

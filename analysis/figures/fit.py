@@ -10,7 +10,7 @@ from sautereau.analysis.identify.combinations import IDENTIFIABLE
 from sautereau.analysis.identify.fit import Fit
 from sautereau.analysis.identify.identified import Estimate, Identified
 from sautereau.analysis.identify.parameters import values_of_rig
-from sautereau.analysis.text import counted
+from sautereau.analysis.text import counted, in_rig_units
 
 
 def fit_figure(fitted: Fit, found: Identified, simulated: bool) -> Figure:
@@ -64,8 +64,8 @@ def _forces(top, below, fitted: Fit) -> None:
 
 
 def _value(one: Estimate) -> str:
-    error = "undetermined" if one.std is None else f"± {one.std:.2g}"
-    return f"{one.name}: {one.value:.5g} {error} {one.unit}"
+    value, (spread,), unit = in_rig_units(one.value, one.std, one.unit, [one.std])
+    return f"{one.name}: {value} ± {spread} {unit}".strip()
 
 
 def _correlation(figure, axes, found: Identified) -> None:
@@ -92,7 +92,7 @@ def _combinations(axes, found: Identified) -> None:
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("standard uncertainty (% of the scale)")
+    axes.set_xlabel("total standard uncertainty (% of the scale)")
     unseen = [str(c) for c in found.combinations if c.std is None]
     if unseen:
         axes.set_title("undetermined: " + "; ".join(unseen), fontsize=8)

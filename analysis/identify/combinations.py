@@ -28,7 +28,7 @@ class Combination:
     weights: dict[str, float]
     """Weight of each parameter's scaled change. The squares sum to 1; small weights are omitted."""
     std: float | None
-    """Standard uncertainty of the combination, dimensionless; None if undetermined."""
+    """Total standard uncertainty of the combination, dimensionless; None if undetermined."""
     identifiable: bool
     """Whether the uncertainty is below `IDENTIFIABLE`."""
 
@@ -65,12 +65,14 @@ def without_hidden(data: Floats, hidden_prior: Floats, shown: Sequence[int]) -> 
     return own[:, shown] - base @ (base.T @ own[:, shown])
 
 
-def combinations(jacobian: Floats, names: Sequence[str]) -> list[Combination]:
-    """Return the combinations of parameters, the best determined first.
+def combinations(jacobian: Floats, names: Sequence[str], inputs: Floats) -> list[Combination]:
+    """Return the combinations of parameters, those best determined by the data first.
 
     Args:
         jacobian: Jacobian of the whitened residuals by the scaled parameters, shape
             (n, parameters).
+        inputs: Changes of the scaled parameters by the standard uncertainties of fixed numbers,
+            shape (inputs, parameters).
     """
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
     found = []
@@ -79,6 +81,7 @@ def combinations(jacobian: Floats, names: Sequence[str]) -> list[Combination]:
         direction = direction * np.sign(direction[largest])
         listed = [i for i in np.argsort(-np.abs(direction)) if abs(direction[i]) >= LEAST_WEIGHT]
         weights = {names[int(i)]: float(direction[i]) for i in listed}
-        std = 1 / float(value) if value > 1e-9 * max(float(singular[0]), 1e-300) else None
+        seen = value > 1e-9 * max(float(singular[0]), 1e-300)
+        std = float(np.linalg.norm([1 / value, *(inputs @ direction)])) if seen else None
         found.append(Combination(weights, std, std is not None and std < IDENTIFIABLE))
     return found

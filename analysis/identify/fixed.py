@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sautereau.analysis.identify.fit import DEPENDENT, Fit
-from sautereau.analysis.identify.hidden import assumed_std
 from sautereau.analysis.identify.parameter_names import (
     CONTACT,
     FORCE,
@@ -31,6 +30,7 @@ from sautereau.analysis.identify.parameters import (
 from sautereau.analysis.identify.problem import Problem
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.identify.whitening import white
+from sautereau.rig.ranges import Deviation, deviations
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -69,6 +69,20 @@ class Sensitivity:
     calibration, or of a hidden parameter."""
     effects: dict[str, float]
     """Resulting change of each result, divided by the result's scale."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """A fixed number with an assumed range, and what its error does to the fit."""
+
+    deviation: Deviation
+    slopes: Floats
+    """Change of all scaled parameters by that of the number, 1 / SI; shape (parameters,)."""
+
+    @property
+    def effects(self) -> Floats:
+        """Change of the scaled parameters by its standard uncertainty."""
+        return self.slopes * self.deviation.std
 
 
 @dataclass(frozen=True)
@@ -117,12 +131,17 @@ class ScoreTest:
         return steps / scales, float(moved @ moved)
 
 
-def sensitivities(fitted: Fit, jacobian: Floats, excess: float) -> tuple[Sensitivity, ...]:
+def sensitivities(
+    fitted: Fit, jacobian: Floats, excess: float
+) -> tuple[tuple[Sensitivity, ...], tuple[Input, ...]]:
     """Return the effects of all fixed numbers and calibrations, the largest effect first.
 
     Args:
         jacobian: Derivatives of its whitened residuals by the scaled parameters.
         excess: Mean square of the whitened residuals.
+
+    Returns:
+        The effects on the results, and those of numbers with an assumed range on all parameters.
     """
     problem, dynamics = fitted.problem, fitted.problem.dynamics
     shown = [k for k, p in enumerate(problem.free) if not p.hidden]
@@ -130,9 +149,12 @@ def sensitivities(fitted: Fit, jacobian: Floats, excess: float) -> tuple[Sensiti
     data, nothing = jacobian / np.sqrt(excess), np.zeros(len(prior))
     rows, table = np.vstack([data, prior]), []
 
-    def add(name: str, unit: str, value: float, change: float, stated: bool, moved: Floats) -> None:
-        effects = {problem.free[k].name: float(moved[k] * change) for k in shown}
-        table.append(Sensitivity(name, unit, value, change, stated, effects))
+    def add(
+        name: str, unit: str, value: float, change: float, stated: bool, moved: Floats | None
+    ) -> None:
+        if moved is not None:
+            effects = {problem.free[k].name: float(moved[k] * change) for k in shown}
+            table.append(Sensitivity(name, unit, value, change, stated, effects))
 
     for k, parameter in enumerate(problem.free):
         if parameter.hidden and parameter.std:
@@ -143,19 +165,37 @@ def sensitivities(fitted: Fit, jacobian: Floats, excess: float) -> tuple[Sensiti
             moved[others] = _moved(rows[kept][:, others], column[kept]) / problem.scales[k]
             value = float(fitted.values[k])
             add(parameter.name, parameter.unit, value, parameter.std, True, moved)
-    fixed = [
-        (name, unit, value, *_change(dynamics, name, value), *_beside(dynamics, name, value))
-        for name, unit, value in _fixed(dynamics)
-    ]
-    place = float(dynamics.rig.plectrum.contact == "surface")
-    fixed.append((CONTACT, "", place, 1.0, False, _other_contact(dynamics.rig), 1.0))
     whitened = problem.data(fitted.values / problem.scales)
-    for name, unit, value, change, stated, rig, step in fixed:
-        moved = problem.by_another(whitened, *_moved_to(dynamics, fitted.values, rig), step)
-        if moved is not None:
-            column = np.concatenate([moved / np.sqrt(excess), nothing])
-            add(name, unit, value, change, stated, _moved(rows, column))
-    return tuple(sorted(table, key=lambda s: -max(map(abs, s.effects.values()), default=0.0)))
+
+    def moved_by(rig: Rig, step: float) -> Floats | None:
+        column = problem.by_another(whitened, *_moved_to(dynamics, fitted.values, rig), step)
+        if column is None:
+            return None
+        return _moved(rows, np.concatenate([column / np.sqrt(excess), nothing]))
+
+    rig, numbers = dynamics.rig, _fixed(dynamics)
+    ranges = deviations(rig, numbers)
+    steps = [_beside(dynamics, each.keys) for each in ranges]
+    inputs = [
+        Input(e, m) for e, s in zip(ranges, steps, strict=True) if (m := moved_by(*s)) is not None
+    ]
+    for name, change, moved in [(i.deviation.name, i.deviation.std, i.slopes) for i in inputs]:
+        add(name, unit_of_parameter(name), value_of(rig, name), change, True, moved)
+    for name in [name for name in numbers if name not in rig.assumed]:
+        value = value_of(rig, name)
+        change = CHANGE * abs(value) if value else FRICTION_CHANGE
+        add(
+            name,
+            unit_of_parameter(name),
+            value,
+            change,
+            False,
+            moved_by(*_beside(dynamics, [name])),
+        )
+    place = float(rig.plectrum.contact == "surface")
+    add(CONTACT, "", place, 1.0, False, moved_by(_other_contact(rig), 1.0))
+    table.sort(key=lambda s: -max(map(abs, s.effects.values()), default=0.0))
+    return tuple(table), tuple(inputs)
 
 
 def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
@@ -173,10 +213,11 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
         return float(moved[0]), reduction
 
     found = []
-    for name, unit, value in _fixed(dynamics):
+    for name in _fixed(dynamics):
         if name in MEASURED:
             continue
-        step, reduction = freed(*_beside(dynamics, name, value))
+        unit, value = unit_of_parameter(name), value_of(dynamics.rig, name)
+        step, reduction = freed(*_beside(dynamics, [name]))
         low, high = bounds_of(dynamics.rig, name)
         if low == high:
             high = np.inf
@@ -204,25 +245,21 @@ def _moved(rows: Floats, column: Floats) -> Floats:
     return -np.asarray(np.linalg.lstsq(rows, column, rcond=1e-9)[0], float)
 
 
-def _fixed(dynamics: InverseDynamics) -> list[tuple[str, str, float]]:
-    """Return name, unit and value of the fixed numbers of the model."""
-    free = {p.name for p in dynamics.free}
-    taken = free | {FORCE, MODULUS} | ({STIFFNESS} if MODULUS in free else set())
-    names = [name for name in (*NAMES, *MEASURED) if name not in taken]
-    return [(name, unit_of_parameter(name), value_of(dynamics.rig, name)) for name in names]
+def _fixed(dynamics: InverseDynamics) -> list[str]:
+    """Return the fixed numbers of the model; of modulus and stiffness the one with a range."""
+    free, of_plectrum = {p.name for p in dynamics.free}, {MODULUS, STIFFNESS}
+    if free.isdisjoint(of_plectrum):
+        of_plectrum = {STIFFNESS if MODULUS in dynamics.rig.assumed else MODULUS}
+    taken = free | {FORCE} | of_plectrum
+    return [name for name in (*NAMES, *MEASURED) if name not in taken]
 
 
-def _change(dynamics: InverseDynamics, name: str, value: float) -> tuple[float, bool]:
-    rig = dynamics.rig
-    if name in rig.assumed:
-        return assumed_std(rig, name), True
-    return (CHANGE * abs(value) if value else FRICTION_CHANGE), False
-
-
-def _beside(dynamics: InverseDynamics, name: str, value: float) -> tuple[Rig, float]:
-    """Return the rig after a small step of a fixed number, and the step."""
-    step = STEP * abs(value) if value else STEP
-    return with_parameters(dynamics.rig, {name: value + step}), step
+def _beside(dynamics: InverseDynamics, names: Sequence[str]) -> tuple[Rig, float]:
+    """Return the rig after a small common step of fixed numbers, and the step."""
+    values = {name: value_of(dynamics.rig, name) for name in names}
+    first = abs(values[names[0]])
+    step = STEP * first if first else STEP
+    return with_parameters(dynamics.rig, {n: v + step for n, v in values.items()}), step
 
 
 def _moved_to(

@@ -18,6 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from sautereau.analysis.errors import ModelError
 from sautereau.analysis.identify.elastic import LARGEST_STEP
 from sautereau.analysis.identify.parameter_names import OUTWARD, VIBRATION
 from sautereau.analysis.model.choirs import choir_pluck
@@ -109,10 +110,17 @@ def _response(string: String, slope: float, step: float, count: int) -> Floats:
 
     Returns:
         m, shape (count,).
+
+    Raises:
+        ModelError: The string would vibrate more than it is displaced, and without a limit.
     """
     modal = ModalString(string, max(1, round(HIGHEST / string.frequency)))
     flexibility = float(np.sum(modal.shape**2 / (modal.mass * modal.omega**2)))
     free = 1 - slope * flexibility
+    if free <= 0:
+        raise ModelError(
+            f"string: held by {slope:.4g} N/m it has no stable vibration; give a softer plectrum"
+        )
     joined = slope / free / modal.mass * np.outer(modal.shape, modal.shape)
     squares, shapes = np.linalg.eigh(np.diag(modal.omega**2) + joined)
     own = (modal.shape @ shapes) ** 2 / (modal.mass * squares)

@@ -29,6 +29,7 @@ from sautereau.analysis.identify.parameter_names import (
 )
 from sautereau.analysis.identify.parameters import Parameter
 from sautereau.rig.acquisition import Channel
+from sautereau.rig.ranges import deviations
 from sautereau.rig.schema import Rig
 
 CLEARANCE_STD = 0.1e-3
@@ -111,8 +112,7 @@ def delay_std(rig: Rig) -> float:
 
 def assumed_std(rig: Rig, name: str) -> float:
     """Return the standard uncertainty of a value with an assumed range; 0 without a range."""
-    low, high = rig.assumed.get(name, (0.0, 0.0))
-    return float(high - low) / np.sqrt(12)
+    return sum(deviation.std for deviation in deviations(rig, [name]))
 
 
 def _hidden(name: str, value: float, std: float, unit: str = "") -> Parameter:

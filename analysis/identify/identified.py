@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.analysis.identify.combinations import (
     IDENTIFIABLE,
@@ -17,6 +18,7 @@ from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
 from sautereau.analysis.identify.fit import Fit, informative, rms
 from sautereau.analysis.identify.fixed import (
     SUGGESTED,
+    Input,
     Sensitivity,
     Suggestion,
     sensitivities,
@@ -26,16 +28,15 @@ from sautereau.analysis.identify.measurements import Information, Measurement
 from sautereau.analysis.identify.parameter_names import CONTACT, FRICTION, INERTIA
 from sautereau.analysis.identify.parameters import Prior, value_of, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
-from sautereau.analysis.identify.quality import Quality, quality
+from sautereau.analysis.identify.quality import Quality, judged, quality
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import ignored, level_name
 from sautereau.analysis.phases import Phases
+from sautereau.rig.ranges import drawn
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-INTERVAL = 1.96
-"""Half width of a 95 % interval, in standard uncertainties."""
 SIGNIFICANT = 3.0
 """A hidden friction is reported as a result if it differs from the rig's value by this number of
 standard uncertainties."""
@@ -53,7 +54,13 @@ class Estimate:
     rig_value: float
     """Value of the rig; 0 for an offset."""
     std: float | None
-    """Standard uncertainty from data and prior; None if undetermined."""
+    """Total standard uncertainty, the root of the sum of the squares of the next two; None if
+    undetermined."""
+    std_noise: float | None
+    """Standard uncertainty from the noise of the recordings; None if undetermined."""
+    std_inputs: float | None
+    """Standard uncertainty from gains and delays of the sensors, from priors, and from the assumed
+    ranges of fixed numbers; None if undetermined."""
     low: float | None
     """Lower end of the 95 % interval; None if undetermined, or if the model does not fit."""
     high: float | None
@@ -61,12 +68,12 @@ class Estimate:
     at_bound: bool
     """Whether the value is at a bound. The interval then describes the bound and not the data."""
     identifiable: bool
-    """Whether the data determine it without its prior while all others are free; see
-    `IDENTIFIABLE`."""
+    """Whether its total uncertainty without its own prior is small enough; see `IDENTIFIABLE`."""
     needed: float
     """Standard uncertainty below which it is identifiable."""
     unaided: float | None
-    """Standard uncertainty without its own prior, compared with `needed`; None if undetermined."""
+    """Total standard uncertainty without its own prior, compared with `needed`; None if
+    undetermined."""
     measurements: tuple[Measurement, ...]
     """What would reduce its uncertainty most, the best first; empty if it is identifiable."""
 
@@ -87,7 +94,7 @@ class FittedMode:
 
 @dataclass(frozen=True)
 class Identified:
-    """The identified parameters of presses."""
+    """The identified parameters of presses; the uncertainties are total ones."""
 
     rig: Rig
     """The bench with the fitted values."""
@@ -95,7 +102,8 @@ class Identified:
     correlation: Floats
     """Correlation coefficients of the estimates, shape (parameters, parameters)."""
     combinations: tuple[Combination, ...]
-    """Combinations of parameters, the best determined first; the priors are not used."""
+    """Combinations of parameters, those best determined by the data first; the priors are not
+    used."""
     presses: tuple[str, ...]
     """Names of the recordings."""
     releases: int
@@ -110,6 +118,8 @@ class Identified:
     """m, RMS residual of the rises at release; None if no press has a release."""
     force_offsets: tuple[float, ...]
     """N, fitted zero of the force in each press; 0 if it was not fitted."""
+    also_fitted: tuple[Estimate, ...]
+    """Values of the rig that were fitted without being requested."""
     modes: tuple[FittedMode, ...]
     """Elastic modes of the key; empty for a rigid key."""
     quality: Quality
@@ -170,24 +180,43 @@ def identify(
 def evaluate(fitted: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
     found, values, good = fitted.problem, fitted.values, quality(fitted)
+    unasked = [k for k, p in enumerate(found.free) if p.hidden and not p.name.startswith("offset.")]
     point = values / found.scales
     data, prior = found.jacobian(point, found.data), found.prior_jacobian
     rows = informative(fitted, data) / np.sqrt(good.repetition)
     moved = np.zeros(len(values)) if fitted.moved is None else fitted.moved
     covariance, determined = covariance_of(np.vstack([rows, prior]))
+    # The part of the noise in the inverse of the information of noise and priors together.
+    noise = covariance @ rows.T @ rows @ covariance + np.outer(moved, moved)
     covariance += np.outer(moved, moved)
-    stds = np.where(determined, np.sqrt(np.diag(covariance)), np.inf)
-    fitted = _with_found_friction(fitted, stds * found.scales)
+    fitted = _with_found_friction(fitted, _stds(covariance, determined) * found.scales)
     found, dynamics = fitted.problem, fitted.problem.dynamics
+    sensitivity, inputs = sensitivities(fitted, data, fitted.excess * good.repetition)
+    moved_by = {i.deviation.name: i.effects for i in inputs}
+    effects = np.array([*moved_by.values()]).reshape(-1, len(values))
+    ends = _ends(np.sqrt(np.diag(covariance)), inputs)
+    covariance += effects.T @ effects
+    stds = _stds(covariance, determined)
     suggested = suggestions(fitted, good.scale)
+    good = judged(good, fitted, effects * found.scales)
     good = replace(good, reasons=(*good.reasons, *_doubts(fitted, suggested)))
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
     names, hidden_prior = [p.name for p in found.free], prior[found.nuisances]
-    known = Information(names, rows, prior, np.abs(moved))
-    estimates = [
-        _estimate(found, k, float(values[k]), float(stds[k]), known, fits=bool(good.fits))
-        for k in shown
-    ]
+    known = Information(names, rows, prior, np.abs(moved), moved_by)
+    estimates, also = (
+        [
+            _estimate(
+                found,
+                k,
+                float(values[k]),
+                (float(stds[k]), float(np.sqrt(noise[k, k]))),
+                ends[:, k] if good.fits else None,
+                known,
+            )
+            for k in which
+        ]
+        for which in (shown, unasked)
+    )
     forces, rises = dynamics.residuals(values)
     offsets = [float(w.trend(f).mean()) for f, w in zip(forces, found.whitenings, strict=True)]
     deviations = np.outer(stds, stds)
@@ -198,7 +227,11 @@ def evaluate(fitted: Fit) -> Identified:
         estimates=tuple(estimates),
         correlation=correlation[np.ix_(shown, shown)],
         combinations=tuple(
-            combinations(without_hidden(rows, hidden_prior, shown), [names[k] for k in shown])
+            combinations(
+                without_hidden(rows, hidden_prior, shown),
+                [names[k] for k in shown],
+                effects[:, shown],
+            )
         ),
         presses=tuple(press.name for press in dynamics.presses),
         releases=len(rises),
@@ -207,9 +240,10 @@ def evaluate(fitted: Fit) -> Identified:
         residual_before=fitted.residual_before,
         rise_residual=rms([rises * dynamics.rise_stds]) if len(rises) else None,
         force_offsets=tuple(offsets),
+        also_fitted=tuple(also),
         modes=_modes(found, values, stds),
         quality=good,
-        sensitivity=sensitivities(fitted, data, fitted.excess * good.repetition),
+        sensitivity=sensitivity,
         suggested=() if good.fits else suggested,
         warnings=_warnings(estimates, dynamics),
     )
@@ -262,20 +296,43 @@ def _doubts(fitted: Fit, suggested: Sequence[Suggestion]) -> list[str]:
     return doubts
 
 
+def _stds(covariance: Floats, determined: NDArray[np.bool_]) -> Floats:
+    return np.where(determined, np.sqrt(np.diag(covariance)), np.inf)
+
+
+def _ends(stds: Floats, inputs: Sequence[Input]) -> Floats:
+    """Return the ends of the 95 % intervals of the scaled parameters, shape (2, parameters).
+
+    The errors are normal, except for those of fixed numbers, which are uniform. An interval
+    contains its value, also if the rig states several numbers at the ends of their ranges.
+
+    Args:
+        stds: Of the normal errors, shape (parameters,).
+    """
+    changes = drawn(stds, [(each.deviation, each.effects[None]) for each in inputs])
+    low, high = np.quantile(np.sum(changes, axis=0), (0.025, 0.975), axis=0)
+    return np.stack([np.minimum(low, 0.0), np.maximum(high, 0.0)])
+
+
 def _estimate(
     found: Problem,
     number: int,
     value: float,
-    relative_std: float,
+    relative_stds: tuple[float, float],
+    ends: Floats | None,
     known: Information,
-    *,
-    fits: bool,
 ) -> Estimate:
-    """Return the result of one parameter; the standard uncertainty is divided by its scale."""
+    """Return the result of one parameter.
+
+    Args:
+        relative_stds: Its total standard uncertainty and that from the noise, divided by its scale.
+        ends: Those of its interval, minus the value and divided by the scale; None: no interval.
+    """
     parameter, scale = found.free[number], float(found.scales[number])
     room = AT_BOUND * (parameter.high - parameter.low)
-    std = relative_std * scale
-    interval = np.isfinite(std) and fits
+    std, noise = (each * scale for each in relative_stds)
+    determined = bool(np.isfinite(std))
+    low, high = (value + ends * scale).tolist() if determined and ends is not None else (None, None)
     unaided = known.std(number)
     identifiable = unaided < IDENTIFIABLE
     return Estimate(
@@ -283,9 +340,11 @@ def _estimate(
         unit=parameter.unit,
         value=value,
         rig_value=value_of(found.dynamics.rig, parameter.name),
-        std=std if np.isfinite(std) else None,
-        low=value - INTERVAL * std if interval else None,
-        high=value + INTERVAL * std if interval else None,
+        std=std if determined else None,
+        std_noise=noise if determined else None,
+        std_inputs=float(np.sqrt(max(0.0, std**2 - noise**2))) if determined else None,
+        low=low,
+        high=high,
         at_bound=min(value - parameter.low, parameter.high - value) <= room,
         identifiable=identifiable,
         needed=IDENTIFIABLE * scale,

@@ -4,7 +4,7 @@ The Jacobian of a fit also shows how certain a result would be if other numbers 
 (the Jacobian without their columns), or if there were more presses (its rows multiplied).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,14 +64,20 @@ class Information:
     its own uncertainty."""
     lacking: Floats
     """Uncertainty of the scaled parameters that no residual shows, shape (parameters,)."""
+    inputs: Mapping[str, Floats]
+    """Changes of the scaled parameters by the standard uncertainty of each fixed number with an
+    assumed range, shape (parameters,)."""
 
-    def std(self, number: int, known: Sequence[int] = (), presses: float = 1.0) -> float:
-        """Return the standard uncertainty of a scaled parameter; infinite if undetermined.
+    def std(
+        self, number: int, known: Sequence[int] = (), presses: float = 1.0, measured: str = ""
+    ) -> float:
+        """Return the total standard uncertainty of a scaled parameter; infinite if undetermined.
 
         Args:
             number: Number of the parameter.
             known: Numbers of the parameters that are known exactly.
             presses: Ratio of the number of presses to that of the recorded ones.
+            measured: Name of a fixed number that is known exactly.
         """
         kept = [k for k in range(len(self.names)) if k not in known]
         prior = self.prior[self.prior[:, number] == 0]
@@ -80,7 +86,8 @@ class Information:
         at = kept.index(number)
         if not determined[at]:
             return np.inf
-        return float(np.hypot(np.sqrt(covariance[at, at]), self.lacking[number]))
+        effects = [moved[number] for name, moved in self.inputs.items() if name != measured]
+        return float(np.linalg.norm([np.sqrt(covariance[at, at]), self.lacking[number], *effects]))
 
     def measurements(self, number: int, scale: float) -> tuple[Measurement, ...]:
         """Return the measurements that would reduce a parameter's uncertainty most, best first.
@@ -94,6 +101,11 @@ class Information:
             if k != number and (how := _how(name)):
                 known.setdefault(how, []).append(k)
         found = [Measurement(how, self.std(number, own) * scale) for how, own in known.items()]
+        found += [
+            Measurement(f"measure {name}, and give it without a range", std * scale)
+            for name in self.inputs
+            for std in [self.std(number, measured=name)]
+        ]
         more = self.std(number, presses=MORE)
         found.append(Measurement(f"record {MORE} times as many presses", more * scale))
         found = [each for each in found if each.std < USEFUL * now * scale]

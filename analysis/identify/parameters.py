@@ -23,6 +23,7 @@ from sautereau.analysis.identify.parameter_names import (
     split_name,
 )
 from sautereau.analysis.model.choirs import choirs
+from sautereau.rig import ranges
 from sautereau.rig.faults import fault_list, unit_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity
@@ -30,6 +31,8 @@ from sautereau.trajectory.motion import Floats
 
 FACTOR = 10.0
 """Ratio of a bound to the rig's value if the rig file assumes no range."""
+OF_STIFFNESS = (MODULUS, "plectrum.width", "plectrum.thickness")
+"""Values of which the bending stiffness consists."""
 DIFFERENCE = 1e-3
 """Step of numerical derivatives, divided by the parameter's scale."""
 FRICTION_DIFFERENCE = 0.02
@@ -173,10 +176,8 @@ def read_prior(text: str) -> tuple[str, Prior]:
 
 def value_of(rig: Rig, name: str) -> float:
     """Return the value [SI] of a parameter in the rig; 0 for an offset."""
-    string, own = split_name(name)
-    section, _, field = own.partition(".")
-    holder = rig if string == 1 else rig.more_choirs[string - 2]
-    return 0.0 if section == "offset" else float(getattr(getattr(holder, section), field))
+    _, own = split_name(name)
+    return 0.0 if own.startswith("offset.") else ranges.value_of(rig, rig_key(name))
 
 
 def values_of_rig(rig: Rig, free: Sequence[Parameter]) -> Floats:
@@ -256,14 +257,16 @@ def bounds_of(rig: Rig, name: str) -> tuple[float, float]:
     string, own = split_name(name)
     if known := ENDS.get(own) or rig.assumed.get(rig_key(name)):
         return known
-    value, modulus = value_of(rig, name), name.replace(STIFFNESS, MODULUS)
-    if own == STIFFNESS and rig_key(modulus) in rig.assumed:
-        ratio = value / value_of(rig, modulus)
-        low, high = rig.assumed[rig_key(modulus)]
-        return low * ratio, high * ratio
+    value, plectrum = value_of(rig, name), choirs(rig)[string - 1].plectrum
+    keys = {key: rig_key(name.replace(STIFFNESS, key)) for key in OF_STIFFNESS}
+    factors = {key: rig.assumed[at] for key, at in keys.items() if at in rig.assumed}
+    if own == STIFFNESS and MODULUS in factors:
+        ends = ({key.split(".")[1]: ends[k] for key, ends in factors.items()} for k in (0, 1))
+        low, high = (plectrum.model_copy(update=values).bending_stiffness for values in ends)
+        return low, high
     low, high = sorted((value / FACTOR, value * FACTOR))
     if own == OVERLAP:
-        high = min(high, 0.9 * choirs(rig)[string - 1].plectrum.length)
+        high = min(high, 0.9 * plectrum.length)
     return low, high
 
 

@@ -6,7 +6,7 @@ repeats from press to press, unlike noise; a calibration is fitted far from its 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,7 +59,8 @@ class Quality:
     autocorrelation: float
     """Correlation coefficient of residuals that are one smoothing window apart."""
     offsets: dict[str, float]
-    """Fitted errors of the calibrations, divided by their standard uncertainties."""
+    """Fitted errors of the calibrations, divided by their standard uncertainties, to which the
+    assumed ranges of fixed numbers contribute."""
     quiet: bool
     """Whether the noise at rest explains the residual without a string. True if it is unknown:
     nothing then speaks for further modes of the key; it is no sign that the model fits."""
@@ -92,8 +93,29 @@ class Quality:
         return "the model fits" if self.fits else "THE MODEL DOES NOT FIT"
 
 
+def judged(good: Quality, fitted: Fit, moved: Floats) -> Quality:
+    """Return the goodness of a fit with the verdict on its calibrations.
+
+    Args:
+        good: Of `quality`.
+        moved: SI, changes of all parameters by the standard uncertainties of fixed numbers, shape
+            (inputs, parameters).
+    """
+    free, offsets = fitted.problem.free, {}
+    for p, value, spread in zip(free, fitted.values.tolist(), moved.T, strict=True):
+        named = p.hidden and p.name in (TIME, FORCE_GAIN, VELOCITY_GAIN)
+        if named and p.mean is not None and p.std:
+            offsets[p.name] = float((value - p.mean) / np.linalg.norm([p.std, *spread]))
+    reasons = [
+        f"{name}: the fit is {abs(off):.1f} standard uncertainties from the calibration"
+        for name, off in offsets.items()
+        if abs(off) > PRIOR_MAX
+    ]
+    return replace(good, offsets=offsets, reasons=(*good.reasons, *reasons))
+
+
 def quality(fitted: Fit) -> Quality:
-    """Return the goodness of a fit."""
+    """Return the goodness of a fit without its calibrations, which `judged` adds."""
     dynamics = fitted.problem.dynamics
     forces, _ = dynamics.residuals(fitted.values)
     left = [f - w.trend(f) for f, w in zip(forces, fitted.problem.whitenings, strict=True)]
@@ -130,16 +152,6 @@ def quality(fitted: Fit) -> Quality:
             f"{repeated.size * 1e3:.3g} mN of the residual repeat from press to press, and noise"
             f" would leave up to {repeated.allowed * 1e3:.3g} mN: free what is suggested"
         )
-    offsets = {
-        p.name: float((value - p.mean) / p.std)
-        for p, value in zip(dynamics.free, fitted.values.tolist(), strict=True)
-        if p.hidden and p.name in (TIME, FORCE_GAIN, VELOCITY_GAIN) and p.mean is not None and p.std
-    }
-    reasons += [
-        f"{name}: the fit is {abs(off):.1f} standard uncertainties from the calibration"
-        for name, off in offsets.items()
-        if abs(off) > PRIOR_MAX
-    ]
     return Quality(
         noise=noise,
         free_residual=free,
@@ -147,7 +159,7 @@ def quality(fitted: Fit) -> Quality:
         repeated_residual=repeated.size if repeated else None,
         repetition=repeated.repetition if repeated else 1.0,
         autocorrelation=_autocorrelation(dynamics.presses, left),
-        offsets=offsets,
+        offsets={},
         quiet=quiet,
         repeats=repeated is not None and repeated.size > repeated.chance,
         reasons=tuple(reasons),

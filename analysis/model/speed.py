@@ -34,6 +34,10 @@ class JackSpeed:
             np.interp(rise, self.rise, self.acceleration),
         )
 
+    def scaled(self, factor: float) -> Self:
+        """Return the motion with all rises multiplied by a factor."""
+        return type(self)(factor * self.rise, factor * self.speed, factor * self.acceleration)
+
     def followed_by(self, later: Self) -> Self:
         """Return this speed, and beyond its last rise a later one."""
         beyond = later.rise > self.rise[-1]

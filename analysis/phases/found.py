@@ -1,5 +1,6 @@
 """The result of segmenting a press: its phases, and its plucks with their forces."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,6 +21,10 @@ GOOD = 4.0
 """Variance of the residuals over the noise below which the fit of a rigid key is good."""
 RIGID = 10.0
 """Variance of the residuals over the noise below which the fit of a rigid key is fair."""
+BLOCKS = 250  # Blocks of the samples of a held string, for its slope
+RINGING = np.geomspace(100.0, 1500.0, 60)
+"""Frequencies at which finger and key may ring while a string is held (Hz)."""
+PERIODS = 3.0  # Least periods of a ringing in that time, and least blocks of a period
 FAIR = 15e-3
 """N, rms of the residuals below which the fit of a compliant key is fair."""
 
@@ -76,6 +81,8 @@ class HeldString:
     None where the data do not show it."""
     string_probability: float | None = None
     """Probability of this string, or of the likeliest one; None where it was not evaluated."""
+    force_rise: float = math.nan
+    """N, rise of the finger force from contact to release, by `growth`."""
 
     @property
     def pluck_duration(self) -> float:
@@ -192,6 +199,38 @@ def line_through(x: Floats, y: Floats) -> tuple[float, float]:
     return slope, level - slope * middle
 
 
+def growth(time: Floats, deflection: Floats, force: Floats) -> tuple[float, float]:
+    """Return slope [N/m] and rise [N] of the force over the deflection, from end to end.
+
+    They are those of a parabola, which is fitted together with one ringing of finger and key: that
+    changes the force at an instant by a tenth of the rise, on a key that bends at 800 Hz.
+
+    Args:
+        time: s, equidistant, shape (n,).
+        deflection: m, of the key at the laser, increasing, shape (n,).
+        force: N, shape (n,).
+    """
+    size = max(1, len(force) // BLOCKS)
+    blocks = slice(len(force) // size * size)
+    t, along, load = (x[blocks].reshape(-1, size).mean(axis=1) for x in (time, deflection, force))
+    half = (along[-1] - along[0]) / 2 or 1.0
+    columns = ((along - along[0]) / half - 1)[:, None] ** np.arange(3)
+    turns = RINGING * (t[-1] - t[0])
+    waves = np.exp(
+        2j * np.pi * np.outer(t, RINGING[(turns > PERIODS) & (turns < len(t) / PERIODS)])
+    )
+    if waves.size:
+        basis, _ = np.linalg.qr(columns)
+        left = load - basis @ (basis.T @ load)
+        beside = waves - basis @ (basis.T @ waves)
+        # The reduction of the sum of squares by a cosine and a sine, which are nearly orthogonal.
+        reduction = np.abs(left @ beside) ** 2 / np.sum(np.abs(beside) ** 2, axis=0)
+        best = waves[:, np.argmax(reduction)]
+        columns = np.column_stack([columns, best.real, best.imag])
+    slope = float(np.linalg.lstsq(columns, load, rcond=None)[0][1] / half)
+    return slope, slope * float(deflection[-1] - deflection[0])
+
+
 def measured(signals: Signals, contact: Contact, release: Release) -> HeldString:
     """Return a pluck with its finger forces.
 
@@ -207,7 +246,8 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         before = line_through(time[side] - release.time, force[side])[1]
     else:
         before = float(force[min(side.start, len(force) - 1)])
-    travel = signals.deflection[first:last] - signals.deflection[first:last].mean()
+    held = slice(first, last)
+    slope, rise = growth(time[held], signals.deflection[held], force[held])
     return HeldString(
         contact=contact.time,
         release=release.time,
@@ -217,5 +257,6 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         release_force=before,
         # The fall was found with the rig's inertia.
         force_drop=release.fall - contact.inertia * release.slowed,
-        force_slope=float(travel @ force[first:last] / (travel @ travel)),
+        force_slope=slope,
+        force_rise=rise,
     )

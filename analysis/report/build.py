@@ -14,7 +14,11 @@ from sautereau.analysis.report import facts, figures, tables
 from sautereau.analysis.report.contents import Contents
 from sautereau.analysis.report.fits import Fit
 from sautereau.analysis.report.slow_motion import moving
-from sautereau.analysis.results.comparison import compared_presses
+from sautereau.analysis.results.comparison import (
+    compared_presses,
+    contribution_rows,
+    verdict_line,
+)
 from sautereau.analysis.text import counted
 from sautereau.rig.text import rig_text
 
@@ -91,6 +95,8 @@ def build_report(contents: Contents, about: About) -> str:
                 "level": condition.prediction.level,
                 "presses": compared_presses(condition.rig, condition.comparison),
                 "rows": tables.comparison_rows(condition.comparison),
+                "verdict": verdict_line(condition.comparison),
+                "contributions": contribution_rows(condition.comparison),
                 "features": tables.compared_rows(condition),
             }
             for name, condition in zip(names, conditions, strict=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.text import counted
+from sautereau.analysis.text import counted, in_rig_units
 from sautereau.rig.disk import read_limited, why_unreadable
 from sautereau.rig.quantities import QUANTITIES
 
@@ -27,6 +27,8 @@ class _Estimate(BaseModel):
     unit: str
     value: FiniteFloat
     std: FiniteFloat | None
+    std_noise: FiniteFloat | None = None
+    std_inputs: FiniteFloat | None = None
     ci95: tuple[FiniteFloat, FiniteFloat] | None
     identifiable: bool
 
@@ -52,8 +54,9 @@ class Fit:
     name: str
     """Name of the file."""
     about: str
-    rows: tuple[tuple[str, str, str, str], ...]
-    """Parameter, value, standard uncertainty, 95 % interval."""
+    rows: tuple[tuple[str, ...], ...]
+    """Parameter, value, standard uncertainties from noise and inputs and in total, 95 % interval;
+    the parts are `-` in files of earlier versions."""
     warnings: tuple[str, ...] = ()
 
 
@@ -86,12 +89,15 @@ def read_fit(path: Path) -> Fit:
     )
 
 
-def _row(name: str, found: _Estimate) -> tuple[str, str, str, str]:
-    unit = found.unit.replace("**2", "²").replace("**3", "³").replace("*", "·")
+def _row(name: str, found: _Estimate) -> tuple[str, ...]:
+    stds = found.std_noise, found.std_inputs, found.std
+    value, (*parts, total), unit = in_rig_units(found.value, found.std, found.unit, stds)
+    ends = [in_rig_units(end, found.std, found.unit)[0] for end in found.ci95 or ()]
     note = "" if found.identifiable else ", not identifiable from these recordings"
     return (
         f"{name}{note}",
-        f"{found.value:.6g} {unit}",
-        "undetermined" if found.std is None else f"{found.std:.2g}",
-        "none" if found.ci95 is None else f"{found.ci95[0]:.6g} to {found.ci95[1]:.6g}",
+        f"{value} {unit}".strip(),
+        *parts,
+        "undetermined" if found.std is None else total,
+        " to ".join(ends) or "none",
     )

@@ -16,9 +16,9 @@ from sautereau.analysis.press.features import (
     title_of,
 )
 from sautereau.analysis.report.contents import PressRecord
-from sautereau.analysis.results.comparison import SIGNS, error_cells, feature_cells
+from sautereau.analysis.results.comparison import error_cells, feature_cells
 from sautereau.analysis.results.comparison import repeatability_rows as rows_of_repeatability
-from sautereau.analysis.session.compare import Comparison
+from sautereau.analysis.session.compare import ERRORS, Comparison
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability
@@ -149,9 +149,9 @@ def compared_rows(found: Condition[PressRecord]) -> list[tuple[str, ...]]:
     return [(label.replace("uJ", "µJ"), *rest) for label, *rest in cells]
 
 
-def comparison_rows(found: Comparison) -> list[tuple[str, str, str]]:
-    """Return quantity, mean model error and its interval."""
-    return [error_cells(name, getattr(found, name))[:3] for name in SIGNS]
+def comparison_rows(found: Comparison) -> list[tuple[str, ...]]:
+    """Return quantity, mean model error, its interval and that of the measurement alone."""
+    return [error_cells(found, name) for name in ERRORS]
 
 
 def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str]]:

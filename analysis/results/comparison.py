@@ -1,19 +1,20 @@
 """The analysis of a session: comparison, repeatability, drift, differences from another session."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.press.features import split_column, title_of
 from sautereau.analysis.results.result import Result, frame_of, json_of, shown
-from sautereau.analysis.session import compare as session
-from sautereau.analysis.session.compare import Mean
+from sautereau.analysis.session.compare import ERRORS, Mean, listed_contributions
+from sautereau.analysis.session.compare import Comparison as Compared
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.difference import Difference, Pair
 from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
-from sautereau.analysis.text import counted, percent, table
+from sautereau.analysis.text import counted, percent, quantity_in_rig, table
+from sautereau.rig.faults import unit_of
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 
@@ -22,14 +23,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INTERVALS = {"student": "Student's t", "bootstrap": "bootstrap of the presses (BCa)"}
-SIGNS = {
-    "slope_error": ("smaller", "larger"),
-    "magnitude_error": ("smaller", "larger"),
-    "duration_error": ("shorter", "longer"),
-}
-"""Words for a model whose error is negative, and for one whose error is positive."""
 DRIFTING = ("pluck_duration", "release_force")
 """Features whose drift the text reports: of more, some would be significant by chance."""
+CONSISTENT = "consistent with the stated ranges"
+UNEXPLAINED = "not explained by the stated ranges"
 NO_INTERVAL = "none (one press)"  # Text in place of the interval of a single press
 _INDEX = ["condition", "name"]  # Of the tables
 _OF_SEVERAL = ("presses", "changed", "warnings")
@@ -64,14 +61,29 @@ class Comparison(Result):
 
     @property
     def errors(self) -> "pd.DataFrame":
-        """Model errors, (model - measured) / measured, with 95 % intervals."""
+        """Model errors, (model - measured) / measured, with 95 % intervals: with the ranges of the
+        model's inputs, and of the measurement alone."""
         rows = [
-            (number, name, error.value, error.low, error.high)
+            (number, name, error.value, *(compared.interval(name) or (None, None)), error.low,
+             error.high)
             for number, condition in enumerate(self.found.conditions, 1)
-            for name in (SIGNS if condition.comparison else ())
-            for error in [getattr(condition.comparison, name)]
+            for compared in ([condition.comparison] if condition.comparison else ())
+            for name in ERRORS
+            for error in [getattr(compared, name)]
+        ]  # fmt: skip
+        names = ("value", "low", "high", "low_measured", "high_measured")
+        return frame_of(rows, (*_INDEX, *names), _INDEX)
+
+    @property
+    def contributions(self) -> "pd.DataFrame":
+        """What each input explains of the model errors: fractions of their variances."""
+        rows = [
+            (number, one.name, one.std, *(one.fractions[name] for name in ERRORS))
+            for number, condition in enumerate(self.found.conditions, 1)
+            if condition.comparison and condition.comparison.budget
+            for one in condition.comparison.budget.contributions
         ]
-        return frame_of(rows, (*_INDEX, "value", "low", "high"), _INDEX)
+        return frame_of(rows, (*_INDEX, "std", *ERRORS), _INDEX)
 
     @property
     def features(self) -> "pd.DataFrame":
@@ -163,10 +175,15 @@ def _condition_document(found: Condition) -> dict[str, Any]:
         "presses": len(found.counted),
         "changed": dict(found.changed),
     }
-    if found.comparison:
-        result["string"] = found.comparison.string
-        for name in SIGNS:
-            result[name] = json_of(getattr(found.comparison, name), "interval")
+    if (compared := found.comparison) is not None:
+        result["string"] = compared.string
+        for name in ERRORS:
+            measured = json_of(getattr(compared, name), "interval")
+            ends = compared.interval(name)
+            result[name] = measured | {"ci95": ends, "ci95_measured": measured["ci95"]}
+        result["verdict"] = CONSISTENT if not compared.unexplained else UNEXPLAINED
+        every = compared.budget.contributions if compared.budget else ()
+        result["budget"] = [asdict(each) for each in every]
     if found.features:
         result["interval"] = found.features[0].measured.interval
         result["features"] = {
@@ -233,13 +250,16 @@ def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
 def _comparison_lines(found: Condition, features: bool) -> list[str]:
     if not (found.comparison and found.prediction):
         return []
-    errors = [error_cells(name, getattr(found.comparison, name)) for name in SIGNS]
+    errors = [error_cells(found.comparison, name) for name in ERRORS]
+    heads = ("feature", "error", "95 % interval", "measured only")
     strings = string_names(found.rig)
     lines = [
         "Model error, (model - measured) / measured,"
         f" {compared_presses(found.rig, found.comparison)}, plectrum model"
         f" {found.prediction.level}:",
-        *table([("feature", "error", "95 % interval", "the model is"), *errors], indent=2),
+        *table([heads, *errors], indent=2),
+        verdict_line(found.comparison),
+        *(table(contribution_rows(found.comparison), indent=2) if features else []),
     ]
     compared = [one for one in found.features if one.predicted is not None]
     if features and compared:
@@ -289,18 +309,46 @@ def _difference_cells(one: Difference, strings: Sequence[str]) -> tuple[str, ...
     return title_of(one.name, strings), *means, f"{one.value * scale:+.3g}", half, mark
 
 
-def compared_presses(rig: Rig, found: session.Comparison) -> str:
+def compared_presses(rig: Rig, found: Compared) -> str:
     """Return which string was compared in how many presses: `string 1, 3 presses`."""
     strings, presses = string_names(rig), counted(found.presses, "press")
     return f"{strings[found.string - 1]}, {presses}" if len(strings) > 1 else presses
 
 
-def error_cells(name: str, error: Mean) -> tuple[str, str, str, str]:
-    """Return a feature, the model's error, its interval, and the sign of the error in words."""
-    sign = SIGNS[name][error.value >= 0]
-    ends = _ends(error)
-    interval = f"{percent(ends[0])} to {percent(ends[1])}" if ends else NO_INTERVAL
-    return QUANTITIES[name].label, percent(error.value), interval, sign
+def error_cells(found: Compared, name: str) -> tuple[str, ...]:
+    """Return a feature, the model's error, its interval with the model's inputs and that of the
+    measurement alone."""
+    error: Mean = getattr(found, name)
+    intervals = (
+        f"{percent(ends[0]).removesuffix(' %')} to {percent(ends[1])}" if ends else NO_INTERVAL
+        for ends in (found.interval(name), _ends(error))
+    )
+    return QUANTITIES[name].label, percent(error.value), *intervals
+
+
+def verdict_line(found: Compared) -> str:
+    """Return whether the ranges that the rig states explain the errors, as text."""
+    if not found.unexplained:
+        return f"{CONSISTENT}: the intervals contain 0"
+    return f"{UNEXPLAINED}: {', '.join(QUANTITIES[name].label for name in found.unexplained)}"
+
+
+def contribution_rows(found: Compared) -> list[tuple[str, ...]]:
+    """Return heads and rows of what each input explains; none without ranges."""
+    shown = listed_contributions(found)
+    if not shown:
+        return []
+    heads = ("part of the variance (%)", "uncertainty", "slope", "rise", "duration")
+    return [heads] + [
+        (
+            c.name,
+            ""
+            if c.std is None
+            else quantity_in_rig(c.std, unit_of(Rig, c.name.split(".")) or "", 2),
+            *(f"{100 * c.fractions[name]:.0f}" for name in ERRORS),
+        )
+        for c in shown
+    ]
 
 
 def feature_cells(feature: PooledFeature, strings: Sequence[str]) -> tuple[str, str, str, str]:

@@ -16,7 +16,13 @@ from sautereau.analysis.identify.profile import Profile, profile
 from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.results.result import Result, frame_of, json_of, part_of, shown
 from sautereau.analysis.results.rig import Rig
-from sautereau.analysis.text import SOME_SIMULATED, counted, table
+from sautereau.analysis.text import (
+    SOME_SIMULATED,
+    counted,
+    in_rig_units,
+    quantity_in_rig,
+    table,
+)
 from sautereau.rig import schema
 from sautereau.rig.edit import edit_rig, edited_text
 from sautereau.rig.load import parse_rig
@@ -28,7 +34,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TOGETHER = 2  # Number of results in one table of effects, which then fits into 80 columns
-COLUMNS = ("name", "unit", "value", "std", "low", "high", "rig_value", "at_bound", "identifiable")
+COLUMNS = (
+    *("name", "unit", "value", "std", "std_noise", "std_inputs", "low", "high", "rig_value"),
+    *("at_bound", "identifiable"),
+)
 """Columns of the table of parameters."""
 
 
@@ -48,19 +57,19 @@ class Fit(Result):
     """Profile likelihoods of the parameters; empty unless they were requested."""
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{e.name} {e.value:.4g} {e.unit}" for e in self.found.estimates)
+        values = ", ".join(f"{e.name} {_stated(e)}" for e in self.found.estimates)
         presses = counted(len(self.found.presses), "press")
         return f"<Fit to {presses}: {values}; {self.found.quality.verdict}>"
 
     @property
     def params(self) -> "pd.DataFrame":
-        """Each parameter with value, uncertainty and 95 % interval, SI."""
+        """Each parameter with value, total uncertainty and its parts, and 95 % interval, SI."""
         rows = [[getattr(e, name) for name in COLUMNS] for e in self.found.estimates]
         return frame_of(rows, COLUMNS, "name")
 
     @property
     def identifiable(self) -> dict[str, bool]:
-        """Whether the recordings determine each parameter without its own prior."""
+        """Whether each parameter is certain enough without its own prior."""
         return {e.name: e.identifiable for e in self.found.estimates}
 
     @property
@@ -88,6 +97,7 @@ class Fit(Result):
                 "identifiable_below": IDENTIFIABLE,
                 "combinations": [asdict(c) for c in self.found.combinations],
             },
+            "also_fitted": {e.name: json_of(e, "name") for e in self.found.also_fitted},
             "modes": [asdict(mode) for mode in self.found.modes],
             "fits": self.found.quality.fits,
             "quality": json_of(self.found.quality, "repetition", "quiet", "repeats"),
@@ -129,14 +139,16 @@ class Fit(Result):
             _quality_line(found.quality),
             *(f"  {reason}" for reason in found.quality.reasons),
             *(_suggestion_line(suggestion) for suggestion in found.suggested),
-            *table(map(_estimate_cells, found.estimates), left=(0, 2, 3, 4), indent=2, gap=1),
+            *table([_HEADS, *map(_estimate_cells, found.estimates)], left=(0, 5), indent=2, gap=1),
+            "  std: standard uncertainty from the noise, from gains, delays, priors and assumed"
+            " ranges (inputs), and in total",
+            *_also_lines(found),
             *(line for estimate in found.estimates for line in _needed_lines(estimate)),
         ]
         if not found.quality.fits:
             lines.append("no 95 % intervals: the uncertainties are those of a model that fits")
         for likely in self.profiles:
-            ends = ["a bound" if end is None else f"{end:.5g}" for end in (likely.low, likely.high)]
-            lines.append(f"  {likely.name}: 95 % by profile likelihood, {ends[0]} to {ends[1]}")
+            lines.append(_profile_line(likely, found))
         if all(c.identifiable for c in found.combinations):
             lines.append("all parameters are identifiable from these recordings")
         else:
@@ -219,12 +231,8 @@ def _suggestion_line(suggestion: Suggestion) -> str:
     gain = f"weighted sum of squares {suggestion.reduction:.0f} less"
     if suggestion.name == CONTACT:
         return f'  suggested: set {CONTACT} = "surface" in the rig ({gain})'
-    value = _quantity(suggestion.value, suggestion.unit)
+    value = quantity_in_rig(suggestion.value, suggestion.unit)
     return f"  suggested: free {suggestion.name}, about {value} ({gain})"
-
-
-def _quantity(value: float, unit: str) -> str:
-    return f"{value:.4g} {_unit(unit)}".strip()
 
 
 def _table(found: Identified) -> list[str]:
@@ -237,17 +245,49 @@ def _table(found: Identified) -> list[str]:
         names = [e.name for e in found.estimates[first : first + TOGETHER]]
         rows = [("number", "change", *(name.rpartition(".")[2] for name in names))]
         for s in found.sensitivity:
-            change = _quantity(s.change, s.unit) + "*" * s.stated
+            change = quantity_in_rig(s.change, s.unit) + "*" * s.stated
             rows.append((s.name, change, *(f"{100 * s.effects[name]:+.2f}" for name in names)))
         lines += table(rows, indent=2, gap=1)
     return lines
 
 
+_HEADS = ("", "value", "std noise", "inputs", "total", "unit", "rig")
+
+
 def _estimate_cells(estimate: Estimate) -> tuple[str, ...]:
-    """Return name, value, standard uncertainty, unit and the rig's own value."""
-    spread = "undetermined" if estimate.std is None else f"+- {estimate.std:.2g}"
-    rig = f"(rig: {estimate.rig_value:.5g})"
-    return estimate.name, f"{estimate.value:.5g}", spread, _unit(estimate.unit), rig
+    """Return name, value, its standard uncertainties, unit and the rig's own value."""
+    stds = estimate.std_noise, estimate.std_inputs, estimate.std
+    value, spreads, unit = in_rig_units(estimate.value, estimate.std, estimate.unit, stds)
+    rig, *_ = in_rig_units(estimate.rig_value, estimate.std, estimate.unit)
+    return estimate.name, value, *spreads, unit, rig
+
+
+def _stated(found: Estimate) -> str:
+    """Return a value with its total uncertainty."""
+    value, (spread,), unit = in_rig_units(found.value, found.std, found.unit, [found.std])
+    return f"{value} +- {spread} {unit}".strip()
+
+
+def _also_lines(found: Identified) -> list[str]:
+    """Return the values that were fitted without being requested."""
+    reported = {e.name for e in found.estimates}
+    stated = [
+        f"{a.name} {_stated(a)} (rig: {quantity_in_rig(a.rig_value, a.unit)})"
+        + ", reported because it differs from the rig's" * (a.name in reported)
+        for a in found.also_fitted
+    ]
+    return [f"also fitted, without being requested: {'; '.join(stated)}"] if stated else []
+
+
+def _profile_line(likely: Profile, found: Identified) -> str:
+    (estimate,) = (e for e in found.estimates if e.name == likely.name)
+    ends = [
+        "a bound" if end is None else in_rig_units(end, estimate.std, estimate.unit)[0]
+        for end in (likely.low, likely.high)
+    ]
+    unit = in_rig_units(estimate.value, estimate.std, estimate.unit)[2]
+    text = f"95 % by profile likelihood, without assumed ranges: {ends[0]} to {ends[1]} {unit}"
+    return f"  {likely.name}: {text}".rstrip()
 
 
 def _needed_lines(estimate: Estimate) -> list[str]:
@@ -256,7 +296,7 @@ def _needed_lines(estimate: Estimate) -> list[str]:
         return []
 
     def spread(std: float) -> str:
-        return f"+- {std:.2g} {_unit(estimate.unit)}".strip()
+        return f"+- {quantity_in_rig(std, estimate.unit, 2)}"
 
     prior = ""
     if estimate.std is not None and estimate.std < estimate.needed:
@@ -268,7 +308,3 @@ def _needed_lines(estimate: Estimate) -> list[str]:
         f" {spread(estimate.needed)} is needed{prior}",
         *(f"  {each}" for each in helps or ["no single measurement would change this"]),
     ]
-
-
-def _unit(unit: str) -> str:
-    return unit.replace("**", "^").replace("*", " ")

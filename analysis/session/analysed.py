@@ -20,10 +20,11 @@ from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.timing import press_law
 
 BEFORE = 0.1  # Time before contact whose rise is also used, divided by the pluck duration
-DEGREE = 5  # Degree of the polynomial through the rise while a string is held
-LEAST = 20  # Smallest number of samples for that polynomial
-INSTANTS = 100  # Number of instants at which the speed is taken from it
-SHORT = 0.25  # Least time of a polynomial beside others, divided by the pluck duration
+WINDOW = 6e-3  # Longest window of the smoothing, two periods of the usual strings (s)
+DEGREE = 3  # Degree of the smoothing: the acceleration may change within a window
+LEAST = 20  # Smallest number of samples that are smoothed
+INSTANTS = 100  # Number of instants of the smoothed motion
+SHORT = 0.25  # Least time of a piece beside others, divided by the pluck duration
 BESIDE = 1e-3  # Time before and after the cruise whose samples are kept (s)
 
 
@@ -114,9 +115,9 @@ def jack_speeds(press: Press, phases: Phases) -> tuple[JackSpeed, ...]:
     """Return the speed of the first jack until the release of each pluck; empty without both
     signals.
 
-    It is that of polynomials of degree `DEGREE` through the rise over time, from one contact or
-    release to the next. If the jack stops or turns, or is recorded in too few samples, that pluck
-    and all later ones have none.
+    The rise is smoothed over `WINDOW` (Savitzky and Golay, 1964) from one contact or release to the
+    next. If the jack stops or turns, or is recorded in too few samples, that pluck and all later
+    ones have none.
 
     Args:
         press: The recording, at least its `jack_rise` from contact to the last release.
@@ -124,7 +125,7 @@ def jack_speeds(press: Press, phases: Phases) -> tuple[JackSpeed, ...]:
     found: list[JackSpeed] = []
     for held in () if press.missing else phases.plucks:
         edges = _edges(phases, held)
-        pieces = [_through(press, *ends) for ends in pairwise(edges)]
+        pieces = [_smoothed(press, *ends) for ends in pairwise(edges)]
         known = [piece for piece in pieces if piece is not None and np.all(piece.speed > 0)]
         if len(known) < len(pieces):
             break
@@ -149,13 +150,15 @@ def _edges(phases: Phases, held: HeldString) -> list[float]:
     return [*edges, held.release]
 
 
-def _through(press: Press, start: float, stop: float) -> JackSpeed | None:
-    """Return the speed of a polynomial through the rise between two instants [s]; None if there are
-    too few samples."""
-    rows = press.between(start, stop)
-    seen, rise = press.time[rows], press.samples["jack_rise"][rows]
+def _smoothed(press: Press, start: float, stop: float) -> JackSpeed | None:
+    """Return the smoothed motion between two instants [s]; None if there are too few samples."""
+    from scipy.signal import savgol_filter
+
+    rise = press.samples["jack_rise"][press.between(start, stop)]
     if len(rise) < LEAST:
         return None
-    through = np.polynomial.Polynomial.fit(seen, rise, DEGREE)
-    time = np.linspace(seen[0], seen[-1], INSTANTS)
-    return JackSpeed(through(time), through.deriv()(time), through.deriv(2)(time))
+    # At the ends the motion is that of the first and of the last window.
+    window = min(max(round(WINDOW * press.rate), LEAST // 2), len(rise) // 2) | 1
+    at = np.linspace(0, len(rise) - 1, min(INSTANTS, len(rise))).astype(int)
+    motion = (savgol_filter(rise, window, DEGREE, k, 1 / press.rate) for k in range(3))
+    return JackSpeed(*(np.asarray(each, float)[at] for each in motion))

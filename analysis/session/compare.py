@@ -5,7 +5,7 @@ loses 10 to 30 % of its speed then, and the key's inertia, slowed down, pushes i
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,6 +16,7 @@ from sautereau.analysis.model.choirs import ChoirPluck
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import Row, column, work_along
+from sautereau.analysis.session.budget import Budget, Contribution, budget
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -23,6 +24,11 @@ MANY = 20
 """Smallest number of presses for a bootstrap interval. For fewer presses Student's t is better."""
 NORMAL = 1.96  # Half width of a 95 % interval, in standard uncertainties
 RESAMPLES = 9999  # Number of samples of a bootstrap
+
+
+ERRORS = ("slope_error", "magnitude_error", "duration_error")
+"""The errors of a comparison."""
+LEAST_FRACTION = 0.02  # Smallest part of a variance that is listed
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,8 @@ class Comparison:
     """The paper's three statements as model errors [1], (model - measured) / measured.
 
     Their intervals contain the variation from press to press, and errors that all presses share:
-    the gains of the sensors, and the standard uncertainties of contact and release.
+    the gains of the sensors, and the standard uncertainties of contact and release. Those of the
+    budget contain the ranges of the model's inputs as well.
     """
 
     presses: int
@@ -56,6 +63,26 @@ class Comparison:
     """Error of the increase of the finger force from contact to release."""
     duration_error: Mean
     """Error of the pluck duration."""
+    stds: Mapping[str, float]
+    """Standard uncertainty of each measured value, relative: of all presses together, or without
+    the variation from press to press for a single one."""
+    budget: Budget | None = None
+
+    def interval(self, name: str) -> tuple[float, float] | None:
+        """Return the 95 % interval of an error with the model's inputs.
+
+        That of a single press lacks the variation from press to press; without inputs it has none.
+        """
+        error = getattr(self, name)
+        if self.budget and (self.budget.of_ranges or error.low is not None):
+            return self.budget.intervals[name]
+        return None if error.low is None else (error.low, error.high)
+
+    @property
+    def unexplained(self) -> list[str]:
+        """Names of the errors whose interval does not contain 0."""
+        ends = {name: self.interval(name) for name in self.stds}
+        return [name for name, each in ends.items() if each and not each[0] <= 0 <= each[1]]
 
 
 def compare(
@@ -86,26 +113,46 @@ def compare(
     gains = gains or {}
     instants = [math.hypot(h.contact_std, h.release_std) / h.pluck_duration for h, _, _ in held]
 
-    def error(ratios: Sequence[float], *stds: float) -> Mean:
-        return _with_shared(mean_of([ratio - 1 for ratio in ratios]), math.hypot(*stds))
-
-    return Comparison(
-        presses=len(held),
-        string=string,
-        slope_error=error(
-            [slope / h.force_slope for h, slope, _ in predicted], gains.get("force_slope", 0.0)
-        ),
-        magnitude_error=error(
-            [rise / (h.release_force - h.contact_force) for h, _, rise in predicted],
-            gains.get("release_force", 0.0),
-        ),
-        # The model is given the measured speed.
-        duration_error=error(
-            [own.pluck_duration / h.pluck_duration for h, _, own in held],
-            gains.get("held_speed", 0.0),
-            float(np.mean(instants)),
-        ),
+    # The model is given the measured speed.
+    duration_std = math.hypot(gains.get("held_speed", 0.0), float(np.mean(instants)))
+    ratios = (
+        [slope / h.force_slope for h, slope, _ in predicted],
+        [rise / h.force_rise for h, _, rise in predicted],
+        [own.pluck_duration / h.pluck_duration for h, _, own in held],
     )
+    shared = (gains.get("force_slope", 0.0), gains.get("release_force", 0.0), duration_std)
+    found, stds = {}, {}
+    for name, own, std in zip(ERRORS, ratios, shared, strict=True):
+        found[name] = error = _with_shared(mean_of([ratio - 1 for ratio in own]), std)
+        if error.low is not None and error.high is not None:
+            std = (error.high - error.low) / 2 / NORMAL / (1 + error.value)
+        stds[name] = std
+    return Comparison(len(held), string, **found, stds=stds)
+
+
+def listed_contributions(found: Comparison) -> list[Contribution]:
+    """Return the contributions that matter to any error; none without ranges."""
+    every = found.budget.contributions if found.budget else ()
+    return [c for c in every if max(c.fractions.values()) >= LEAST_FRACTION] if every[1:] else []
+
+
+def with_budget(
+    found: Comparison, rig: Rig, predict: Callable[[Rig], Prediction], bending: float = 0.0
+) -> Comparison:
+    """Return a comparison with its uncertainty budget; further arguments as of `budget`.
+
+    Args:
+        predict: Returns the prediction of a press for a rig.
+    """
+
+    def values(of: Rig) -> dict[str, float]:
+        prediction = predict(of)
+        own = prediction.choirs[found.string - 1]
+        values = *predicted_features(prediction, own), own.pluck_duration
+        return dict(zip(found.stds, values, strict=True))
+
+    errors = {name: getattr(found, name).value for name in found.stds}
+    return replace(found, budget=budget(rig, values, errors, found.stds, bending, found.string))
 
 
 def compared_string(phases: Sequence[Phases]) -> int:
@@ -151,8 +198,9 @@ def predicted_features(
     held = held_steps(prediction if choir is None else choir)
     force, deflection = prediction.finger_force[held], prediction.deflection[held]
     even = np.linspace(deflection[0], deflection[-1], len(deflection))
-    slope = np.polyfit(even, np.interp(even, deflection, force), 1)[0]
-    return float(slope), float(force[-1] - force[0])
+    # As `growth` of a force that does not ring: of a parabola over even steps.
+    slope = float(np.polyfit(even, np.interp(even, deflection, force), 1)[0])
+    return slope, slope * float(deflection[-1] - deflection[0])
 
 
 def held_steps(pluck: Prediction | ChoirPluck) -> slice:

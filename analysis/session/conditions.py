@@ -11,14 +11,24 @@ from typing import Any, Generic, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import Prediction, predict
+from sautereau.analysis.model.speed import JackSpeed
 from sautereau.analysis.press.features import gain_stds
 from sautereau.analysis.session.analysed import AnalysedPress
-from sautereau.analysis.session.compare import Comparison, compare, compared_string, predicted_means
+from sautereau.analysis.session.budget import bending_of
+from sautereau.analysis.session.compare import (
+    Comparison,
+    compare,
+    compared_string,
+    predicted_means,
+    with_budget,
+)
 from sautereau.analysis.session.pooled import PooledFeature, pooled_features
 from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
 from sautereau.rig.document import flat, values_of
 from sautereau.rig.errors import SautereauError
+from sautereau.rig.faults import unit_of
 from sautereau.rig.schema import Rig
+from sautereau.rig.units import parse_quantity, readable_quantity
 from sautereau.trajectory.timing import press_law
 
 PressT = TypeVar("PressT", bound=AnalysedPress)
@@ -59,7 +69,13 @@ class Condition(Generic[PressT]):
 
 def label_of(condition: Condition, keys: Iterable[str]) -> str:
     """Return values of a condition as text: `press.jack_speed = 0.06 m/s`."""
-    return ", ".join(f"{key} = {condition.values.get(key)}" for key in keys)
+    return ", ".join(f"{key} = {_shown(key, condition.values.get(key))}" for key in keys)
+
+
+def _shown(key: str, value: Any) -> Any:
+    """Return a quantity of the rig with a readable unit, another value as it is."""
+    unit = unit_of(Rig, key.split(".")) if isinstance(value, str) else None
+    return readable_quantity(parse_quantity(str(value), unit), unit) if unit else value
 
 
 @dataclass(frozen=True)
@@ -169,7 +185,7 @@ def _condition(
         warnings.append(f"presses of {sessions} sessions of one day are pooled")
     try:
         each = [
-            [predict(rig or own, level, speed=speed) for speed in press.speeds or (None,)]
+            [_predicted(rig or own, own, level, speed) for speed in press.speeds or (None,)]
             for press in known
         ]
         plucked = [p[0] for press, p in zip(known, each, strict=True) if press.speeds]
@@ -178,14 +194,20 @@ def _condition(
         found = [press.phases for press in known]
         string = compared_string(found)
         both = [
-            (one, predicted)
-            for one, predictions in zip(found, each, strict=True)
-            for held, predicted in zip(one.plucks, predictions, strict=False)
+            (one, predicted, speed)
+            for press, one, predictions in zip(known, found, each, strict=True)
+            for held, predicted, speed in zip(one.plucks, predictions, press.speeds, strict=False)
             if held.string == string
-        ] or [(one, predictions[0]) for one, predictions in zip(found, each, strict=True)]
-        prediction = both[0][1]
-        compared, predictions = zip(*both, strict=True)
-        comparison = compare(compared, predictions, gain_stds(own))
+        ] or [(one, predictions[0], None) for one, predictions in zip(found, each, strict=True)]
+        compared, predictions, speeds = zip(*both, strict=True)
+        prediction = predictions[0]
+        comparison = with_budget(
+            compare(compared, predictions, gain_stds(own)),
+            rig or own,
+            lambda bench: _predicted(bench, own, level, speeds[0]),
+            bending_of(own, compared),
+        )
+        warnings += comparison.budget.omitted if comparison.budget else ()
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:
         warnings.append(f"no comparison with the model: {error}")
@@ -206,6 +228,19 @@ def _condition(
         spread,
         tuple(warnings),
     )
+
+
+def _predicted(rig: Rig, own: Rig, level: str, speed: JackSpeed | None) -> Prediction:
+    """Return the prediction of a press for the jack speed of a recording.
+
+    The recording's jack motion follows from its key's deflection by the lever lengths of its own
+    rig, and by those of another rig for that.
+
+    Args:
+        own: Rig of the recording.
+    """
+    lever = (rig.key.jack_arm / rig.key.laser_arm) / (own.key.jack_arm / own.key.laser_arm)
+    return predict(rig, level, speed=speed and speed.scaled(lever))
 
 
 def _omitted(presses: Sequence[AnalysedPress], reason: str) -> list[str]:

@@ -116,6 +116,7 @@ def phases_of(prediction, *, slope=0.0, rise=0.0, duration=0.0):
         force_drop=magnitude,
         force_slope=predicted_slope / (1 + slope),
         string=1,
+        force_rise=magnitude,
     )
     return Phases(0.01, 0.2, (held,), 0.072, 0.07, 0.072, ())
 
@@ -174,7 +175,8 @@ def test_a_pluck_is_compared_with_its_own_string(paper, known):
         own = found.choirs[(string or 1) - 1]
         slope, rise = predicted_features(found, own)
         times = (0.04 + 0.1 * k, 0.04 + 0.1 * k + own.pluck_duration)
-        plucks.append(HeldString(*times, 1e-5, 1e-5, 0.3, 0.3 + rise, rise, slope, string=string))
+        held = HeldString(*times, 1e-5, 1e-5, 0.3, 0.3 + rise, rise, slope, string=string)
+        plucks.append(replace(held, force_rise=rise))
     compared = compare([Phases(0.01, 0.2, tuple(plucks), 0.072, 0.07, 0.072, ())], [found])
     assert compared.string == min(filter(None, known))
     for error in (compared.slope_error, compared.magnitude_error, compared.duration_error):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.identify import FREE, outcomes, simulated_cases
+from benchmarks.identify import FREE, measured, outcomes, simulated_cases
 from benchmarks.simulated import sensed
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.fit import fit_figure
@@ -37,7 +37,7 @@ TRUTH = {
 
 @pytest.fixture(scope="module")
 def rig():
-    return load_rig()
+    return measured(load_rig())
 
 
 @pytest.fixture(scope="module")

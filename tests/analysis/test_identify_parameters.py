@@ -23,7 +23,7 @@ def test_bounds_are_the_assumed_ranges_else_a_decade_either_way(paper):
         paper, ["key.inertia", "plectrum.youngs_modulus", "plectrum.friction"]
     )
     assert (inertia.low, inertia.high) == pytest.approx((5e-4, 10e-4))
-    assert (modulus.low, modulus.high) == pytest.approx((2.9e8, 2.9e10))
+    assert (modulus.low, modulus.high) == pytest.approx((1.8e9, 3.8e9))
     assert (friction.low, friction.high, friction.start) == (0, 0.5, 0)
     assert modulus.unit == "Pa"
 

@@ -252,7 +252,7 @@ def test_a_parameter_of_string_2_is_fitted(shallower, name):
     found = identify(shallower, phases, [name], starts=1)
     (estimate,) = found.estimates
     assert estimate.name == "string2.plectrum.overlap"
-    assert estimate.std < 0.01e-3
+    assert estimate.std < 0.02e-3  # of it 1 um by the noise, the rest by the ranges of the rig
     assert estimate.value == pytest.approx(0.18e-3, abs=2.5 * estimate.std)
     assert found.rig.more_choirs[0].plectrum.overlap == estimate.value
     assert found.rig.plectrum.overlap == SPINET.plectrum.overlap

@@ -230,8 +230,11 @@ def test_a_fit_of_identify_is_read(tmp_path):
     path.write_text(json.dumps(FIT))
     fit = read_fit(path)
     assert fit.rows == (
-        ("key.inertia", "0.00071 kg·m²", "1e-06", "0.0007 to 0.00072"),
-        ("string.tension, not identifiable from these recordings", "66 N", "undetermined", "none"),
+        ("key.inertia", "7.100e-4 kg m^2", "-", "-", "0.01e-4", "7.000e-4 to 7.200e-4"),
+        (
+            "string.tension, not identifiable from these recordings",
+            *("66000.0000 mN", "-", "-", "undetermined", "none"),
+        ),
     )
     assert fit.warnings == ("few presses",)
 

@@ -43,10 +43,10 @@ def test_faults_come_in_the_order_of_the_file(changed):
 @pytest.mark.parametrize(
     ("old", "new", "messages"),
     [
-        ('"171 mm"', "171", ["key.press_arm: 171 has no unit", 'such as "14 mm"']),
-        ('"171 mm"', "true", ["key.press_arm: True is not a quantity"]),
-        ('"171 mm"', '["171 mm"]', ["key.press_arm: ['171 mm'] is not a quantity"]),
-        ('"171 mm"', '"-171 mm"', ["key.press_arm: -0.171 m is refused", "greater than 0"]),
+        ('"108 mm"', "108", ["string.plucking_point: 108 has no unit", 'such as "14 mm"']),
+        ('"108 mm"', "true", ["string.plucking_point: True is not a quantity"]),
+        ('"108 mm"', '["108 mm"]', ["string.plucking_point: ['108 mm'] is not a quantity"]),
+        ('"108 mm"', '"-108 mm"', ["string.plucking_point: -0.108 m is refused", "greater than 0"]),
         ('"0.072 m/s"', '"9 m/s"', ["press.jack_speed: 9.0 m/s is refused", "equal to 1"]),
         ('"12 m/s^2"', '"1e200 m/s^2"', ["press.run_up_acceleration: 1e+200 m/s**2 is refused"]),
         ('"6 rad/s"', '"6 Hz"', ["arm.speed_limit: '6 Hz' has no angle", "rad/s"]),
@@ -73,7 +73,7 @@ def test_faults_come_in_the_order_of_the_file(changed):
         ('name = "paper"', 'name = "a"\nforce = 3', ["line 8: force: unknown key"]),
         ('name = "paper"', 'name = "a"\n"a.b" = {value=1, assumed=[1]}', ["a.b: unknown key"]),
         ('"6 g", assumed', '"6 g", assumd', ["jack.mass.assumd", "did you mean 'assumed'?"]),
-        ('source = "paper"', "source = 5", ["key.jack_arm.source: 5 is refused: give a text"]),
+        ('source = "paper"', "source = 5", ["plectrum.contact.source: 5 is refused: give a text"]),
     ],
 )
 def test_a_fault_has_key_value_and_how_to_fix_it(changed, old, new, messages):
@@ -137,9 +137,18 @@ def test_all_jacks_hold_the_key_on_its_back_rail():
 @pytest.mark.parametrize(
     ("replacements", "messages"),
     [
-        ([('"171 mm"', '"190 mm"')], ["key.press_arm: 190 mm is beyond", "raise front_arm"]),
-        ([('"82 mm"', '"190 mm"')], ["key.laser_arm: 190 mm is beyond", "lower laser_arm"]),
-        ([('"4.5 mm"', '"0.2 mm"')], ["plectrum.overlap: 0.263 mm", "0.2 mm; lower overlap"]),
+        (
+            [('"171 mm", assumed = ["166 mm", "216 mm"]', '"190 mm"')],
+            ["key.press_arm: 190 mm is beyond", "raise front_arm"],
+        ),
+        (
+            [('"82 mm", assumed = ["77 mm", "127 mm"]', '"190 mm"')],
+            ["key.laser_arm: 190 mm is beyond", "lower laser_arm"],
+        ),
+        (
+            [('"4.5 mm", assumed = ["4.4 mm"', '"0.2 mm", assumed = ["0.1 mm"')],
+            ["plectrum.overlap: 0.263 mm", "0.2 mm; lower overlap"],
+        ),
         ([('"108 mm"', '"460 mm"')], ["string.plucking_point: 460 mm is not on the string"]),
         (
             [('"4 mN m", assumed', '"13 mN m", assumed'), ('"12 mN m"', '"14 mN m"')],
@@ -165,7 +174,8 @@ def test_each_rule_between_fields(changed, replacements, messages):
 def test_contradictions_come_with_the_faults_of_other_tables(changed):
     with pytest.raises(RigError) as raised:
         changed(
-            ('"171 mm"', '"190 mm"'), ('"4.5 mm"', '"0.2 mm"'), ('"460 mm"', '"100 mm"'),
+            ('"171 mm", assumed = ["166 mm", "216 mm"]', '"190 mm"'), ('"460 mm"', '"100 mm"'),
+            ('"4.5 mm", assumed = ["4.4 mm"', '"0.2 mm", assumed = ["0.1 mm"'),
             ("register_friction =", "register_frction ="), ('name = "force"', 'name = "velocity"'),
         )  # fmt: skip
     named = re.findall(r"line \d+: ([\w.]+): ", str(raised.value))
