@@ -121,7 +121,7 @@ class Arm(Section):
     fingertip_friction: float = Field(default=0.0, ge=-1, le=1)
     """Dimensionless, force of the fingertip along the key divided by its force on the key, while
     the key goes down. A positive value points towards the front edge and helps to press. The sign
-    is reversed during the return. Model and stand-in have the same law."""
+    is reversed during the return."""
     base_x: Length
     """m, x of joint 1."""
     base_z: Length

@@ -181,7 +181,8 @@ class ServoFinger(SteppedFinger):
                 x, z, moment = self.pad.press(place, velocity, angle, omega, kick)
             elif self.friction is not None:
                 rate = omega if self._rate is None else self._rate
-                x, z, moment = self.friction.rub(self._foreseen, angle, rate, kick)
+                part = self.friction.part(self._force, rate, kick.step)  # no blow's force
+                x, z, moment = self.friction.rub(self._foreseen * part * kick.fraction, angle)
             bodies.set_force(self.lower, (x, z))
             moment += along[0] / 2 * z - along[1] / 2 * x
         bodies.set_torque(self.lower, second + moment)

@@ -119,7 +119,9 @@ class PushFinger(SteppedFinger):
     def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Apply the friction; see `SteppedFinger`."""
         if self.friction is not None:
-            self.friction.rub(self.contact_force(0.0), angle, omega, kick)
+            force = self.contact_force(0.0)
+            part = self.friction.part(force, omega, kick.step)
+            self.friction.rub(force * part * kick.fraction, angle)
 
     def contact_force(self, weight: float) -> float:
         return self.moment / self._arm / 1e3

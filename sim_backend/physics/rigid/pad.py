@@ -28,11 +28,9 @@ class Friction:
         fastest = max(abs(omega), change)
         return self._coefficient * omega / fastest if fastest else 0.0
 
-    def rub(
-        self, force: float, angle: float, omega: float, kick: Kick
-    ) -> tuple[float, float, float]:
-        """Apply it; return the force [N], (x, z), and moment [N mm] on the fingertip."""
-        along, lever = force * self.part(force, omega, kick.step) * kick.fraction, self.lever
+    def rub(self, along: float, angle: float) -> tuple[float, float, float]:
+        """Apply a force [N]; return the force, (x, z), and moment [N mm] on the fingertip."""
+        lever = self.lever
         set_torque(lever, lever.torque + along * self.height)
         sine, cosine = math.sin(angle), math.cos(angle)
         if not self._pin.fixed:
@@ -101,7 +99,8 @@ class Pad:
             set_force(self._lever, (0.0, self._lever.force[1] - applied * cosine))
         along = 0.0, 0.0, 0.0
         if self.friction is not None:
-            along = self.friction.rub(self.force, angle, omega, kick._replace(fraction=fraction))
+            part = self.friction.part(self.force, omega, kick.step)
+            along = self.friction.rub(applied * part, angle)
         return along[0] - applied * sine, along[1] + applied * cosine, along[2]
 
     def make_contact(self) -> None:
