@@ -128,7 +128,7 @@ def test_the_budget_is_that_of_complete_predictions(paper):
     def values(bench):
         lever = bench.key.jack_arm / bench.key.laser_arm / (0.215 / 0.082)
         found = predict(bench, speed=JackSpeed.constant(0.072 * lever))
-        first = found.in_time[0]
+        first = found.choirs[0]
         return dict(
             zip(ERRORS, (*predicted_features(found, first), first.pluck_duration), strict=True)
         )
@@ -194,7 +194,7 @@ def test_a_range_without_a_solution_is_reported_and_omitted(paper):
 
     def values(bench):
         found = predict(bench)
-        first = found.in_time[0]
+        first = found.choirs[0]
         return dict(
             zip(ERRORS, (*predicted_features(found, first), first.pluck_duration), strict=True)
         )
