@@ -6,7 +6,7 @@ Command line, report and notebooks show what `analyse` returns, and compute none
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
@@ -21,6 +21,11 @@ from sautereau.rig.errors import SautereauError
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.timing import press_law
 
+HOLD_SPEED = (
+    "learn a correction with `sautereau learn` and press with --learned, press with --feed-forward,"
+    " lower press.jack_speed, or stiffen the position loops of the controller"
+)
+"""How to keep the jack's speed while a string is held."""
 PressT = TypeVar("PressT", bound=AnalysedPress)
 
 
@@ -55,6 +60,29 @@ class Condition(Generic[PressT]):
     def simulated(self) -> bool:
         """Whether the stand-in made the presses."""
         return any(press.press.simulated for press in self.presses)
+
+    def of_speed(self, name: str) -> list[float]:
+        """Return a column of `OF_SPEED`, of all presses that have it."""
+        found = (press.features[name] for press in self.counted)
+        return [value for value in found if isinstance(value, float)]
+
+    @property
+    def speed_reached(self) -> bool | None:
+        """Whether the jack had the planned speed while a string was held; None if unknown."""
+        errors = self.of_speed("held_speed_error")
+        return max(errors) <= self.rig.press.speed_tolerance if errors else None
+
+    @property
+    def speed_verdict(self) -> str:
+        """The same as text, with the speeds."""
+        errors, tolerance = self.of_speed("held_speed_error"), self.rig.press.speed_tolerance
+        missed = sum(error > tolerance for error in errors)
+        least, most = min(self.of_speed("held_speed_min")), max(self.of_speed("held_speed_max"))
+        verdict = f"not reached in {missed} of {len(errors)} presses" if missed else "reached"
+        return (
+            f"jack speed while a string is held: {least:.4f} to {most:.4f} m/s, RMS error at most"
+            f" {100 * max(errors):.3g} %, press.speed_tolerance {100 * tolerance:.3g} %: {verdict}"
+        )
 
 
 def label_of(condition: Condition, keys: Iterable[str]) -> str:
@@ -180,7 +208,7 @@ def _condition(
             spread = repeatability([press.press for press in counted], press_law(own.press))
         except SautereauError as error:
             warnings.append(f"no repeatability: {error}")
-    return Condition(
+    found = Condition(
         values,
         differing(base, values),
         own,
@@ -191,6 +219,9 @@ def _condition(
         spread,
         tuple(warnings),
     )
+    if found.speed_reached is False:
+        found = replace(found, warnings=(*warnings, f"{found.speed_verdict}; {HOLD_SPEED}"))
+    return found
 
 
 def _omitted(presses: Sequence[AnalysedPress], reason: str) -> list[str]:

@@ -99,7 +99,8 @@ def learn(
 ) -> int:
     """Press up to n times, correcting the trajectory from the measured speed of the jack.
 
-    To continue after an interruption, run the same command again.
+    The exit status is 1 if the speed error of the best press stays above press.speed_tolerance. To
+    continue after an interruption, run the same command again.
 
     Parameters
     ----------
@@ -130,12 +131,16 @@ def learn(
     )
     result = {
         "rms_speed_error": found.errors,
+        **part_of(found, "held_speed_error", "tolerance", "reached"),
         "learned": found.path,
         "recordings": [press.path for press in found.session],
         **part_of(found, "stopped", "simulated", "seed", "warnings"),
     }
     lines += [f"recording:  {press.path}" for press in found.session]
-    return output.answer(result, lines)
+    lines += [found.verdict] if found.reached else []
+    return output.answer(
+        result, lines, faults=[] if found.reached else [f"learning: {found.verdict}"]
+    )
 
 
 def _run(

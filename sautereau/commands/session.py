@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.figures.comparison import PICTURED
 from sautereau.analysis.results.comparison import Comparison
-from sautereau.analysis.results.press import HEADER, press_line
+from sautereau.analysis.results.press import HEADER
 from sautereau.analysis.text import grouped
 from sautereau.commands.live.process import watching
 from sautereau.commands.output import Output
@@ -67,10 +67,9 @@ class SessionReport(Observer):
         """Analyse a press, and print its results."""
         first = not self._presses
         press = self._presses[place.number] = PressFile(path)
-        analysed = press.analysed
         if first:
             self._output.say(HEADER)
-        self._output.say(press_line(analysed.press, analysed.phases) + "  warm-up" * place.warm_up)
+        self._output.say(press.line + "  warm-up" * place.warm_up)
         if total := self._pressing.plan.total:
             self._show(len(self._pressing.folder.done) / total)
 

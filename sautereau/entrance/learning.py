@@ -5,8 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from sautereau.analysis.model.predict import expected_of
 from sautereau.analysis.results.result import Shown
+from sautereau.analysis.text import counted
 from sautereau.daq.file.reading import read_session
 from sautereau.entrance.devices import Connected, Devices, fresh_seed
 from sautereau.entrance.session import Session
@@ -37,6 +40,11 @@ class Learned(Shown):
     """RMS relative error of the jack speed over the cruise, of each press; dimensionless."""
     stopped: str
     """Why learning has ended before the last press; empty if it has not."""
+    held_speed_error: float | None
+    """The same while a string is held, of the press with the smallest error; dimensionless. None
+    without a pluck."""
+    tolerance: float
+    """`press.speed_tolerance`; dimensionless."""
     path: Path | None
     """File of the correction, for `press(learned=...)`; None if none reduced the error."""
     simulated: bool
@@ -44,6 +52,34 @@ class Learned(Shown):
     seed: int | None
     """Seed of the stand-in's random numbers."""
     warnings: tuple[str, ...]
+
+    @property
+    def reached(self) -> bool:
+        """Whether the jack has the planned speed with the correction: while a string is held, and
+        without a pluck over the cruise."""
+        return self._error <= self.tolerance
+
+    @property
+    def verdict(self) -> str:
+        """The same as text, with what to do if not."""
+        over = "over the cruise" if self.held_speed_error is None else "while a string is held"
+        found = (
+            f"reached: RMS speed error {100 * self._error:.3g} % {over} after"
+            f" {counted(len(self.errors), 'press')}, press.speed_tolerance"
+            f" {100 * self.tolerance:.3g} %"
+        )
+        if self.reached:
+            return found
+        more = "" if self.stopped else "request more presses with -n, "
+        return (
+            f"not {found}; {more}learn with --feed-forward, lower press.jack_speed, or stiffen the"
+            " position loops of the controller"
+        )
+
+    @property
+    def _error(self) -> float:
+        held = self.held_speed_error
+        return min(self.errors) if held is None else held
 
     def __repr__(self) -> str:
         errors = ", ".join(f"{100 * error:.2f} %" for error in self.errors)
@@ -103,7 +139,10 @@ class Learning:
         simulated = any(read_session(path).simulated for path in recordings)
         of_session = simulated, folder.seed, self.warnings
         session = Session(recordings, folder=self._out)
-        return Learned(session, tuple(made.errors), made.stopped, file, *of_session)
+        best = session[int(np.argmin(made.errors))].analysed.features["held_speed_error"]
+        error = best if isinstance(best, float) else None
+        limit = self._nominal.press.speed_tolerance
+        return Learned(session, tuple(made.errors), made.stopped, error, limit, file, *of_session)
 
     def _resumed(self, folder: SessionFolder, on_press: Callable[[Path, float], Any]) -> bool:
         """Learn from the presses in the folder; return whether one is left to make."""

@@ -49,7 +49,7 @@ class PressFile(Shown):
     @property
     def line(self) -> str:
         """The phases as rows of a table, under `HEADER`."""
-        return press_line(self.partial.press, self.partial.phases)
+        return press_line(self.partial.press, self.partial.phases, self.partial.features)
 
     @cached_property
     def press(self) -> Press:
@@ -81,7 +81,7 @@ class PressFile(Shown):
     @property
     def document(self) -> dict[str, Any]:
         """The phases as JSON."""
-        return press_summary(self.partial.press, self.partial.phases)
+        return press_summary(self.partial.press, self.partial.phases, self.partial.features)
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the samples."""

@@ -170,3 +170,25 @@ def test_the_way_down_is_checked_against_the_limits():
     rig = with_values(PAPER, {"arm.upper_limits": [limit, "-10 deg"]})
     failed = [check.name for check in draft_press(rig).checks if not check.holds]
     assert failed == ["joint 1 upper limit", "joints after a stop"]
+
+
+def test_the_speed_error_under_load_is_that_of_springs_in_series(paper):
+    """A string of stiffness K at the finger on a loop of compliance C: 1 / (1 + C K) - 1.
+
+    The elbow is all but rigid; the shoulder turns by the moment of the finger's force about it.
+    """
+    rise, slope = np.linspace(0, 0.01, 2001), 400.0
+    held = (rise > 2e-3) & (rise <= 4e-3)
+    expected = Expectation(rise, 0.3 + np.where(held, slope * (rise - 2e-3), 0), 2e-3, 4e-3)
+    assert draft_press(paper, expected).loaded_speed_error is None
+    for k in (20.0, 5.0):
+        rig = with_values(paper, {"arm.servo_stiffness": [f"{k} N m/rad", "1e9 N m/rad"]})
+        made = draft_press(rig, expected)
+        middle = int(np.searchsorted(made.rise.position, 3e-3))
+        tip, angle = made.fingertip.position[middle], made.angle.position[middle]
+        (x, z), normal = tip - [rig.arm.base_x, rig.arm.base_z], (-np.sin(angle), np.cos(angle))
+        moment = x * normal[1] - z * normal[0]
+        per_angle = np.diff(made.rise.position)[middle] / np.diff(made.angle.position)[middle]
+        stretched = moment**2 / k * per_angle / rig.key.press_arm * slope
+        # The moment arm, and with it the compliance, changes a little on the way.
+        assert made.loaded_speed_error == pytest.approx(stretched / (1 + stretched), rel=0.03)
