@@ -26,6 +26,8 @@ OF_PHASES = ("start", "bottom", "bottomed", "returned", "free_speed", "held_spee
 """Columns that are attributes of the phases."""
 OF_SPEED = ("held_speed_mean", "held_speed_min", "held_speed_max", "held_speed_error")
 """Columns of `held_speeds`."""
+OF_REST = ("full_rise", "end_rise", "rest_force")
+"""Columns that show from press to press whether the key comes back, and whether sensors drift."""
 WINDOW = 1e-3
 """s, longest time over which a speed is averaged, so that the vibrometer's noise is below 0.2 % of
 a jack speed of 5 mm/s."""
@@ -47,19 +49,19 @@ UNITS = {
     for name in (
         *("path", "simulated", "plucks", *OF_PHASES, *OF_SPEED),
         *OF_PLUCK,
-        *("peak_force", "press_work", "warnings"),
+        *("peak_force", "press_work", *OF_REST, "warnings"),
     )
 }
 """Unit of each column, in the order of the columns; those of later plucks have these units too.
 `sautereau.rig.quantities` defines the columns; times are in s after the trigger."""
 
-NEED_BOTH = ("bottomed", "force_drop", "force_slope", "held_work", "press_work")
+NEED_BOTH = ("bottomed", "force_drop", "force_slope", "held_work", "press_work", "rest_force")
 """Columns that need the force and the velocity."""
 NEED = {
     "force": ("contact_force", "release_force", "peak_force", *NEED_BOTH),
     "velocity": (
         *("start", "bottom", "returned", "free_speed", "held_speed", "released_speed", *OF_SPEED),
-        *("contact_rise", "release_rise", "held_deflection", *NEED_BOTH),
+        *("contact_rise", "release_rise", "held_deflection", "full_rise", "end_rise", *NEED_BOTH),
     ),
 }
 """Columns that are None where this signal was not recorded."""
@@ -68,7 +70,7 @@ GAINED = {
     "force": ("contact_force", "release_force", "peak_force"),
     "velocity": (
         *("free_speed", "held_speed", "released_speed", *OF_SPEED[:-1]),
-        *("contact_rise", "release_rise", "held_deflection"),
+        *("contact_rise", "release_rise", "held_deflection", "full_rise", "end_rise"),
     ),
 }
 GAINED_BY_BOTH = ("force_slope", "held_work", "press_work")
@@ -155,7 +157,8 @@ def held_speeds(press: Press, phases: Phases) -> Row:
     if not times or press.missing == "velocity":
         return dict.fromkeys(OF_SPEED)
     parts = [
-        np.linspace(*ends, 1 + max(4, math.ceil((ends[1] - ends[0]) / WINDOW))) for ends in times
+        np.linspace(start, stop, 1 + max(4, math.ceil((stop - start) / WINDOW)))
+        for start, stop in times
     ]
     steps = np.concatenate([np.diff(part) for part in parts])
 
@@ -213,9 +216,13 @@ def features(press: Press, phases: Phases) -> Row:
             "held_work": work(*ends),
         }
         row |= {column(name, number): found[name] for name in OF_PLUCK}
+    still = slice(*np.searchsorted(time, press.drift.before or (0.0, 0.0)))
     row |= {
         "peak_force": phases.peak_force,
         "press_work": work(-np.inf, phases.bottom),
+        "full_rise": float(rise.max()),
+        "end_rise": float(rise[-1]),
+        "rest_force": press.drift.force + float(force[still].mean()) if force[still].size else None,
         "warnings": len(press.warnings) + len(phases.warnings),
     }
     return row | {name: None for name in row if unknown and split_column(name)[0] in unknown}

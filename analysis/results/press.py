@@ -71,7 +71,9 @@ def held_speed(press: Press, found: Row) -> dict[str, Any] | None:
     mean, least, largest, error = (found[name] for name in OF_SPEED)
     tolerance = press.rig.press.speed_tolerance
     reached = error <= tolerance if isinstance(error, float) else None
-    return mean and {
+    if mean is None:
+        return None
+    return {
         **{"mean": mean, "min": least, "max": largest, "rms_error": error},
         **{"tolerance": tolerance, "reached": reached},
     }

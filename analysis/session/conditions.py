@@ -166,9 +166,11 @@ def _condition(
 ) -> Condition[PressT]:
     own = presses[0].press.rig
     counted = [press for press in presses if not press.session.warm_up]
+    # Without a pluck where others have one, the key was down, or the plectrum is broken.
+    valid = [press for press in counted if press.phases.plucks] or counted
     # A held string of which the jack's speed is unknown cannot be predicted.
-    stopped = [press for press in counted if press.phases.plucks and not press.speed]
-    known = [press for press in counted if press.speed or not press.phases.plucks]
+    stopped = [press for press in valid if press.phases.plucks and not press.speed]
+    known = [press for press in valid if press.speed or not press.phases.plucks]
     rows = [press.features for press in known]
     prediction = comparison = spread = None
     predicted: dict[str, float] = {}
@@ -177,9 +179,8 @@ def _condition(
         "the jack stops or turns back while its string is held, or is recorded in too few samples;"
         " press without a stop",
     )
-    silent = [press for press in known if not press.phases.plucks]
-    if len(silent) < len(known):  # otherwise the comparison itself gives the reason
-        warnings += _omitted(silent, "no pluck was found; see `sautereau phases`")
+    silent = [press for press in counted if press not in valid]
+    warnings += _omitted(silent, "no pluck was found; see `sautereau phases`")
     doubtful = sum(any(held.doubtful for held in p.phases.plucks) for p in known)
     if doubtful:
         warnings.append(
@@ -202,10 +203,10 @@ def _condition(
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:
         warnings.append(f"no comparison with the model: {error}")
-    planned = all(press.session.by_arm for press in counted) and own.press.gesture is None
-    if len(counted) >= LEAST and planned:
+    planned = all(press.session.by_arm for press in valid) and own.press.gesture is None
+    if len(valid) >= LEAST and planned:
         try:
-            spread = repeatability([press.press for press in counted], press_law(own.press))
+            spread = repeatability([press.press for press in valid], press_law(own.press))
         except SautereauError as error:
             warnings.append(f"no repeatability: {error}")
     found = Condition(

@@ -28,6 +28,7 @@ def press(
     rest: common.Duration = common.Quantity(0),
     learned: Path | None = None,
     feed_forward: common.FeedForward = None,
+    ignore_health: bool = False,
     recorded: common.Recorded,
     simulation: common.Simulation = common.Simulation(),
     output: Output = Output(),
@@ -51,10 +52,14 @@ def press(
         Time between presses: "2 s".
     learned
         Correction of the trajectory, written by `sautereau learn`.
+    ignore_health
+        Continue where the session would stop, with the motors off: the jack has not returned, the
+        key has not followed the finger or has sunk, the plectrum no longer plucks, or the force at
+        rest has drifted.
     """
     from sautereau.entrance.pressing import Settings, Table
 
-    settings = Settings(warm_up, rest, recorded.notes, learned, feed_forward)
+    settings = Settings(warm_up, rest, recorded.notes, learned, feed_forward, ignore_health)
     what = Table(table, n) if table else n
     return _run(common.bench(rig, simulation), what, settings, recorded, output)
 
@@ -155,8 +160,7 @@ def _run(
     report = SessionReport(pressing, output, view=recorded.view, live=recorded.live)
     with _pausing(bench.control):
         pressing.run(report)
-    report.end()
-    return 0
+    return report.end()
 
 
 @contextmanager

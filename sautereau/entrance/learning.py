@@ -12,6 +12,7 @@ from sautereau.analysis.results.result import Shown
 from sautereau.analysis.text import counted
 from sautereau.daq.file.reading import read_session
 from sautereau.entrance.devices import Connected, Devices, fresh_seed
+from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.session import Session
 from sautereau.rig.disk import may_replace
 from sautereau.robot.controller import motion_controller
@@ -166,6 +167,14 @@ class Learning:
 
             def done(item: Item, path: Path) -> None:
                 bench.keep_truth(path)
+                start = folder.done.get(1)
+                health = PressFile(path).health(start and PressFile(start))
+                if not health.valid:
+                    folder.note_invalid(path)
+                if health.reason:
+                    raise RobotError(
+                        f"learning: {path.name}: {health.reason}; then run the same command again"
+                    )
                 folder.done[item.number or 0] = path
                 made.update(item, path)
                 on_press(path, made.errors[-1])

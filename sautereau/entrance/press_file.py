@@ -4,7 +4,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sautereau.analysis.errors import MissingSignalError
+from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.results.press import HEADER, press_line, press_summary
@@ -14,6 +14,7 @@ from sautereau.analysis.session.analysed import AnalysedPress, analyse_file, ana
 from sautereau.daq.convert.export import to_xarray
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import SessionInfo
+from sautereau.robot.experiment.health import Health, health_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,6 +68,18 @@ class PressFile(Shown):
     def phases(self) -> Phases:
         """Contact, release and the other instants, with uncertainties."""
         return self.analysed.phases
+
+    def health(self, first: "PressFile | None" = None) -> Health:
+        """Return whether jack, key and force transducer are fit for the next press.
+
+        Args:
+            first: First press with the same plan and instrument; None if this is the first. Nothing
+                is wrong with a recording that cannot be analysed.
+        """
+        try:
+            return health_of(self.partial, first and first.partial)
+        except AnalysisError:
+            return Health()
 
     @property
     def info(self) -> SessionInfo:

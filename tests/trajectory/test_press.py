@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sautereau.analysis.results.plan import plan
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.errors import TrajectoryError
@@ -192,3 +193,21 @@ def test_the_speed_error_under_load_is_that_of_springs_in_series(paper):
         stretched = moment**2 / k * per_angle / rig.key.press_arm * slope
         # The moment arm, and with it the compliance, changes a little on the way.
         assert made.loaded_speed_error == pytest.approx(stretched / (1 + stretched), rel=0.03)
+
+
+def test_the_least_force_on_the_return_falls_with_the_friction(paper):
+    """By friction times d(rise)/da over the press arm; without friction the weight alone returns
+    the key, less the inertia of its largest acceleration."""
+    found = {}
+    for friction in (0.0, 20e-3, 40e-3):
+        rig = with_values(paper, {"jack.register_friction": f"{friction} N"})
+        found[friction] = plan(rig).return_force_min
+    fall = 20e-3 * paper.key.jack_arm / paper.key.press_arm
+    assert found[0.0] - found[20e-3] == pytest.approx(fall, rel=0.02)
+    assert found[20e-3] - found[40e-3] == pytest.approx(fall, rel=0.02)
+    assert found[20e-3] == pytest.approx(6.6e-3, abs=0.05e-3)
+    assert found[40e-3] < 0  # with it the jack of the stand-in hangs: tests/bench/test_health.py
+    assert any("weak return" in warning for warning in plan(paper).warnings)
+    eased = with_values(paper, {"press.return_acceleration": "0.1 m/s^2"})
+    eased = eased.model_copy(update={"assumed": {}})
+    assert not any("weak return" in warning for warning in plan(eased).warnings)
