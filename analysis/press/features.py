@@ -4,7 +4,7 @@ The work on a string and the deflection start at contact, where the paper aligns
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 
 import numpy as np
@@ -148,34 +148,26 @@ def held_speeds(press: Press, phases: Phases) -> Row:
     The error is that from the plan without a correction, relative to the largest planned speed. All
     are None without a pluck or a velocity, and the error also without a planned motion.
     """
-    times: list[list[float]] = []
-    for held in sorted(phases.plucks, key=lambda held: held.contact):
-        if times and held.contact <= times[-1][-1]:
-            times[-1][-1] = max(times[-1][-1], held.release)
-        elif held.release > held.contact:
-            times.append([held.contact, held.release])
-    if not times or press.missing == "velocity":
-        return dict.fromkeys(OF_SPEED)
-    parts = [
-        np.linspace(start, stop, 1 + max(4, math.ceil((stop - start) / WINDOW)))
-        for start, stop in times
-    ]
-    steps = np.concatenate([np.diff(part) for part in parts])
-
-    def speeds(rise: Callable[[Floats], Floats]) -> Floats:
-        return np.concatenate([np.diff(rise(part)) for part in parts]) / steps
-
-    speed = speeds(lambda time: np.interp(time, press.time, press.samples["jack_rise"]))
-    error = None
-    if (start := press.motion) is not None:
+    found: Row = dict.fromkeys(OF_SPEED)
+    if press.missing == "velocity" or not phases.plucks:
+        return found
+    ends = [(held.contact, held.release) for held in phases.plucks]
+    first, last = min(start for start, _ in ends), max(stop for _, stop in ends)
+    time = np.linspace(first, last, 1 + max(4, math.ceil((last - first) / WINDOW)))
+    held = np.any([(time[:-1] >= start) & (time[1:] <= stop) for start, stop in ends], axis=0)
+    if not held.any():
+        return found
+    per_step = (len(time) - 1) / (last - first)
+    rise = np.interp(time, press.time, press.samples["jack_rise"])
+    speed = np.diff(rise)[held] * per_step
+    found |= zip(OF_SPEED, map(float, (speed.mean(), speed.min(), speed.max())), strict=False)
+    if press.motion is not None:
         with suppress(TrajectoryError):  # of a rig that describes no press
             law = press_law(press.rig.press).law
-            planned = speeds(lambda time: law.at(time - start.time).position)
-            if (fastest := np.abs(planned).max()) > 0:
-                square = np.average((speed - planned) ** 2, weights=steps)
-                error = float(math.sqrt(square) / fastest)
-    mean = float(np.average(speed, weights=steps))
-    return dict(zip(OF_SPEED, (mean, float(speed.min()), float(speed.max()), error), strict=True))
+            planned = np.diff(law.at(time - press.motion.time).position)[held] * per_step
+            error = np.sqrt(np.mean((speed - planned) ** 2)) / np.abs(planned).max()
+            found["held_speed_error"] = float(error) if math.isfinite(error) else None
+    return found
 
 
 def features(press: Press, phases: Phases) -> Row:

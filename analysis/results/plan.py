@@ -10,7 +10,6 @@ import numpy as np
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import expected_of
 from sautereau.analysis.results.result import Result, frame_of, shown
-from sautereau.analysis.session.conditions import HOLD_SPEED
 from sautereau.analysis.text import check_cells, counted, relative_margin, table
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.checks import Check
@@ -78,6 +77,10 @@ class Plan(Result):
         draft, cruise = self.trajectory, self.trajectory.cruise
         tilt, slide = math.degrees(abs(draft.tilt).max()), abs(draft.slide).max() * 1e3
         start, end = cruise.start * 1e3, cruise.end * 1e3
+        held = "speed error unknown; give arm.servo_stiffness to predict it"
+        if (error := draft.loaded_speed_error) is not None:
+            limit = f"press.speed_tolerance {100 * self.rig.press.speed_tolerance:.3g} %"
+            held = f"RMS speed error up to {error * 100:.2g} % expected, {limit}"
         return [
             f"rig {self.rig.name}: {draft.time[-1] * 1e3:.4g} ms in"
             f" {counted(len(draft.segments), 'segment')}",
@@ -85,21 +88,10 @@ class Plan(Result):
             f" error by rounding at most {cruise.error * 100:.2g} %,"
             f" from {start:.4g} to {end:.4g} ms after the start of motion,"
             f" jack rise {cruise.rise[0] * 1e3:.4g} to {cruise.rise[1] * 1e3:.4g} mm",
-            *self._under_load(),
+            *([f"string held: {held}"] if self.expected else []),
             f"finger: tilt at most {tilt:.3g} deg, slide at most {slide:.3g} mm",
             *_check_lines(draft.checks, all_checks),
             *(f"warning: {warning}" for warning in self.warnings),
-        ]
-
-    def _under_load(self) -> list[str]:
-        """Return what is expected of the speed while a string is held, as text."""
-        if self.expected is None:
-            return []
-        error = self.trajectory.loaded_speed_error
-        if error is None:
-            return ["string held: speed error unknown; give arm.servo_stiffness to predict it"]
-        return [
-            f"string held: RMS speed error up to {error * 100:.2g} % expected (arm.servo_stiffness)"
         ]
 
     @property
@@ -128,12 +120,6 @@ def plan(rig: Rig) -> Plan:
     expected, doubts = expected_of(rig)
     draft = draft_press(rig, expected)
     warnings = [*doubts, *draft.warnings]
-    error, tolerance = draft.loaded_speed_error, rig.press.speed_tolerance
-    if error is not None and error > tolerance:
-        warnings.append(
-            f"jack speed while a string is held: RMS error up to {100 * error:.2g} % expected,"
-            f" press.speed_tolerance {100 * tolerance:.3g} %; {HOLD_SPEED}"
-        )
     least, name = _return_force(rig, draft), "jack.register_friction"
     friction = rig.assumed.get(name, (0.0, rig.jack.register_friction))[1]
     stiff = rig.jack.model_copy(update={"register_friction": friction})

@@ -33,48 +33,44 @@ def health_of(press: AnalysedPress, first: AnalysedPress | None = None) -> Healt
     Args:
         first: The first valid press with the same plan and instrument; None if this is the first.
     """
-    motion = press_law(press.press.rig.press).law.states[:, 0]
-    planned, returns = float(motion.max()), abs(motion[-1]) <= STAYED * motion.max()
     names = ("full_rise", "end_rise", "peak_force", "rest_force", "plucks")
     rise, end, force, rest, plucks = (_number(press, name) for name in names)
     high, _, _, level, before = (_number(first or press, name) for name in names)
-    most = "" if math.isnan(force) else f", and the force was at most {force:.3g} N"
-    if rise < FOLLOWED * planned:
-        return Health(
-            f"the key did not follow the finger: the jack rose by {rise * 1e3:.3g} mm of"
-            f" {planned * 1e3:.3g} mm{most}; if the key is down, free the jack; if not, check the"
-            " aim and the sign of the vibrometer",
-            valid=False,
+    motion = press_law(press.press.rig.press).law.states[:, 0] * 1e3
+    settled = press.press.drift.before is not None  # otherwise the rise drifts
+    if rise < FOLLOWED * motion.max():
+        text = (
+            f"the key did not follow the finger: the jack rose by {rise:.3g} mm of"
+            f" {motion.max():.3g} mm, with at most {force:.3g} N; free the jack if the key is down,"
+            " otherwise check the aim and the sign of the vibrometer"
         )
+        return Health(text, valid=False)
     if before and not plucks:
-        return Health(
-            f"no pluck, and {before:g} in the first press{most}; the plectrum or the string"
-            " may be broken: repair it",
-            valid=False,
+        text = "no pluck, and {:g} in the first press: the plectrum or the string may be broken"
+        return Health(text.format(before) + "; repair it", valid=False)
+    text = ""
+    if settled and motion[-1] <= STAYED * rise < end:
+        text = (
+            f"the jack did not return: {end:.3g} mm of {rise:.3g} mm remain at the end of the"
+            f" recording, {STAYED * rise:.2g} mm are permitted; free the jack in its register; if"
+            " it is free, check `high_pass` of the vibrometer"
         )
-    if press.press.drift.before:  # otherwise the rise drifts
-        if returns and end > STAYED * rise:
-            return Health(
-                f"the jack did not return: {end * 1e3:.3g} mm of {rise * 1e3:.3g} mm remain at the"
-                f" end of the recording, {STAYED * rise * 1e3:.2g} mm are permitted; free the jack"
-                " in its register; if it is free, check `high_pass` of the vibrometer"
-            )
-        if (sunk := high - rise) > STAYED * high:
-            return Health(
-                f"the key has sunk: the jack rose by {rise * 1e3:.4g} mm, by {high * 1e3:.4g} mm in"
-                f" the first press, a difference of {sunk * 1e3:.2g} mm where"
-                f" {STAYED * high * 1e3:.2g} mm are permitted; check the key's rest, and the arm's"
-                " clamp"
-            )
-    if abs(rest - level) > DRIFTED * force:
-        return Health(
+    elif settled and high - rise > STAYED * high:
+        text = (
+            f"the key has sunk: the jack rose by {rise:.4g} mm, {high:.4g} mm in the first press;"
+            f" {STAYED * high:.2g} mm less are permitted: check the key's rest and the arm's clamp"
+        )
+    elif abs(rest - level) > DRIFTED * force:
+        text = (
             f"the force at rest has drifted from {level:.3g} to {rest:.3g} N, by more than"
             f" {DRIFTED * force:.2g} N; reset the amplifier of the transducer"
         )
-    return Health()
+    return Health(text)
 
 
 def _number(press: AnalysedPress, name: str) -> float:
-    """Return a feature; NaN, with which no limit is exceeded, where it is unknown."""
+    """Return a feature, a length in mm; NaN, which exceeds no limit, where it is unknown."""
     value = press.features[name]
-    return value if isinstance(value, int | float) else math.nan
+    if not isinstance(value, int | float):
+        return math.nan
+    return value * 1e3 if name.endswith("_rise") else value

@@ -84,11 +84,7 @@ class SessionReport(Observer):
             yield watch
 
     def end(self) -> int:
-        """Print the summary of all presses of the session, including earlier runs.
-
-        Returns:
-            The exit status: 1 if the instrument must be put right before the presses that are left.
-        """
+        """Print the summary of all presses of the session; return 1 if it was halted, else 0."""
         folder, run = self._pressing.folder, self._pressing.result
         numbers = sorted(folder.done)
         session = self._pressing.session

@@ -41,11 +41,13 @@ class Learned(Shown):
     """RMS relative error of the jack speed over the cruise, of each press; dimensionless."""
     stopped: str
     """Why learning has ended before the last press; empty if it has not."""
-    held_speed_error: float | None
-    """The same while a string is held, of the press with the smallest error; dimensionless. None
+    held_speed_error: float
+    """The same while a string is held, of the press with the smallest error; over the cruise
     without a pluck."""
     tolerance: float
     """`press.speed_tolerance`; dimensionless."""
+    reached: bool
+    """Whether `held_speed_error` is within it."""
     path: Path | None
     """File of the correction, for `press(learned=...)`; None if none reduced the error."""
     simulated: bool
@@ -55,18 +57,11 @@ class Learned(Shown):
     warnings: tuple[str, ...]
 
     @property
-    def reached(self) -> bool:
-        """Whether the jack has the planned speed with the correction: while a string is held, and
-        without a pluck over the cruise."""
-        return self._error <= self.tolerance
-
-    @property
     def verdict(self) -> str:
-        """The same as text, with what to do if not."""
-        over = "over the cruise" if self.held_speed_error is None else "while a string is held"
+        """Whether the jack has the planned speed with the correction, and what to do if not."""
         found = (
-            f"reached: RMS speed error {100 * self._error:.3g} % {over} after"
-            f" {counted(len(self.errors), 'press')}, press.speed_tolerance"
+            f"reached: RMS speed error {100 * self.held_speed_error:.3g} % while a string is held"
+            f" after {counted(len(self.errors), 'press')}, press.speed_tolerance"
             f" {100 * self.tolerance:.3g} %"
         )
         if self.reached:
@@ -76,11 +71,6 @@ class Learned(Shown):
             f"not {found}; {more}learn with --feed-forward, lower press.jack_speed, or stiffen the"
             " position loops of the controller"
         )
-
-    @property
-    def _error(self) -> float:
-        held = self.held_speed_error
-        return min(self.errors) if held is None else held
 
     def __repr__(self) -> str:
         errors = ", ".join(f"{100 * error:.2f} %" for error in self.errors)
@@ -141,9 +131,10 @@ class Learning:
         of_session = simulated, folder.seed, self.warnings
         session = Session(recordings, folder=self._out)
         best = session[int(np.argmin(made.errors))].analysed.features["held_speed_error"]
-        error = best if isinstance(best, float) else None
+        error = best if isinstance(best, float) else min(made.errors)
         limit = self._nominal.press.speed_tolerance
-        return Learned(session, tuple(made.errors), made.stopped, error, limit, file, *of_session)
+        verdict = error, limit, error <= limit
+        return Learned(session, tuple(made.errors), made.stopped, *verdict, file, *of_session)
 
     def _resumed(self, folder: SessionFolder, on_press: Callable[[Path, float], Any]) -> bool:
         """Learn from the presses in the folder; return whether one is left to make."""

@@ -48,8 +48,8 @@ def test_a_hanging_jack_is_named_and_its_press_counts(pressed):
 
 def test_a_broken_plectrum_is_named_and_its_press_is_made_again(pressed):
     health = health_of(pressed(plectrum="none", string="none"), pressed())
-    assert "no pluck, and 1 in the first press" in health.reason
-    assert "plectrum or the string may be broken" in health.reason
+    assert "no pluck, and 1 in the first press: the plectrum" in health.reason
+    assert "the string may be broken" in health.reason
     assert not health.valid
 
 
@@ -60,7 +60,7 @@ def test_a_key_that_sinks_is_named(pressed):
     assert health_of(sunk).reason == ""  # without a first press there is nothing to compare with
     health = health_of(sunk, pressed())
     assert health.reason.startswith("the key has sunk: the jack rose by 8.9")
-    assert "a difference of 1" in health.reason
+    assert "mm less are permitted" in health.reason
     assert health.valid
 
 
@@ -72,7 +72,7 @@ def test_a_key_that_stays_down_and_a_drifting_force_are_named(pressed):
 
     down = health_of(changed(full_rise=1e-7, plucks=0, peak_force=0.2), press)
     assert not down.valid
-    assert "the jack rose by 0.0001 mm of 10 mm, and the force was at most 0.2 N" in down.reason
+    assert "the jack rose by 0.0001 mm of 10 mm, with at most 0.2 N" in down.reason
     assert "free the jack" in down.reason
     assert "sign of the vibrometer" in down.reason
     assert "drifted from" in health_of(changed(rest_force=0.5, peak_force=0.7), press).reason
