@@ -41,8 +41,8 @@ def health_of(press: AnalysedPress, first: AnalysedPress | None = None) -> Healt
     if rise < FOLLOWED * motion.max():
         text = (
             f"the key did not follow the finger: the jack rose by {rise:.3g} mm of"
-            f" {motion.max():.3g} mm, with at most {force:.3g} N; free the jack if the key is down,"
-            " otherwise check the aim and the sign of the vibrometer"
+            f" {motion.max():.3g} mm{'' if math.isnan(force) else f', with at most {force:.3g} N'};"
+            " free the jack if the key is down, otherwise check the vibrometer's aim and sign"
         )
         return Health(text, valid=False)
     if before and not plucks:
