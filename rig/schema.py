@@ -19,6 +19,7 @@ from sautereau.rig.registry import CONTROLLERS, NameIn
 from sautereau.rig.units import GRAVITY, Angle, Length, Mass, Moment, Section, Time, Unit, Voltage
 
 RotorInertia = Annotated[float, Unit("kg*m**2", "1e-6 kg m^2"), Field(ge=0)]
+Stiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad"), Field(gt=0)]
 GearRatio = Annotated[float, Field(gt=0)]
 Fraction = Annotated[float, Field(strict=True, gt=0, le=1)]
 LEAST_INTERVAL = 0.999e-6  # s, between the points of a gesture
@@ -99,7 +100,8 @@ class Press(Section):
     """Replayed in place of the constant speed. It can be read from a file with the columns
     `time [s]` and `rise [mm]`: ``gesture = { file = "gesture.csv" }``."""
     speed_tolerance: float = Field(strict=True, gt=0, le=0.1)
-    """Dimensionless, maximum relative error of the jack speed in the cruise by rounding."""
+    """Dimensionless, maximum relative error of the jack speed: in the cruise by rounding, and RMS
+    while a string is held."""
     hover: Length = Field(gt=0)
     """m, height of the fingertip above the key before and after the presses."""
 
@@ -146,6 +148,10 @@ class Arm(Section):
     """kg m^2, moments of inertia of the two motors' rotors about their own axes."""
     gear_ratios: tuple[GearRatio, GearRatio] = (1.0, 1.0)
     """Dimensionless, revolutions of each motor per revolution of its joint."""
+    servo_stiffness: tuple[Stiffness, Stiffness] | None = None
+    """N m/rad, torque of the two position loops per angle by which their joints are off. `plan`
+    predicts from it how the jack slows down under the string's force; without it that is
+    unknown."""
     mount_x: tuple[Length, Length]
     """m, minimum and maximum base_x at which the robot can be clamped."""
     mount_z: tuple[Length, Length]

@@ -7,10 +7,10 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import Path, fingertip_motion, follow_down, follow_key, tilt
 from sautereau.trajectory.checks import Check
-from sautereau.trajectory.dynamics import joint_torques
+from sautereau.trajectory.dynamics import joint_torques, tip_torque
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.key import jack_motion, key_under_fingertip, surface_axes
+from sautereau.trajectory.key import jack_law, jack_motion, key_under_fingertip, surface_axes
 from sautereau.trajectory.learning import Correction
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.quantise import quantise, sample_times
@@ -63,6 +63,9 @@ class Trajectory(Path):
     retreat: Segments
     """Segments after the last press, back up to `hover`."""
     cruise: Cruise
+    loaded_speed_error: float | None
+    """Dimensionless, expected RMS error of the jack's speed while a string is held, relative to the
+    planned speed; None without a string or `arm.servo_stiffness`."""
     home: Counts
     """Counts, joint positions at the home switches; shape (2,)."""
     checks: tuple[Check, ...]
@@ -125,6 +128,7 @@ def draft_press(
         approach=approach,
         retreat=retreat,
         cruise=cruise,
+        loaded_speed_error=_loaded_speed_error(rig, path, expected),
         home=to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution),
         checks=verify(rig, (approach, segments, retreat), cruise.error, expected),
         warnings=_warnings(law, cruise, float(path.rise.position.min()), expected),
@@ -162,6 +166,32 @@ def _cruise(rig: Rig, law: PressLaw, segments: Segments) -> Cruise:
     start, end = float(ends[first]), float(ends[last])
     rise = float(jack.position[0]), float(jack.position[-1])
     return Cruise(start, end, rise, (rise[1] - rise[0]) / (end - start), float(error))
+
+
+def _loaded_speed_error(rig: Rig, path: Path, expected: Expectation | None) -> float | None:
+    """Return `Trajectory.loaded_speed_error` of a finger that the string's force deflects.
+
+    The planned rise is the actual rise r plus the deflection C F(r) of the position loops, so that
+    the jack's speed is the planned one over 1 + C dF/dr. Where that is negative, as at a release,
+    the jack jumps; jumps, and the oscillation after them, are omitted. So is the damping of the
+    loops, which makes the error smaller in a fast press.
+    """
+    stiffness = rig.arm.servo_stiffness
+    if expected is None or stiffness is None:
+        return None
+    down = slice(0, int(np.argmax(path.rise.position)) + 1)
+    angle = path.angle.position[down]
+    _, normal = surface_axes(angle)
+    levers = tip_torque(rig.arm, path.joints.position[down], normal)
+    per_angle = jack_law(rig.key, angle)[1]
+    compliance = (levers**2 / stiffness).sum(-1) * per_angle / rig.key.press_arm
+    inside = (expected.rise >= expected.contact) & (expected.rise <= expected.release)
+    rise = expected.rise[inside]
+    planned = rise + np.interp(rise, path.rise.position[down], compliance) * expected.force[inside]
+    step, planned_step = np.diff(rise), np.diff(planned)
+    moves = planned_step > 0
+    error = step[moves] / planned_step[moves] - 1
+    return float(np.sqrt(np.average(error**2, weights=planned_step[moves])))
 
 
 def _too_short(law: PressLaw, period: float) -> str:

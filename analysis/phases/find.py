@@ -65,8 +65,8 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     if down is None:
         most = max(0.0, signals.rise.max(initial=0.0)) * 1e3
         warning = (
-            f"the key did not move down: the jack rose by {most:.2g} mm at most;"
-            " check the aim and the sign of the vibrometer"
+            f"the key did not move down: the jack rose by {most:.2g} mm at most; free the jack if"
+            " the key was down before, otherwise check the aim and the sign of the vibrometer"
         )
         peak = peak_force(force, signals, ())
         return Phases(0.0, 0.0, (), 0.0, None, None, (warning,), peak_force=peak)

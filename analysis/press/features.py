@@ -5,6 +5,7 @@ The work on a string and the deflection start at contact, where the paper aligns
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
+from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.timing import press_law
 
 Value = float | int | str | bool | None
 Row = dict[str, Value]
@@ -21,6 +24,13 @@ Row = dict[str, Value]
 OF_PHASES = ("start", "bottom", "bottomed", "returned", "free_speed", "held_speed",
              "released_speed")  # fmt: skip
 """Columns that are attributes of the phases."""
+OF_SPEED = ("held_speed_mean", "held_speed_min", "held_speed_max", "held_speed_error")
+"""Columns of `held_speeds`."""
+OF_REST = ("full_rise", "end_rise", "rest_force")
+"""Columns that show from press to press whether the key comes back, and whether sensors drift."""
+WINDOW = 1e-3
+"""s, longest time over which a speed is averaged, so that the vibrometer's noise is below 0.2 % of
+a jack speed of 5 mm/s."""
 COMPARED = (
     "pluck_duration",
     "contact_rise",
@@ -41,21 +51,21 @@ OF_PLUCK = (
 UNITS = {
     name: QUANTITIES[name].unit
     for name in (
-        *("path", "simulated", "plucks", *OF_PHASES),
+        *("path", "simulated", "plucks", *OF_PHASES, *OF_SPEED),
         *OF_PLUCK,
-        *("peak_force", "press_work", "warnings"),
+        *("peak_force", "press_work", *OF_REST, "warnings"),
     )
 }
 """Unit of each column, in the order of the columns; those of later plucks have these units too.
 `sautereau.rig.quantities` defines the columns; times are in s after the trigger."""
 
-NEED_BOTH = ("bottomed", "force_drop", "force_slope", "held_work", "press_work")
+NEED_BOTH = ("bottomed", "force_drop", "force_slope", "held_work", "press_work", "rest_force")
 """Columns that need the force and the velocity."""
 NEED = {
     "force": ("contact_force", "release_force", "peak_force", *NEED_BOTH),
     "velocity": (
-        *("start", "bottom", "returned", "free_speed", "held_speed", "released_speed"),
-        *("contact_rise", "release_rise", "held_deflection", *NEED_BOTH),
+        *("start", "bottom", "returned", "free_speed", "held_speed", "released_speed", *OF_SPEED),
+        *("contact_rise", "release_rise", "held_deflection", "full_rise", "end_rise", *NEED_BOTH),
     ),
 }
 """Columns that are None where this signal was not recorded."""
@@ -63,8 +73,8 @@ NEED = {
 GAINED = {
     "force": ("contact_force", "release_force", "peak_force"),
     "velocity": (
-        *("free_speed", "held_speed", "released_speed"),
-        *("contact_rise", "release_rise", "held_deflection"),
+        *("free_speed", "held_speed", "released_speed", *OF_SPEED[:-1]),
+        *("contact_rise", "release_rise", "held_deflection", "full_rise", "end_rise"),
     ),
 }
 GAINED_BY_BOTH = ("force_slope", "held_work", "press_work")
@@ -153,6 +163,34 @@ def work_along(travel: Floats, force: Floats) -> float:
     return float(np.diff(travel) @ (force[1:] + force[:-1]) / 2)
 
 
+def held_speeds(press: Press, phases: Phases) -> Row:
+    """Return mean, least and largest jack speed while any string is held, and its RMS error.
+
+    The error is that from the plan without a correction, relative to the largest planned speed. All
+    are None without a pluck or a velocity, and the error also without a planned motion.
+    """
+    found: Row = dict.fromkeys(OF_SPEED)
+    if press.missing == "velocity" or not phases.plucks:
+        return found
+    ends = [(held.contact, held.release) for held in phases.plucks]
+    first, last = min(start for start, _ in ends), max(stop for _, stop in ends)
+    time = np.linspace(first, last, 1 + max(4, math.ceil((last - first) / WINDOW)))
+    held = np.any([(time[:-1] >= start) & (time[1:] <= stop) for start, stop in ends], axis=0)
+    if not held.any():
+        return found
+    per_step = (len(time) - 1) / (last - first)
+    rise = np.interp(time, press.time, press.samples["jack_rise"])
+    speed = np.diff(rise)[held] * per_step
+    found |= zip(OF_SPEED, map(float, (speed.mean(), speed.min(), speed.max())), strict=False)
+    if press.motion is not None:
+        with suppress(TrajectoryError):  # of a rig that describes no press
+            law = press_law(press.rig.press).law
+            planned = np.diff(law.at(time - press.motion.time).position)[held] * per_step
+            error = np.sqrt(np.mean((speed - planned) ** 2)) / np.abs(planned).max()
+            found["held_speed_error"] = float(error) if math.isfinite(error) else None
+    return found
+
+
 def features(press: Press, phases: Phases) -> Row:
     """Return the features of a press: the columns of `UNITS`, and those of further plucks.
 
@@ -176,6 +214,7 @@ def features(press: Press, phases: Phases) -> Row:
         "simulated": press.simulated,
         "plucks": len(phases.plucks),
         **{name: getattr(phases, name) for name in OF_PHASES},
+        **held_speeds(press, phases),
         **dict.fromkeys(OF_PLUCK),
     }
     for number, held in enumerate(phases.plucks, 1):
@@ -190,9 +229,13 @@ def features(press: Press, phases: Phases) -> Row:
             "held_work": work(*ends),
         }
         row |= {column(name, number): found[name] for name in OF_PLUCK}
+    still = slice(*np.searchsorted(time, press.drift.before or (0.0, 0.0)))
     row |= {
         "peak_force": phases.peak_force,
         "press_work": work(-np.inf, phases.bottom),
+        "full_rise": float(rise.max()),
+        "end_rise": float(rise[-1]),
+        "rest_force": press.drift.force + float(force[still].mean()) if force[still].size else None,
         "warnings": len(press.warnings) + len(phases.warnings),
     }
     return row | {name: None for name in row if unknown and split_column(name)[0] in unknown}

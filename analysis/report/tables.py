@@ -28,6 +28,10 @@ NONE = "–"
 DIGITS = {
     "plucks": 0,
     "free_speed": 5,
+    "held_speed_mean": 5,
+    "held_speed_min": 5,
+    "held_speed_max": 5,
+    "held_speed_error": 4,
     "contact": 3,
     "release": 3,
     "pluck_duration": 3,
@@ -42,7 +46,7 @@ DIGITS = {
 """Features in the table, in their order, with their decimal places."""
 LATER = ("contact", "release", "pluck_duration", "release_force", "force_drop")
 """Features in the table of the second and later strings as well."""
-COURSE = ("free_speed", "pluck_duration", "release_force")
+COURSE = ("held_speed_error", "pluck_duration", "release_force")
 """Features that are drawn from press to press."""
 
 

@@ -203,6 +203,14 @@ def _condition_document(found: Condition) -> dict[str, Any]:
         drifts = {name: _per_press(v) for name, v in figures.items() if isinstance(v, Trend)}
         spreads = {name: json_of(v) for name, v in figures.items() if isinstance(v, Spread)}
         result["repeatability"] = figures | spreads | drifts
+    if found.speed_reached is not None:
+        result["held_speed"] = {
+            "min": min(found.of_speed("held_speed_min")),
+            "max": max(found.of_speed("held_speed_max")),
+            "rms_error": max(found.of_speed("held_speed_error")),
+            "tolerance": found.rig.press.speed_tolerance,
+            "reached": found.speed_reached,
+        }
     return result | {"warnings": list(found.warnings)}
 
 
@@ -243,6 +251,7 @@ def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
         if condition.repeatability:
             lines += repeatability_lines(condition.repeatability)
         lines += _drift_lines(condition)
+        lines += [condition.speed_verdict] if condition.speed_reached else []
         lines += condition.warnings
     return lines
 

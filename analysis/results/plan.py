@@ -5,12 +5,16 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import expected_of
 from sautereau.analysis.results.result import Result, frame_of, shown
 from sautereau.analysis.text import check_cells, counted, relative_margin, table
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.checks import Check
 from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import Trajectory, draft_press
 
 if TYPE_CHECKING:
@@ -31,6 +35,9 @@ class Plan(Result):
     expected: Expectation | None
     """Force of the string on the finger; None if the model has no solution."""
     warnings: tuple[str, ...]
+    return_force_min: float | None
+    """N, least force between finger and key on the way back; not above 0 if they part, None if the
+    key does not return."""
 
     def __repr__(self) -> str:
         feasible = "feasible" if self.feasible else "NOT feasible"
@@ -48,6 +55,8 @@ class Plan(Result):
         return {
             "cruise_speed": draft.cruise.speed,
             "cruise_error_max": draft.cruise.error,
+            "loaded_speed_error": draft.loaded_speed_error,
+            "return_force_min": self.return_force_min,
             "cruise_time": [draft.cruise.start, draft.cruise.end],
             "cruise_rise": list(draft.cruise.rise),
             "tilt_max": float(abs(draft.tilt).max()),
@@ -67,13 +76,19 @@ class Plan(Result):
         """
         draft, cruise = self.trajectory, self.trajectory.cruise
         tilt, slide = math.degrees(abs(draft.tilt).max()), abs(draft.slide).max() * 1e3
+        start, end = cruise.start * 1e3, cruise.end * 1e3
+        held = "speed error unknown; give arm.servo_stiffness to predict it"
+        if (error := draft.loaded_speed_error) is not None:
+            limit = f"press.speed_tolerance {100 * self.rig.press.speed_tolerance:.3g} %"
+            held = f"RMS speed error up to {error * 100:.2g} % expected, {limit}"
         return [
             f"rig {self.rig.name}: {draft.time[-1] * 1e3:.4g} ms in"
             f" {counted(len(draft.segments), 'segment')}",
             f"{'cruise' if draft.law.steady else 'gesture'}: jack speed {cruise.speed:.6g} m/s,"
-            f" error at most {cruise.error * 100:.2g} %, from {cruise.start * 1e3:.4g} to"
-            f" {cruise.end * 1e3:.4g} ms after the start of motion,"
+            f" error by rounding at most {cruise.error * 100:.2g} %,"
+            f" from {start:.4g} to {end:.4g} ms after the start of motion,"
             f" jack rise {cruise.rise[0] * 1e3:.4g} to {cruise.rise[1] * 1e3:.4g} mm",
+            *([f"string held: {held}"] if self.expected else []),
             f"finger: tilt at most {tilt:.3g} deg, slide at most {slide:.3g} mm",
             *_check_lines(draft.checks, all_checks),
             *(f"warning: {warning}" for warning in self.warnings),
@@ -104,7 +119,28 @@ def plan(rig: Rig) -> Plan:
     """
     expected, doubts = expected_of(rig)
     draft = draft_press(rig, expected)
-    return Plan(rig, draft, expected, (*doubts, *draft.warnings))
+    warnings = [*doubts, *draft.warnings]
+    least, name = _return_force(rig, draft), "jack.register_friction"
+    friction = rig.assumed.get(name, (0.0, rig.jack.register_friction))[1]
+    stiff = rig.jack.model_copy(update={"register_friction": friction})
+    worst = _return_force(rig.model_copy(update={"jack": stiff}), draft)
+    if least is not None and worst is not None and worst <= 0:
+        warnings.append(
+            f"weak return: the key presses on the returning finger with {least * 1e3:.2g} mN at"
+            f" least, and leaves it by {-worst * 1e3:.2g} mN if {name} is {friction * 1e3:.3g} mN:"
+            " the jack may hang; measure the friction, lower press.return_acceleration, or ease"
+            " the jack"
+        )
+    return Plan(rig, draft, expected, tuple(warnings), least)
+
+
+def _return_force(rig: Rig, draft: Trajectory) -> float | None:
+    """Return the least force [N] between finger and key while the key returns."""
+    back = draft.angle.velocity < 0
+    if not back.any():
+        return None
+    angle = Motion(*(part[back] for part in draft.angle))
+    return float(finger_force(rig, angle, np.zeros(int(back.sum()))).min())
 
 
 def _check_lines(checks: Sequence[Check], all_checks: bool) -> list[str]:

@@ -5,19 +5,25 @@ from typing import Any
 
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.features import NEED, gain_stds
+from sautereau.analysis.press.features import NEED, OF_SPEED, Row, features, gain_stds
 
 HEADER = (
+    "Jack speed: mean and RMS error while a string is held. #: string of the rig.\n"
     "Contact and release: time after the trigger. !: doubtful, see the warnings.\n"
-    f"{'':<13} {'jack speed':>10}        contact  release    pluck     release\n"
-    f"{'':<48} duration       force\n"
-    f"{'press':<15} {'(m/s)':>8} string {'(ms)':>8} {'(ms)':>8} {'(ms)':>8} {'(N)':>11}"
+    f"{'':<15} {'jack':>7} {'speed':>5} {'':>19} {'pluck':>8} {'release':>9}\n"
+    f"{'':<15} {'speed':>7} {'error':>5}   {'contact':>8} {'release':>8} {'duration':>8}"
+    f" {'force':>9}\n"
+    f"{'press':<15} {'(m/s)':>7} {'(%)':>5} # {'(ms)':>8} {'(ms)':>8} {'(ms)':>8} {'(N)':>9}"
 )
 """Head of the rows, which fit into 80 columns."""
 
 
-def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
-    """Return one press as JSON; SI units, None where there is no pluck or a signal is missing."""
+def press_summary(press: Press, phases: Phases, found: Row | None = None) -> dict[str, Any]:
+    """Return one press as JSON; SI units, None where there is no pluck or a signal is missing.
+
+    Args:
+        found: Its `features`; None to compute them from the samples, which must be complete.
+    """
     first = phases.plucks[0] if phases.plucks else None
     unknown = NEED[press.missing] if press.missing else ()
 
@@ -46,6 +52,7 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
             name: known(f"{name}_speed", getattr(phases, f"{name}_speed"))
             for name in ("free", "held", "released")
         },
+        "held_speed": held_speed(press, found or features(press, phases)),
         "forces": {
             "contact": of_first("contact_force"),
             "release": of_first("release_force"),
@@ -59,18 +66,37 @@ def press_summary(press: Press, phases: Phases) -> dict[str, Any]:
     }
 
 
-def press_line(press: Press, phases: Phases) -> str:
-    """Return one press as rows under `HEADER`, one for each pluck; "-" for what is unknown."""
-    speed = "-" if press.missing == "velocity" else f"{phases.free_speed:.5f}"
-    row = f"{press.path.name:<15} {speed:>8}"
+def held_speed(press: Press, found: Row) -> dict[str, Any] | None:
+    """Return the jack's speed while any string is held, beside its tolerance; None if unknown."""
+    mean, least, largest, error = (found[name] for name in OF_SPEED)
+    tolerance = press.rig.press.speed_tolerance
+    reached = error <= tolerance if isinstance(error, float) else None
+    if mean is None:
+        return None
+    return {
+        **{"mean": mean, "min": least, "max": largest, "rms_error": error},
+        **{"tolerance": tolerance, "reached": reached},
+    }
+
+
+def press_line(press: Press, phases: Phases, found: Row | None = None) -> str:
+    """Return one press as rows under `HEADER`, one for each pluck; "-" for what is unknown.
+
+    Args:
+        found: As that of `press_summary`.
+    """
+    speed = held_speed(press, found or features(press, phases)) or {}
+    mean, error = speed.get("mean"), speed.get("rms_error")
+    row = f"{press.path.name:<15} {'-' if mean is None else f'{mean:.5f}':>7}"
+    row += f" {'-' if error is None else f'{100 * error:.3g}':>5}"
     if not phases.plucks:
         row += "  no pluck" + " !" * bool(phases.warnings)
     for number, held in enumerate(phases.plucks):
-        row += "" if number == 0 else f"\n{'':<24}"
+        row += "" if number == 0 else f"\n{'':<29}"
         force = "-" if press.missing == "force" else f"{held.release_force:.4f}"
         row += (
-            f" {held.string or '-':>5} {held.contact * 1e3:>8.3f} {held.release * 1e3:>8.3f}"
-            f" {held.pluck_duration * 1e3:>8.3f} {'!' * held.doubtful:<2}{force:>9}"
+            f" {held.string or '-'} {held.contact * 1e3:>8.3f} {held.release * 1e3:>8.3f}"
+            f" {held.pluck_duration * 1e3:>8.3f} {'!' * held.doubtful:<2}{force:>8}"
         )
     set_by_hand = phases.fit is not None and phases.fit.model == "by hand"
     alone = f"  no {press.missing}" if press.missing else ""

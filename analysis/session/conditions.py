@@ -6,7 +6,7 @@ Command line, report and notebooks show what `analyse` returns, and compute none
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
@@ -31,6 +31,11 @@ from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity, readable_quantity
 from sautereau.trajectory.timing import press_law
 
+HOLD_SPEED = (
+    "learn a correction with `sautereau learn` and press with --learned, press with --feed-forward,"
+    " lower press.jack_speed, or stiffen the position loops of the controller"
+)
+"""How to keep the jack's speed while a string is held."""
 PressT = TypeVar("PressT", bound=AnalysedPress)
 
 
@@ -65,6 +70,29 @@ class Condition(Generic[PressT]):
     def simulated(self) -> bool:
         """Whether the stand-in made the presses."""
         return any(press.press.simulated for press in self.presses)
+
+    def of_speed(self, name: str) -> list[float]:
+        """Return a column of `OF_SPEED`, of all presses that have it."""
+        found = (press.features[name] for press in self.counted)
+        return [value for value in found if isinstance(value, float)]
+
+    @property
+    def speed_reached(self) -> bool | None:
+        """Whether the jack had the planned speed while a string was held; None if unknown."""
+        errors = self.of_speed("held_speed_error")
+        return max(errors) <= self.rig.press.speed_tolerance if errors else None
+
+    @property
+    def speed_verdict(self) -> str:
+        """The same as text, with the speeds."""
+        errors, tolerance = self.of_speed("held_speed_error"), self.rig.press.speed_tolerance
+        missed = sum(error > tolerance for error in errors)
+        least, most = min(self.of_speed("held_speed_min")), max(self.of_speed("held_speed_max"))
+        verdict = f"not reached in {missed} of {len(errors)} presses" if missed else "reached"
+        return (
+            f"jack speed while a string is held: {least:.4f} to {most:.4f} m/s, RMS error at most"
+            f" {100 * max(errors):.3g} %, press.speed_tolerance {100 * tolerance:.3g} %: {verdict}"
+        )
 
 
 def label_of(condition: Condition, keys: Iterable[str]) -> str:
@@ -154,9 +182,11 @@ def _condition(
 ) -> Condition[PressT]:
     own = presses[0].press.rig
     counted = [press for press in presses if not press.session.warm_up]
+    # Without a pluck where others have one, the key was down, or the plectrum is broken.
+    valid = [press for press in counted if press.phases.plucks] or counted
     # A held string of which the jack's speed is unknown cannot be predicted.
-    stopped = [press for press in counted if press.phases.plucks and not press.speed]
-    known = [press for press in counted if press.speed or not press.phases.plucks]
+    stopped = [press for press in valid if press.phases.plucks and not press.speed]
+    known = [press for press in valid if press.speed or not press.phases.plucks]
     rows = [press.features for press in known]
     prediction = comparison = spread = None
     predicted: dict[str, float] = {}
@@ -171,9 +201,8 @@ def _condition(
             f"not compared: {unknown} pluck{'s' * (unknown > 1)} whose string is not known: see"
             " `sautereau phases`"
         )
-    silent = [press for press in known if not press.phases.plucks]
-    if len(silent) < len(known):  # otherwise the comparison itself gives the reason
-        warnings += _omitted(silent, "no pluck was found; see `sautereau phases`")
+    silent = [press for press in counted if press not in valid]
+    warnings += _omitted(silent, "no pluck was found; see `sautereau phases`")
     doubtful = sum(any(held.doubtful for held in p.phases.plucks) for p in known)
     if doubtful:
         warnings.append(
@@ -211,13 +240,13 @@ def _condition(
         predicted = predicted_means(rows, rig or own, each)
     except SautereauError as error:
         warnings.append(f"no comparison with the model: {error}")
-    planned = all(press.session.by_arm for press in counted) and own.press.gesture is None
-    if len(counted) >= LEAST and planned:
+    planned = all(press.session.by_arm for press in valid) and own.press.gesture is None
+    if len(valid) >= LEAST and planned:
         try:
-            spread = repeatability([press.press for press in counted], press_law(own.press))
+            spread = repeatability([press.press for press in valid], press_law(own.press))
         except SautereauError as error:
             warnings.append(f"no repeatability: {error}")
-    return Condition(
+    found = Condition(
         values,
         differing(base, values),
         own,
@@ -228,6 +257,9 @@ def _condition(
         spread,
         tuple(warnings),
     )
+    if found.speed_reached is False:
+        found = replace(found, warnings=(*warnings, f"{found.speed_verdict}; {HOLD_SPEED}"))
+    return found
 
 
 def _predicted(rig: Rig, own: Rig, level: str, speed: JackSpeed | None) -> Prediction:

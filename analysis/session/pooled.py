@@ -17,9 +17,11 @@ from sautereau.analysis.session.compare import Mean, mean_of
 from sautereau.analysis.session.repeatability import LEAST, Trend, trend_of
 
 POOLED = tuple(
-    name for name, unit in UNITS.items() if unit not in ("", "1") and not name.endswith("_std")
+    name
+    for name, unit in UNITS.items()
+    if unit not in ("", "1") and not name.endswith("_std") and name != "rest_force"
 )
-"""Features of which a mean over presses has a meaning."""
+"""Features of which a mean over presses has a meaning: not the zero of an amplifier."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable, motion_controller
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.control import Control
+from sautereau.robot.experiment.health import Health
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.plan import instrument_of, to_set
 from sautereau.robot.experiment.plan_table import MOST_PRESSES, Row
@@ -59,6 +60,8 @@ class Crew:
     """Asks the operator, and returns the answer; None if there is nobody to ask."""
     on_press: Callable[[Place, Path], Any] = lambda place, path: None
     """Called with each press and its recording."""
+    examine: Callable[[Path, Path | None], Health] = lambda path, first: Health()
+    """Judges a recording, beside the first one with the same plan and instrument."""
     opened: Callable[[Path], Any] = lambda path: path
     """Returns what the plan is sent for a recording."""
     watch: Watch = lambda seen: None
@@ -79,6 +82,11 @@ class PlanRun:
         """What the operator must set before the session continues; empty for nothing."""
         self.unanswered = ""
         """Question that the operator must answer before the session continues."""
+        self.fault = ""
+        """What is wrong with the instrument after the last press; empty for nothing."""
+        self.halted = ""
+        """The same and how to continue, if presses are left."""
+        self._first: list[tuple[Rig, Path]] = []
 
     def run(self) -> None:
         """Run the plan to its end, or until it needs an operator who is not there.
@@ -87,6 +95,9 @@ class PlanRun:
             SautereauError: Of any kind; the arm has been stopped and switched off.
         """
         while (place := self._next()) is not None:
+            if self.fault:
+                self.halted = f"{self.fault}; then run the same command or plan again to continue"
+                return
             self._control.wait()
             if isinstance(place, Ask):
                 answer = self._crew.operator(place.text)
@@ -142,10 +153,17 @@ class PlanRun:
 
     def _done(self, recording: Path) -> None:
         """Take the recording of the first place."""
+        row = self._places[0].row
+        if self._first_with(row) is None:
+            self._first.append((row.rig, recording))
         if not self._places.popleft().warm_up:
             self._made.append(self._crew.opened(recording))
         if not self._places:
             self._answer = self._made
+
+    def _first_with(self, row: Row) -> Path | None:
+        """Return the first valid recording with the plan and instrument of a row."""
+        return next((path for rig, path in self._first if rig == row.rig), None)
 
     def _answered(self, question: Ask, answer: str) -> None:
         row = {"values": {}, "repeats": 0, "notes": question.text, "answer": answer}
@@ -173,7 +191,7 @@ class PlanRun:
         instrument = instrument_of(first.row.rig)
 
         def items(bench: Bench) -> Iterator[Item]:
-            while isinstance(place := self._next(), Place):
+            while not self.fault and isinstance(place := self._next(), Place):
                 another = instrument_of(place.row.rig) != instrument
                 if another or (current and self._control.paused):
                     return
@@ -191,9 +209,14 @@ class PlanRun:
                 )
 
         def done(item: Item, path: Path) -> None:
-            folder.done[current[0].number] = path
             crew.on_press(current[0], path)
-            self._done(path)
+            health = crew.examine(path, self._first_with(current[0].row))
+            self.fault = health.reason and f"{path.name}: {health.reason}"
+            if health.valid:
+                folder.done[current[0].number] = path
+                self._done(path)
+            else:
+                folder.note_invalid(path)
 
         seed = seed_from(folder.seed, first.number)
         with (

@@ -5,9 +5,9 @@ The manifest is written before the first press.
 
 import json
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -53,6 +53,8 @@ class Manifest:
     """The plan, as JSON holds it."""
     set_up: Mapping[str, Any]
     """What the operator was last asked to set on the instrument, by the rig's dotted key."""
+    invalid: Sequence[str] = field(default_factory=list)
+    """Names of recordings whose presses are made again, because the instrument was at fault."""
 
 
 class _Press(BaseModel, extra="allow"):
@@ -74,6 +76,7 @@ class _Manifest(BaseModel, extra="allow"):
     seed: int | None = Field(ge=0, lt=2**64)
     plan: _Plan
     set_up: dict[str, str | int | FiniteFloat]
+    invalid: list[str] = Field(default=[], max_length=MOST_PRESSES)
 
 
 class SessionFolder:
@@ -132,8 +135,8 @@ class SessionFolder:
         self.others = 0
         """Recordings in the folder that do not belong to this session."""
         self.incomplete: list[Path] = []
-        """Recordings of this session that were recovered, or whose press was aborted; their
-        presses are made again."""
+        """Recordings of this session that were recovered, or whose press was aborted or invalid;
+        their presses are made again."""
         self._find()
 
     @property
@@ -181,13 +184,20 @@ class SessionFolder:
         self._manifest = replace(self._manifest, set_up=dict(set_up))
         write_manifest(self.path, self._manifest)
 
+    def note_invalid(self, recording: Path) -> None:
+        """Note a recording whose press is to be made again."""
+        self.incomplete.append(recording)
+        invalid = [*self._manifest.invalid, recording.name]
+        self._manifest = replace(self._manifest, invalid=invalid)
+        write_manifest(self.path, self._manifest)
+
     def _find(self) -> None:
         """Find the presses that are made."""
         for path in sorted(self.path.glob("*.mcap")) if self.path.is_dir() else []:
             found = read_session(path)
             if found.session != self.session or found.item is None:
                 self.others += 1
-            elif not read_recording(path).complete:
+            elif path.name in self._manifest.invalid or not read_recording(path).complete:
                 self.incomplete.append(path)
             elif found.item in self.done:
                 raise RobotError(
@@ -217,7 +227,7 @@ def read_manifest(folder: Path) -> Manifest | None:
         for row in found["plan"].get("presses", ()):
             row["values"] = {current_key(key): value for key, value in row["values"].items()}
         found["set_up"] = {current_key(key): value for key, value in found["set_up"].items()}
-        return Manifest(**{name: found[name] for name in Manifest.__dataclass_fields__})
+        return Manifest(**{n: found[n] for n in Manifest.__dataclass_fields__ if n in found})
     except FileNotFoundError:
         return None
     except ValidationError as error:

@@ -25,7 +25,7 @@ def watch(
     n
         End when this number of presses has arrived.
     """
-    from sautereau.analysis.results.press import HEADER, press_line
+    from sautereau.analysis.results.press import HEADER
     from sautereau.analysis.text import counted
     from sautereau.entrance.watching import watch as watch_folder
 
@@ -35,7 +35,7 @@ def watch(
     with suppress(KeyboardInterrupt):
         for session in sessions:
             for press in session[shown:]:
-                output.say(press_line(press.analysed.press, press.phases))
+                output.say(press.line)
             output.warn(*session.warnings[warned:])
             shown, warned = len(session), len(session.warnings)
             if shown:

@@ -28,6 +28,7 @@ def press(
     rest: common.Duration = common.Quantity(0),
     learned: Path | None = None,
     feed_forward: common.FeedForward = None,
+    ignore_health: bool = False,
     recorded: common.Recorded,
     simulation: common.Simulation = common.Simulation(),
     output: Output = Output(),
@@ -51,10 +52,14 @@ def press(
         Time between presses: "2 s".
     learned
         Correction of the trajectory, written by `sautereau learn`.
+    ignore_health
+        Continue where the session would stop, with the motors off: the jack has not returned, the
+        key has not followed the finger or has sunk, the plectrum no longer plucks, or the force at
+        rest has drifted.
     """
     from sautereau.entrance.pressing import Settings, Table
 
-    settings = Settings(warm_up, rest, recorded.notes, learned, feed_forward)
+    settings = Settings(warm_up, rest, recorded.notes, learned, feed_forward, ignore_health)
     what = Table(table, n) if table else n
     return _run(common.bench(rig, simulation), what, settings, recorded, output)
 
@@ -99,7 +104,8 @@ def learn(
 ) -> int:
     """Press up to n times, correcting the trajectory from the measured speed of the jack.
 
-    To continue after an interruption, run the same command again.
+    The exit status is 1 if the speed error of the best press stays above press.speed_tolerance. To
+    continue after an interruption, run the same command again.
 
     Parameters
     ----------
@@ -130,12 +136,16 @@ def learn(
     )
     result = {
         "rms_speed_error": found.errors,
+        **part_of(found, "held_speed_error", "tolerance", "reached"),
         "learned": found.path,
         "recordings": [press.path for press in found.session],
         **part_of(found, "stopped", "simulated", "seed", "warnings"),
     }
     lines += [f"recording:  {press.path}" for press in found.session]
-    return output.answer(result, lines)
+    lines += [found.verdict] if found.reached else []
+    return output.answer(
+        result, lines, faults=[] if found.reached else [f"learning: {found.verdict}"]
+    )
 
 
 def _run(
@@ -150,8 +160,7 @@ def _run(
     report = SessionReport(pressing, output, view=recorded.view, live=recorded.live)
     with _pausing(bench.control):
         pressing.run(report)
-    report.end()
-    return 0
+    return report.end()
 
 
 @contextmanager

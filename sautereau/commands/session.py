@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.figures.comparison import PICTURED
 from sautereau.analysis.results.comparison import Comparison
-from sautereau.analysis.results.press import HEADER, press_line
+from sautereau.analysis.results.press import HEADER
 from sautereau.analysis.text import grouped
 from sautereau.commands.live.process import watching
 from sautereau.commands.output import Output
 from sautereau.entrance.devices import Connected
 from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.pressing import Observer, Pressing
-from sautereau.entrance.session import Session
 from sautereau.rig.disk import read_limited, write_durably
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.run import Place
@@ -66,11 +65,10 @@ class SessionReport(Observer):
     def pressed(self, place: Place, path: Path) -> None:
         """Analyse a press, and print its results."""
         first = not self._presses
-        press = self._presses[place.number] = PressFile(path)
-        analysed = press.analysed
+        press = self._presses[place.number] = self._pressing.open(path)
         if first:
             self._output.say(HEADER)
-        self._output.say(press_line(analysed.press, analysed.phases) + "  warm-up" * place.warm_up)
+        self._output.say(press.line + "  warm-up" * place.warm_up)
         if total := self._pressing.plan.total:
             self._show(len(self._pressing.folder.done) / total)
 
@@ -85,11 +83,11 @@ class SessionReport(Observer):
         ):
             yield watch
 
-    def end(self) -> None:
-        """Print the summary of all presses of the session, including earlier runs."""
+    def end(self) -> int:
+        """Print the summary of all presses of the session; return 1 if it was halted, else 0."""
         folder, run = self._pressing.folder, self._pressing.result
         numbers = sorted(folder.done)
-        session = Session(self._presses.get(n) or PressFile(folder.done[n]) for n in numbers)
+        session = self._pressing.session
         with self._output.progress("reading recordings"):
             session.read()
         total, to_set = self._pressing.plan.total, run.to_set
@@ -108,9 +106,13 @@ class SessionReport(Observer):
             "left_behind": [str(path) for path in folder.left_behind],
             "to_set": to_set,
             "question": run.unanswered,
+            "halted": run.halted,
             "warnings": self._warnings,
         }
         warnings = [(p.path.name, warning) for p in session for warning in p.phases.warnings]
+        if run.fault and not run.halted:
+            self._warnings.append(run.fault)
+            warnings.append(("after the last press", run.fault))
         lines = [f"warning: {text}" for text in grouped(warnings, "press")]
         if len(session):
             compared = session.compare()
@@ -124,7 +126,7 @@ class SessionReport(Observer):
             needed = f"set {values} on the instrument" if to_set else f"answer: {run.unanswered}"
             presses = "presses are" if left is None else f"{left} press{'es' * (left > 1)}"
             lines.append(f"{presses} left: {needed}, then run the same command again")
-        self._output.answer(result, lines)
+        return self._output.answer(result, lines, faults=[run.halted] if run.halted else [])
 
 
 def _pictures(compared: Comparison, folder: Path) -> list[Path]:

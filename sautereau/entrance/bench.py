@@ -58,6 +58,7 @@ class Bench(Devices):
         notes: str = "",
         learned: str | Path | None = None,
         feed_forward: str | Path | None = None,
+        ignore_health: bool = False,
         watch: Watch = lambda seen: None,
     ) -> Session:
         """Press, record each press in a file of its own, and return the recordings.
@@ -74,14 +75,17 @@ class Bench(Devices):
             notes: Operator's notes, saved in every recording.
             learned: Correction of the trajectory, written by `sautereau learn`.
             feed_forward: Recording of an earlier press; its force is compensated by torque.
+            ignore_health: Whether to continue if a recording shows that the jack has not returned,
+                the key has not followed the finger or has sunk, the plectrum no longer plucks, or
+                the force at rest has drifted.
             watch: Called with each event of the session.
 
         Raises:
-            RobotError: An operator is needed but not present, or the folder contains another
-                session.
+            RobotError: An operator is needed but not present, the instrument must be put right, or
+                the folder contains another session.
             SautereauError: Any other error. The arm has been stopped and switched off.
         """
-        settings = Settings(warm_up, rest, notes, learned, feed_forward)
+        settings = Settings(warm_up, rest, notes, learned, feed_forward, ignore_health)
         pressing = Pressing(self, what, out, settings)
         pressing.run(_Watched(watch))
         pressing.check_ended()

@@ -5,10 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from sautereau.analysis.model.predict import expected_of
 from sautereau.analysis.results.result import Shown
+from sautereau.analysis.text import counted
 from sautereau.daq.file.reading import read_session
 from sautereau.entrance.devices import Connected, Devices, fresh_seed
+from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.session import Session
 from sautereau.rig.disk import may_replace
 from sautereau.robot.controller import motion_controller
@@ -37,6 +41,13 @@ class Learned(Shown):
     """RMS relative error of the jack speed over the cruise, of each press; dimensionless."""
     stopped: str
     """Why learning has ended before the last press; empty if it has not."""
+    held_speed_error: float
+    """The same while a string is held, of the press with the smallest error; over the cruise
+    without a pluck."""
+    tolerance: float
+    """`press.speed_tolerance`; dimensionless."""
+    reached: bool
+    """Whether `held_speed_error` is within it."""
     path: Path | None
     """File of the correction, for `press(learned=...)`; None if none reduced the error."""
     simulated: bool
@@ -44,6 +55,22 @@ class Learned(Shown):
     seed: int | None
     """Seed of the stand-in's random numbers."""
     warnings: tuple[str, ...]
+
+    @property
+    def verdict(self) -> str:
+        """Whether the jack has the planned speed with the correction, and what to do if not."""
+        found = (
+            f"reached: RMS speed error {100 * self.held_speed_error:.3g} % while a string is held"
+            f" after {counted(len(self.errors), 'press')}, press.speed_tolerance"
+            f" {100 * self.tolerance:.3g} %"
+        )
+        if self.reached:
+            return found
+        more = "" if self.stopped else "request more presses with -n, "
+        return (
+            f"not {found}; {more}learn with --feed-forward, lower press.jack_speed, or stiffen the"
+            " position loops of the controller"
+        )
 
     def __repr__(self) -> str:
         errors = ", ".join(f"{100 * error:.2f} %" for error in self.errors)
@@ -103,7 +130,11 @@ class Learning:
         simulated = any(read_session(path).simulated for path in recordings)
         of_session = simulated, folder.seed, self.warnings
         session = Session(recordings, folder=self._out)
-        return Learned(session, tuple(made.errors), made.stopped, file, *of_session)
+        best = session[int(np.argmin(made.errors))].analysed.features["held_speed_error"]
+        error = best if isinstance(best, float) else min(made.errors)
+        limit = self._nominal.press.speed_tolerance
+        verdict = error, limit, error <= limit
+        return Learned(session, tuple(made.errors), made.stopped, *verdict, file, *of_session)
 
     def _resumed(self, folder: SessionFolder, on_press: Callable[[Path, float], Any]) -> bool:
         """Learn from the presses in the folder; return whether one is left to make."""
@@ -127,6 +158,14 @@ class Learning:
 
             def done(item: Item, path: Path) -> None:
                 bench.keep_truth(path)
+                start = folder.done.get(1)
+                health = PressFile(path).health(start and PressFile(start))
+                if not health.valid:
+                    folder.note_invalid(path)
+                if health.reason:
+                    raise RobotError(
+                        f"learning: {path.name}: {health.reason}; then run the same command again"
+                    )
                 folder.done[item.number or 0] = path
                 made.update(item, path)
                 on_press(path, made.errors[-1])

@@ -4,7 +4,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sautereau.analysis.errors import MissingSignalError
+from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.results.press import HEADER, press_line, press_summary
@@ -14,6 +14,7 @@ from sautereau.analysis.session.analysed import AnalysedPress, analyse_file, ana
 from sautereau.daq.convert.export import to_xarray
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import SessionInfo
+from sautereau.robot.experiment.health import Health, health_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,7 +50,7 @@ class PressFile(Shown):
     @property
     def line(self) -> str:
         """The phases as rows of a table, under `HEADER`."""
-        return press_line(self.partial.press, self.partial.phases)
+        return press_line(self.partial.press, self.partial.phases, self.partial.features)
 
     @cached_property
     def press(self) -> Press:
@@ -68,6 +69,18 @@ class PressFile(Shown):
         """Contact, release and the other instants, with uncertainties."""
         return self.analysed.phases
 
+    def health(self, first: "PressFile | None" = None) -> Health:
+        """Return whether jack, key and force transducer are fit for the next press.
+
+        Args:
+            first: First press with the same plan and instrument; None if this is the first. Nothing
+                is wrong with a recording that cannot be analysed.
+        """
+        try:
+            return health_of(self.partial, first and first.partial)
+        except AnalysisError:
+            return Health()
+
     @property
     def info(self) -> SessionInfo:
         """Description of the press: date, devices, notes, number in its session."""
@@ -81,7 +94,7 @@ class PressFile(Shown):
     @property
     def document(self) -> dict[str, Any]:
         """The phases as JSON."""
-        return press_summary(self.partial.press, self.partial.phases)
+        return press_summary(self.partial.press, self.partial.phases, self.partial.features)
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the samples."""

@@ -12,6 +12,7 @@ from sautereau.entrance.session import Session
 from sautereau.rig import schema
 from sautereau.rig.units import parse_quantity
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.health import Health
 from sautereau.robot.experiment.monitor import Seen, Watch
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
@@ -48,6 +49,8 @@ class Settings:
     notes: str = ""
     learned: str | Path | None = None
     feed_forward: str | Path | None = None
+    ignore_health: bool = False
+    """Whether to continue if a recording shows that the instrument is at fault."""
 
 
 class Observer:
@@ -87,6 +90,8 @@ class Pressing:
             self.planner.files,
         )
         self.planner.plan_all(rows or ())
+        self._ignore_health = settings.ignore_health
+        self._opened: dict[Path, PressFile] = {}
         self.folder: SessionFolder
         self.result: PlanRun
 
@@ -114,7 +119,7 @@ class Pressing:
             def watch(seen: Seen) -> None:
                 connected[0][1](seen)
 
-            crew = Crew(self.planner, on, bench.ask, pressed, PressFile, watch)
+            crew = Crew(self.planner, on, bench.ask, pressed, self._examine, self.open, watch)
             self.result = PlanRun(self.folder, self._steps, crew, bench.control)
             self.result.run()
 
@@ -122,14 +127,26 @@ class Pressing:
     def session(self) -> Session:
         """The recordings, in the order of the plan."""
         done = self.folder.done
-        return Session([done[number] for number in sorted(done)], folder=self._out)
+        warnings = [self.result.fault] if self.result.fault else []
+        return Session([self.open(done[n]) for n in sorted(done)], warnings, self._out)
+
+    def open(self, path: Path) -> PressFile:
+        """Return a recording, which is analysed once."""
+        return self._opened.setdefault(path, PressFile(path))
+
+    def _examine(self, path: Path, first: Path | None) -> Health:
+        if self._ignore_health:
+            return Health()
+        return self.open(path).health(first and self.open(first))
 
     def check_ended(self) -> None:
-        """Refuse a session that needs an operator.
+        """Refuse a session that needs an operator, or an instrument put right.
 
         Raises:
             RobotError: The plan has not ended.
         """
+        if self.result.halted:
+            raise RobotError(f"session {self._out}: {self.result.halted}")
         needed = ", ".join(f"{key} = {value}" for key, value in self.result.to_set.items())
         if needed or self.result.unanswered:
             what = f"set {needed} on the instrument" if needed else self.result.unanswered

@@ -129,7 +129,7 @@ COMMANDS = {
     "press": Command(
         f"press ../inputs/rig.toml --scene ../inputs/bare.toml -n {PRESSES} --out out", _pressed
     ),
-    "learn": Command("learn ../inputs/rig.toml --sim --seed 1 -n 3 --out out --force", _learned),
+    "learn": Command("learn ../inputs/rig.toml --sim --seed 1 -n 4 --out out --force", _learned),
     "campaign": Command(
         "campaign ../inputs/recordings --out table.parquet --processes 1", _campaign
     ),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sautereau.analysis.results.plan import plan
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.errors import TrajectoryError
@@ -170,3 +171,43 @@ def test_the_way_down_is_checked_against_the_limits():
     rig = with_values(PAPER, {"arm.upper_limits": [limit, "-10 deg"]})
     failed = [check.name for check in draft_press(rig).checks if not check.holds]
     assert failed == ["joint 1 upper limit", "joints after a stop"]
+
+
+def test_the_speed_error_under_load_is_that_of_springs_in_series(paper):
+    """A string of stiffness K at the finger on a loop of compliance C: 1 / (1 + C K) - 1.
+
+    The elbow is all but rigid; the shoulder turns by the moment of the finger's force about it.
+    """
+    rise, slope = np.linspace(0, 0.01, 2001), 400.0
+    held = (rise > 2e-3) & (rise <= 4e-3)
+    expected = Expectation(rise, 0.3 + np.where(held, slope * (rise - 2e-3), 0), 2e-3, 4e-3)
+    assert draft_press(paper, expected).loaded_speed_error is None
+    for k in (20.0, 5.0):
+        rig = with_values(paper, {"arm.servo_stiffness": [f"{k} N m/rad", "1e9 N m/rad"]})
+        made = draft_press(rig, expected)
+        middle = int(np.searchsorted(made.rise.position, 3e-3))
+        tip, angle = made.fingertip.position[middle], made.angle.position[middle]
+        (x, z), normal = tip - [rig.arm.base_x, rig.arm.base_z], (-np.sin(angle), np.cos(angle))
+        moment = x * normal[1] - z * normal[0]
+        per_angle = np.diff(made.rise.position)[middle] / np.diff(made.angle.position)[middle]
+        stretched = moment**2 / k * per_angle / rig.key.press_arm * slope
+        # The moment arm, and with it the compliance, changes a little on the way.
+        assert made.loaded_speed_error == pytest.approx(stretched / (1 + stretched), rel=0.03)
+
+
+def test_the_least_force_on_the_return_falls_with_the_friction(paper):
+    """By friction times d(rise)/da over the press arm; without friction the weight alone returns
+    the key, less the inertia of its largest acceleration."""
+    found = {}
+    for friction in (0.0, 20e-3, 40e-3):
+        rig = with_values(paper, {"jack.register_friction": f"{friction} N"})
+        found[friction] = plan(rig).return_force_min
+    fall = 20e-3 * paper.key.jack_arm / paper.key.press_arm
+    assert found[0.0] - found[20e-3] == pytest.approx(fall, rel=0.02)
+    assert found[20e-3] - found[40e-3] == pytest.approx(fall, rel=0.02)
+    assert found[20e-3] == pytest.approx(6.6e-3, abs=0.05e-3)
+    assert found[40e-3] < 0  # with it the jack of the stand-in hangs: tests/bench/test_health.py
+    assert any("weak return" in warning for warning in plan(paper).warnings)
+    eased = with_values(paper, {"press.return_acceleration": "0.1 m/s^2"})
+    eased = eased.model_copy(update={"assumed": {}})
+    assert not any("weak return" in warning for warning in plan(eased).warnings)

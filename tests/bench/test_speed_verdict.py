@@ -1,0 +1,77 @@
+"""The verdict on the jack's speed, of a spinet of two strings on a soft arm."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import sautereau as st
+from sautereau.rig.edit import edited_text
+from tests.presses import QUICK
+
+SPINET = Path(__file__).parents[1] / "data" / "spinet.toml"
+
+
+@pytest.fixture
+def spinet(tmp_path):
+    """The spinet's rig file with the values `QUICK`."""
+    path = tmp_path / "spinet.toml"
+    path.write_text(edited_text(SPINET.read_text(encoding="utf-8"), "spinet", tmp_path, QUICK))
+    return path
+
+
+def test_a_session_that_does_not_keep_its_speed_says_so(sautereau, spinet, servo, tmp_path):
+    """The jack loses a third of its speed, where the rounded plan has an error of 0.027 %."""
+    words = ("press", spinet, "--scene", servo, "--seed", 1, "--out", "out")
+    result = json.loads(sautereau(*words, "--json").stdout)
+    (press,) = result["presses"]
+    speed = press["held_speed"]
+    assert speed["min"] < 0.015 < speed["mean"] < 0.025 < 0.04 < speed["max"]
+    assert 0.3 < speed["rms_error"] < 0.4
+    assert (speed["tolerance"], speed["reached"]) == (0.005, False)
+    assert result["held_speed"]["rms_error"] == speed["rms_error"]
+    (warning,) = (w for w in result["conditions"][0]["warnings"] if "jack speed" in w)
+    assert "press.speed_tolerance 0.5 %: not reached in 1 of 1 presses; learn" in warning
+
+    text = sautereau(*words).stdout  # the press is in the folder: the summary alone
+    assert "not reached in 1 of 1 presses" in " ".join(text.split())
+    text = sautereau("phases", "out").stdout
+    assert f" {speed['mean']:.5f} {100 * speed['rms_error']:>6.3g} " in text
+    session = st.open(tmp_path / "out")
+    row = session.features.iloc[0]
+    assert row["held_speed_error"] == speed["rms_error"]
+    assert session.features.attrs["units"]["held_speed_min"] == "m/s"
+    page = Path(session.report().path).read_text(encoding="utf-8")
+    assert "press.speed_tolerance 0.5 %: not reached in 1 of 1 presses" in page
+    assert f"{speed['rms_error']:.4f}" in page
+
+
+@pytest.mark.slow
+def test_learning_that_does_not_reach_the_speed_fails(sautereau, spinet, servo):
+    words = ("learn", spinet, "--scene", servo, "--seed", 1, "-n", 2)
+    done = sautereau(*words, "--out", "one")
+    assert done.returncode == 1
+    message = " ".join(done.stderr.split())
+    assert "learning: not reached: RMS speed error" in message
+    assert "after 2 presses, press.speed_tolerance 0.5 %; request more presses with -n" in message
+    assert "learned.json" in done.stdout
+    done = sautereau(*words, "--out", "two", "--json")
+    result = json.loads(done.stdout)
+    assert (done.returncode, result["reached"], result["tolerance"]) == (1, False, 0.005)
+    assert 0.2 < result["held_speed_error"] < 0.35
+
+
+@pytest.mark.slow
+def test_a_slow_press_has_the_predicted_speed_error(sautereau, spinet, servo):
+    """The scene's loops, where their damping does not matter."""
+    edited = edited_text(
+        spinet.read_text(encoding="utf-8"),
+        "spinet",
+        spinet.parent,
+        {"arm.servo_stiffness": ["27 N m/rad", "10 N m/rad"]},
+    )
+    spinet.write_text(edited, encoding="utf-8")
+    plan = json.loads(sautereau("plan", spinet, "--json").stdout)
+    words = ("press", spinet, "--scene", servo, "--seed", 1, "--out", "out", "--json")
+    measured = json.loads(sautereau(*words).stdout)["held_speed"]["rms_error"]
+    assert plan["loaded_speed_error"] == pytest.approx(measured, rel=0.1)
