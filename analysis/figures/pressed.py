@@ -17,13 +17,15 @@ def shade_phases(axes: Axes, found: Phases, start: float, *, named: bool = False
         start: ms, start of the first phase.
     """
     held = [(pluck.contact * 1e3, pluck.release * 1e3) for pluck in found.plucks]
-    for begin, stop, name in stretches(held, start, found.bottom * 1e3):
+    every = list(stretches(held, start, found.bottom * 1e3))
+    for number, (begin, stop, name) in enumerate(every):
         colour, hatch = PHASES.get(name, SEVERAL)
         axes.axvspan(begin, stop, facecolor=colour, edgecolor=HATCH, hatch=hatch, lw=0, zorder=0)
         if begin > start:
             axes.axvline(begin, color=OTHER, lw=0.6, zorder=0.5)
         if named:
-            place = ((begin + stop) / 2, 1.01)
+            # Several strings make short phases, whose names are in turn on two lines.
+            place = ((begin + stop) / 2, 1.08 if len(every) > 3 and number % 2 else 1.01)
             axes.text(*place, name, transform=axes.get_xaxis_transform(), ha="center", va="bottom")
 
 
