@@ -68,6 +68,7 @@ def find_contact(
     release: Release,
     common_std: float,
     before: tuple[float, float],
+    struck: bool = False,
 ) -> Contact | None:
     """Find the contact before a release.
 
@@ -78,13 +79,14 @@ def find_contact(
         release: At which the load falls by the force of the string.
         common_std: s, uncertainty that the rows do not contain: sampling and delay of the sensors.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
+        struck: Whether the load has a peak at contact.
 
     Returns:
         The contact; None where there are too few rows.
     """
     if not len(held.time):
         return None
-    fit = KeyAndString(strings, rest, held, release, before)
+    fit = KeyAndString(strings, rest, held, release, before, struck)
     low, high = before[0], float(held.time[-2])
     times, noise = np.linspace(low, high, FIRST_GRID), 1.0
     found = fit.at(times, noise)

@@ -41,6 +41,8 @@ BENDS = 4
 PEAK_STD = 0.1
 """N, standard deviation of the peak of the load when the plectrum meets the string, as in the
 paper's figure 7."""
+NO_PEAK_STD = 1e-9
+"""N, the same where no peak is fitted."""
 PEAK = 0.8e-3
 """s, standard deviation of this peak, a normal curve."""
 BEND_STD = 0.12, 0.1
@@ -87,6 +89,7 @@ class KeyAndString:
         rest: Of the key at rest before the press; may be empty.
         held: Of the way to a release.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
+        struck: Whether there is a peak at contact.
     """
 
     def __init__(
@@ -96,6 +99,7 @@ class KeyAndString:
         held: Rows,
         release: Release,
         before: tuple[float, float],
+        struck: bool = False,
     ):
         self._expected = strings.bends
         self._path = np.append(before[0], held.time), np.append(before[1], held.rise)
@@ -115,7 +119,7 @@ class KeyAndString:
         self._fall_std = math.hypot(release.fall_std, FALL_STD * release.fall)
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
         bend_std = np.array(BEND_STD) * max(1e-3, float(np.ptp(held.load)))
-        stds = np.array([self._fall_std, *bend_std, PEAK_STD])
+        stds = np.array([self._fall_std, *bend_std, PEAK_STD if struck else NO_PEAK_STD])
         self._string_prior = np.diag(1 / stds**2)
         self._keys: dict[tuple[float, float | None, bool], tuple[Floats, Floats, float]] = {}
 

@@ -226,7 +226,7 @@ def growth(time: Floats, deflection: Floats, force: Floats) -> tuple[float, floa
         # The reduction of the sum of squares by a cosine and a sine, which are nearly orthogonal.
         reduction = np.abs(left @ beside) ** 2 / np.sum(np.abs(beside) ** 2, axis=0)
         best = waves[:, np.argmax(reduction)]
-        columns = np.column_stack([columns, best.real, best.imag])
+        columns = np.column_stack([columns, np.real(best), np.imag(best)])
     slope = float(np.linalg.lstsq(columns, load, rcond=None)[0][1] / half)
     return slope, slope * float(deflection[-1] - deflection[0])
 

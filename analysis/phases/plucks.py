@@ -242,7 +242,12 @@ def _contacts(
     for release in falls:
         until = signals.sample(release.time) - BEFORE
         held = rows_of(signals, free, until, most=CONTACT_ROWS)
-        contact = find_contact(strings, rest, held, release, signals.instant_std, before)
+        given = strings, rest, held, release, signals.instant_std, before
+        contact = find_contact(*given)
+        if contact is not None and contact.noise > GOOD:
+            # A plectrum that strikes its string makes a peak; elsewhere one would only add noise.
+            peaked = find_contact(*given, struck=True)
+            contact = peaked if peaked is not None and peaked.noise < GOOD else contact
         if (
             contact is None
             or contact.gain < LEAST_GAIN

@@ -58,6 +58,7 @@ def build_report(contents: Contents, about: About) -> str:
     plotly, script = Markup(_part("package_data/plotly.min.js", "plotly")), Markup(_part("page.js"))
     shown = moving(contents.slow_motion) if contents.slow_motion else None
     simulated = sum(record.press.simulated for record in presses)
+    courses = tables.courses(presses) if len(presses) > 1 else []
     return _template().render(
         title=f"Session {about.name}",
         subtitle=f"{counted(len(presses), 'press')} on rig {conditions[0].rig.name}",
@@ -78,7 +79,7 @@ def build_report(contents: Contents, about: About) -> str:
         zooms=figures.zooms(contents),
         about_time=escape(figures.about_time(contents)),
         table=tables.feature_table(contents.analysis),
-        over_session=len(presses) > 1,
+        over_session=bool(courses),
         repeatability=[
             {
                 "name": name,
@@ -112,17 +113,19 @@ def build_report(contents: Contents, about: About) -> str:
         rig_toml=_long(rig_text(conditions[0].rig)),
         scene_toml=_long(about.scene),
         software=facts.software(presses),
-        data=_data(contents, shown),
+        data=_data(contents, courses, shown),
     )
 
 
-def _data(contents: Contents, shown: dict[str, Any] | None) -> dict[str, Markup]:
+def _data(
+    contents: Contents, courses: list[tables.Course], shown: dict[str, Any] | None
+) -> dict[str, Markup]:
     drawn = {
         "over-time": figures.over_time(contents),
         "force-on-deflection": figures.force_on_deflection(contents),
     }
-    if len(contents.presses) > 1:
-        drawn["over-session"] = figures.over_session(contents, tables.courses(contents.presses))
+    if courses:
+        drawn["over-session"] = figures.over_session(contents, courses)
     data = {name: plot.to_json() for name, plot in drawn.items()}
     if shown:
         data["slow-motion"] = shown["data"]

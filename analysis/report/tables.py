@@ -46,7 +46,7 @@ DIGITS = {
 """Features in the table, in their order, with their decimal places."""
 LATER = ("contact", "release", "pluck_duration", "release_force", "force_drop")
 """Features in the table of the second and later strings as well."""
-COURSE = ("held_speed_error", "pluck_duration", "release_force")
+COURSE = ("held_speed_mean", "held_speed_error", "pluck_duration", "release_force")
 """Features that are drawn from press to press."""
 
 

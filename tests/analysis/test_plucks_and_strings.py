@@ -85,8 +85,8 @@ def test_json_and_text_name_the_string(analysed):
     assert [pluck["string"] for pluck in plucks] == [2, 1]
     assert all(pluck["string_probability"] > 0.95 for pluck in plucks)
     lines = press_line(press, phases).splitlines()
-    assert HEADER.splitlines()[-1].split()[2] == "string"
-    assert (lines[0].split()[2], lines[1].split()[0]) == ("2", "1")
+    assert HEADER.splitlines()[-1].split()[3] == "#"
+    assert (lines[0].split()[3], lines[1].split()[0]) == ("2", "1")
     row = features(press, phases)
     assert (row["string"], row["string_2"]) == (2, 1)
     assert by_string(row)["release"] == row["release_2"]

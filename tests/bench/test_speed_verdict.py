@@ -36,7 +36,7 @@ def test_a_session_that_does_not_keep_its_speed_says_so(sautereau, spinet, servo
     text = sautereau(*words).stdout  # the press is in the folder: the summary alone
     assert "not reached in 1 of 1 presses" in " ".join(text.split())
     text = sautereau("phases", "out").stdout
-    assert f" {speed['mean']:.5f} {100 * speed['rms_error']:>6.3g} " in text
+    assert f" {speed['mean']:.5f} {100 * speed['rms_error']:>5.3g} " in text
     session = st.open(tmp_path / "out")
     row = session.features.iloc[0]
     assert row["held_speed_error"] == speed["rms_error"]
