@@ -115,9 +115,11 @@ def in_rig_units(
     """
     scale, name = IN_RIG.get(unit, (1.0, unit.replace("**", "^").replace("*", " ")))
     largest = max(abs(value), std or 0.0) * scale
-    power = math.floor(math.log10(largest)) if largest and not 1e-3 <= largest < 1e5 else 0
+    far = 0 < largest < 1e-3 or 1e5 <= largest < math.inf
+    power = math.floor(math.log10(largest)) if far else 0
     scale, exponent = scale / 10.0**power, f"e{power}" if power else ""
-    digits = max(0, 1 - math.floor(math.log10(std * scale))) if std else 4
+    shown = (std or 0.0) * scale
+    digits = max(0, 1 - math.floor(math.log10(shown))) if 0 < shown < math.inf else 4
     spreads = ["-" if each is None else f"{each * scale:.2g}{exponent}" for each in stds]
     return f"{value * scale:.{min(digits, 9)}f}{exponent}", spreads, name
 

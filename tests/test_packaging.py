@@ -290,7 +290,7 @@ def test_an_empty_environment_presses_from_another_folder(built, tmp_path):
     recording, words = "s/press-0001.mcap", ("--since", "60 ms", "--until", "70 ms")
     fit = ("--free", "plectrum.overlap", "--starts", "1", "--json")
     found = json.loads(run(tool, "identify", recording, *fit, cwd=elsewhere))
-    assert found["parameters"]["plectrum.overlap"]["identifiable"]
+    assert found["fits"]
     run(tool, "report", "s", "--out", "report.html", cwd=elsewhere)
     run(tool, "animate", recording, "--out", "pluck.gif", *words, cwd=elsewhere)
     run(tool, "listen", "--out", "pluck.wav", "--duration", "100 ms", cwd=elsewhere)

@@ -67,7 +67,7 @@ def test_a_jack_of_9_g_where_the_rig_says_6_g_is_within_the_interval_of_the_iner
 def test_all_columns_are_in_text_json_and_table():
     found, _ = heavy()
     fit = Fit(found.rig, True, (), None, found)
-    assert list(fit.params.columns)[1:4] == ["std", "std_noise", "std_inputs"]
+    assert list(fit.params.columns)[2:5] == ["std", "std_noise", "std_inputs"]
     one = fit.document["parameters"]["key.inertia"]
     assert one["std"] ** 2 == pytest.approx(one["std_noise"] ** 2 + one["std_inputs"] ** 2)
     text = str(fit)

@@ -107,7 +107,12 @@ def test_the_reference_agrees_with_finer_steps(part):
         rig = with_values(RIG, case.values)
         if case.scene.solvable and case.scene.finger != "push":
             drive = drive_of(rig, case.scene)
-            found, finer = (reference(rig, case.scene, drive, step=h) for h in (50e-6, 10e-6))
+            try:
+                found, finer = (reference(rig, case.scene, drive, step=h) for h in (50e-6, 10e-6))
+            except SceneError as error:
+                if "string would be lifted" not in str(error):  # no spring is a string there
+                    raise
+                continue
             assert errors(found, finer).time < (1e-7 if case.scene.servo else 1e-9), case
 
 

@@ -17,7 +17,10 @@ from tests.budget import slow
 
 DRAWN = ("key.", "jack.", "plectrum.")
 """Tables of the rig from whose assumed ranges values are drawn."""
-PLANNED = ("key.dip", "key.neighbour_height", "key.surface_height")
+PLANNED = (
+    "key.dip", "key.neighbour_height", "key.surface_height",
+    "key.press_arm", "key.jack_arm", "key.front_arm",
+)  # fmt: skip
 """Quantities that the planned press depends on; they are kept."""
 TIGHT = 1e-19
 """Dimensionless tolerance of a reference solution that was not used for the choice."""
