@@ -94,6 +94,7 @@ def studied(make, seeds):
     return np.array([right, claims, claimed, differing])
 
 
+@pytest.mark.slow
 def test_a_few_presses_of_two_strings():
     right, claims, claimed, differing = studied(of_the_stand_in, range(6))
     assert right == claims

@@ -37,6 +37,7 @@ from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import parse_rig, with_values
+from tests.budget import slow
 from tests.spinet import SPINET, SPINET_TEXT, recorded_spinet, spinet_press
 
 REVERSED = {"plectrum.overlap": "0.28 mm", "more_choirs.0.plectrum.overlap": "0.3 mm"}
@@ -246,7 +247,9 @@ def shallower():
     return [spinet_press(seed, **truth)[0] for seed in range(2)]
 
 
-@pytest.mark.parametrize("name", ["string2.plectrum.overlap", "more_choirs.0.plectrum.overlap"])
+@pytest.mark.parametrize(
+    "name", ["string2.plectrum.overlap", slow("more_choirs.0.plectrum.overlap")]
+)
 def test_a_parameter_of_string_2_is_fitted(shallower, name):
     phases = [find_phases(press) for press in shallower]
     found = identify(shallower, phases, [name], starts=1)
