@@ -95,7 +95,7 @@ def _wrapped_line(line: str) -> str:
 
 def quantity_in_rig(value: float, unit: str, digits: int = 4) -> str:
     """Return an SI value in the unit in which rig files state it."""
-    scale, name = IN_RIG.get(unit, (1.0, unit.replace("**", "^").replace("*", " ")))
+    scale, name = _in_rig(unit)
     return f"{value * scale:.{digits}g} {name}".strip()
 
 
@@ -113,7 +113,7 @@ def in_rig_units(
     Returns:
         The value, the uncertainties with two digits, or `-`, and their unit.
     """
-    scale, name = IN_RIG.get(unit, (1.0, unit.replace("**", "^").replace("*", " ")))
+    scale, name = _in_rig(unit)
     largest = max(abs(value), std or 0.0) * scale
     far = 0 < largest < 1e-3 or 1e5 <= largest < math.inf
     power = math.floor(math.log10(largest)) if far else 0
@@ -122,6 +122,11 @@ def in_rig_units(
     digits = max(0, 1 - math.floor(math.log10(shown))) if 0 < shown < math.inf else 4
     spreads = ["-" if each is None else f"{each * scale:.2g}{exponent}" for each in stds]
     return f"{value * scale:.{min(digits, 9)}f}{exponent}", spreads, name
+
+
+def _in_rig(unit: str) -> tuple[float, str]:
+    """Return the factor from an SI unit to that of rig files, and its text."""
+    return IN_RIG.get(unit, (1.0, unit.replace("**", "^").replace("*", " ")))
 
 
 def percent(ratio: float) -> str:

@@ -80,7 +80,8 @@ def deviations(rig: Rig, names: Iterable[str]) -> list[Deviation]:
     found = {}
     for name in names:
         keys = shared if name in shared else (name,)
-        if rig.assumed.get(name, (0, 0))[0] < rig.assumed.get(name, (0, 0))[1]:
+        low, high = rig.assumed.get(name, (0.0, 0.0))
+        if low < high:
             low, high = (end - value_of(rig, keys[0]) for end in rig.assumed[keys[0]])
             found[keys[0]] = Deviation(keys[0], low, high, keys)
     return list(found.values())

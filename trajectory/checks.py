@@ -98,7 +98,7 @@ def places(rig: Rig, sampled: Sampled) -> list[Check]:
     centre, angle = sampled.centre[sampled.pressing], sampled.angle[sampled.pressing]
     # The way from the pin has a kink at lift-off; along the key and above it each is smooth.
     tangent, _ = surface_axes(angle)
-    between = np.abs(np.diff(angle, 2)).max(axis=-1) / 4  # As `_bend`, of each segment
+    between = _bends(angle)
     ways = [
         -dot(centre, tangent)[angle.max(axis=-1) >= -between],
         -centre[angle.min(axis=-1) <= between, :, 0],
@@ -219,10 +219,15 @@ def _peak(values: Floats) -> float:
 
 
 def _bend(values: Floats) -> float:
+    """Bound the excess of a smooth quantity over its samples along the last axis, anywhere."""
+    return float(_bends(values).max())
+
+
+def _bends(values: Floats) -> Floats:
     """Bound the excess of a smooth quantity over its samples along the last axis.
 
     Between samples at a distance h it is at most h^2/8 times the second derivative. A quarter of
     the largest second difference is used: twice that bound, in case the derivative varies.
     """
     seconds = values[..., 2:] - 2 * values[..., 1:-1] + values[..., :-2]
-    return float(max(seconds.max(), -seconds.min())) / 4
+    return np.abs(seconds).max(axis=-1) / 4

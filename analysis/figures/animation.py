@@ -15,7 +15,7 @@ from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.figures.palette import ARM, PHASES, PRESSED, SERIES, SEVERAL
 from sautereau.analysis.figures.side import BenchPose, draw_surroundings
 from sautereau.analysis.model.choirs import string_names
-from sautereau.analysis.phases.found import FREE, stretches
+from sautereau.analysis.phases.found import FREE, RELEASED, stretches
 from sautereau.analysis.press.replay import ChoirMotion, Replay
 
 SIZE = (9.6, 6.4)  # Size of the figure (in): 960 by 640 pixels
@@ -164,7 +164,7 @@ def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
         axes.annotate(f"peak {values[at]:.2g} N", (time[at], most), (5, -2), **style)
     ends = [(held.contact * 1e3, held.release * 1e3) for held in scene.phases.plucks]
     for start, stop, name in stretches(ends, -np.inf, np.inf):
-        if np.isfinite([start, stop]).all() and name != FREE:
+        if name not in (FREE, RELEASED):
             axes.axvspan(start, stop, color=PHASES.get(name, SEVERAL)[0], zorder=0)
     axes.set(xlim=(scene.time[0] * 1e3, scene.time[-1] * 1e3), xlabel="time after the trigger (ms)")
     axes.set_ylabel(label)

@@ -17,7 +17,7 @@ def shade_phases(axes: Axes, found: Phases, start: float, *, named: bool = False
         start: ms, start of the first phase.
     """
     held = [(pluck.contact * 1e3, pluck.release * 1e3) for pluck in found.plucks]
-    every = list(stretches(held, start, found.bottom * 1e3))
+    every = stretches(held, start, found.bottom * 1e3)
     for number, (begin, stop, name) in enumerate(every):
         colour, hatch = PHASES.get(name, SEVERAL)
         axes.axvspan(begin, stop, facecolor=colour, edgecolor=HATCH, hatch=hatch, lw=0, zorder=0)

@@ -179,19 +179,13 @@ def sensitivities(
     inputs = [
         Input(e, m) for e, s in zip(ranges, steps, strict=True) if (m := moved_by(*s)) is not None
     ]
-    for name, change, moved in [(i.deviation.name, i.deviation.std, i.slopes) for i in inputs]:
-        add(name, unit_of_parameter(name), value_of(rig, name), change, True, moved)
+    for each in inputs:
+        name, std = each.deviation.name, each.deviation.std
+        add(name, unit_of_parameter(name), value_of(rig, name), std, True, each.slopes)
     for name in [name for name in numbers if name not in rig.assumed]:
-        value = value_of(rig, name)
+        value, moved = value_of(rig, name), moved_by(*_beside(dynamics, [name]))
         change = CHANGE * abs(value) if value else FRICTION_CHANGE
-        add(
-            name,
-            unit_of_parameter(name),
-            value,
-            change,
-            False,
-            moved_by(*_beside(dynamics, [name])),
-        )
+        add(name, unit_of_parameter(name), value, change, False, moved)
     place = float(rig.plectrum.contact == "surface")
     add(CONTACT, "", place, 1.0, False, moved_by(_other_contact(rig), 1.0))
     table.sort(key=lambda s: -max(map(abs, s.effects.values()), default=0.0))

@@ -91,6 +91,7 @@ class Learning:
         self._bench, self._out = bench, out
         self._nominal = bench.rig.values
         self._file = out / LEARNED
+        self._opened: dict[Path, PressFile] = {}
         if self._file.exists() and not may_replace(self._file):
             raise RobotError(f"learning: {self._file} already exists; give another folder")
         self._pushed = digest(feed_forward) if feed_forward else ""
@@ -129,12 +130,16 @@ class Learning:
         file = self._file if made.best is not None else None
         simulated = any(read_session(path).simulated for path in recordings)
         of_session = simulated, folder.seed, self.warnings
-        session = Session(recordings, folder=self._out)
+        session = Session(map(self._open, recordings), folder=self._out)
         best = session[int(np.argmin(made.errors))].analysed.features["held_speed_error"]
         error = best if isinstance(best, float) else min(made.errors)
         limit = self._nominal.press.speed_tolerance
         verdict = error, limit, error <= limit
         return Learned(session, tuple(made.errors), made.stopped, *verdict, file, *of_session)
+
+    def _open(self, path: Path) -> PressFile:
+        """Return a recording, which is analysed once."""
+        return self._opened.setdefault(path, PressFile(path))
 
     def _resumed(self, folder: SessionFolder, on_press: Callable[[Path, float], Any]) -> bool:
         """Learn from the presses in the folder; return whether one is left to make."""
@@ -159,7 +164,7 @@ class Learning:
             def done(item: Item, path: Path) -> None:
                 bench.keep_truth(path)
                 start = folder.done.get(1)
-                health = PressFile(path).health(start and PressFile(start))
+                health = self._open(path).health(start and self._open(start))
                 if not health.valid:
                     folder.note_invalid(path)
                 if health.reason:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.parts import Accuracy
 from sautereau.sim_backend.physics.base import World
 from sautereau.sim_backend.physics.drive import Drive, drive_of
 from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
@@ -35,6 +36,10 @@ class Errors:
     force: float
     """Dimensionless: error of the strings' forces at release, and of the finger's force while a
     string is held, relative to the largest of each; between a jump and that of the truth none."""
+
+    def over(self, asked: Accuracy) -> float:
+        """Return the error over the one asked for, dimensionless."""
+        return asked.excess(self.time, self.force)
 
 
 def observe(rig: Rig, scene: Scene, drive: Drive | None = None) -> Observation:

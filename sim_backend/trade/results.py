@@ -15,20 +15,9 @@ from sautereau.sim_backend.parts import Accuracy
 
 HEADS = (
     ("", "", "", "", "step", "error", "force", "build", "run", "spread", "x real"),
-    (
-        "",
-        "engine",
-        "plectrum",
-        "string",
-        "(us)",
-        "(us)",
-        "error (%)",
-        "(ms)",
-        "(ms)",
-        "(%)",
-        "time",
-    ),
-)
+    ("", "engine", "plectrum", "string", "(us)",
+     "(us)", "error (%)", "(ms)", "(ms)", "(%)", "time"),
+)  # fmt: skip
 """Heads of the table of points: its first column marks the Pareto-optimal ones."""
 SIMPLER = 2.0
 """Dimensionless speed over that of the scene's own models, from which simpler ones are

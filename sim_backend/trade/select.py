@@ -1,7 +1,7 @@
 """Select the cheapest engine, string model and step that reach the accuracy of a scene."""
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from importlib.util import find_spec
 
 from sautereau.rig.schema import Rig
@@ -95,7 +95,7 @@ def select_solver(
     if met:
         return max(met, key=lambda found: found.real_time_factor)
     if missed:
-        closest = min(missed, key=lambda found: asked.excess(*astuple(found.errors)))
+        closest = min(missed, key=lambda found: found.errors.over(asked))
         raise SceneError(_out_of_reach(closest, asked))
     raise refusals[0]
 
@@ -129,7 +129,7 @@ def best_models(true: Rig, scene: Scene) -> Scene:
 
 def meets(found: Errors, asked: Accuracy) -> bool:
     """Return whether an error is at most the one asked for."""
-    return found != refinement.DIVERGED and asked.excess(*astuple(found)) <= 1
+    return found != refinement.DIVERGED and found.over(asked) <= 1
 
 
 def reached(found: Errors) -> str:
@@ -154,8 +154,7 @@ def _refined(trial: refinement.Trial, scene: Scene, asked: Accuracy, own: Errors
     closest = None
     for steps, error in trial.errors(scene):
         found = _selected(trial.true, scene, steps, asked, refinement.total(error, own))
-        times = asked.excess(*astuple(found.errors))
-        if closest is None or times < asked.excess(*astuple(closest.errors)):
+        if closest is None or found.errors.over(asked) < closest.errors.over(asked):
             closest = found
         if meets(found.errors, asked):
             break
@@ -198,7 +197,7 @@ def _spring_error(trial: refinement.Trial, scene: Scene) -> Errors:
 
 def _out_of_reach(closest: Selected, asked: Accuracy) -> str:
     scene, found = closest.scene, closest.errors
-    if math.isfinite(asked.excess(*astuple(found))):
+    if math.isfinite(found.over(asked)):
         # Rounded upwards, so that it is reached where it is asked for.
         reachable = Accuracy(found.time, None) if asked.time else Accuracy(None, found.force)
         fix = f"ask for {reachable.rounded_up()}"

@@ -178,9 +178,10 @@ def _measured(rig: Rig, scene: Scene) -> Trade:
     true = scene.true_rig(rig)
     drive = drive_of(rig, scene)
     best = best_models(true, scene)
-    truth = Trial(rig, true, drive, observe, reference).truth(best)
     ways = _ways(true, best)
+    # First of all, as the truth would compile the exact engine beforehand.
     every = list(zip(ways, first_runs(rig, ways, drive), strict=True))
+    truth = Trial(rig, true, drive, observe, reference).truth(best)
     kept = [one for i, one in enumerate(every) if not any(_is_same(one, b) for b in every[:i])]
     clocked = [(way, one) for way, one in kept if isinstance(one, Timed)]
     time_in_turns(rig, [way for way, _ in clocked], drive, [one for _, one in clocked])
@@ -191,17 +192,18 @@ def _measured(rig: Rig, scene: Scene) -> Trade:
         [points[i].real_time_factor or 0.0 for i in good],
         MARGIN,
     )
-    # Half a sample, which no recording resolves
-    asked = scene.accuracy or f"{0.5 / rig.daq.sample_rate} s"
+    asked = Accuracy(0.5 / rig.daq.sample_rate, None)  # half a sample: no recording resolves it
+    if scene.accuracy:
+        asked = Accuracy.parse(scene.accuracy)
     extra = [one.first - one.build - one.run for way, one in clocked if way.engine == "exact"]
     return Trade(
         scene=scene.description,
         machine=machine(),
         truth=truth.origin,
-        requested=Accuracy.parse(asked),
+        requested=asked,
         points=tuple(points),
         pareto=tuple(good[i] for i in front),
-        recommended=recommended(points, Accuracy.parse(asked), MARGIN),
+        recommended=recommended(points, asked, MARGIN),
         compile_time=max(0.0, extra[0]) if extra else 0.0,
         same=len(every) - len(kept),
     )
