@@ -36,13 +36,12 @@ HUM = (50.0, 60.0)
 """Hz."""
 LEVEL_STD = 10.0
 """N, standard deviation of the constant load."""
-BENDS = 4
-"""Columns of the string: linear, quadratic and cubic in the rise, and a peak at contact."""
+COLUMNS = 4
+"""Most columns of the string: linear, quadratic and cubic in the rise, and a peak at contact. The
+peak counts as a parameter also where it is not needed, since it is looked for."""
 PEAK_STD = 0.1
 """N, standard deviation of the peak of the load when the plectrum meets the string, as in the
 paper's figure 7."""
-NO_PEAK_STD = 1e-9
-"""N, the same where no peak is fitted."""
 PEAK = 0.8e-3
 """s, standard deviation of this peak, a normal curve."""
 BEND_STD = 0.12, 0.1
@@ -89,7 +88,7 @@ class KeyAndString:
         rest: Of the key at rest before the press; may be empty.
         held: Of the way to a release.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
-        struck: Whether there is a peak at contact.
+        struck: Whether the string has the column of a peak at contact.
     """
 
     def __init__(
@@ -101,7 +100,7 @@ class KeyAndString:
         before: tuple[float, float],
         struck: bool = False,
     ):
-        self._expected = strings.bends
+        self._expected, self._struck = strings.bends, struck
         self._path = np.append(before[0], held.time), np.append(before[1], held.rise)
         self._held, n = held, len(rest.time)
         base, self._prior = _base(strings, rest, held)
@@ -119,7 +118,7 @@ class KeyAndString:
         self._fall_std = math.hypot(release.fall_std, FALL_STD * release.fall)
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
         bend_std = np.array(BEND_STD) * max(1e-3, float(np.ptp(held.load)))
-        stds = np.array([self._fall_std, *bend_std, PEAK_STD if struck else NO_PEAK_STD])
+        stds = np.array([self._fall_std, *bend_std, *[PEAK_STD] * struck])
         self._string_prior = np.diag(1 / stds**2)
         self._keys: dict[tuple[float, float | None, bool], tuple[Floats, Floats, float]] = {}
 
@@ -143,9 +142,10 @@ class KeyAndString:
             noise: Variance of the noise over that of the rows.
         """
         # There is no string in the rows before the first instant, apart from half of its peak.
-        first = max(0, int((times[0] - 4 * PEAK - self._held.time[0]) / self._held.step) - 1)
+        start = times[0] - self._held.time[0] - self._struck * 4 * PEAK
+        first = max(0, int(start / self._held.step) - 1)
         string = self._white(self._bare(times, first).T, first).T
-        string = string.reshape(BENDS, len(times), -1).swapaxes(0, 1)
+        string = string.reshape(len(self._string_prior), len(times), -1).swapaxes(0, 1)
         found = self._fits(string, noise, None)
         bound = _beyond(found.inertia)
         return found if bound is None else self._fits(string, noise, bound)
@@ -186,7 +186,7 @@ class KeyAndString:
         return found
 
     def _bare(self, times: Floats, first: int) -> Floats:
-        """Return the string's columns from a row on, shape (BENDS instants, rows)."""
+        """Return the string's columns from a row on, shape (columns instants, rows)."""
         held = self._held
         at = np.interp(times, *self._path)[:, None]
         line = np.maximum(held.rise[first:] - at, 0.0)
@@ -199,15 +199,17 @@ class KeyAndString:
         square = line * (line - 1)
         cube = square * (line - 0.5)
         quadratic, cubic = self._expected
-        peak = np.exp(-0.5 * ((held.time[first:] - times[:, None]) / PEAK) ** 2)
-        return np.concatenate([line + quadratic * square + cubic * cube, square, cube, peak])
+        columns = [line + quadratic * square + cubic * cube, square, cube]
+        if self._struck:
+            columns.append(np.exp(-0.5 * ((held.time[first:] - times[:, None]) / PEAK) ** 2))
+        return np.concatenate(columns)
 
     def _fits(self, string: Floats, noise: float, inertia: float | None) -> ContactFits:
         """Return the fits.
 
         Args:
             string: The string's columns in the last rows, in units of the noise, shape
-                (instants, BENDS, last rows).
+                (instants, columns, last rows).
             noise: As in `at`.
             inertia: As in `_key_alone`.
         """
@@ -228,7 +230,7 @@ class KeyAndString:
         of_key = inverse @ (along - factors[best] @ by_key[best])
         left = self._load - self._key @ of_key
         left[last] -= factors[best] @ string[best]
-        inflation = _inflation(left, len(self._prior) + BENDS)
+        inflation = _inflation(left, len(self._prior) + COLUMNS)
         unexplained = self._white.undone(left)
         rms = math.sqrt(float(unexplained @ unexplained) / len(unexplained))
         forces = np.asarray(factors[:, 0], dtype=float)
