@@ -45,7 +45,8 @@ class Command:
 
 def make_inputs(server: CommandServer, folder: Path) -> None:
     """Make what the commands work on."""
-    text = rig_text(with_values(load_rig(), QUICK))
+    rig = with_values(load_rig(), QUICK).model_copy(update={"assumed": {}})  # all is measured
+    text = rig_text(rig)
     (folder / "rig.toml").write_text(text, encoding="utf-8")
     (folder / "bare.toml").write_text(MUTE_TEXT, encoding="utf-8")
 
@@ -54,7 +55,7 @@ def make_inputs(server: CommandServer, folder: Path) -> None:
         if done.returncode:
             raise RuntimeError(f"sautereau {words}: {done.stderr}")
 
-    run("press rig.toml --scene ideal --seed 1 -n 2 --out session")
+    run("press rig.toml --scene paper --seed 1 -n 2 --out session")
     run("export session/press-0001.mcap session/press-0002.mcap --to csv --out .")
     many = folder / "recordings"
     many.mkdir()
@@ -139,7 +140,8 @@ COMMANDS = {
         ("session",),
     ),
     "identify": Command(
-        "identify ../inputs/session --free plectrum.overlap --starts 1 --out fitted.toml --force",
+        "identify ../inputs/session --free plectrum.overlap --starts 1 --out fitted.toml"
+        " --plot fitted.png --force",
         _same,
     ),
     "plan": Command("plan ../inputs/rig.toml --out plan.json --plot plan.png --force", _same),
