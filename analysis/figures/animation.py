@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 
-from sautereau.analysis.figures.jack import JackView
+from sautereau.analysis.figures.artists import Artists
+from sautereau.analysis.figures.bench import draw_head
 from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.figures.palette import ARM, PHASES, PRESSED, SERIES, SEVERAL
-from sautereau.analysis.figures.side import BenchPose, draw_surroundings
+from sautereau.analysis.figures.parts import arm_parts, bench_parts, fixed_parts, string_parts
 from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.phases.found import FREE, RELEASED, stretches
 from sautereau.analysis.press.replay import ChoirMotion, Replay
@@ -23,7 +23,7 @@ DPI = 100  # Pixels per inch
 
 
 @dataclass(frozen=True)
-class Part:
+class Panel:
     """One of the axes of an animation."""
 
     axes: Axes
@@ -33,7 +33,7 @@ class Part:
     """Move them to a frame."""
 
 
-def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Part]]:
+def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Panel]]:
     """Return the figure and its moving parts, at the first frame.
 
     Args:
@@ -41,7 +41,7 @@ def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Part]]:
     """
     figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
     grid = figure.add_gridspec(3, 2, height_ratios=(1.9, 1.0, 1.3), width_ratios=(1.15, 1))
-    parts: list[Part] = [
+    parts: list[Panel] = [
         _bench(figure.add_subplot(grid[0, 0]), scene),
         _strings(figure.add_subplot(grid[1, 0]), scene),
     ]
@@ -77,10 +77,11 @@ def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Part]]:
     return figure, parts
 
 
-def _bench(axes, scene: Replay) -> Part:
+def _bench(axes, scene: Replay) -> Panel:
     rig = scene.press.rig
-    draw_surroundings(axes, rig)
-    pose = BenchPose(axes, rig)
+    Artists(axes, fixed_parts(rig))
+    arm = [] if scene.joints is None else arm_parts(rig, scene.joints)
+    pose = Artists(axes, bench_parts(rig, scene.angle) + arm)
     # The arm, if recorded, is on the left.
     side = {"x": 0.02, "ha": "left"} if scene.joints is None else {"x": 0.98, "ha": "right"}
     corner = {**side, "s": "", "va": "top", "transform": axes.transAxes}
@@ -98,28 +99,25 @@ def _bench(axes, scene: Replay) -> Part:
     digits = max(1, math.ceil(-math.log10(1e3 * (scene.time[1] - scene.time[0]))))
 
     def show(frame: int) -> None:
-        joints = None if scene.joints is None else scene.joints[frame]
-        pose.put(float(scene.angle[frame]), joints)
+        pose.put(frame)
         clock.set_text(f"{scene.time[frame] * 1e3:.{digits}f} ms")
         phase.set_text(scene.phase(float(scene.time[frame])))
 
-    return Part(axes, [*pose.artists, clock, phase], show)
+    return Panel(axes, [*pose.artists, clock, phase], show)
 
 
-def _head(axes, motion: ChoirMotion, name: str) -> Part:
-    travel = float(np.abs(motion.deflection).max()) * 1.3 if motion.plucks else 0.0
-    view = JackView(axes, motion.choir, travel)
+def _head(axes, motion: ChoirMotion, name: str) -> Panel:
+    head = draw_head(axes, motion)
     title = axes.set_title("", fontsize=10)
 
     def show(frame: int) -> None:
-        height = float(motion.height[frame])
-        title.set_text(f"{name}plectrum {height * 1e3:+.2f} mm from contact")
-        view.put(height, motion.outline[frame], float(motion.tongue[frame]), motion.wire[frame])
+        title.set_text(f"{name}plectrum {motion.height[frame] * 1e3:+.2f} mm from contact")
+        head.put(frame)
 
-    return Part(axes, [*view.artists, title], show)
+    return Panel(axes, [*head.artists, title], show)
 
 
-def _strings(axes, scene: Replay) -> Part:
+def _strings(axes, scene: Replay) -> Panel:
     """Draw every string from nut to bridge: its position, and its range during the frame."""
     most = max(float(np.abs(motion.deflection).max()) for motion in scene.choirs) * 1e3
     length = max(float(motion.places[-1]) for motion in scene.choirs) * 1e3
@@ -128,23 +126,18 @@ def _strings(axes, scene: Replay) -> Part:
     axes.set_xlabel("along the string, from nut to bridge (mm)")
     shown = []
     for motion, colour in zip(scene.choirs, SERIES, strict=False):
-        band = Polygon(np.zeros((1, 2)), fc=colour, ec="none", alpha=0.25)
-        axes.add_patch(band)
-        (line,) = axes.plot([], [], color=colour, lw=1.3)
+        styles = {"band": {"fc": colour, "ec": "none", "alpha": 0.25}, "string": {"color": colour}}
+        shown.append(Artists(axes, string_parts(motion), styles))
         axes.axvline(motion.choir.string.plucking_point * 1e3, color=colour, lw=0.7, ls=":")
-        shown.append((motion, band, line))
 
     def show(frame: int) -> None:
-        for motion, band, line in shown:
-            x, z = motion.places * 1e3, motion.deflection[frame] * 1e3
-            outline = np.concatenate([z.min(axis=0), z.max(axis=0)[::-1]])
-            band.set_xy(np.column_stack([np.concatenate([x, x[::-1]]), outline]))
-            line.set_data(x, z[0])
+        for string in shown:
+            string.put(frame)
 
-    return Part(axes, [artist for _, *both in shown for artist in both], show)
+    return Panel(axes, [artist for string in shown for artist in string.artists], show)
 
 
-def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
+def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Panel:
     """Draw a measured column over the frames' time, with the present instant marked."""
     press, signal = scene.press, scene.press.samples[column]
     rows = press.between(scene.time[0], scene.time[-1])
@@ -173,4 +166,4 @@ def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Part:
     def show(frame: int) -> None:
         now.set_xdata([scene.time[frame] * 1e3] * 2)
 
-    return Part(axes, [now], show)
+    return Panel(axes, [now], show)

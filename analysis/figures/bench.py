@@ -5,10 +5,19 @@ from operator import attrgetter
 import numpy as np
 from matplotlib.figure import Figure
 
-from sautereau.analysis.figures.jack import JackView
+from sautereau.analysis.figures.artists import Artists, draw_pose
 from sautereau.analysis.figures.palette import ARM, FELT, GRAIN, LASER, METAL, PRESSED
-from sautereau.analysis.figures.side import UNDER, BenchPose, draw_surroundings, string_height
+from sautereau.analysis.figures.parts import (
+    AXLE,
+    FELT_HEIGHT,
+    UNDER,
+    fixed_parts,
+    head_parts,
+    head_view,
+    string_height,
+)
 from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.press.replay import ChoirMotion, at_rest
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import base
 from sautereau.trajectory.press import Trajectory
@@ -40,11 +49,11 @@ def bench_figure(rig: Rig, trajectory: Trajectory) -> Figure:
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.5), height_ratios=(1.3, 1))
     side = figure.add_subplot(grid[0, :])
     head, words = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
-    draw_surroundings(side, rig)
+    Artists(side, fixed_parts(rig))
     rise = trajectory.rise.position
     for sample, ghost in ((int(np.argmax(rise)), True), (0, False)):
-        pose = BenchPose(side, rig, PRESSED if ghost else ARM, ghost=ghost)
-        pose.put(float(trajectory.angle.position[sample]), trajectory.joints.position[sample])
+        place = float(trajectory.angle.position[sample]), trajectory.joints.position[sample]
+        draw_pose(side, rig, *place, PRESSED if ghost else ARM, ghost=ghost)
     _draw_labels(side, rig)
     _dimensions(side, rig)
     side.set_aspect("equal")
@@ -116,10 +125,40 @@ def _dimensions(axes, rig: Rig) -> None:
 def _head(axes, rig: Rig) -> None:
     """Draw the first jack's head at rest, seen along the string."""
     choir = choirs(rig)[0]
-    view = JackView(axes, choir)
-    view.rest()
-    view.label()
+    motion = at_rest(choir, np.array([-choir.jack.string_clearance]))
+    draw_head(axes, motion)
+    _label_head(axes, motion)
     axes.set_title("jack's head at rest, seen along the string", fontsize=10)
+
+
+def draw_head(axes, motion: ChoirMotion) -> Artists:
+    """Draw a jack's head, seen along the string, and a cross at the string at rest."""
+    left, low, right, high = (edge * 1e3 for edge in head_view(motion))
+    axes.plot(0, 0, "+", color="#666666", ms=9, mew=0.8, zorder=7)
+    axes.set(xlim=(left, right), ylim=(low, high), aspect="equal")
+    axes.set(xlabel="along the plectrum, from the string (mm)", ylabel="z (mm)")
+    return Artists(axes, head_parts(motion))
+
+
+def _label_head(axes, motion: ChoirMotion) -> None:
+    """Label the parts of a jack's head at rest."""
+    choir, plectrum = motion.choir, motion.choir.plectrum
+    clearance, radius = choir.jack.string_clearance * 1e3, choir.string.diameter * 500
+    clamp = (plectrum.overlap - plectrum.length) * 1e3
+    low = -clearance - radius - plectrum.clamp_thickness * 500
+    axes.annotate(
+        "", (0.9, 0), (0.9, -clearance), arrowprops={"arrowstyle": "<->", "color": DIMENSION}
+    )
+    for z in (-clearance, 0):
+        axes.plot([0.1, 1.2], [z, z], color=DIMENSION, lw=0.6, ls=":")
+    middle, style = {"ha": "center", "fontsize": 8}, {"fontsize": 8, "va": "center"}
+    axes.text(1.0, -clearance / 2, "clearance", **style)
+    axes.text(clamp / 2, low - 0.35, "plectrum", va="top", **middle)
+    axes.annotate("wire", (-radius, 0), (-30, -12), textcoords="offset points", fontsize=8)
+    if choir.jack.damper:
+        top = radius + (FELT_HEIGHT - choir.jack.damper.lift) * 1e3 + 0.4
+        axes.text(clamp / 2, top, "damper", va="bottom", **middle)
+    axes.text(clamp - AXLE * 500, low - 0.1, "tongue", rotation=90, va="bottom", **middle)
 
 
 def _legend(axes, rig: Rig) -> None:

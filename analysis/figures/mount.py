@@ -5,8 +5,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from sautereau.analysis.figures.artists import draw_pose
 from sautereau.analysis.figures.palette import PRESSED, PURPLE
-from sautereau.analysis.figures.side import BenchPose
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import follow_key
 from sautereau.trajectory.key import rise_of_angle
@@ -130,10 +130,10 @@ def _draw_bench(axes, rig: Rig, mount: Mount) -> None:
     best = rig.replaced(base)
     for angle, colour, name in ((rest, REST, "at rest"), (pressed, PRESSED, "at full rise")):
         ghost = name != "at rest"
-        pose = BenchPose(axes, best, colour, ghost=ghost, label=f"arm and key {name}")
         rise = np.array([rise_of_angle(key, angle)])
         still = Motion(rise, np.zeros(1), np.zeros(1))
-        pose.put(float(angle), follow_key(best, still).joints.position[0])
+        joints, named = follow_key(best, still).joints.position[0], f"arm and key {name}"
+        draw_pose(axes, best, float(angle), joints, colour, ghost=ghost, label=named)
     axes.plot(0, 0, "^", ms=9, color="black", zorder=4)
     axes.annotate(
         "balance pin", (0, 0), (0, -14), textcoords="offset points", ha="center", va="top"

@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from sautereau.analysis.figures.artists import draw_pose
 from sautereau.analysis.figures.palette import ARM, GRAIN, LASER, PHASES, PRESSED, SKY
-from sautereau.analysis.figures.side import BenchPose
 from sautereau.analysis.text import check_cells
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
@@ -51,8 +51,8 @@ def _poses(axes, rig: Rig, trajectory: Trajectory) -> None:
     """Draw key, jack and arm at the start, the middle and the end of the press."""
     arm, key = rig.arm, rig.key
     for k, (name, colour) in zip(_moments(trajectory), POSES, strict=True):
-        pose = BenchPose(axes, rig, colour, ghost=name != "start", label=name)
-        pose.put(float(trajectory.angle.position[k]), trajectory.joints.position[k])
+        place = float(trajectory.angle.position[k]), trajectory.joints.position[k]
+        draw_pose(axes, rig, *place, colour, ghost=name != "start", label=name)
     axes.relim()
     axes.plot(0, 0, "^", color=KEY, ms=12, zorder=4)
     axes.annotate("balance pin", (0, 0), (0, -20), textcoords="offset points", ha="center")

@@ -135,6 +135,25 @@ def _joints(arm: Joints | Plan | None, time: Floats) -> Floats | None:
     return np.stack([np.interp(time, arm.t, q) for q in (arm.q1, arm.q2)], -1)
 
 
+def at_rest(choir: Choir, height: Floats) -> ChoirMotion:
+    """Return a choir whose string and plectrum are at rest while its jack moves.
+
+    Args:
+        height: m, of the jack above first contact; shape (n,).
+    """
+    n, places = len(height), np.linspace(0, choir.string.length, PLACES)
+    return ChoirMotion(
+        choir=choir,
+        plucks=False,
+        height=height,
+        outline=np.repeat(straight(choir.plectrum)[None], n, 0),
+        tongue=np.zeros(n),
+        wire=np.zeros((n, EXPOSURES, 2)),
+        places=places,
+        deflection=np.zeros((n, EXPOSURES, PLACES)),
+    )
+
+
 def _choir(
     rig: Rig,
     string: VibratingString,
@@ -145,21 +164,11 @@ def _choir(
 ) -> ChoirMotion:
     choir = string.choir
     rise = rise_of_angle(key_of(rig, choir), turned)
-    places = np.linspace(0, choir.string.length, PLACES)
     first, last = np.interp([held.contact, held.release], seen, rise) if held else (0.0, 0.0)
-    n = len(time)
-    at_rest = ChoirMotion(
-        choir=choir,
-        plucks=False,
-        height=np.interp(time, seen, rise) - choir.jack.string_clearance,
-        outline=np.repeat(straight(choir.plectrum)[None], n, 0),
-        tongue=np.zeros(n),
-        wire=np.zeros((n, EXPOSURES, 2)),
-        places=places,
-        deflection=np.zeros((n, EXPOSURES, PLACES)),
-    )
+    still = at_rest(choir, np.interp(time, seen, rise) - choir.jack.string_clearance)
     if held is None or not last > first:
-        return at_rest
+        return still
+    n, places = len(time), still.places
     pluck = string.pluck
     way = float(pluck.height[-1])
     # Height of the jack in the model: 0 at contact, `way` at release.
@@ -173,14 +182,14 @@ def _choir(
     wire = string.displacement(clock, np.array([choir.string.plucking_point]))[:, :, 0]
     height = np.interp(time, seen, known)
     holding = (time >= held.contact) & (time < held.release)
-    outline = at_rest.outline.copy()
+    outline = still.outline.copy()
     held_at = (
         np.interp(height[holding], pluck.height, values)
         for values in (pluck.position, pluck.force, pluck.drag)
     )
     outline[holding] = bent(choir.plectrum, *held_at)
     return replace(
-        at_rest,
+        still,
         plucks=True,
         height=height,
         outline=outline,

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from sautereau.analysis.figures.parts import Part
 from sautereau.trajectory.motion import Floats
 
 Frames = tuple[str, ...]  # Values of one attribute, one per frame
@@ -67,29 +68,44 @@ def points(places: Floats) -> str:
     return " ".join(f"{x},{-z}" for x, z in np.rint(places).astype(int).tolist())
 
 
-def every(places: Floats) -> Frames:
-    """Return places, shape (frames, n, 2), as one list of points per frame."""
-    return tuple(points(one) for one in places)
+def drawn(
+    part: Part, scale: tuple[float, float], origin: tuple[float, float] = (0.0, 0.0)
+) -> Shape:
+    """Return a part as a shape.
+
+    Args:
+        scale: 1/m, units of the picture along x and z; equal if the part turns.
+        origin: Place of the part's (0, 0) in the picture, z upwards.
+    """
+    places = part.points * scale + origin
+    moves = {"transform": moved} if (moved := transform(part, scale)) else {}
+    if part.radius:
+        (x, z), radius = places[0], rounded(part.radius * scale[0])
+        return Shape("circle", part.name, {"cx": rounded(x), "cy": -rounded(z), "r": radius}, moves)
+    tag = "polygon" if part.closed else "polyline"
+    if places.ndim == 2:
+        return Shape(tag, part.name, {"points": points(places)}, moves)
+    return Shape(tag, part.name, {}, {"points": tuple(points(one) for one in places), **moves})
 
 
-def shifted(x: float, z: Floats) -> Frames:
-    """Return the transforms that shift by x and, frame by frame, by z upwards; shape (frames,)."""
-    return tuple(f"translate({rounded(x)} {-rounded(one)})" for one in z)
+def transform(part: Part, scale: tuple[float, float]) -> Frames:
+    """Return the transform of a part in every frame; empty for one that stays in its place."""
+    moved: list[str] = []
+    if part.shift is not None:
+        moved = [f"translate({rounded(x)} {-rounded(z)})" for x, z in part.shift * scale]
+    if part.turn is not None:
+        x, z = (rounded(at * unit) for at, unit in zip(part.pivot, scale, strict=True))
+        about = f" {x} {-z}" if x or z else ""
+        turns = [f"rotate({-angle:.3f}{about})" if angle else "" for angle in np.degrees(part.turn)]
+        moved = [f"{a} {b}".strip() for a, b in zip(moved or [""] * len(turns), turns, strict=True)]
+    return tuple(moved)
 
 
 def box(kind: str, left: float, low: float, right: float, high: float) -> Shape:
     """Return a rectangle."""
-    return Shape("rect", kind, rectangle(left, low, right, high))
-
-
-def rectangle(left: float, low: float, right: float, high: float) -> dict[str, str | int]:
-    """Return a rectangle's attributes."""
-    return {
-        "x": rounded(left),
-        "y": -rounded(high),
-        "width": rounded(right - left),
-        "height": rounded(high - low),
-    }
+    width, height = rounded(right - left), rounded(high - low)
+    place = {"x": rounded(left), "y": -rounded(high), "width": width, "height": height}
+    return Shape("rect", kind, place)
 
 
 def label(text: str, x: float, z: float, anchor: str = "start", **more: str | int) -> Shape:

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.patches import Circle
 
 from sautereau.analysis.figures.bench import bench_figure
-from sautereau.analysis.figures.side import jack_foot, string_height
+from sautereau.analysis.figures.parts import JACK, bench_parts, string_height
 from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.key import angle_of_rise
@@ -46,9 +46,10 @@ def test_the_jack_stands_on_the_key_and_its_plectrum_meets_the_string():
     (choir,) = choirs(RIG)
     clearance = choir.jack.string_clearance
     angle = float(angle_of_rise(RIG.key, clearance))
-    foot = jack_foot(RIG, choir, angle)
-    assert foot[1] == pytest.approx(RIG.key.jack_surface_height + clearance)
-    assert foot[1] + 80e-3 == pytest.approx(string_height(RIG, choir))
+    _, jack = bench_parts(RIG, np.array([angle]))
+    foot = jack.at(0)[:, 1].min()
+    assert foot == pytest.approx(RIG.key.jack_surface_height + clearance)
+    assert foot + JACK == pytest.approx(string_height(RIG, choir))
 
 
 @pytest.mark.parametrize("part", ["damper", "tongue"])

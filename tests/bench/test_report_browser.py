@@ -290,7 +290,7 @@ def frame(page):
     """Return the slider's frame, and the places of plectrum, wire and reading in it."""
     return page.evaluate(
         "() => [Number(document.getElementById('frame').value),"
-        " ...[['head-1-plectrum', 'points'], ['head-1-wire', 'cx']].map(([id, name]) =>"
+        " ...[['head-1-plectrum', 'points'], ['head-1-wire', 'transform']].map(([id, name]) =>"
         " document.getElementById(id).getAttribute(name)),"
         " document.getElementById('reading-1').textContent,"
         " document.getElementById('frame').getAttribute('aria-valuetext')]"
@@ -312,7 +312,7 @@ def test_the_slow_motion_follows_the_slider(page):
     assert first == 0
     # Top and bottom edge of a straight plectrum.
     assert len({pair.split(",")[1] for pair in straight.split()}) == 2
-    assert rest == "0"
+    assert rest == "translate(0 0)"
     slider.press("End")
     assert "string released" in frame(page)[-1]
     box = slider.bounding_box()
