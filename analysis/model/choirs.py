@@ -101,7 +101,8 @@ def key_of(rig: Rig, choir: Choir) -> Key:
 def choir_pluck(choir: Choir, level: str = AUTO, sticks: bool = True) -> Pluck:
     """Return the pluck of a choir's plectrum and spring string; see `pluck_of`."""
     named = level_of(choir.plectrum, level)  # pyright: ignore[reportArgumentType]  # kept once
-    return pluck_of(choir.plectrum, choir.string, named, sticks)  # pyright: ignore[reportArgumentType]
+    bent, string = choir.plectrum, choir.string
+    return pluck_of(bent, string, named, sticks)  # pyright: ignore[reportArgumentType]
 
 
 @lru_cache(maxsize=128)
@@ -128,7 +129,8 @@ def pluck_of(plectrum: Plectrum, string: String, level: str, sticks: bool = True
 
 def level_name(rig: Rig, level: str) -> str:
     """Return the levels that `level` means for the choirs of a rig: `elastica`, `fe`, or both."""
-    return " and ".join(dict.fromkeys(level_of(c.plectrum, level) for c in choirs(rig)))  # pyright: ignore[reportArgumentType]
+    named = [level_of(choir.plectrum, level) for choir in choirs(rig)]  # pyright: ignore[reportArgumentType]
+    return " and ".join(dict.fromkeys(named))
 
 
 def ignored(rig: Rig, level: str) -> list[str]:
@@ -136,7 +138,8 @@ def ignored(rig: Rig, level: str) -> list[str]:
     found = []
     for number, choir in enumerate(choirs(rig)):
         at = f"more_choirs[{number - 1}]." if number else ""
-        lost = ", ".join(f"{at}plectrum.{name}" for name in dropped(choir.plectrum, level))  # pyright: ignore[reportArgumentType]
+        left_out = dropped(choir.plectrum, level)  # pyright: ignore[reportArgumentType]
+        lost = ", ".join(f"{at}plectrum.{name}" for name in left_out)
         given, clamped = choir.plectrum.thickness, choir.plectrum.clamp_thickness
         if abs(given - clamped) > SAME_THICKNESS * clamped and not lost:
             found.append(
@@ -144,7 +147,10 @@ def ignored(rig: Rig, level: str) -> list[str]:
                 f" {clamped * 1e3:.4g} mm thick at the clamp; make them equal"
             )
         described = choir.plectrum.described
-        best, named = (level_of(choir.plectrum, name) for name in (AUTO, level))  # pyright: ignore[reportArgumentType]
+        best, named = [
+            level_of(choir.plectrum, name)  # pyright: ignore[reportArgumentType]
+            for name in (AUTO, level)
+        ]
         if not described or named == best:
             continue
         bar = f"takes {at}plectrum.{' and '.join(described)} as that of a slender bar"
