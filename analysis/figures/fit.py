@@ -6,9 +6,9 @@ from matplotlib.ticker import NullFormatter
 
 from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.figures.palette import BEFORE, DASHES, MEASURED, OTHER, PREDICTED, SERIES
-from sautereau.analysis.identify.combinations import IDENTIFIABLE
 from sautereau.analysis.identify.fit import Fit
 from sautereau.analysis.identify.identified import Estimate, Identified
+from sautereau.analysis.identify.information import IDENTIFIABLE
 from sautereau.analysis.identify.parameters import values_of_rig
 from sautereau.analysis.text import counted, in_rig_units
 

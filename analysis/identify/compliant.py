@@ -36,12 +36,9 @@ from sautereau.analysis.phases import Phases
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-FREQUENCIES = np.geomspace(80.0, 1200.0, 30)
-"""Frequencies at which a mode is tried (Hz)."""
-DAMPINGS = (0.03, 0.15)
-"""Damping ratios at which a mode is tried."""
-WEIGHT = 0.02
-"""Weight of a mode for numerical derivatives, dimensionless."""
+FREQUENCIES = np.geomspace(80.0, 1200.0, 30)  # Frequencies at which a mode is tried (Hz)
+DAMPINGS = (0.03, 0.15)  # Damping ratios at which a mode is tried
+WEIGHT = 0.02  # Weight of a mode for numerical derivatives, dimensionless
 LARGEST_WEIGHT = 3.0
 """Largest magnitude of the weight at which the fit of a mode starts, dimensionless."""
 LARGEST_RINGING = 2.0
@@ -55,8 +52,7 @@ frequency, absolute for its damping ratio. The pressed key has other modes."""
 INERTIA_FACTOR = 2.0
 """Ratio of the bounds of a compliant key's inertia to the rig's value. Above its modes a key shows
 a smaller inertia; with that inertia, one mode less would fit almost as well."""
-LEAST_GAIN = 0.9
-"""A mode is kept if it reduces the residual below this fraction."""
+LEAST_GAIN = 0.9  # A mode is kept if it reduces the residual below this fraction
 
 
 def fit_presses(

@@ -25,39 +25,30 @@ import numpy as np
 
 from sautereau.analysis.identify.noise import WINDOW
 from sautereau.analysis.identify.observed import SUBSTEPS, Observed
-from sautereau.analysis.identify.parameter_names import CLOTH, MODE
+from sautereau.analysis.identify.parameter_names import CLOTH, INERTIA, MODE
 from sautereau.analysis.identify.parameters import Parameter
 from sautereau.trajectory.motion import Floats
 
 SHAPES = {"key": (-0.6, -0.6), "second": (0.8, -0.35), "cloth": (-2.5, -2.5)}
 """u and v of three shapes: the first bending or the heave of a uniform key, its second bending, and
 a jack of a few grams on its cloth."""
-SHAPE_STD = 0.4
-"""Prior standard uncertainty of u and of v."""
-WEIGHT_STD = 1.5
-"""Prior standard uncertainty of r."""
-RINGING_STD = 0.3
-"""Prior standard uncertainty of the ringing amplitudes (N)."""
+SHAPE_STD = 0.4  # Prior standard uncertainty of u and of v
+WEIGHT_STD = 1.5  # Prior standard uncertainty of r
+RINGING_STD = 0.3  # Prior standard uncertainty of the ringing amplitudes (N)
 CLOTH_STD = 1e-5
 """Prior standard uncertainty of the compliance under the jack of a compliant key (m/N)."""
-LOWEST = 60.0
-"""Lower bound of the frequencies (Hz)."""
-HIGHEST = 3000.0
-"""Upper bound of the frequencies (Hz)."""
-LEAST_DAMPING = 5e-3
-"""Lower bound of the damping ratios: that of wood without felt."""
+LOWEST = 60.0  # Lower bound of the frequencies (Hz)
+HIGHEST = 3000.0  # Upper bound of the frequencies (Hz)
+LEAST_DAMPING = 5e-3  # Lower bound of the damping ratios: that of wood without felt
 LARGEST_STEP = 0.45 * np.pi
 """Largest w T / 2 of a time step T up to which the frequency of a mode is exact."""
-LEAST_PERIODS = 4.0
-"""Smallest number of periods of a mode in a press."""
-CLOSE = 1.15
-"""Ratio of two frequencies below which the modes are too close to be separated."""
-MOST = 3
-"""Largest number of modes."""
-BAND = 2.0
-"""Highest frequency that passes the smoothing, times the width of the window."""
-POINTS = 400
-"""Number of frequencies up to it at which the noise gain is computed."""
+LEAST_PERIODS = 4.0  # Smallest number of periods of a mode in a press
+CLOSE = 1.15  # Ratio of two frequencies below which the modes are too close to be separated
+MOST = 3  # Largest number of modes
+NEAR_BOUND = 1.02
+"""Ratio of a compliant key's inertia to a bound up to which it counts as being at the bound."""
+BAND = 2.0  # Highest frequency that passes the smoothing, times the width of the window
+POINTS = 400  # Number of frequencies up to it at which the noise gain is computed
 
 
 @dataclass(frozen=True)
@@ -153,8 +144,16 @@ def doubtful_modes(
 ) -> list[str]:
     """Return why modes may imitate what else the model lacks; empty where nothing says so."""
     named = dict(zip((p.name for p in free), values.tolist(), strict=True))
-    lowest = min((mode.frequency for mode in modes_of(named)), default=np.inf)
-    shortest, reasons = shortest_record(presses), []
+    if not modes_of(named):
+        return []
+    lowest = min(mode.frequency for mode in modes_of(named))
+    shortest = shortest_record(presses)
+    reasons = [
+        f"{INERTIA}: the fit reached a bound at {named[INERTIA]:.4g} kg m^2, so that the modes"
+        " imitate it: give its range by a prior, or press more slowly"
+        for p in free
+        if p.name == INERTIA and min(named[INERTIA] / p.low, p.high / named[INERTIA]) < NEAR_BOUND
+    ]
     if shortest * lowest < LEAST_PERIODS:
         reasons.append(
             f"the key's mode at {lowest:.3g} Hz has {shortest * lowest:.2g} periods"

@@ -15,8 +15,7 @@ from sautereau.trajectory.motion import Floats, Motion
 
 RELEASE_MARGIN = 1.5e-3
 """Time excluded before and after a release (s). Filters spread the force drop over it."""
-DIP_MARGIN = 0.1e-3
-"""Travel of the pressing point that is excluded before the front felt (m)."""
+DIP_MARGIN = 0.1e-3  # Travel of the pressing point that is excluded before the front felt (m)
 CATCH_RATIO = 2.5
 """Multiple of the planned return acceleration above which the finger catches a key that it had
 lost. What precedes a catch is excluded: the force transducer does not measure the load then."""

@@ -20,10 +20,8 @@ from sautereau.analysis.phases import Phases
 from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
 
-DEPENDENT = 2.4
-"""Instants per independent value of the smoothed force."""
-COMPLIANT_FLOOR = 0.3
-"""`FLOOR` for a compliant key."""
+DEPENDENT = 2.4  # Instants per independent value of the smoothed force
+PART = 0.3  # `FLOOR` of the noise that weights a fit
 ROUNDS = 3
 """Number of fits. Each one after the first is whitened with the residuals of the previous one."""
 
@@ -37,8 +35,9 @@ class Fit:
     """Values of all parameters, including the hidden ones, SI."""
     free_offset: bool
     """Whether the zero of each force was fitted."""
-    moved: Floats | None = None
-    """Change of the scaled values by whitening, for a compliant key; None for a rigid key."""
+    moved: Floats
+    """Change of the scaled values by whitening, for a compliant key; 0 for a rigid one; shape
+    (parameters,)."""
 
     @property
     def residual_before(self) -> float:
@@ -121,28 +120,29 @@ def fit(
         for start in tracked(tried)
     ]
     _, values = min(found, key=lambda pair: pair[0])
-    return Fit(problem_at(dynamics, values, noise, factor), values, free_offset)
+    return Fit(
+        problem_at(dynamics, values, noise, factor), values, free_offset, np.zeros(len(values))
+    )
 
 
 def refined(fitted: Fit, robust: bool = False) -> Fit:
     """Continue a fit to the final tolerance, with whitened residuals.
 
-    Whitening gives most weight to the frequencies that are weakest in the residuals. A model with
-    few modes describes these worst. The residuals of a compliant key are therefore whitened only in
-    part. The values of a correct model do not depend on the weights (Hausman 1978); the change that
-    whitening causes is counted as an uncertainty.
+    Whitening gives most weight to the frequencies that are weakest in the residuals, which the
+    model describes worst. The residuals are therefore whitened only in part. The values of a
+    correct model do not depend on the weights (Hausman 1978); on a compliant key, whose modes are
+    never all fitted, the change that whitening causes is counted as an uncertainty.
     """
     dynamics, values, problem = fitted.problem.dynamics, fitted.values, fitted.problem
     compliant = any(p.name.startswith(MODE) for p in dynamics.free)
-    floor = COMPLIANT_FLOOR if compliant else FLOOR
     for tolerance in [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
         forces, rises = dynamics.residuals(values)
         left = [f - w.trend(f) for f, w in zip(forces, problem.whitenings, strict=True)]
-        noise = _noise(dynamics, left, dynamics.floor, fitted.spent, fitted.free_offset, floor)
+        noise = _noise(dynamics, left, dynamics.floor, fitted.spent, fitted.free_offset, PART)
         problem = problem_at(dynamics, values, noise, scatter(rises))
         _, values = minimise(problem, values, robust, tolerance=tolerance)
     problem = problem_at(dynamics, values, problem.whitenings, problem.rise_factor)
-    moved = (values - fitted.values) / problem.scales if compliant else None
+    moved = (values - fitted.values) / problem.scales * compliant
     return replace(fitted, problem=problem, values=values, moved=moved)
 
 

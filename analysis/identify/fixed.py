@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sautereau.analysis.identify.fit import DEPENDENT, Fit
+from sautereau.analysis.identify.information import Information
 from sautereau.analysis.identify.parameter_names import (
     CONTACT,
     FORCE,
@@ -44,8 +45,7 @@ CHANGE = 0.01
 """Relative change in the table of effects of a number for which the rig assumes no range."""
 FRICTION_CHANGE = 0.1
 """The same for a number that is 0, such as a coefficient of friction; absolute."""
-STEP = 1e-3
-"""Relative step of numerical derivatives."""
+STEP = 1e-3  # Relative step of numerical derivatives
 LIKELY = 0.4
 """The string is suggested to lie on the surface if its fitted offset from the mid-line is more than
 this fraction of the offset on the surface."""
@@ -73,16 +73,15 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Input:
-    """A fixed number with an assumed range, and what its error does to the fit."""
+    """A fixed number of the rig, and what its error does to the fit."""
 
-    deviation: Deviation
-    slopes: Floats
-    """Change of all scaled parameters by that of the number, 1 / SI; shape (parameters,)."""
-
-    @property
-    def effects(self) -> Floats:
-        """Change of the scaled parameters by its standard uncertainty."""
-        return self.slopes * self.deviation.std
+    name: str
+    change: float
+    """SI; see `Sensitivity`."""
+    effects: Floats
+    """Change of the scaled parameters by it, shape (parameters,)."""
+    deviation: Deviation | None
+    """Its error; None if the rig assumes no range."""
 
 
 @dataclass(frozen=True)
@@ -131,65 +130,55 @@ class ScoreTest:
         return steps / scales, float(moved @ moved)
 
 
-def sensitivities(
-    fitted: Fit, jacobian: Floats, excess: float
-) -> tuple[tuple[Sensitivity, ...], tuple[Input, ...]]:
-    """Return the effects of all fixed numbers and calibrations, the largest effect first.
+def fixed_inputs(fitted: Fit, jacobian: Floats, excess: float) -> list[Input]:
+    """Return the fixed numbers of a fit with their effects.
 
     Args:
         jacobian: Derivatives of its whitened residuals by the scaled parameters.
         excess: Mean square of the whitened residuals.
-
-    Returns:
-        The effects on the results, and those of numbers with an assumed range on all parameters.
     """
     problem, dynamics = fitted.problem, fitted.problem.dynamics
-    shown = [k for k, p in enumerate(problem.free) if not p.hidden]
-    prior = problem.prior_jacobian
-    data, nothing = jacobian / np.sqrt(excess), np.zeros(len(prior))
-    rows, table = np.vstack([data, prior]), []
+    rows = np.vstack([jacobian / np.sqrt(excess), problem.prior_jacobian])
+    gain = np.linalg.pinv(rows, rcond=1e-9)[:, : len(jacobian)] / np.sqrt(excess)
+    whitened = problem.data(fitted.values / problem.scales)
+    rig, numbers, found = dynamics.rig, _fixed(dynamics), []
 
-    def add(
-        name: str, unit: str, value: float, change: float, stated: bool, moved: Floats | None
-    ) -> None:
-        if moved is not None:
-            effects = {problem.free[k].name: float(moved[k] * change) for k in shown}
-            table.append(Sensitivity(name, unit, value, change, stated, effects))
+    def add(name: str, change: float, moved: Rig, step: float, error: Deviation | None) -> None:
+        column = problem.by_another(whitened, *_moved_to(dynamics, fitted.values, moved), step)
+        if column is not None:
+            found.append(Input(name, change, gain @ column * -change, error))
+
+    for error in deviations(rig, numbers):
+        add(error.name, error.std, *_beside(dynamics, error.keys), error)
+    for name in [name for name in numbers if name not in rig.assumed]:
+        change = CHANGE * abs(value_of(rig, name)) or FRICTION_CHANGE
+        add(name, change, *_beside(dynamics, [name]), None)
+    add(CONTACT, 1.0, _other_contact(rig), 1.0, None)
+    return found
+
+
+def sensitivities(
+    fitted: Fit, inputs: Sequence[Input], known: Information
+) -> tuple[Sensitivity, ...]:
+    """Return the effects of fixed numbers and of hidden parameters, the largest effect first."""
+    problem, rig, table = fitted.problem, fitted.problem.dynamics.rig, []
+    shown = [k for k, p in enumerate(problem.free) if not p.hidden]
+
+    def add(name: str, unit: str, value: float, change: float, stated: bool, by: Floats) -> None:
+        effects = {problem.free[k].name: float(by[k]) for k in shown}
+        table.append(Sensitivity(name, unit, value, change, stated, effects))
 
     for k, parameter in enumerate(problem.free):
         if parameter.hidden and parameter.std:
-            # A fixed number has no prior.
-            others = [j for j in range(len(problem.free)) if j != k]
-            kept = np.concatenate([np.ones(len(data), bool), np.any(prior[:, others] != 0, axis=1)])
-            column, moved = np.concatenate([data[:, k], nothing]), np.zeros(len(problem.free))
-            moved[others] = _moved(rows[kept][:, others], column[kept]) / problem.scales[k]
+            by = known.by(k) * parameter.std / problem.scales[k]
             value = float(fitted.values[k])
-            add(parameter.name, parameter.unit, value, parameter.std, True, moved)
-    whitened = problem.data(fitted.values / problem.scales)
-
-    def moved_by(rig: Rig, step: float) -> Floats | None:
-        column = problem.by_another(whitened, *_moved_to(dynamics, fitted.values, rig), step)
-        if column is None:
-            return None
-        return _moved(rows, np.concatenate([column / np.sqrt(excess), nothing]))
-
-    rig, numbers = dynamics.rig, _fixed(dynamics)
-    ranges = deviations(rig, numbers)
-    steps = [_beside(dynamics, each.keys) for each in ranges]
-    inputs = [
-        Input(e, m) for e, s in zip(ranges, steps, strict=True) if (m := moved_by(*s)) is not None
-    ]
-    for each in inputs:
-        name, std = each.deviation.name, each.deviation.std
-        add(name, unit_of_parameter(name), value_of(rig, name), std, True, each.slopes)
-    for name in [name for name in numbers if name not in rig.assumed]:
-        value, moved = value_of(rig, name), moved_by(*_beside(dynamics, [name]))
-        change = CHANGE * abs(value) if value else FRICTION_CHANGE
-        add(name, unit_of_parameter(name), value, change, False, moved)
-    place = float(rig.plectrum.contact == "surface")
-    add(CONTACT, "", place, 1.0, False, moved_by(_other_contact(rig), 1.0))
-    table.sort(key=lambda s: -max(map(abs, s.effects.values()), default=0.0))
-    return tuple(table), tuple(inputs)
+            add(parameter.name, parameter.unit, value, parameter.std, True, by)
+    for i in inputs:
+        unit, value = "", float(rig.plectrum.contact == "surface")
+        if i.name != CONTACT:
+            unit, value = unit_of_parameter(i.name), value_of(rig, i.name)
+        add(i.name, unit, value, i.change, i.deviation is not None, i.effects)
+    return tuple(sorted(table, key=lambda s: -max(map(abs, s.effects.values()), default=0.0)))
 
 
 def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
@@ -232,11 +221,6 @@ def _other_contact(rig: Rig) -> Rig:
     """Return the rig with the string on the surface instead of the mid-line, or vice versa."""
     other = "mid-line" if rig.plectrum.contact == "surface" else "surface"
     return rig.replaced({"plectrum.contact": other})
-
-
-def _moved(rows: Floats, column: Floats) -> Floats:
-    """Return the change of the fitted values for a unit change of the number."""
-    return -np.asarray(np.linalg.lstsq(rows, column, rcond=1e-9)[0], float)
 
 
 def _fixed(dynamics: InverseDynamics) -> list[str]:

@@ -12,7 +12,6 @@ the string on the plectrum; the remainder is found by iteration. Their response 
 convolution with a response that all presses of a string have in common.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -20,8 +19,6 @@ import numpy as np
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.identify.elastic import LARGEST_STEP
-from sautereau.analysis.identify.parameter_names import OUTWARD, VIBRATION
-from sautereau.analysis.model.choirs import choir_pluck
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.string.string import ModalString
 from sautereau.rig.instrument import Choir, String
@@ -38,10 +35,6 @@ class HeldString:
     string: String
     pluck: Pluck
     """The quasi-static pluck."""
-    outward: Pluck | None
-    """The same if the friction always points to the tip; None without friction."""
-    share: float
-    """Fraction of `outward` in the force."""
     vibration: float
     """Vibration of the string divided by that of an undamped string."""
     slope: float
@@ -54,11 +47,7 @@ class HeldString:
             height: m, of the jack above first contact, shape (n,).
             behind: m, `behind` for the force of the previous iteration, shape (n,).
         """
-        height = np.minimum(height + behind, self.pluck.release_height)
-        force = self.pluck.force_on_jack(height)
-        if self.outward is None:
-            return force
-        return force + self.share * (self.outward.force_on_jack(height) - force)
+        return self.pluck.force_on_jack(np.minimum(height + behind, self.pluck.release_height))
 
     def behind(self, force: Floats, before: Floats, step: float) -> Floats:
         """Return how far the string is behind its static displacement [m], shape (n,).
@@ -83,17 +72,14 @@ class HeldString:
         return self.vibration * found
 
 
-def held_string(choir: Choir, pluck: Pluck, level: str, values: Mapping[str, float]) -> HeldString:
+def held_string(choir: Choir, pluck: Pluck, vibration: float) -> HeldString:
     """Return the held string of a choir.
 
     Args:
-        values: Values of the parameters, by name.
+        vibration: Vibration of the string divided by that of an undamped string.
     """
-    share, vibration = values.get(OUTWARD, 0.0), values.get(VIBRATION, 0.0)
-    rubs = share > 0 and choir.plectrum.friction > 0
-    outward = choir_pluck(choir, level, sticks=False) if rubs else None
     slope = float(pluck.vertical_force[-1]) / pluck.release_height
-    return HeldString(choir.string, pluck, outward, share, vibration, slope)
+    return HeldString(choir.string, pluck, vibration, slope)
 
 
 @lru_cache(maxsize=32)

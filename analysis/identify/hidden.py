@@ -17,7 +17,6 @@ from sautereau.analysis.identify.parameter_names import (
     LATE_SLIDING,
     MODULUS,
     OF_STRING,
-    OUTWARD,
     OVERLAP,
     RELEASE,
     SLIDING,
@@ -45,9 +44,6 @@ vibration along the plectrum changes it."""
 VIBRATION_MEAN, VIBRATION_STD = 0.5, 1 / np.sqrt(12)
 """Prior mean and standard uncertainty of the vibration of the held strings, those of a uniform
 distribution from 0 to 1."""
-OUTWARD_STD = 1 / np.sqrt(3)
-"""Standard uncertainty of the fraction of the friction that points to the tip against Coulomb's
-law: the rms of a uniform distribution from 0 to 1."""
 FRICTION_STD = 0.1
 """Standard uncertainty of the plectrum's friction in the rig, dimensionless. Friction is fitted
 with stiffness and overlap because its effect resembles theirs: an error of 0.03 disappears in the
@@ -92,15 +88,14 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
     if damper is not None and damper.stiffness > 0:
         std = assumed_std(rig, "jack.damper.stiffness") / damper.stiffness or DAMPER_STD
         lift_std = assumed_std(rig, "jack.damper.lift") or DAMPER_LIFT_STD
-        found += [_hidden(DAMPER, 1.0, std), _hidden(DAMPER_LIFT, damper.lift, lift_std, "m")]
+        # There may be no damper: a least stiffness would bias what else the return shows.
+        found += [_hidden(DAMPER, 1.0, std, least=0.0)]
+        found += [_hidden(DAMPER_LIFT, damper.lift, lift_std, "m")]
     plectrum_is_free = not {MODULUS, STIFFNESS, OVERLAP}.isdisjoint(
         own for _, own in map(split_name, names)
     )
     if plectrum_is_free and rig.plectrum.contact == "surface":
-        found += [
-            _fraction(FRICTION, rig.plectrum.friction, FRICTION_STD),
-            _fraction(OUTWARD, 0.0, OUTWARD_STD),
-        ]
+        found.append(_fraction(FRICTION, rig.plectrum.friction, FRICTION_STD))
     return [parameter for parameter in found if parameter.name not in names]
 
 
@@ -115,10 +110,15 @@ def assumed_std(rig: Rig, name: str) -> float:
     return sum(deviation.std for deviation in deviations(rig, [name]))
 
 
-def _hidden(name: str, value: float, std: float, unit: str = "") -> Parameter:
-    """Return a hidden parameter with its value as the mean of its prior."""
-    low = value - min(BOUND_STDS * std, 0.9 * value) if value else -BOUND_STDS * std
-    return Parameter(name, unit, value, low, value + BOUND_STDS * std, value, std, hidden=True)
+def _hidden(name: str, value: float, std: float, unit: str = "", least: float = 0.1) -> Parameter:
+    """Return a hidden parameter with its value as the mean of its prior.
+
+    Args:
+        least: Lower bound, divided by the value.
+    """
+    low, high = value - BOUND_STDS * std, value + BOUND_STDS * std
+    low = max(low, least * value) if value else low
+    return Parameter(name, unit, value, low, high, value, std, hidden=True)
 
 
 def _fraction(name: str, mean: float, std: float) -> Parameter:

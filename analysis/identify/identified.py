@@ -4,15 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sautereau.analysis.identify.combinations import (
-    IDENTIFIABLE,
-    Combination,
-    combinations,
-    covariance_of,
-    without_hidden,
-)
 from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
 from sautereau.analysis.identify.fit import Fit, informative, rms
@@ -21,11 +13,17 @@ from sautereau.analysis.identify.fixed import (
     Input,
     Sensitivity,
     Suggestion,
+    fixed_inputs,
     sensitivities,
     suggestions,
 )
-from sautereau.analysis.identify.measurements import Information, Measurement
-from sautereau.analysis.identify.parameter_names import CONTACT, FRICTION, INERTIA
+from sautereau.analysis.identify.information import (
+    IDENTIFIABLE,
+    Combination,
+    Information,
+    Measurement,
+)
+from sautereau.analysis.identify.parameter_names import CONTACT, FRICTION
 from sautereau.analysis.identify.parameters import Prior, value_of, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.quality import Quality, judged, quality
@@ -40,8 +38,6 @@ from sautereau.trajectory.motion import Floats
 SIGNIFICANT = 3.0
 """A hidden friction is reported as a result if it differs from the rig's value by this number of
 standard uncertainties."""
-NEAR_BOUND = 1.02
-"""Ratio of a compliant key's inertia to a bound up to which it counts as being at the bound."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +72,17 @@ class Estimate:
     undetermined."""
     measurements: tuple[Measurement, ...]
     """What would reduce its uncertainty most, the best first; empty if it is identifiable."""
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """The normal distribution of all fitted values of the rig, requested or not; SI."""
+
+    names: tuple[str, ...]
+    values: Floats
+    """Shape (values,)."""
+    covariance: Floats
+    """Total covariance, shape (values, values)."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +127,8 @@ class Identified:
     """N, fitted zero of the force in each press; 0 if it was not fitted."""
     also_fitted: tuple[Estimate, ...]
     """Values of the rig that were fitted without being requested."""
+    distribution: Distribution
+    """Of `estimates` and `also_fitted`; what is undetermined has the std None there."""
     modes: tuple[FittedMode, ...]
     """Elastic modes of the key; empty for a rigid key."""
     quality: Quality
@@ -181,85 +190,68 @@ def evaluate(fitted: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
     found, values, good = fitted.problem, fitted.values, quality(fitted)
     unasked = [k for k, p in enumerate(found.free) if p.hidden and not p.name.startswith("offset.")]
-    point = values / found.scales
-    data, prior = found.jacobian(point, found.data), found.prior_jacobian
-    rows = informative(fitted, data) / np.sqrt(good.repetition)
-    moved = np.zeros(len(values)) if fitted.moved is None else fitted.moved
-    covariance, determined = covariance_of(np.vstack([rows, prior]))
-    # The part of the noise in the inverse of the information of noise and priors together.
-    noise = covariance @ rows.T @ rows @ covariance + np.outer(moved, moved)
-    covariance += np.outer(moved, moved)
-    fitted = _with_found_friction(fitted, _stds(covariance, determined) * found.scales)
+    data = found.jacobian(values / found.scales, found.data)
+    inputs = fixed_inputs(fitted, data, fitted.excess * good.repetition)
+    known = Information(
+        [p.name for p in found.free],
+        informative(fitted, data) / np.sqrt(good.repetition),
+        found.prior_jacobian,
+        fitted.moved,
+        {i.name: i.effects for i in inputs if i.deviation},
+    )
+    fitted = _with_found_friction(fitted, known)
     found, dynamics = fitted.problem, fitted.problem.dynamics
-    sensitivity, inputs = sensitivities(fitted, data, fitted.excess * good.repetition)
-    moved_by = {i.deviation.name: i.effects for i in inputs}
-    effects = np.array([*moved_by.values()]).reshape(-1, len(values))
-    ends = _ends(np.sqrt(np.diag(covariance)), inputs)
-    covariance += effects.T @ effects
-    stds = _stds(covariance, determined)
     suggested = suggestions(fitted, good.scale)
+    effects = np.array([*known.inputs.values()]).reshape(-1, len(values))
     good = judged(good, fitted, effects * found.scales)
     good = replace(good, reasons=(*good.reasons, *_doubts(fitted, suggested)))
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
-    names, hidden_prior = [p.name for p in found.free], prior[found.nuisances]
-    known = Information(names, rows, prior, np.abs(moved), moved_by)
-    estimates, also = (
-        [
-            _estimate(
-                found,
-                k,
-                float(values[k]),
-                (float(stds[k]), float(np.sqrt(noise[k, k]))),
-                ends[:, k] if good.fits else None,
-                known,
-            )
-            for k in which
-        ]
-        for which in (shown, unasked)
-    )
+    ends = _ends(np.sqrt(np.diag(known.normal)), inputs) if good.fits else None
+    estimates, also = (_estimates(fitted, which, ends, known) for which in (shown, unasked))
     forces, rises = dynamics.residuals(values)
-    offsets = [float(w.trend(f).mean()) for f, w in zip(forces, found.whitenings, strict=True)]
-    deviations = np.outer(stds, stds)
-    within = np.isfinite(deviations) & (deviations > 0)
-    correlation = np.divide(covariance, deviations, out=np.eye(len(stds)), where=within)
+    trends = [w.trend(f) for f, w in zip(forces, found.whitenings, strict=True)]
     return Identified(
         rig=with_parameters(dynamics.rig, {e.name: e.value for e in estimates}),
-        estimates=tuple(estimates),
-        correlation=correlation[np.ix_(shown, shown)],
-        combinations=tuple(
-            combinations(
-                without_hidden(rows, hidden_prior, shown),
-                [names[k] for k in shown],
-                effects[:, shown],
-            )
-        ),
+        estimates=estimates,
+        correlation=known.correlation[np.ix_(shown, shown)],
+        combinations=known.combinations(shown),
         presses=tuple(press.name for press in dynamics.presses),
         releases=len(rises),
         level=level_name(dynamics.rig, dynamics.level),
-        residual=rms([f - w.trend(f) for f, w in zip(forces, found.whitenings, strict=True)]),
+        residual=rms([f - trend for f, trend in zip(forces, trends, strict=True)]),
         residual_before=fitted.residual_before,
         rise_residual=rms([rises * dynamics.rise_stds]) if len(rises) else None,
-        force_offsets=tuple(offsets),
-        also_fitted=tuple(also),
-        modes=_modes(found, values, stds),
+        force_offsets=tuple(float(trend.mean()) for trend in trends),
+        also_fitted=also,
+        distribution=_distribution(fitted, known),
+        modes=_modes(found, values, known.stds),
         quality=good,
-        sensitivity=sensitivity,
+        sensitivity=sensitivities(fitted, inputs, known),
         suggested=() if good.fits else suggested,
         warnings=_warnings(estimates, dynamics),
     )
 
 
-def _with_found_friction(fitted: Fit, stds: Floats) -> Fit:
+def _distribution(fitted: Fit, known: Information) -> Distribution:
+    problem = fitted.problem
+    named = [(k, p.name) for k, p in enumerate(problem.free) if not p.name.startswith("offset.")]
+    own, names = [k for k, _ in named], tuple(name for _, name in named)
+    scales = problem.scales[own]
+    covariance = known.covariance[np.ix_(own, own)] * np.outer(scales, scales)
+    return Distribution(names, fitted.values[own], covariance)
+
+
+def _with_found_friction(fitted: Fit, known: Information) -> Fit:
     """Return the fit; the plectrum's friction is no longer hidden if it differs from the rig's."""
     dynamics = fitted.problem.dynamics
-    rig_value = value_of(dynamics.rig, FRICTION)
-    for number, (parameter, value) in enumerate(zip(dynamics.free, fitted.values, strict=True)):
-        differs = abs(value - rig_value) >= SIGNIFICANT * stds[number]
-        if parameter.name == FRICTION and parameter.hidden and differs:
-            free = list(dynamics.free)
-            free[number] = replace(parameter, hidden=False)
-            dynamics = dynamics.with_free(free)
-    return replace(fitted, problem=replace(fitted.problem, dynamics=dynamics))
+    free, rig_value = list(dynamics.free), value_of(dynamics.rig, FRICTION)
+    for k, parameter in enumerate(free):
+        if parameter.name == FRICTION and parameter.hidden and np.isfinite(known.stds[k]):
+            std = np.sqrt(known.normal[k, k]) * fitted.problem.scales[k]
+            if abs(fitted.values[k] - rig_value) >= SIGNIFICANT * std:
+                free[k] = replace(parameter, hidden=False)
+    problem = replace(fitted.problem, dynamics=dynamics.with_free(free))
+    return replace(fitted, problem=problem)
 
 
 def _modes(found: Problem, values: Floats, stds: Floats) -> tuple[FittedMode, ...]:
@@ -285,19 +277,7 @@ def _doubts(fitted: Fit, suggested: Sequence[Suggestion]) -> list[str]:
         if s.name in (FRICTION, CONTACT)
     ]
     doubts += doubtful_modes(found.free, fitted.values, found.dynamics.presses)
-    doubts += [
-        f"{INERTIA}: the fit reached a bound at {value:.4g} kg m^2, so that the modes imitate"
-        " it: give its range by a prior, or press more slowly"
-        for parameter, value in zip(found.free, fitted.values.tolist(), strict=True)
-        if fitted.moved is not None
-        and parameter.name == INERTIA
-        and min(value / parameter.low, parameter.high / value) < NEAR_BOUND
-    ]
     return doubts
-
-
-def _stds(covariance: Floats, determined: NDArray[np.bool_]) -> Floats:
-    return np.where(determined, np.sqrt(np.diag(covariance)), np.inf)
 
 
 def _ends(stds: Floats, inputs: Sequence[Input]) -> Floats:
@@ -309,48 +289,48 @@ def _ends(stds: Floats, inputs: Sequence[Input]) -> Floats:
     Args:
         stds: Of the normal errors, shape (parameters,).
     """
-    changes = drawn(stds, [(each.deviation, each.effects[None]) for each in inputs])
+    changes = drawn(stds, [(i.deviation, i.effects[None]) for i in inputs if i.deviation])
     low, high = np.quantile(np.sum(changes, axis=0), (0.025, 0.975), axis=0)
     return np.stack([np.minimum(low, 0.0), np.maximum(high, 0.0)])
 
 
-def _estimate(
-    found: Problem,
-    number: int,
-    value: float,
-    relative_stds: tuple[float, float],
-    ends: Floats | None,
-    known: Information,
-) -> Estimate:
-    """Return the result of one parameter.
+def _estimates(
+    fitted: Fit, which: Sequence[int], ends: Floats | None, known: Information
+) -> tuple[Estimate, ...]:
+    """Return the results of some parameters, by their numbers.
 
     Args:
-        relative_stds: Its total standard uncertainty and that from the noise, divided by its scale.
-        ends: Those of its interval, minus the value and divided by the scale; None: no interval.
+        ends: Those of the intervals of all parameters, minus the value and divided by the scale;
+            None: no intervals.
     """
-    parameter, scale = found.free[number], float(found.scales[number])
-    room = AT_BOUND * (parameter.high - parameter.low)
-    std, noise = (each * scale for each in relative_stds)
-    determined = bool(np.isfinite(std))
-    low, high = (value + ends * scale).tolist() if determined and ends is not None else (None, None)
-    unaided = known.std(number)
-    identifiable = unaided < IDENTIFIABLE
-    return Estimate(
-        name=parameter.name,
-        unit=parameter.unit,
-        value=value,
-        rig_value=value_of(found.dynamics.rig, parameter.name),
-        std=std if determined else None,
-        std_noise=noise if determined else None,
-        std_inputs=float(np.sqrt(max(0.0, std**2 - noise**2))) if determined else None,
-        low=low,
-        high=high,
-        at_bound=min(value - parameter.low, parameter.high - value) <= room,
-        identifiable=identifiable,
-        needed=IDENTIFIABLE * scale,
-        unaided=unaided * scale if np.isfinite(unaided) else None,
-        measurements=() if identifiable else known.measurements(number, scale),
-    )
+    problem, found = fitted.problem, []
+    for k in which:
+        p, scale, value = problem.free[k], float(problem.scales[k]), float(fitted.values[k])
+        std, noise = float(known.stds[k]) * scale, float(known.noise_stds[k]) * scale
+        determined, unaided = bool(np.isfinite(std)), known.std(k)
+        low = high = None
+        if determined and ends is not None:
+            low, high = (value + ends[:, k] * scale).tolist()
+        room = AT_BOUND * (p.high - p.low)
+        found.append(
+            Estimate(
+                name=p.name,
+                unit=p.unit,
+                value=value,
+                rig_value=value_of(problem.dynamics.rig, p.name),
+                std=std if determined else None,
+                std_noise=noise if determined else None,
+                std_inputs=float(np.sqrt(max(0.0, std**2 - noise**2))) if determined else None,
+                low=low,
+                high=high,
+                at_bound=min(value - p.low, p.high - value) <= room,
+                identifiable=unaided < IDENTIFIABLE,
+                needed=IDENTIFIABLE * scale,
+                unaided=unaided * scale if np.isfinite(unaided) else None,
+                measurements=() if unaided < IDENTIFIABLE else known.measurements(k, scale),
+            )
+        )
+    return tuple(found)
 
 
 def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple[str, ...]:

@@ -7,17 +7,13 @@ from numpy.typing import NDArray
 
 from sautereau.trajectory.motion import Floats, Motion
 
-WINDOW = 2e-3
-"""Width of the smoothing window (s)."""
-REST_SPEED = 0.03
-"""Fraction of the largest speed below which the key counts as at rest."""
+WINDOW = 2e-3  # Width of the smoothing window (s)
+REST_SPEED = 0.03  # Fraction of the largest speed below which the key counts as at rest
 TURN_MARGIN = 4e-3
 """Time excluded before and after a reversal or a rest of the key (s). The friction is
 indeterminate there."""
-MIN_REST = 10e-3
-"""Shortest rest from which the noise is estimated (s)."""
-RETURN_MARGIN = 10e-3
-"""Time from the end of the return to the start of that rest (s)."""
+MIN_REST = 10e-3  # Shortest rest from which the noise is estimated (s)
+RETURN_MARGIN = 10e-3  # Time from the end of the return to the start of that rest (s)
 
 
 @dataclass(frozen=True)

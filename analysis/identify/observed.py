@@ -17,26 +17,18 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.trajectory.motion import Floats, Motion
 
-STEP = 0.5e-3
-"""Approximate time between fitted instants (s)."""
-SUBSTEPS = 4
-"""Evaluations of the string's force per step, before smoothing."""
-ARM_LAG = 6e-3
-"""Time constant with which a servo-driven arm deflects under the force (s)."""
-REST_TIME = 5e-3
-"""Time at the start of a recording in which the finger is at rest (s)."""
+STEP = 0.5e-3  # Approximate time between fitted instants (s)
+SUBSTEPS = 4  # Evaluations of the string's force per step, before smoothing
+ARM_LAG = 6e-3  # Time constant with which a servo-driven arm deflects under the force (s)
+REST_TIME = 5e-3  # Time at the start of a recording in which the finger is at rest (s)
 LIFT_OFF_ANGLE = 2.5e-5
 """Key angle from which the key counts as lifted off its back rail (rad). Noise is smaller."""
 RISE_STD = 1e-6
 """Standard uncertainty of the jack's rise at release (m), without that of the time of release."""
-FREE = 0
-"""Phase of a press: the key moves down and no string is held."""
-HELD = 1
-"""Phase of a press: a string is held."""
-BACK = 2
-"""Phase of a press: the key moves up."""
-MIN_INSTANTS = 20
-"""Smallest number of fitted instants of a press."""
+FREE = 0  # Phase of a press: the key moves down and no string is held
+HELD = 1  # Phase of a press: a string is held
+BACK = 2  # Phase of a press: the key moves up
+MIN_INSTANTS = 20  # Smallest number of fitted instants of a press
 
 
 @dataclass(frozen=True, eq=False)

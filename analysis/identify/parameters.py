@@ -29,14 +29,11 @@ from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity
 from sautereau.trajectory.motion import Floats
 
-FACTOR = 10.0
-"""Ratio of a bound to the rig's value if the rig file assumes no range."""
+FACTOR = 10.0  # Ratio of a bound to the rig's value if the rig file assumes no range
 OF_STIFFNESS = (MODULUS, "plectrum.width", "plectrum.thickness")
 """Values of which the bending stiffness consists."""
-DIFFERENCE = 1e-3
-"""Step of numerical derivatives, divided by the parameter's scale."""
-FRICTION_DIFFERENCE = 0.02
-"""The same for friction, whose effect is quadratic near 0."""
+DIFFERENCE = 1e-3  # Step of numerical derivatives, divided by the parameter's scale
+FRICTION_DIFFERENCE = 0.02  # The same for friction, whose effect is quadratic near 0
 _SPREAD = re.compile(r"(.+?)\s*(?:\+-|\+/-|±)\s*(.+)")
 _RANGE = re.compile(r"(.+?)\s+to\s+(.+)")
 

@@ -11,12 +11,9 @@ from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.identify.whitening import Whitening
 from sautereau.trajectory.motion import Floats
 
-AT_BOUND = 1e-6
-"""A parameter is at a bound if it is closer to it than this fraction of its range."""
-TOLERANCE = 1e-6
-"""Relative tolerance of the solver for a result."""
-COARSE = 1e-4
-"""Relative tolerance of the solver for a fit that only serves to estimate the noise."""
+AT_BOUND = 1e-6  # A parameter is at a bound if it is closer to it than this fraction of its range
+TOLERANCE = 1e-6  # Relative tolerance of the solver for a result
+COARSE = 1e-4  # Relative tolerance of the solver for a fit that only serves to estimate the noise
 UNSOLVED = 1e6
 """Value of every residual where the model has no solution. The solver then rejects the step."""
 
@@ -68,11 +65,6 @@ class Problem:
     def _expected(self) -> list[int]:
         """Numbers of the parameters that have a prior."""
         return [k for k, p in enumerate(self.free) if p.std is not None]
-
-    @property
-    def nuisances(self) -> list[int]:
-        """Numbers of the rows of `prior` that belong to hidden parameters."""
-        return [row for row, k in enumerate(self._expected) if self.free[k].hidden]
 
     def prior(self, point: Floats) -> Floats:
         """Return the residuals [1] of the priors at a scaled point."""

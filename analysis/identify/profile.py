@@ -15,12 +15,9 @@ from sautereau.analysis.identify.identified import Identified
 from sautereau.analysis.identify.problem import minimise
 from sautereau.trajectory.motion import Floats
 
-CRITICAL = 3.841
-"""95 % quantile of the chi-squared distribution with one degree of freedom."""
-STEPS = 8
-"""Largest number of values on either side of the estimate."""
-REACH = 4.0
-"""Distance of the last of these values from the estimate, in standard uncertainties."""
+CRITICAL = 3.841  # 95 % quantile of the chi-squared distribution with one degree of freedom
+STEPS = 8  # Largest number of values on either side of the estimate
+REACH = 4.0  # Distance of the last of these values from the estimate, in standard uncertainties
 
 
 @dataclass(frozen=True)

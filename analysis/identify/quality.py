@@ -22,17 +22,13 @@ HELD_MAX = 1.1
 """Largest allowed ratio of the residual while a string is held to that elsewhere. A residual up to
 the noise at rest is always allowed, because the held string vibrates. A wrong friction that is
 hidden in this way is found by the score test."""
-HELD_STDS = 2.0
-"""Standard deviations of that ratio that are allowed in addition."""
+HELD_STDS = 2.0  # Standard deviations of that ratio that are allowed in addition
 REPEATED_MAX = 0.5
 """Largest allowed ratio of the repeated part of the residual to the other part, or to the noise at
 rest. A repeated part widens the intervals."""
-REPEATED_STDS = 3.0
-"""Standard deviations of the repeated part that are allowed in addition."""
-PRIOR_MAX = 3.0
-"""Standard uncertainties by which a fitted calibration may differ from the rig's."""
-LONGEST = 9
-"""Largest number of instants in an average over a period of the string."""
+REPEATED_STDS = 3.0  # Standard deviations of the repeated part that are allowed in addition
+PRIOR_MAX = 3.0  # Standard uncertainties by which a fitted calibration may differ from the rig's
+LONGEST = 9  # Largest number of instants in an average over a period of the string
 INDEPENDENT = 0.6
 """Time between independent values of a smoothed force, divided by the windows of smoothing and
 averaging."""

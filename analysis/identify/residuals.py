@@ -22,6 +22,7 @@ from sautereau.analysis.identify.parameter_names import (
     SLIDING,
     TIME,
     VELOCITY_GAIN,
+    VIBRATION,
 )
 from sautereau.analysis.identify.parameters import Parameter, with_parameters
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
@@ -44,8 +45,7 @@ NOT_OF_RIGID_KEY = {FORCE_GAIN, "key.inertia", "jack.mass"}
 """Further parameters of this kind if the key is rigid."""
 CACHED_POINTS = 3
 """Number of points whose string forces are cached. Most derivatives do not change the forces."""
-ITERATIONS = 2
-"""Iterations of the strings' forces, which hardly depend on bending and vibration."""
+ITERATIONS = 2  # Iterations of the strings' forces, which hardly depend on bending and vibration
 
 
 class InverseDynamics:
@@ -203,7 +203,7 @@ def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float)
         key, pluck = key_of(rig, choir), choir_pluck(choir, level)
         late = 1 + values.get(RELEASE, 0.0)
         height = choir.jack.string_clearance + late * pluck.release_height
-        held = held_string(choir, pluck, level, values)
+        held = held_string(choir, pluck, values.get(VIBRATION, 0.0))
         found.append(_String(choir, key, held, float(angle_of_rise(key, height))))
     return found
 

@@ -15,16 +15,11 @@ from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.phases.rows import SOLVE
 from sautereau.trajectory.motion import Floats
 
-REACH = 50e-3
-"""Longest lag of the autocovariance (s): two and a half periods of the mains."""
-MAINS = (50.0, 60.0)
-"""Frequencies of the mains (Hz)."""
-HUM_LEAST = 0.15
-"""Shortest record in which both can be separated from the press (s)."""
-FLOOR = 1e-3
-"""Smallest value of the noise spectrum, divided by its mean."""
-QUIET = 1e-12
-"""Smallest variance of the scaled residuals. It is needed for presses without noise."""
+REACH = 50e-3  # Longest lag of the autocovariance (s): two and a half periods of the mains
+MAINS = (50.0, 60.0)  # Frequencies of the mains (Hz)
+HUM_LEAST = 0.15  # Shortest record in which both can be separated from the press (s)
+FLOOR = 1e-3  # Smallest value of the noise spectrum, divided by its mean
+QUIET = 1e-12  # Smallest variance of the scaled residuals. It is needed for presses without noise
 
 
 @dataclass(frozen=True)

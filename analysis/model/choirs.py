@@ -98,24 +98,21 @@ def key_of(rig: Rig, choir: Choir) -> Key:
     return rig.key.model_copy(update={"jack_arm": choir.jack_arm})
 
 
-def choir_pluck(choir: Choir, level: str = AUTO, sticks: bool = True) -> Pluck:
+def choir_pluck(choir: Choir, level: str = AUTO) -> Pluck:
     """Return the pluck of a choir's plectrum and spring string; see `pluck_of`."""
     named = level_of(choir.plectrum, level)  # pyright: ignore[reportArgumentType]  # kept once
-    bent, string = choir.plectrum, choir.string
-    return pluck_of(bent, string, named, sticks)  # pyright: ignore[reportArgumentType]
+    return pluck_of(choir.plectrum, choir.string, named)  # pyright: ignore[reportArgumentType]
 
 
 @lru_cache(maxsize=128)
-def pluck_of(plectrum: Plectrum, string: String, level: str, sticks: bool = True) -> Pluck:
+def pluck_of(plectrum: Plectrum, string: String, level: str) -> Pluck:
     """Return the pluck of a plectrum and a spring string; the last 128 are kept.
-
-    `sticks` is that of `solve_pluck`.
 
     Raises:
         ModelError: The level has no solution for them.
     """
     mapped = string_map(plectrum, string, level)
-    found = solve_pluck(mapped, string.static_stiffness, plectrum.overlap, sticks)
+    found = solve_pluck(mapped, string.static_stiffness, plectrum.overlap)
     lift, most = float(found.lift[-1]), LIFT_MAX * string.nearer_end
     if lift > most:
         raise ModelError(

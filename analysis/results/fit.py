@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.identify import fit as fitting
-from sautereau.analysis.identify.combinations import IDENTIFIABLE
 from sautereau.analysis.identify.fixed import Suggestion
 from sautereau.analysis.identify.identified import Estimate, FittedMode, Identified
+from sautereau.analysis.identify.information import IDENTIFIABLE
 from sautereau.analysis.identify.parameter_names import CONTACT
 from sautereau.analysis.identify.parameters import rig_values
 from sautereau.analysis.identify.profile import Profile, profile

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sautereau.analysis.identify.measurements import Information
+from sautereau.analysis.identify.information import Information
 
 NAMES = ("plectrum.overlap", "plectrum.friction", "offset.force_gain")
 

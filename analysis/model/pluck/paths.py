@@ -71,16 +71,14 @@ class Paths:
     """A `Status` each, shape (cases,)."""
 
 
-def solve_paths(equilibria: Equilibria, points: int, sticks: bool = True) -> Paths:
+def solve_paths(equilibria: Equilibria, points: int) -> Paths:
     """Follow the strings along their plectra from first contact to release.
 
     Args:
         points: Points of a stretch; a dip of the height between two of them is not seen.
-        sticks: Whether friction holds the string before it slides to the tip, by Coulomb's law. If
-            not, the friction points to the tip from the first contact on.
     """
     slip, slips = np.zeros(len(equilibria.rest)), np.ones(len(equilibria.rest), bool)
-    kinds = (STICK, SLIDE) if sticks and equilibria.plectra.friction > 0 else (SLIDE,)
+    kinds = (STICK, SLIDE) if equilibria.plectra.friction > 0 else (SLIDE,)
     if STICK in kinds:
         slip, slips = equilibria.sliding_load(equilibria.held)
     end, released = equilibria.sliding_load(equilibria.length)

@@ -88,15 +88,12 @@ class Pluck(Curve):
         return PPoly(np.concatenate([s.c for s in splines], axis=1), self.height)
 
 
-def solve_pluck(
-    plectrum: PlectrumMap, stiffness: float, overlap: float, sticks: bool = True
-) -> Pluck:
+def solve_pluck(plectrum: PlectrumMap, stiffness: float, overlap: float) -> Pluck:
     """Follow the string along the plectrum from first contact to its release.
 
     Args:
         stiffness: N/m, of the string at the plucking point, K of the paper's equation 2.
         overlap: m, from the string at rest to the tip, along the undeformed mid-line.
-        sticks: As for `solve_paths`.
 
     Raises:
         ModelError: The overlap or the string's stiffness is out of range, or the string is
@@ -106,7 +103,7 @@ def solve_pluck(
     equilibria = Equilibria(
         plectra_of(plectrum, overlap), np.array([stiffness]), np.array([overlap])
     )
-    paths = solve_paths(equilibria, POINTS, sticks)
+    paths = solve_paths(equilibria, POINTS)
     status = Status(paths.status[0])
     curves = [
         Curve(*(values[0] for values in vars(curve).values()))

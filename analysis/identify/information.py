@@ -1,0 +1,218 @@
+"""The information matrix of a fit: what recordings and priors say about its parameters.
+
+Everything about uncertainty follows from it: standard uncertainties, identifiable combinations (the
+right singular vectors of the scaled Jacobian, whose singular values are the inverses of their
+standard uncertainties), the effects of numbers that are only known to within a range, and how
+certain a result would be if something were measured or more presses were made.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sautereau.analysis.identify.parameter_names import (
+    CLOTH,
+    DAMPER,
+    DAMPER_LIFT,
+    FORCE_GAIN,
+    LATE_SLIDING,
+    MODE,
+    OF_STRING,
+    SLIDING,
+    TIME,
+    VELOCITY_GAIN,
+    is_name,
+)
+from sautereau.trajectory.motion import Floats
+
+UNDETERMINED = 1e-7  # Singular value of an undetermined combination, divided by the largest one
+IDENTIFIABLE = 0.025
+"""A parameter is identifiable if its standard uncertainty, divided by its scale, is below this. The
+ends of its 95 % interval are then at most 5 % of the scale from the value."""
+LEAST_WEIGHT = 0.1  # Smallest weight of a parameter that is listed in a combination
+MORE = 4  # Ratio by which the number of presses is increased in the advice to record more
+USEFUL = 0.9  # A measurement is listed if it reduces the uncertainty to less than this fraction
+LISTED = 2  # Largest number of measurements that are listed for a result
+_HOW = {
+    FORCE_GAIN: "calibrate the force transducer, and give gain_std",
+    VELOCITY_GAIN: "calibrate the vibrometer, and give gain_std",
+    TIME: "measure the delays of force and velocity, and give delay_std",
+    **dict.fromkeys((SLIDING, LATE_SLIDING), "support the finger more stiffly along the key"),
+    **dict.fromkeys((DAMPER, DAMPER_LIFT), "raise the damper"),
+}  # How to measure or remove what a hidden parameter describes
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A combination of the scaled parameters."""
+
+    weights: dict[str, float]
+    """Weight of each parameter's scaled change. The squares sum to 1; small weights are omitted."""
+    std: float | None
+    """Total standard uncertainty of the combination, dimensionless; None if undetermined."""
+    identifiable: bool
+    """Whether the uncertainty is below `IDENTIFIABLE`."""
+
+    def __str__(self) -> str:
+        parts = [f"{'-' if w < 0 else '+'} {abs(w):.2f} {n}" for n, w in self.weights.items()]
+        return " ".join(parts).removeprefix("+ ")
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A measurement that would reduce the uncertainty of a result."""
+
+    what: str
+    """What to measure or to change."""
+    std: float
+    """Standard uncertainty of the result if what is measured were known exactly, SI."""
+
+
+@dataclass(frozen=True)
+class Information:
+    """What recordings and priors say about the scaled parameters of a fit."""
+
+    names: Sequence[str]
+    """Names of all parameters."""
+    data: Floats
+    """Derivatives of independent residuals by the scaled parameters, shape (n, parameters)."""
+    prior: Floats
+    """Derivatives of the priors, shape (priors, parameters)."""
+    lacking: Floats
+    """Uncertainty of the scaled parameters that no residual shows, shape (parameters,)."""
+    inputs: Mapping[str, Floats]
+    """Changes of the scaled parameters by the standard uncertainty of each fixed number with an
+    assumed range, shape (parameters,)."""
+
+    @cached_property
+    def _bayes(self) -> tuple[Floats, NDArray[np.bool_]]:
+        """Covariance of data and priors, and which parameters are determined."""
+        _, singular, directions = np.linalg.svd(
+            np.vstack([self.data, self.prior]), full_matrices=False
+        )
+        seen = singular > UNDETERMINED * max(float(singular[0]), 1e-300)
+        kept = directions[seen] / singular[seen, None]
+        return kept.T @ kept, np.all(np.abs(directions[~seen]) < 1e-3, axis=0)
+
+    @property
+    def normal(self) -> Floats:
+        """Covariance of the normal errors: of noise and priors, and of what is lacking."""
+        return self._bayes[0] + np.outer(self.lacking, self.lacking)
+
+    @property
+    def covariance(self) -> Floats:
+        """Total covariance, with that of the fixed numbers."""
+        return self.normal + sum(np.outer(e, e) for e in self.inputs.values())
+
+    @property
+    def stds(self) -> Floats:
+        """Total standard uncertainties, infinite if undetermined; shape (parameters,)."""
+        return np.where(self._bayes[1], np.sqrt(np.diag(self.covariance)), np.inf)
+
+    @property
+    def noise_stds(self) -> Floats:
+        """The noise's part of them, with what is lacking; shape (parameters,)."""
+        covariance, _ = self._bayes
+        return np.hypot(np.linalg.norm(self.data @ covariance, axis=0), self.lacking)
+
+    @property
+    def correlation(self) -> Floats:
+        """Total correlation coefficients; 0 with an undetermined parameter."""
+        stds = self.stds
+        deviations = np.outer(stds, stds)
+        within = np.isfinite(deviations) & (deviations > 0)
+        return np.divide(self.covariance, deviations, out=np.eye(len(stds)), where=within)
+
+    def by(self, number: int) -> Floats:
+        """Return the change of all parameters by that of one of them: its regression on the others.
+
+        It does not depend on the prior of that one.
+        """
+        covariance, _ = self._bayes
+        return covariance[number] / covariance[number, number]
+
+    def std(
+        self, number: int, known: Sequence[int] = (), presses: float = 1.0, measured: str = ""
+    ) -> float:
+        """Return the total standard uncertainty of a parameter; infinite if undetermined.
+
+        Its own prior does not count.
+
+        Args:
+            number: Number of the parameter.
+            known: Numbers of the parameters that are known exactly.
+            presses: Ratio of the number of presses to that of the recorded ones.
+            measured: Name of a fixed number that is known exactly.
+        """
+        kept = [k for k in range(len(self.names)) if k not in known]
+        prior = self.prior[self.prior[:, number] == 0]
+        return float(
+            Information(
+                [self.names[k] for k in kept],
+                np.sqrt(presses) * self.data[:, kept],
+                prior[:, kept],
+                self.lacking[kept],
+                {name: moved[kept] for name, moved in self.inputs.items() if name != measured},
+            ).stds[kept.index(number)]
+        )
+
+    def measurements(self, number: int, scale: float) -> tuple[Measurement, ...]:
+        """Return the measurements that would reduce a parameter's uncertainty most, best first.
+
+        Args:
+            number: Number of the parameter.
+            scale: SI, scale of the parameter.
+        """
+        now, known = self.std(number), {}
+        for k, name in enumerate(self.names):
+            if k != number and (how := _how(name)):
+                known.setdefault(how, []).append(k)
+        found = [Measurement(how, self.std(number, own) * scale) for how, own in known.items()]
+        found += [
+            Measurement(
+                f"measure {name}, and give it without a range",
+                self.std(number, measured=name) * scale,
+            )
+            for name in self.inputs
+        ]
+        more = self.std(number, presses=MORE)
+        found.append(Measurement(f"record {MORE} times as many presses", more * scale))
+        found = [each for each in found if each.std < USEFUL * now * scale]
+        return tuple(sorted(found, key=lambda each: each.std)[:LISTED])
+
+    def combinations(self, shown: Sequence[int]) -> tuple[Combination, ...]:
+        """Return combinations of some parameters, those best determined by the data first.
+
+        Args:
+            shown: Their numbers. Their own priors do not count, those of all others do.
+        """
+        hidden = [k for k in range(len(self.names)) if k not in shown]
+        own = np.vstack([self.data, self.prior[np.all(self.prior[:, shown] == 0, axis=1)]])
+        base, _ = np.linalg.qr(own[:, hidden])
+        rows = own[:, shown] - base @ (base.T @ own[:, shown])
+        _, singular, directions = np.linalg.svd(rows, full_matrices=False)
+        effects = [moved[shown] for moved in self.inputs.values()]
+        found = []
+        for value, direction in zip(singular, directions, strict=True):
+            order = np.argsort(-np.abs(direction)).tolist()
+            direction = direction * np.sign(direction[order[0]])
+            listed = [k for k in order if abs(direction[k]) >= LEAST_WEIGHT]
+            weights = {self.names[shown[k]]: float(direction[k]) for k in listed}
+            seen = value > 1e-9 * max(float(singular[0]), 1e-300)
+            parts = [1 / value, *(e @ direction for e in effects)] if seen else []
+            std = float(np.linalg.norm(parts)) if seen else None
+            found.append(Combination(weights, std, std is not None and std < IDENTIFIABLE))
+        return tuple(found)
+
+
+def _how(name: str) -> str | None:
+    """Return how to measure or remove what a parameter describes; None if that is impossible."""
+    if name.startswith(MODE) or name == CLOTH:
+        return "record presses at another speed as well"
+    if name.startswith(OF_STRING[0].partition("{")[0]):
+        return "press with the other registers off"
+    measured = f"measure {name}, free it, and give it by --prior" if is_name(name) else None
+    return _HOW.get(name, measured)
