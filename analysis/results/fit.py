@@ -14,6 +14,7 @@ from sautereau.analysis.identify.parameter_names import CONTACT
 from sautereau.analysis.identify.parameters import rig_values
 from sautereau.analysis.identify.profile import Profile, profile
 from sautereau.analysis.identify.quality import Quality
+from sautereau.analysis.results.predicted import Predicted, predicted
 from sautereau.analysis.results.result import Result, frame_of, json_of, part_of, shown
 from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.text import (
@@ -96,6 +97,11 @@ class Fit(Result):
                 "all": all(c.identifiable for c in self.found.combinations),
                 "identifiable_below": IDENTIFIABLE,
                 "combinations": [asdict(c) for c in self.found.combinations],
+            },
+            "distribution": {
+                "names": list(self.found.distribution.names),
+                "values": self.found.distribution.values.tolist(),
+                "covariance": self.found.distribution.covariance.tolist(),
             },
             "also_fitted": {e.name: json_of(e, "name") for e in self.found.also_fitted},
             "modes": [asdict(mode) for mode in self.found.modes],
@@ -201,6 +207,17 @@ class Fit(Result):
     def profile(self, name: str) -> Profile:
         """Return the profile likelihood of one parameter."""
         return profile(self.made, self.found, name)
+
+    def predict(self, *, level: str = "auto") -> Predicted:
+        """Return the press that the fitted values predict, with their uncertainties.
+
+        Raises:
+            AnalysisError: A fitted value is undetermined, or the model has hardly a solution.
+        """
+        undetermined = [
+            e.name for e in (*self.found.estimates, *self.found.also_fitted) if e.std is None
+        ]
+        return predicted(self.nominal, self.found.distribution, undetermined, level)
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the parameters."""

@@ -95,13 +95,28 @@ def mount(
 def predict(
     rig: common.RigName = "paper",
     *,
+    fit: Path | None = None,
     level: common.Level = "auto",
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Predict a press by the model alone; the plot shows all plectrum models."""
+    """Predict a press by the model alone; the plot shows all plectrum models.
+
+    Parameters
+    ----------
+    fit
+        JSON of identify: predict with its values, and with the intervals that their uncertainties
+        cause. The plot shows the distributions.
+    """
+    from sautereau.analysis.results.predicted import predicted, read_distribution
     from sautereau.analysis.results.rig import Rig
 
+    if fit:
+        with output.progress("predicting"):
+            own = predicted(Rig(rig).values, *read_distribution(fit), level=level)
+        if plot:
+            save_plot(plot, own.plot())
+        return output.answer(own.document, own.lines(), plot)
     with output.progress("predicting"):
         found = Rig(rig).predict(level=level)
     if plot:
