@@ -200,7 +200,7 @@ class Information:
             order = np.argsort(-np.abs(direction)).tolist()
             direction = direction * np.sign(direction[order[0]])
             listed = [k for k in order if abs(direction[k]) >= LEAST_WEIGHT]
-            weights = {self.names[shown[k]]: float(direction[k]) for k in listed}
+            weights = {self.names[int(shown[k])]: float(direction[k]) for k in listed}
             seen = value > 1e-9 * max(float(singular[0]), 1e-300)
             parts = [1 / value, *(e @ direction for e in effects)] if seen else []
             std = float(np.linalg.norm(parts)) if seen else None
