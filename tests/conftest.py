@@ -24,8 +24,7 @@ from tests import budget  # noqa: F401 (it registers the profiles)
 from tests.forked import CommandServer
 from tests.pages import Page, read_page
 
-SLOW_TIMEOUT = 1800
-"""s, for studies of a minute or more, on machines that others use as well."""
+SLOW_TIMEOUT = 1800  # s, for studies of a minute or more, on machines that others use as well
 
 
 def pytest_configure(config: pytest.Config) -> None:

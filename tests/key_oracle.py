@@ -12,8 +12,7 @@ for a rising key; the jack's terms vanish once it has left the key.
 import numpy as np
 from scipy.integrate import solve_ivp
 
-GRAVITY = 9.80665
-"""m/s^2."""
+GRAVITY = 9.80665  # m/s^2
 
 
 def rise(key, angle):

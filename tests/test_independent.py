@@ -27,8 +27,7 @@ from benchmarks.independent.press import plucks_of, simulate
 from sautereau.rig.load import load_rig
 
 INFINITE = float("inf")
-QUICK = Conditions(speed=0.2, rest=5e-3, hold=0.0, return_speed=1.0)
-"""A press of about 60 ms."""
+QUICK = Conditions(speed=0.2, rest=5e-3, hold=0.0, return_speed=1.0)  # A press of about 60 ms
 
 
 def test_it_shares_no_code_with_what_it_judges():

@@ -19,14 +19,10 @@ from sautereau.analysis.model.string.free import FreeString
 from sautereau.analysis.model.string.string import ModalState, ModalString
 from sautereau.rig.schema import Rig
 
-MODES = 30
-"""Modes that move."""
-STEPS = 1000
-"""Steps of a pluck by default."""
-MOST_STEPS = 1_000_000
-"""Steps of a pluck at most."""
-DURATION_MAX = 4.0
-"""Multiple of the static pluck's duration after which no release is expected."""
+MODES = 30  # Modes that move
+STEPS = 1000  # Steps of a pluck by default
+MOST_STEPS = 1_000_000  # Steps of a pluck at most
+DURATION_MAX = 4.0  # Multiple of the static pluck's duration after which no release is expected
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,7 @@ from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.key import angle_of_rise, key_motion, rise_of_angle
 from sautereau.trajectory.motion import Motion
 
-STEPS = 2000
-"""Instants of a prediction."""
+STEPS = 2000  # Instants of a prediction
 
 
 @dataclass(frozen=True)

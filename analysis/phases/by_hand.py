@@ -18,8 +18,7 @@ from sautereau.rig.units import parse_quantity
 NAMES = ("contact", "contact_std", "release", "release_std")
 HEAD = "# Contact and release set by hand. Delete this file to find them in the signals again.\n"
 FORM = "'52.1 ms +- 0.3 ms to 72.05 ms +- 0.05 ms'"
-SIDE = 2e-3
-"""s, on either side of a release, of the lines whose difference is the fall."""
+SIDE = 2e-3  # s, on either side of a release, of the lines whose difference is the fall
 _INSTANTS = re.compile(r"(.+?)\s*\+-\s*(.+?)\s+to\s+(.+?)\s*\+-\s*(.+)")
 
 Pluck = tuple[float, float, float, float]

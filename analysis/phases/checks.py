@@ -12,17 +12,13 @@ from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.remark import Remark
 from sautereau.daq.signals.quality_flags import HOW_TO_FIX, QualityFlag, quality_warnings
 
-LARGE = 1e-3
-"""s, standard uncertainty above which a contact or a release gives a warning."""
-CLOSE = 1e-3
-"""s, distance of two releases below which they may be one."""
-NEAR = 1e-3
-"""s, largest distance of a quality flag from a contact or release for a warning."""
+LARGE = 1e-3  # s, standard uncertainty above which a contact or a release gives a warning
+CLOSE = 1e-3  # s, distance of two releases below which they may be one
+NEAR = 1e-3  # s, largest distance of a quality flag from a contact or release for a warning
 FAR = 3.0
 """Distance of a pluck from every string that the rig expects, in standard deviations, above which
 it is unlike them."""
-DEVIATIONS = 3.0
-"""Number of standard uncertainties by which the true contact may be earlier."""
+DEVIATIONS = 3.0  # Number of standard uncertainties by which the true contact may be earlier
 
 
 def about_fit(

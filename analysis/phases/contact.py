@@ -16,27 +16,18 @@ from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.rows import Rows
 from sautereau.trajectory.motion import Floats
 
-ZOOMS = 6
-"""Largest number of refinements of a grid."""
-CLOSER = 0.6
-"""Half-width of the second grid in spacings of the first."""
-LEAST_CURVATURE = 1e-12
-"""Smallest curvature of chi2; it replaces smaller and negative values."""
-WIDE = 4.5
-"""Half-width of the last grid in standard deviations."""
-EDGE = 0.01
-"""Largest probability at an end of the last grid, over that of the best instant."""
-COARSE = 0.65
-"""Least standard deviation over the spacing of the last grid."""
+ZOOMS = 6  # Largest number of refinements of a grid
+CLOSER = 0.6  # Half-width of the second grid in spacings of the first
+LEAST_CURVATURE = 1e-12  # Smallest curvature of chi2; it replaces smaller and negative values
+WIDE = 4.5  # Half-width of the last grid in standard deviations
+EDGE = 0.01  # Largest probability at an end of the last grid, over that of the best instant
+COARSE = 0.65  # Least standard deviation over the spacing of the last grid
 FREEDOM = 23.0
 """Degrees of freedom of the noise of sums over blocks (`fit.BLOCKS`), to which a wrong contact adds
 its chi2."""
-SAME = 0.1
-"""Largest relative change of the noise in the last grid."""
-FIRST_GRID = 21
-"""Instants of the first grid; enough to resolve the bend at the contact."""
-GRID = 11
-"""Instants of all other grids."""
+SAME = 0.1  # Largest relative change of the noise in the last grid
+FIRST_GRID = 21  # Instants of the first grid; enough to resolve the bend at the contact
+GRID = 11  # Instants of all other grids
 
 
 @dataclass(frozen=True)

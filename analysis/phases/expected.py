@@ -18,26 +18,19 @@ from sautereau.trajectory.motion import Floats
 TYPICAL = -0.23, -0.19, 0.6e-3, 1.0
 """Values for a plectrum for which the model has no solution: quadratic and cubic term of the force;
 height of the jack above contact at release [m]; force at release [N]."""
-POINTS = 40
-"""Points of a pluck to which the terms of its force are fitted."""
-FRICTION = 0.2
-"""Error of the rig's friction of a plectrum, for the variation of its shape."""
-OVERLAP = 1.25
-"""True overlap over that of the rig, for this variation."""
-LEAST_SHAPE = 0.02
-"""Least standard deviation of quadratic and cubic term."""
-CONTACT_STD = 0.5e-3
-"""m, standard deviation of a contact from that of the rig."""
+POINTS = 40  # Points of a pluck to which the terms of its force are fitted
+FRICTION = 0.2  # Error of the rig's friction of a plectrum, for the variation of its shape
+OVERLAP = 1.25  # True overlap over that of the rig, for this variation
+LEAST_SHAPE = 0.02  # Least standard deviation of quadratic and cubic term
+CONTACT_STD = 0.5e-3  # m, standard deviation of a contact from that of the rig
 CLIMB_STD = 0.4
 """Standard deviation of the logarithm of the rise from contact to release from that of the rig."""
-FORCE_STD = 0.5
-"""Standard deviation of the logarithm of a force from that of the rig."""
+FORCE_STD = 0.5  # Standard deviation of the logarithm of a force from that of the rig
 MOST_DEVIATION = 4.0
 """Bound of a deviation in standard deviations, as a rig may be of another instrument."""
 CLEARANCE_STD, OVERLAP_STD, MODULUS_STD = 0.1e-3, 0.15, 0.15
 """m and relative, standard deviations of each string's own errors in the rig."""
-LEAST_OWN_STD = 0.08
-"""Least standard deviation of the logarithms of a string's rise and force."""
+LEAST_OWN_STD = 0.08  # Least standard deviation of the logarithms of a string's rise and force
 LEAST_CLIMB, LEAST_FORCE = 1e-5, 1e-9
 """m and N, smallest rise and force of which the logarithm is taken."""
 

@@ -28,8 +28,7 @@ FULL_SPEED = 0.95
 """Dimensionless, fraction of the median speed above which the jack neither starts nor stops."""
 LEAST_SAMPLES = 16
 """Fewest samples of a way down, which is also longer than the spline that smooths it."""
-FELT = 0.1
-"""N, least rise of the load at the front felt."""
+FELT = 0.1  # N, least rise of the load at the front felt
 FELT_SIGNIFICANCE = 6.0
 """Least rise of the load at the front felt, in standard deviations of the load."""
 

@@ -17,50 +17,37 @@ from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.rows import Rows
 from sautereau.trajectory.motion import Floats
 
-INERTIA_STD = 0.25
-"""Dimensionless, standard deviation of the relative error of the rig's inertia."""
+INERTIA_STD = 0.25  # Dimensionless, standard deviation of the relative error of the rig's inertia
 CERTAIN = 1e-3
 """Dimensionless, standard deviation of this error where it is at an end of `INERTIA_RANGE`."""
-INERTIA_RANGE = -0.5, 1.0
-"""Dimensionless bounds of the relative error of the inertia."""
+INERTIA_RANGE = -0.5, 1.0  # Dimensionless bounds of the relative error of the inertia
 SMOOTH = 1.2e-3
 """s, window of the moving average, applied twice to the acceleration for its column of the fit."""
 RISE_STD = 0.5
 """N, standard deviation of the change of the load of a key without a string over the full rise:
 cloth, springs and lead weights, as in the paper's figure 7."""
-DRIFT_STD = 0.03
-"""N, standard deviation of this change at full speed."""
-HUM_STD = 5e-3
-"""N, standard deviation of mains hum at each frequency, sine and cosine."""
-HUM = (50.0, 60.0)
-"""Hz."""
-LEVEL_STD = 10.0
-"""N, standard deviation of the constant load."""
+DRIFT_STD = 0.03  # N, standard deviation of this change at full speed
+HUM_STD = 5e-3  # N, standard deviation of mains hum at each frequency, sine and cosine
+HUM = (50.0, 60.0)  # Hz
+LEVEL_STD = 10.0  # N, standard deviation of the constant load
 COLUMNS = 4
 """Most columns of the string: linear, quadratic and cubic in the rise, and a peak at contact. The
 peak counts as a parameter also where it is not needed, since it is looked for."""
 PEAK_STD = 0.1
 """N, standard deviation of the peak of the load when the plectrum meets the string, as in the
 paper's figure 7."""
-PEAK = 0.8e-3
-"""s, standard deviation of this peak, a normal curve."""
+PEAK = 0.8e-3  # s, standard deviation of this peak, a normal curve
 BEND_STD = 0.12, 0.1
 """Standard deviations of the quadratic and cubic terms over the force at release, about those that
 the rig's model expects."""
-DAMPER_STD = 2.0
-"""Standard deviation of the stiffness of the damper over that of the rig."""
-BLOCKS = 30
-"""Blocks over which residuals are summed in order to detect correlated noise."""
-FALL_STD = 0.03
-"""Relative standard deviation of the fall at release about the force of the string."""
-RIDGE = 1e-9
-"""Regularisation of the equations for a string without force."""
-LEAST_RISE = 1e-6
-"""m, least rise from contact to release."""
+DAMPER_STD = 2.0  # Standard deviation of the stiffness of the damper over that of the rig
+BLOCKS = 30  # Blocks over which residuals are summed in order to detect correlated noise
+FALL_STD = 0.03  # Relative standard deviation of the fall at release about the force of the string
+RIDGE = 1e-9  # Regularisation of the equations for a string without force
+LEAST_RISE = 1e-6  # m, least rise from contact to release
 CHOLESKY, INVERSE = get_lapack_funcs(("potrf", "trtri"))
 """LAPACK's Cholesky factorisation, and the inverse of a triangular matrix."""
-INERTIA = 4
-"""Index of the column of the inertia."""
+INERTIA = 4  # Index of the column of the inertia
 
 
 @dataclass(frozen=True)

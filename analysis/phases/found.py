@@ -13,20 +13,15 @@ from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
-SIDE = 1e-3
-"""s, length of the lines on either side of a release, and of the mean before contact."""
-GAP = 3
-"""Samples on either side of a release over which it is spread."""
-GOOD = 4.0
-"""Variance of the residuals over the noise below which the fit of a rigid key is good."""
-RIGID = 10.0
-"""Variance of the residuals over the noise below which the fit of a rigid key is fair."""
+SIDE = 1e-3  # s, length of the lines on either side of a release, and of the mean before contact
+GAP = 3  # Samples on either side of a release over which it is spread
+GOOD = 4.0  # Variance of the residuals over the noise below which the fit of a rigid key is good
+RIGID = 10.0  # Variance of the residuals over the noise below which the fit of a rigid key is fair
 BLOCKS = 250  # Blocks of the samples of a held string, for its slope
 RINGING = np.geomspace(100.0, 1500.0, 60)
 """Frequencies at which finger and key may ring while a string is held (Hz)."""
 PERIODS = 3.0  # Least periods of a ringing in that time, and least blocks of a period
-FAIR = 15e-3
-"""N, rms of the residuals below which the fit of a compliant key is fair."""
+FAIR = 15e-3  # N, rms of the residuals below which the fit of a compliant key is fair
 
 
 FREE, RELEASED = "free", "string released"

@@ -32,8 +32,7 @@ may get a part of the other's force."""
 FAR = 4.0
 """Distance of a single pluck from a single string, in standard deviations, above which it is no
 pluck of this string: 1.3 mm at contact, or a force of a fifth or fivefold."""
-LEAST_PROBABILITY = 0.95
-"""Probability above which a string is stated."""
+LEAST_PROBABILITY = 0.95  # Probability above which a string is stated
 
 Way = tuple[tuple[int, ...], dict[int, int], float]
 """A way to explain plucks: the contact of each release, the row of the string of each assigned

@@ -14,18 +14,12 @@ import numpy as np
 from sautereau.trajectory.motion import Floats
 
 Found = TypeVar("Found")
-STEPS = 12
-"""Largest number of steps."""
-TRIALS = 4
-"""Largest number of dampings that are tried for a step."""
-STIFFER = 5.0
-"""Factor between these dampings."""
-FIRST_STIFFNESS = 1e-2
-"""Dimensionless damping of the first step."""
-LEAST_STIFFNESS = 1e-7
-"""Smallest dimensionless damping."""
-RIDGE = 1e-12
-"""Added to the normal equations."""
+STEPS = 12  # Largest number of steps
+TRIALS = 4  # Largest number of dampings that are tried for a step
+STIFFER = 5.0  # Factor between these dampings
+FIRST_STIFFNESS = 1e-2  # Dimensionless damping of the first step
+LEAST_STIFFNESS = 1e-7  # Smallest dimensionless damping
+RIDGE = 1e-12  # Added to the normal equations
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,8 @@ from scipy.signal import butter
 from sautereau.rig.acquisition import Channel
 from sautereau.trajectory.motion import Floats
 
-SLOW = 2.5e3
-"""Hz, corner frequency below which a release is no step in the signal."""
-NEGLIGIBLE = 1e-3
-"""Part of the response to a step that is neglected."""
+SLOW = 2.5e3  # Hz, corner frequency below which a release is no step in the signal
+NEGLIGIBLE = 1e-3  # Part of the response to a step that is neglected
 
 
 @dataclass(frozen=True)

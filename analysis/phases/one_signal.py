@@ -24,12 +24,9 @@ from sautereau.analysis.phases.signals import Signals, signals_of
 CONTACT_PART = 0.02
 """Standard uncertainty of a contact in the force alone, over the pluck's duration, since the speed
 of the jack is not exactly as planned. From random presses of the stand-in; tested on others."""
-LEAST_CONTACT_STD = 0.15e-3
-"""s, standard uncertainty that is added to it."""
-RELEASE_STD = 0.02e-3
-"""s, standard uncertainty that is added to that of a release."""
-LARGER = 1.5
-"""Standard uncertainty of a release in the velocity alone, over that of its fit."""
+LEAST_CONTACT_STD = 0.15e-3  # s, standard uncertainty that is added to it
+RELEASE_STD = 0.02e-3  # s, standard uncertainty that is added to that of a release
+LARGER = 1.5  # Standard uncertainty of a release in the velocity alone, over that of its fit
 HIDDEN = 1e-3
 """s, added to the uncertainty of a release within this time of a drop-out of the velocity."""
 WITHOUT = {

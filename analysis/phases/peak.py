@@ -8,8 +8,7 @@ from sautereau.analysis.phases.found import HeldString
 from sautereau.analysis.phases.signals import FORCE_FLOOR, SPIKE, SPREAD, Signals
 from sautereau.trajectory.motion import Floats
 
-LASTING = 3
-"""Samples, least width of a peak at half its force; what is narrower is a spike."""
+LASTING = 3  # Samples, least width of a peak at half its force; what is narrower is a spike
 
 
 def peak_force(force: Floats, signals: Signals, plucks: Sequence[HeldString]) -> float:

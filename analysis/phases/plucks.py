@@ -22,43 +22,28 @@ from sautereau.analysis.phases.rows import Rows, rows_of
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.phases.unexplained import unexplained
 
-STILL = 3e-4
-"""Dimensionless, fraction of the full rise below which the jack is at rest."""
-REST = 40e-3
-"""s, duration of the rest in which hum is fitted."""
-REST_MARGIN = 2e-3
-"""s, from the end of this rest to the start of the motion."""
-REST_ROWS = 40
-"""Largest number of rows of the rest."""
-CONTACT_ROWS = 200
-"""Largest number of rows of the way to a release, for finding its contact."""
-LEAST_GAIN = 20.0
-"""Least reduction of chi2 by a string, compared with a free key."""
-LEAST_FALL_GAIN = 9.0
-"""Least reduction of chi2 by a fall of the load, compared with a bend."""
-LEAST_HELD = 8
-"""Fewest rows for which a string is held."""
+STILL = 3e-4  # Dimensionless, fraction of the full rise below which the jack is at rest
+REST = 40e-3  # s, duration of the rest in which hum is fitted
+REST_MARGIN = 2e-3  # s, from the end of this rest to the start of the motion
+REST_ROWS = 40  # Largest number of rows of the rest
+CONTACT_ROWS = 200  # Largest number of rows of the way to a release, for finding its contact
+LEAST_GAIN = 20.0  # Least reduction of chi2 by a string, compared with a free key
+LEAST_FALL_GAIN = 9.0  # Least reduction of chi2 by a fall of the load, compared with a bend
+LEAST_HELD = 8  # Fewest rows for which a string is held
 LIKE_THE_FALL = 0.4, 2.0
 """Range of the ratio of the string's force at release to the fall of the load in a pluck."""
-LEAST_FRACTION = 0.1
-"""Least fall at a release, over the largest fall in the press."""
-BEFORE = 6
-"""Samples before a release over which the correction of the delay spreads most of it."""
-SETTLED = 3
-"""Rows from a release to the earliest contact with the next string."""
-RINGING = 8.0
-"""Variance of the residuals over the noise at a release above which modes are fitted."""
-STEP = 1.8
-"""The same where modes can be the cause (`resolved`): 6 standard deviations above 1."""
-NEAR = 0.7e-3
-"""s, standard uncertainty of a release before its modes are fitted."""
+LEAST_FRACTION = 0.1  # Least fall at a release, over the largest fall in the press
+BEFORE = 6  # Samples before a release over which the correction of the delay spreads most of it
+SETTLED = 3  # Rows from a release to the earliest contact with the next string
+RINGING = 8.0  # Variance of the residuals over the noise at a release above which modes are fitted
+STEP = 1.8  # The same where modes can be the cause (`resolved`): 6 standard deviations above 1
+NEAR = 0.7e-3  # s, standard uncertainty of a release before its modes are fitted
 BENT = 300.0
 """Variance of the residuals over the noise above which plucks of a rigid key are rejected."""
 REACHED = 0.5
 """Least rise of the jack above a contact for a pluck on a compliant key, over the rise from contact
 to release that the rig expects."""
-DOUBTFUL = 6.0
-"""Least significance of a warning about a growth that is no pluck."""
+DOUBTFUL = 6.0  # Least significance of a warning about a growth that is no pluck
 HIDING = 0.1
 """Largest rms of the load that a compliant key without a pluck leaves, over the least force of a
 string that the rig expects: more could hide a string."""

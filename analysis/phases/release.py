@@ -11,39 +11,25 @@ from sautereau.analysis.phases.signals import Signals
 from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
 
-WINDOW = 20
-"""Rows of the lines fitted on either side of a fall."""
-GAP = 2
-"""Rows on either side of a fall over which it is spread."""
+WINDOW = 20  # Rows of the lines fitted on either side of a fall
+GAP = 2  # Rows on either side of a fall over which it is spread
 NEAREST = 8
 """Rows on either side beyond this gap whose mean must fall as well: as many as those of the
 shortest pluck."""
-SIGNIFICANCE = 8.0
-"""Least fall in standard deviations."""
-LEAST_FALL = 4e-3
-"""N, least fall of a release."""
-REACH = 3
-"""Rows by which the instant of a candidate may be wrong."""
-ROOM = 40
-"""Rows on either side of a candidate in which its instant is fitted."""
-SIDE = 60
-"""Largest number of samples on either side of the release for fitting its instant."""
-TRIED = 17
-"""Instants of a grid."""
-FINEST = 0.5
-"""Samples between the instants of the last grid."""
-ZOOMS = 12
-"""Largest number of refinements of a grid."""
+SIGNIFICANCE = 8.0  # Least fall in standard deviations
+LEAST_FALL = 4e-3  # N, least fall of a release
+REACH = 3  # Rows by which the instant of a candidate may be wrong
+ROOM = 40  # Rows on either side of a candidate in which its instant is fitted
+SIDE = 60  # Largest number of samples on either side of the release for fitting its instant
+TRIED = 17  # Instants of a grid
+FINEST = 0.5  # Samples between the instants of the last grid
+ZOOMS = 12  # Largest number of refinements of a grid
 HOPELESS = 3.0
 """Least reduction of chi2 by a fall, compared with a bend, for a further refinement of the grid."""
-RIDGE = 1e-9
-"""Added to the normal equations."""
-PARAMETERS = 6
-"""Number of parameters of a fit."""
-RISES = 1e12
-"""Added to chi2 of an instant at which the load does not fall."""
-WRONG_INERTIA = 0.6
-"""Dimensionless, largest relative error of the rig's inertia."""
+RIDGE = 1e-9  # Added to the normal equations
+PARAMETERS = 6  # Number of parameters of a fit
+RISES = 1e12  # Added to chi2 of an instant at which the load does not fall
+WRONG_INERTIA = 0.6  # Dimensionless, largest relative error of the rig's inertia
 
 
 @dataclass(frozen=True)
@@ -66,8 +52,7 @@ class Release:
     """Dimensionless, variance of the residuals over the assumed noise, at least 1."""
 
 
-NO_RELEASE = Release(math.inf, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0)
-"""A string that is not there."""
+NO_RELEASE = Release(math.inf, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0)  # A string that is not there
 
 
 def find_falls(rows: Rows) -> list[int]:

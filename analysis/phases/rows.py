@@ -18,16 +18,12 @@ from scipy.linalg import get_lapack_funcs
 from sautereau.analysis.phases.signals import LEAST_STEP, Signals
 from sautereau.trajectory.motion import Floats
 
-ROWS = 800
-"""Largest number of rows of a way down."""
-LEAST_ROWS = 8
-"""Fewest rows for a fit."""
+ROWS = 800  # Largest number of rows of a way down
+LEAST_ROWS = 8  # Fewest rows for a fit
 BRIDGE = 0.5e-3
 """s, on either side of a drop-out, of the means between which the acceleration is interpolated."""
-BRIDGED = 0.03
-"""N, noise of a row with flagged velocity."""
-HIDDEN = 10.0
-"""N, noise of a row with flagged force."""
+BRIDGED = 0.03  # N, noise of a row with flagged velocity
+HIDDEN = 10.0  # N, noise of a row with flagged force
 FACTOR, SOLVE = get_lapack_funcs(("pbtrf", "tbtrs"))
 """LAPACK's Cholesky factorisation of a banded matrix, and the triangular solve."""
 
@@ -67,8 +63,7 @@ class Rows:
 
 
 _NONE = np.zeros(0)
-NO_ROWS = Rows(_NONE, 0.0, _NONE, _NONE, _NONE, _NONE, lambda _: _NONE)
-"""Rows without samples."""
+NO_ROWS = Rows(_NONE, 0.0, _NONE, _NONE, _NONE, _NONE, lambda _: _NONE)  # Rows without samples
 
 
 class Whitener:

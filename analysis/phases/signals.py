@@ -18,30 +18,21 @@ from sautereau.trajectory.key import key_motion
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import press_law
 
-LEFT = 0.005
-"""Dimensionless, fraction of the full rise at which the jack has left rest."""
-TOP = 0.995
-"""Dimensionless, fraction of the full rise at which the jack is at its top."""
+LEFT = 0.005  # Dimensionless, fraction of the full rise at which the jack has left rest
+TOP = 0.995  # Dimensionless, fraction of the full rise at which the jack is at its top
 SPREAD = 18
 """Samples on either side of clipped samples over which the correction of the delay spreads them."""
 TAIL = 60e-6
 """s, on either side of a drop-out in which the low-pass of the vibrometer still shows it."""
-LEAST_TAIL = 2
-"""Samples, least number of this stretch."""
-NOISE_ROWS = 4096
-"""Samples from which the noise is estimated."""
-FORCE_FLOOR = 5e-4
-"""N, smallest noise of a sample of the force: errors of the model of the key."""
-VELOCITY_FLOOR = 5e-6
-"""m/s, smallest noise of a sample of the velocity."""
+LEAST_TAIL = 2  # Samples, least number of this stretch
+NOISE_ROWS = 4096  # Samples from which the noise is estimated
+FORCE_FLOOR = 5e-4  # N, smallest noise of a sample of the force: errors of the model of the key
+VELOCITY_FLOOR = 5e-6  # m/s, smallest noise of a sample of the velocity
 LARGEST = {"force": 1e4, "velocity": 1e3}
 """N and m/s, limits of the samples; beyond them the sums of a fit lose all digits."""
-SPIKE = 12.0
-"""Height of a spike in standard deviations."""
-LEAST_STEP = 80e-6
-"""s, shortest row; in shorter ones the noise of the velocity exceeds the load."""
-ASSUMED_FALL = 0.3
-"""Dimensionless, relative uncertainty of a fall at release in one signal alone."""
+SPIKE = 12.0  # Height of a spike in standard deviations
+LEAST_STEP = 80e-6  # s, shortest row; in shorter ones the noise of the velocity exceeds the load
+ASSUMED_FALL = 0.3  # Dimensionless, relative uncertainty of a fall at release in one signal alone
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from sautereau.analysis.phases.found import Growth
 from sautereau.analysis.phases.release import NO_RELEASE
 from sautereau.analysis.phases.rows import Rows
 
-PARTS = 100
-"""Duration of the way down over the time for which the residuals are averaged."""
+PARTS = 100  # Duration of the way down over the time for which the residuals are averaged
 
 
 def unexplained(

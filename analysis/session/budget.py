@@ -18,8 +18,7 @@ INPUTS = (
     "key.laser_arm",
 )
 """Values of the rig that change the force and the motion while a string is held."""
-BENT = 2.6
-"""(1 - u) (1 - v) of a key in its first bending, u = v = -0.6; see identify/elastic.py."""
+BENT = 2.6  # (1 - u) (1 - v) of a key in its first bending, u = v = -0.6; see identify/elastic.py
 BENDING = "key bending"  # Name of the contribution of a key that is not rigid
 MEASUREMENT = "measurement"  # Name of the contribution of presses, gains, contact and release
 

@@ -26,8 +26,7 @@ NORMAL = 1.96  # Half width of a 95 % interval, in standard uncertainties
 RESAMPLES = 9999  # Number of samples of a bootstrap
 
 
-ERRORS = ("slope_error", "magnitude_error", "duration_error")
-"""The errors of a comparison."""
+ERRORS = ("slope_error", "magnitude_error", "duration_error")  # The errors of a comparison
 LEAST_FRACTION = 0.02  # Smallest part of a variance that is listed
 
 

@@ -16,14 +16,12 @@ from typing import Any
 
 import numpy as np
 
-MOST_DEPTH = 20
-"""Limit of structures within each other."""
+MOST_DEPTH = 20  # Limit of structures within each other
 UNIT_ATTRIBUTES = ("units", "unit")
 SCALED = (("conversion", "offset"), ("scale_factor", "add_offset"))
 """Attributes of Neurodata Without Borders and of netCDF (CF): a value is data * the first + the
 second."""
-MISSING = ("_FillValue", "missing_value")
-"""Attributes of netCDF with the data of a missing value."""
+MISSING = ("_FillValue", "missing_value")  # Attributes of netCDF with the data of a missing value
 UNKNOWN = (
     "_unsigned",
     "valid_min",
@@ -39,8 +37,7 @@ UNKNOWN = (
     "sensitivity",
 )
 """Attributes, in lower case, that say that the values are others than the data."""
-BESIDE = ("channel_conversion",)
-"""The same as datasets beside the data."""
+BESIDE = ("channel_conversion",)  # The same as datasets beside the data
 DOCUMENT = "sautereau"
 
 Found = tuple[dict[str, np.ndarray], dict[str, dict[str, str | float]], str | None]

@@ -31,16 +31,13 @@ from sautereau.rig.schema import Rig
 
 SIMULATED = "simulated"
 """Column that an export of a simulated recording has, so that the table alone shows it."""
-FORMAT = "sautereau export 1"
-"""Name and version of the document's format."""
-DOCUMENT_KEY = "sautereau"
-"""Name of the document in an HDF5 or TDMS file."""
+FORMAT = "sautereau export 1"  # Name and version of the document's format
+DOCUMENT_KEY = "sautereau"  # Name of the document in an HDF5 or TDMS file
 PARQUET_KEY = DOCUMENT_KEY.encode()
 """Key of the document in the metadata of a Parquet file's schema."""
 SIDECAR = ".json"
 """Appended to the name of an exported file to name the file that holds its document."""
-MOST_DOCUMENT = 200_000_000
-"""Limit of the size of an export's metadata file, byte."""
+MOST_DOCUMENT = 200_000_000  # Limit of the size of an export's metadata file, byte
 
 Parts = dict[str, Callable[[BinaryIO], object]]
 """Files of an export: by what is appended to the name, a function that writes the file."""

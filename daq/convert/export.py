@@ -38,10 +38,8 @@ if TYPE_CHECKING:
 
 Format = Literal["parquet", "csv", "h5", "wav", "tdms"]
 """Formats, by their file extensions."""
-ENDING = ".exporting.part"
-"""Appended to the name of an exported file until it is complete."""
-TIME = "time [s]"
-"""Name of the column of times after the trigger."""
+ENDING = ".exporting.part"  # Appended to the name of an exported file until it is complete
+TIME = "time [s]"  # Name of the column of times after the trigger
 JOINT_UNITS = {"jack_rise": "m", "m1": "N m", "m2": "N m"}
 """Units of the joints' variables, where they are not rad."""
 

@@ -37,12 +37,10 @@ FORMATS = Registry(
 """Functions that open a file, by file extension in lower case, without the dot."""
 
 NO_OPTIONS = ImportOptions()
-LAYOUT = ("decimal", "skip")
-"""Options that a format takes to open a file."""
+LAYOUT = ("decimal", "skip")  # Options that a format takes to open a file
 Columns = dict[str, NDArray[np.float64]]
 
-MOST_ROWS = 20_000_000
-"""Limit of the samples of each channel, 390 s at 51.2 kHz."""
+MOST_ROWS = 20_000_000  # Limit of the samples of each channel, 390 s at 51.2 kHz
 
 
 def place_of(row: int) -> str:

@@ -18,15 +18,11 @@ from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.disk import open_regular
 
-HDF5_AT = (0, 512)
-"""Bytes before the HDF5 signature; MATLAB writes 512 of its own."""
+HDF5_AT = (0, 512)  # Bytes before the HDF5 signature; MATLAB writes 512 of its own
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-MOST_VALUES = 100_000_000
-"""Limit of the numbers in all arrays of a file, which are read together."""
-MOST_COLUMNS = 64
-"""Limit of the columns of a matrix; a larger one is a picture and not a table."""
-LONGEST = 120
-"""s, limit of the time in which a file is read."""
+MOST_VALUES = 100_000_000  # Limit of the numbers in all arrays of a file, which are read together
+MOST_COLUMNS = 64  # Limit of the columns of a matrix; a larger one is a picture and not a table
+LONGEST = 120  # s, limit of the time in which a file is read
 
 Array = np.ndarray[Any, Any]
 

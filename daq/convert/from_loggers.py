@@ -23,13 +23,11 @@ from sautereau.rig.errors import require
 
 UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription")
 
-NO_DATE = "1904-01-01T00:00"
-"""LabVIEW's date 0."""
+NO_DATE = "1904-01-01T00:00"  # LabVIEW's date 0
 LEAD_IN = 28
 """Bytes at the start of a TDMS segment: tag, flags, version, length of the rest, and of the
 metadata in it."""
-BIG_ENDIAN = 1 << 6
-"""Flag of a TDMS segment."""
+BIG_ENDIAN = 1 << 6  # Flag of a TDMS segment
 
 
 def open_tdms(path: Path) -> ImportSource:

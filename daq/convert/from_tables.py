@@ -28,10 +28,8 @@ from sautereau.daq.errors import RecordingError
 from sautereau.rig.disk import open_regular
 from sautereau.rig.units import shown
 
-MOST_BYTES = 2**30
-"""Limit of the size of a text file, byte."""
-BATCH = 65_536
-"""Rows that are converted at once."""
+MOST_BYTES = 2**30  # Limit of the size of a text file, byte
+BATCH = 65_536  # Rows that are converted at once
 LAST_LINE = "its last line has no line end, so its last number may be cut off"
 
 

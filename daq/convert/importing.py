@@ -24,18 +24,14 @@ from sautereau.rig.acquisition import MEASURED, Channel
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 
-ENDING = ".importing.part"
-"""Appended to the name of a recording until its import is complete."""
+ENDING = ".importing.part"  # Appended to the name of a recording until its import is complete
 SMOOTHED = 5
 """Number of samples that a polynomial of degree 4 is fitted to, to differentiate a displacement."""
 LIMITS = {"velocity": (1e-4, 10.0), "force": (1e-3, 200.0)}
 """Smallest and largest plausible magnitude of a press, SI units, by quantity."""
-ONSET = 0.3
-"""Dimensionless, fraction of the largest magnitude above which the key counts as moving."""
-AVERAGED = 0.005
-"""Dimensionless, fraction of the record over which the first deviation is averaged."""
-REST = 0.02
-"""Dimensionless, fraction of the record, from its start, that counts as rest."""
+ONSET = 0.3  # Dimensionless, fraction of the largest magnitude above which the key counts as moving
+AVERAGED = 0.005  # Dimensionless, fraction of the record over which the first deviation is averaged
+REST = 0.02  # Dimensionless, fraction of the record, from its start, that counts as rest
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ The help of the command line imports this file, so it imports nothing that is sl
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
-MODIFIED = "modified"
-"""Value of `started`: the date of the file's last change."""
+MODIFIED = "modified"  # Value of `started`: the date of the file's last change
 
 
 @dataclass(frozen=True)

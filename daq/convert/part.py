@@ -10,8 +10,7 @@ from sautereau.daq.convert.importing import new_recording
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.recorded import SPLIT, Event, Recorded
 
-OF_ALL = ("imported", "warning")
-"""Events about all samples of a file."""
+OF_ALL = ("imported", "warning")  # Events about all samples of a file
 
 
 def write_part(recorded: Recorded, start: int, stop: int, out: Path, press: int) -> None:

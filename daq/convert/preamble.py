@@ -8,12 +8,10 @@ from sautereau.rig.units import parse_quantity
 
 UNIT = re.compile(r"[^\W\d_]{1,20}(\^?[23]|[²³])?(/[^\W\d_]{1,20}(\^?[23]|[²³])?)?")
 """Spelling of a unit in a file; a longer text is not a unit."""
-MEASURED_IN = ("V", "s", "m/s", "N", "m", "Hz")
-"""Dimensions of the units that are recognised."""
+MEASURED_IN = ("V", "s", "m/s", "N", "m", "Hz")  # Dimensions of the units that are recognised
 COMMENT = re.compile(r"[#%;\s]*")
 """What is before the key in a line of a preamble."""
-SIGN = re.compile(r"[=:,;\t]")
-"""The sign after it."""
+SIGN = re.compile(r"[=:,;\t]")  # The sign after it
 LETTER = re.compile(r"[^\W\d_]")
 ROWS = (
     "record length",

@@ -14,8 +14,7 @@ from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity
 
-MOST_SECONDS = 1e9
-"""s, limit of the time from the start of a file's time axis to the trigger."""
+MOST_SECONDS = 1e9  # s, limit of the time from the start of a file's time axis to the trigger
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,8 @@ from pathlib import Path
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.disk import open_regular
 
-HEAD = 262_144
-"""Bytes at the start of a file in which its rows must begin."""
-BLOCK = 1_048_576
-"""Characters that are read at once."""
+HEAD = 262_144  # Bytes at the start of a file in which its rows must begin
+BLOCK = 1_048_576  # Characters that are read at once
 LONGEST_LINE = 100_000
 """Limit of the characters of a line; the csv module's limit of a cell is 131,072."""
 _POINT = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)"
@@ -32,8 +30,7 @@ GROUPED = re.compile(
 """A number with separators between its thousands, or one that looks so: `1,234`."""
 COMMA = str.maketrans({",": ".", ".": "'"})
 """Replaces a comma by a decimal point, and a point by a character that no number contains."""
-PLAIN = re.compile(r"[-+.\deE\n]*", re.ASCII)
-"""Cells that `float` reads as `NUMBER` does."""
+PLAIN = re.compile(r"[-+.\deE\n]*", re.ASCII)  # Cells that `float` reads as `NUMBER` does
 CLOCK = re.compile(
     r"(?:(?:(\d{4})-(\d\d)-(\d\d)|(\d\d?)\.(\d\d?)\.(\d{4}))(?:T|\s+)(?=\d)|(?=\d\d?:\d\d:))"
     r"(\d\d?):(\d\d)(?::(\d\d)(?:[.,](\d+))?)?\s?(Z|[+-]\d\d:?\d\d)?",

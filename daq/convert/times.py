@@ -10,18 +10,13 @@ from sautereau.daq.file.recorded import Signal
 
 EVEN = 0.1
 """Sampling intervals by which a time may differ from an even grid, since files round times."""
-LOOSE = 1.0
-"""The same if the rate is given; from one interval on, a sample may be missing."""
-EXACT = 1e-6
-"""Sampling intervals by which the times of an exactly even grid may differ from it."""
-RATE_ERROR = 1e-4
-"""Dimensionless, relative uncertainty of a rate above which a warning reports it."""
-PLAUSIBLE = (100.0, 1e7)
-"""Hz, range of usual sampling rates."""
+LOOSE = 1.0  # The same if the rate is given; from one interval on, a sample may be missing
+EXACT = 1e-6  # Sampling intervals by which the times of an exactly even grid may differ from it
+RATE_ERROR = 1e-4  # Dimensionless, relative uncertainty of a rate above which a warning reports it
+PLAUSIBLE = (100.0, 1e7)  # Hz, range of usual sampling rates
 UNIX = (1e9, 2e9)
 """s since 1970, from 2001 to 2033: times that no clock of a bench shows, except as a date."""
-MOST_DIGITS = 12
-"""Decimal places of s up to which rounding is recognised."""
+MOST_DIGITS = 12  # Decimal places of s up to which rounding is recognised
 
 
 def start_and_rate(

@@ -20,8 +20,7 @@ from tests.outlines import outline_from
 
 RIG = load_rig("paper")
 PLECTRUM = RIG.plectrum
-MAP_ERROR = 5e-4
-"""1, of displacement, shortening and rotation."""
+MAP_ERROR = 5e-4  # 1, of displacement, shortening and rotation
 
 
 def outline(x, top, bottom):

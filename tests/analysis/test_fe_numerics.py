@@ -20,8 +20,7 @@ CARVED = Profile(
     np.array([0.0, 0.4, 1.0]), np.array([0.06, 0.05, 0.02]), np.array([-0.06, -0.05, -0.04])
 )
 """Neither even about its mid-line nor of one slope."""
-LOAD = 1.5e-4
-"""E W L, which turns `CARVED` by half a radian."""
+LOAD = 1.5e-4  # E W L, which turns `CARVED` by half a radian
 
 
 @pytest.fixture(scope="module")

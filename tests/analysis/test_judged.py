@@ -15,8 +15,7 @@ from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.results.touch import judged_lines
 
-ODDS = 6.0
-"""Of a harder judgement, per standard deviation of the logarithm of the release force."""
+ODDS = 6.0  # Of a harder judgement, per standard deviation of the logarithm of the release force
 
 
 def campaign_of(rows):

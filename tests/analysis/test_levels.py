@@ -17,8 +17,7 @@ from sautereau.rig.load import load_rig
 
 RIG = load_rig("paper")
 PLECTRUM = RIG.plectrum
-CLOSED = ("elastica", "rods", "beam", "two-beam")
-"""Levels that answer at once for any plectrum."""
+CLOSED = ("elastica", "rods", "beam", "two-beam")  # Levels that answer at once for any plectrum
 MODULI = st.floats(6, 12).map(lambda e: 10**e)
 THICKNESSES = st.floats(0.05e-3, 1e-3)
 FRICTIONS = st.sampled_from([0.0, 0.1, 0.5])

@@ -24,8 +24,7 @@ from sautereau.rig.load import parse_rig, with_values
 from tests.budget import slow
 
 ABOUT = About("a session", "0.1.0", commands=("sautereau report x",))
-LARGEST = 6_000_000
-"""Bytes of a page of 20 presses."""
+LARGEST = 6_000_000  # Bytes of a page of 20 presses
 
 
 class Page(HTMLParser):
@@ -277,8 +276,7 @@ ODD = [
 ]
 
 
-LONG = "<i>é" * 210_000
-"""A megabyte."""
+LONG = "<i>é" * 210_000  # A megabyte
 
 
 def malformed(n, seed):

@@ -19,8 +19,7 @@ from sautereau.sim_backend.scene import load_scene
 from tests.budget import slow
 from tests.presses import with_data
 
-MOST_DATA = 150_000
-"""Bytes of the page for one choir, pictures and numbers."""
+MOST_DATA = 150_000  # Bytes of the page for one choir, pictures and numbers
 
 
 def page_of(paths):

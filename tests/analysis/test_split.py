@@ -24,8 +24,7 @@ from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import SensorChain
 
 RATE = 25_600.0
-CONTACT, RELEASE = 0.052, 0.072
-"""s after the start of a press of `make_press`."""
+CONTACT, RELEASE = 0.052, 0.072  # s after the start of a press of `make_press`
 SESSIONS = Path(__file__).parents[1] / "data/written_by_0.1/session"
 
 

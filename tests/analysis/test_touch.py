@@ -19,8 +19,7 @@ from sautereau.rig.load import load_rig, with_values
 
 EXPONENTS = {"release_force": (1.5, 0.0), "force_slope": (2.0, 0.0), "force_drop": (1.5, 0.7)}
 """Of thickness and overlap."""
-STDS = (0.01, 0.02, 0.05)
-"""1, of presses, sessions and plectra."""
+STDS = (0.01, 0.02, 0.05)  # 1, of presses, sessions and plectra
 ROW = {
     "started": "2026-01-01T00:00:00Z", "warm_up": False, "simulated": True, "notes": "", "rig": "a",
     "plectrum_length": 4.5e-3, "plectrum_width": 0.75e-3, "plectrum_youngs_modulus": 2.9e9,

@@ -29,8 +29,7 @@ RIG = load_rig()
 RATE = 51_200.0
 
 
-PATIENT = 100.0
-"""s, after which a test fails that would wait forever."""
+PATIENT = 100.0  # s, after which a test fails that would wait forever
 WAITS = (
     "commands.live.process.START_TIMEOUT",
     "commands.live.process.END_TIMEOUT",

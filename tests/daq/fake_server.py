@@ -18,12 +18,9 @@ from nidaqmx._stubs import nidaqmx_pb2 as messages
 from nidaqmx._stubs import nidaqmx_pb2_grpc
 from session_pb2 import Session
 
-STEP = 3.2e-4
-"""V, of a count, and from one sample to the next."""
-OFFSET = 10_000
-"""Counts from one channel to the next."""
-EDGE = 0.02
-"""s, from the start of a triggered task to the trigger's edge."""
+STEP = 3.2e-4  # V, of a count, and from one sample to the next
+OFFSET = 10_000  # Counts from one channel to the next
+EDGE = 0.02  # s, from the start of a triggered task to the trigger's edge
 TIMEOUT = -200284
 LIBRARY = {
     TIMEOUT: "Some or all of the samples requested have not yet been acquired.",

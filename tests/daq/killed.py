@@ -21,8 +21,7 @@ from sautereau.daq.file.recovery import recover
 from sautereau.rig.load import load_rig
 
 RATE = 51_200.0
-LONGEST = 0.6
-"""s, from the first block to the kill."""
+LONGEST = 0.6  # s, from the first block to the kill
 MOST = round(60 * RATE)
 """Samples, about, after which a child closes the file and waits to be killed."""
 

@@ -17,8 +17,7 @@ V = {"column": {"velocity": "v"}, "unit": {"velocity": "V"}}
 RATED = V | {"rate": "1 kHz"}
 TIMED = V | {"time": "t"}
 N = 40
-VALUES = 0.1 + np.sin(np.pi * np.arange(N) / N) ** 2
-"""V; none has three decimals, and none is 0."""
+VALUES = 0.1 + np.sin(np.pi * np.arange(N) / N) ** 2  # V; none has three decimals, and none is 0
 
 
 @pytest.fixture

@@ -14,8 +14,7 @@ from sautereau.daq.file.reading import read_recording
 
 STARTED = "2026-02-03T04:05:06+01:00"
 ROWS = 40
-SPEED = 0.05 * np.sin(np.pi * np.arange(ROWS) / ROWS) ** 2
-"""m/s, of a key that goes down."""
+SPEED = 0.05 * np.sin(np.pi * np.arange(ROWS) / ROWS) ** 2  # m/s, of a key that goes down
 
 
 def velocity(recorded):

@@ -31,8 +31,7 @@ from tests.daq.fake_server import OFFSET, STEP, Act, Call, Coded, FakeServer
 
 RATE, BLOCK, N = 20_000, 256, 1000
 """Hz, and samples of each channel: the acquisition takes 50 ms, in four reads."""
-BOUND = 60.0
-"""s, in which a command ends: far over the 5 s for which it waits for samples."""
+BOUND = 60.0  # s, in which a command ends: far over the 5 s for which it waits for samples
 RIG = """
 [daq]
 address = "{address}"

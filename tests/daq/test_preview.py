@@ -13,8 +13,7 @@ from sautereau.daq.file.schemas import FRAME
 from sautereau.daq.file.survey import LAYOUT, describe
 from tests.daq.declared import declared_class
 
-HALF = 326
-"""Samples, half the filter at 51.2 kHz."""
+HALF = 326  # Samples, half the filter at 51.2 kHz
 
 
 @given(st.lists(st.integers(0, 700), max_size=12))

@@ -11,8 +11,7 @@ from sautereau.daq.signals.quality_flags import (
 )
 
 RATE = 51_200.0
-NOISE = {"velocity": 0.002, "force": 0.005}
-"""V, of the scene `paper`."""
+NOISE = {"velocity": 0.002, "force": 0.005}  # V, of the scene `paper`
 
 
 def press(n=25_600, seed=0, noise=0.002):

@@ -18,8 +18,7 @@ from sautereau.daq.file.survey import describe
 from tests.daq.damage import chunks, corrupt, record_and, write_chunks
 
 N = 60_000
-CHUNK = 10_240
-"""Samples in a chunk of these recordings: 0.2 s."""
+CHUNK = 10_240  # Samples in a chunk of these recordings: 0.2 s
 
 
 VOLTS = np.random.default_rng(5).standard_normal((2, N))

@@ -5,8 +5,7 @@ import os
 import pytest
 
 LONG = [pytest.mark.slow, pytest.mark.timeout(1200)]
-LIMIT = round(0.25 * 51_200)
-"""Samples, that a kill may lose."""
+LIMIT = round(0.25 * 51_200)  # Samples, that a kill may lose
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="SIGKILL is POSIX's")
 

@@ -13,8 +13,7 @@ from sautereau.sim_backend.bench import StandIn
 from tests.budget import slow
 from tests.presses import QUICK, mute_scene, press_on
 
-WAIT = 0.2
-"""s, from arming to the edge."""
+WAIT = 0.2  # s, from arming to the edge
 PERCENT_95 = 1.96
 
 

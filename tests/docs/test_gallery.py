@@ -20,8 +20,7 @@ from examples import (
 from sautereau.rig.load import load_rig
 
 ROOT = Path(__file__).parents[2]
-LARGEST = 200e3
-"""Largest size of a picture in the repository, in bytes."""
+LARGEST = 200e3  # Largest size of a picture in the repository, in bytes
 RIG = load_rig()
 
 

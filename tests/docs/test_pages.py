@@ -36,8 +36,7 @@ sautereau() {{ {sys.executable} -S {FORKED} run "$SERVER" "$@"; }}
 make() {{ command make -C {ROOT} -s -o .venv/installed -n BIN={BIN} OUT="$PWD/out" "$@"; }}
 trap 'kill $(jobs -p) 2>/dev/null || true' EXIT
 """
-LONGEST = 280
-"""s, timeout of a page's commands on a busy machine; alone they take a tenth of it."""
+LONGEST = 280  # s, timeout of a page's commands on a busy machine; alone they take a tenth of it
 
 
 @pytest.fixture

@@ -5,8 +5,7 @@ import pytest
 
 from examples.key_switch import GRAM_FORCE, lines, study
 
-TRAVEL = np.arange(0, 3.3, 0.005)
-"""mm."""
+TRAVEL = np.arange(0, 3.3, 0.005)  # mm
 FORCE = np.interp(TRAVEL, [0, 1.5, 1.502, 3, 3.2, 3.3], [0, 75, 35, 45, 200, 320])
 """gf, a switch that snaps."""
 PREAMBLE = "MAX FORCE = 320.0,3.3\nUNIT = gf,mm\nDATA COUNT = {n},\nRECORDING RATE = 0.0005,\n"

@@ -70,10 +70,8 @@ GOOD = {
 }
 FILES = {"MCAP", "RIG", "SCENE", "CSV", "JSON", "TOML", "FOLDER", "NEW", "PNG", "HTML", "PARQUET"}
 CHANGED = ("good.mcap", "rig.toml", "bare.toml", "table.csv", "plan.csv", "session/session.json")
-SHARE = 0.25
-"""Dimensionless fraction of the values that are hostile."""
-LONGEST_PRESS = 0.2
-"""s, of a time: a session rests for it, and an acquisition lasts it."""
+SHARE = 0.25  # Dimensionless fraction of the values that are hostile
+LONGEST_PRESS = 0.2  # s, of a time: a session rests for it, and an acquisition lasts it
 
 
 class Commands:

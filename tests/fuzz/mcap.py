@@ -14,8 +14,7 @@ MAGIC = b"\x89MCAP0\r\n"
 PREFIX = struct.Struct("<BQ")
 FOOTER, CHUNK, MESSAGE, INDEX, METADATA, DATA_END, CHANNEL = 2, 6, 5, 8, 12, 15, 4
 MESSAGE_HEAD = struct.Struct("<HIQQ")
-LARGEST = 6_000_000
-"""Byte, of the records that a mutation repeats."""
+LARGEST = 6_000_000  # Byte, of the records that a mutation repeats
 
 
 @dataclass

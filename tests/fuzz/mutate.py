@@ -22,8 +22,7 @@ TEXTS = (
     "=1+1", "@SUM(A1)", "../../x", "/dev/zero", "/dev/stdin", ".", "~", "-", "--", "%s", "{0}",
     "null", "true", "NaN", "a" * 70_000, "[" * 5000, "{" * 5000, '"', "'", '"""', "'''", "#",
 )  # fmt: skip
-DEEPEST = 20
-"""Levels of a document in which values are changed."""
+DEEPEST = 20  # Levels of a document in which values are changed
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 _TOKEN = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?|\w+|[^\w\s]")
 

@@ -159,8 +159,7 @@ USUAL = (
 )  # fmt: skip
 INTEGERS = (0, 1, 2, -1, 3, 4, 10, 1000, 10178, 10123, 10106, 2**31 - 1, -(2**31), 5, 100_000)
 STRINGS = ("t", "t", "t", "Dev1", "Dev1/ai0", "Dev1/ai0:1", "/Dev1/PFI0", "Dev1/ai0:30000000", "v")
-LONGEST_CALL = 1.0
-"""s."""
+LONGEST_CALL = 1.0  # s
 
 
 def request(name: str, dice: random.Random) -> bytes:

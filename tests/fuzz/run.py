@@ -24,12 +24,9 @@ from typing import Protocol
 
 from sautereau.rig.errors import SautereauError
 
-LONGEST = 20.0
-"""s, limit of one case, on a processor of its own."""
-HANGING = 120.0
-"""s of real time after which a case is ended that may wait for something."""
-MOST_MEMORY = 1 << 30
-"""Byte, limit of the process, and of those that it starts."""
+LONGEST = 20.0  # s, limit of one case, on a processor of its own
+HANGING = 120.0  # s of real time after which a case is ended that may wait for something
+MOST_MEMORY = 1 << 30  # Byte, limit of the process, and of those that it starts
 HARD_LIMIT = 4 << 30
 """Byte of address space at which the system refuses more, which protects the machine."""
 

@@ -31,10 +31,8 @@ from tests.recordings import write_recording
 from tests.sessions import session_writer
 
 DATA = Path(__file__).parents[1] / "data"
-DAY = 1_770_087_906_000_000_000
-"""ns since 1970, of the presses that are written without devices."""
-CUT = 300_000
-"""Bytes of a truncated recording."""
+DAY = 1_770_087_906_000_000_000  # ns since 1970, of the presses that are written without devices
+CUT = 300_000  # Bytes of a truncated recording
 
 
 class Corpus:

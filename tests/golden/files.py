@@ -14,14 +14,11 @@ import pandas as pd
 from tests.golden.commands import VARIABLE
 from tests.golden.plain import checksum, normal, plain
 
-_SHORT = 60
-"""Characters of a text that is stored as it is; of a longer one only a hash is."""
-_UNSTORED = ("crc32", "started", "session", "daq")
-"""Metadata that differ between two runs."""
+_SHORT = 60  # Characters of a text that is stored as it is; of a longer one only a hash is
+_UNSTORED = ("crc32", "started", "session", "daq")  # Metadata that differ between two runs
 _BLOCKS = "/daq"
 """Topic whose number of messages depends on when the host reads the card, in real time."""
-_UNIX = 1e9
-"""s, above which a time is a date."""
+_UNIX = 1e9  # s, above which a time is a date
 
 
 def contents(path: Path) -> Any:

@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 
-DIGITS = 10
-"""Of a stored float: more than the tightest tolerance needs."""
-PACKAGE = str(Path(__file__).parents[2])
-"""The folder of the source tree, which texts name."""
+DIGITS = 10  # Of a stored float: more than the tightest tolerance needs
+PACKAGE = str(Path(__file__).parents[2])  # The folder of the source tree, which texts name
 VARIABLE = (
     (r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?", "DATE"),
     (r"\d{4}-\d\d-\d\d( \d\d:\d\d(:\d\d)?)?", "DATE"),

@@ -20,8 +20,7 @@ from sautereau.sim_backend.scene import Scene, load_scene
 from tests.golden.plain import checksum, plain, subject
 from tests.outlines import outline_from
 
-RANDOM = 92
-"""Random rigs and scenes."""
+RANDOM = 92  # Random rigs and scenes
 SCENES = ("ideal", "paper", "return", "two-choirs", "transient", "pluck", "free-key")
 SPEEDS = ("30 mm/s", "50 mm/s", "72 mm/s", "150 mm/s")
 INDEPENDENT = 201

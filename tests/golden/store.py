@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).with_name("answers")
-WIDTH = 180
-"""Characters of a line that holds a list or an object as one piece."""
+WIDTH = 180  # Characters of a line that holds a list or an object as one piece
 
 
 def load(group: str, folder: Path = FOLDER) -> dict[str, Any]:

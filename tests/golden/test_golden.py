@@ -11,8 +11,7 @@ from tests.golden.corpus import Corpus
 from tests.golden.groups import GROUPS, QUICK, answers, compared
 from tests.golden.tolerances import CHANGED
 
-LARGEST = 1_000_000
-"""Bytes of all answers."""
+LARGEST = 1_000_000  # Bytes of all answers
 
 
 def check(group, names, folder):

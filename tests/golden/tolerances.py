@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 INSTANT = 0.1
 """Of the standard uncertainty that stands beside a value as NAME_std: a smaller change means
 nothing to the user. Searches for an instant end within less than that on every machine."""
-MODEL = 1e-9
-"""Relative, of predictions: closed forms and roots that are solved to 1e-12."""
+MODEL = 1e-9  # Relative, of predictions: closed forms and roots that are solved to 1e-12
 OTHER = 1e-6
 """Relative, of all other floats: they follow from fits whose steps end below 1e-8 of a value, and
 no text shows more than six digits of them."""
@@ -27,12 +26,10 @@ single samples fall into the next step, as rounding does on another machine and 
 by more than a step."""
 LAST_PLACE = 1.01
 """Units of the last place of a number with decimals in a text: rounding on another machine."""
-RELATIVE = {"wire": 0.0, "model": MODEL}
-"""By the group of answers; 0 is exact, also in texts."""
+RELATIVE = {"wire": 0.0, "model": MODEL}  # By the group of answers; 0 is exact, also in texts
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", re.ASCII)
-SIGNAL = {"n", "peak", "sums"}
-"""Keys of what `plain.checksum` returns."""
+SIGNAL = {"n", "peak", "sums"}  # Keys of what `plain.checksum` returns
 MISSING = "(missing)"
 CHANGED = "other samples: the simulation or its input changed, nothing else of it is compared"
 

@@ -9,8 +9,7 @@ from typing import Any
 
 from tests.golden.corpus import Corpus
 
-FIRST = 20
-"""Messages that are stored as they are; of all messages there is a hash."""
+FIRST = 20  # Messages that are stored as they are; of all messages there is a hash
 _TRAFFIC = re.compile(r"serial_port: \S+ (sent|received) (b['\"].*)$")
 _KEEP_ALIVE = re.compile(rb"MG wsign,")
 """Start of the renewal of the watchdog, which a thread sends by the clock of this machine."""

@@ -23,10 +23,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-PAGE = 4096
-"""Bytes that a disk writes at once."""
-NOTES = "notes"
-"""Name of the file of notes."""
+PAGE = 4096  # Bytes that a disk writes at once
+NOTES = "notes"  # Name of the file of notes
 
 
 class _Trace:

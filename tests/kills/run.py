@@ -15,12 +15,9 @@ from tests.forked import CommandServer
 from tests.kills.commands import COMMANDS, LEFT_OVER, Command, Lost, fresh, make_inputs
 from tests.kills.disk import after_power_cut, notes_in
 
-IN_A_ROW = 5
-"""Times, at most, that a command is broken before it may end."""
-AT_A_CHANGE = 0.5
-"""Dimensionless fraction of the kills just before a change of a name or a flush."""
-REPLACED = (".html", ".parquet")
-"""Endings of files that the next run may replace."""
+IN_A_ROW = 5  # Times, at most, that a command is broken before it may end
+AT_A_CHANGE = 0.5  # Dimensionless fraction of the kills just before a change of a name or a flush
+REPLACED = (".html", ".parquet")  # Endings of files that the next run may replace
 PROGRAM = """
 import sys
 from pathlib import Path

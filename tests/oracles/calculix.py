@@ -26,8 +26,7 @@ from scipy.optimize import brentq
 from tests.oracles.outline import Outline
 from tests.oracles.pluck import pluck, string_stiffness
 
-LOADED = 4
-"""Number of elements under the load."""
+LOADED = 4  # Number of elements under the load
 SLICE = 0.01
 """Width in mm of the slice that is computed. CalculiX makes solids of its plane elements, with a
 displacement in the plane that is constant over the width: at a width near the thickness they are

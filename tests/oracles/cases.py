@@ -19,8 +19,7 @@ from tests.oracles.pluck import Release, pluck, string_stiffness
 
 HERE = Path(__file__).parent
 LENGTH, HALF = 4.5e-3, 0.24e-3
-JACK_SPEED = 0.072
-"""In m/s."""
+JACK_SPEED = 0.072  # In m/s
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from sautereau.rig.load import load_rig, parse_rig, with_values
 from sautereau.robot.experiment.plan_table import read_plan_table
 
 OLD = Path(__file__).parents[1] / "data" / "written_by_0.1"
-MOMENT = 4e-3
-"""N m, in all of them."""
+MOMENT = 4e-3  # N m, in all of them
 
 
 def test_a_rig_file_is_read_with_a_note_on_what_to_rename(caplog):

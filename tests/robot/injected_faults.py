@@ -12,12 +12,9 @@ from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.motion import StopCode
 from tests.robot.fault_desk import HOLD, Desk
 
-SOON = 50e-3
-"""s of simulated time until the motors are off, where the controller detects the fault."""
-ALONE = 0.5 + SOON
-"""s of simulated time, where only the controller's watchdog detects it."""
-HOST = None
-"""Where the host detects it: the time depends on this machine."""
+SOON = 50e-3  # s of simulated time until the motors are off, where the controller detects the fault
+ALONE = 0.5 + SOON  # s of simulated time, where only the controller's watchdog detects it
+HOST = None  # Where the host detects it: the time depends on this machine
 OFF = "the controller confirms it"
 NOT_OFF = "NOT confirmed off"
 

@@ -14,8 +14,7 @@ from sautereau.robot.experiment import session_folder
 from sautereau.robot.experiment.session_folder import Manifest, read_manifest, write_manifest
 from sautereau.robot.experiment.steps import Step
 
-LATIN_1 = "caf\udce9"
-"""Notes of a terminal with another encoding, as Python reads them."""
+LATIN_1 = "caf\udce9"  # Notes of a terminal with another encoding, as Python reads them
 LONG = "x" * 2_500_000
 MANIFEST = Manifest("a", "2026-02-03T04:05:06+01:00", None, {"rig": {}, "presses": []}, {})
 

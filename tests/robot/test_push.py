@@ -124,8 +124,7 @@ def test_no_torque_is_left_on_any_way_out(bench, way):
     assert line.read("_MOA", "_MOB", "_OFA", "_OFB", "@OUT[1]", "_XQ2") == [1, 1, 0, 0, 0, -1]
 
 
-FULL = 9.998
-"""V, the torque limit of the rig."""
+FULL = 9.998  # V, the torque limit of the rig
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,7 @@ from sautereau.sim_backend.scene import Scene, load_scene
 RIG = load_rig("paper")
 MUTE = {"plectrum": "none", "string": "none"}
 BARE = {**MUTE, "friction": False, "felt": False}
-RETURNING = {"tongue": True, "damper": True}
-"""Parts that act while the jack falls."""
+RETURNING = {"tongue": True, "damper": True}  # Parts that act while the jack falls
 
 
 def push_of(force, duration, rest=0.0):

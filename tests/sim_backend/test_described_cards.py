@@ -27,10 +27,8 @@ from sautereau.sim_backend.scene import load_scene, parse_scene
 from sautereau.trajectory.press import plan_press
 from tests.presses import QUICK
 
-FREQUENCY, DURATION = 200.0, 0.12
-"""Hz and s, of a motion whose force and velocity are in phase."""
-STEP, WIDTH = 0.1012345, 1e-3
-"""s, middle and width of a step of both, after which they stay at 1."""
+FREQUENCY, DURATION = 200.0, 0.12  # Hz and s, of a motion whose force and velocity are in phase
+STEP, WIDTH = 0.1012345, 1e-3  # s, middle and width of a step of both, after which they stay at 1
 CASES = [
     ("NI 9234", "51.2 kHz", "cDAQ1Mod1", "/cDAQ1/PFI0", 38.4 / 51_200 + 3.2e-6, 0.0),
     ("NI 9239", "50 kHz", "cDAQ1Mod1", "/cDAQ1/PFI0", (40 + 5 / 512) / 50e3 + 3.3e-6, 0.0),

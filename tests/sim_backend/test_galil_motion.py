@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-RATE = 1024
-"""Samples that the firmware counts as a second."""
+RATE = 1024  # Samples that the firmware counts as a second
 
 
 @pytest.mark.parametrize("distance", [1, -40, 10_000, -100_000])

@@ -8,8 +8,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from sautereau.sim_backend.parts import ControllerUnit
 
-RATE = 1024
-"""Samples that the firmware counts as a second."""
+RATE = 1024  # Samples that the firmware counts as a second
 
 segments = st.lists(
     st.tuples(

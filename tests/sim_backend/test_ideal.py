@@ -22,8 +22,7 @@ KEY, JACK = RIG.key, RIG.jack
 PERIOD = RIG.controller.sample_period
 PLAN = plan_press(RIG)
 DRIVE = PressDrive(RIG, PLAN.segments)
-START = LEAD * PERIOD + PLAN.law.start
-"""s, start of the fingertip's motion."""
+START = LEAD * PERIOD + PLAN.law.start  # s, start of the fingertip's motion
 SMOOTH = {
     "key.pivot_coulomb_friction": "0 N m",
     "key.pivot_viscous_friction": "0 N m s/rad",

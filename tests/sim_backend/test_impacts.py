@@ -15,10 +15,8 @@ from sautereau.sim_backend.physics.rigid.assembly import assemble
 from tests.key_oracle import GRAVITY, rise, slope
 from tests.sim_backend.scenes import BARE, RIG, choir, push_of, scene_of
 
-RATIOS = (1e-4, 1e-2, 1.0, 10.0, 100.0, 1e4)
-"""m b^2 / I of all jacks together."""
-MS = 1e3
-"""ms/s."""
+RATIOS = (1e-4, 1e-2, 1.0, 10.0, 100.0, 1e4)  # m b^2 / I of all jacks together
+MS = 1e3  # ms/s
 
 
 def after_impact(inertia, masses, slopes, omega, speeds, rail):

@@ -28,8 +28,7 @@ LANDS = thrown(
     truth={"key.felt_damping": "60 N s/m", "key.gravity_moment": "-8 mN m"},
 )  # fmt: skip
 """The felt stops the key; the jack flies on and lands on a key that falls back slowly."""
-STEPS = (1e-4, 1e-3)
-"""s, with which nothing overlaps however far the jack flies."""
+STEPS = (1e-4, 1e-3)  # s, with which nothing overlaps however far the jack flies
 
 
 def test_a_damper_carries_part_of_the_jack():

@@ -128,8 +128,7 @@ def integrated(speed, growth=0.0, modes=8):
     return release, contact(release, state)[2], q, v, (found.t, np.array(forces))
 
 
-PATHS = [(0.3, 0.0), (0.05, 60.0)]
-"""m/s and m/s^2: constant, and accelerated."""
+PATHS = [(0.3, 0.0), (0.05, 60.0)]  # m/s and m/s^2: constant, and accelerated
 
 
 @pytest.mark.parametrize("path", [PATHS[0], slow(PATHS[1])])

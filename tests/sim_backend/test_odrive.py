@@ -15,8 +15,7 @@ from tests.emulated import Encoders
 
 PERIOD = 1e-3
 TURN = 10_000.0
-LIMITS = ("vel_limit 2", "accel_limit 5", "decel_limit 5")
-"""Of moves: turn/s, turn/s^2."""
+LIMITS = ("vel_limit 2", "accel_limit 5", "decel_limit 5")  # Of moves: turn/s, turn/s^2
 WATCHED = ("w axis0.config.watchdog_timeout 0.05", "w axis0.config.enable_watchdog 1")
 """Start the watchdog of an axis; s."""
 

@@ -12,8 +12,7 @@ from tests.sim_backend.scenes import RIG, push_of, pushed
 
 QUICK = (23, 41, 43, 59, 71, 93)
 """Seeds in which much happens: landings that accumulate, returns, a second contact, the felt."""
-SOON_STUCK = (19, 117)
-"""Seeds of a string that soon sticks on the plectrum."""
+SOON_STUCK = (19, 117)  # Seeds of a string that soon sticks on the plectrum
 
 
 def drawn_choir(rng):

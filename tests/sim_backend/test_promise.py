@@ -22,8 +22,7 @@ PLANNED = (
     "key.press_arm", "key.jack_arm", "key.front_arm",
 )  # fmt: skip
 """Quantities that the planned press depends on; they are kept."""
-TIGHT = 1e-19
-"""Dimensionless tolerance of a reference solution that was not used for the choice."""
+TIGHT = 1e-19  # Dimensionless tolerance of a reference solution that was not used for the choice
 
 
 def log(rng, low, high):

@@ -156,8 +156,7 @@ def test_the_range_clips():
 
 
 ADC_RANGE = IDEAL_CONVERTER.range
-STEP = 2 * ADC_RANGE / 2**24
-"""V, of a converter with 24 bits over +-10 V."""
+STEP = 2 * ADC_RANGE / 2**24  # V, of a converter with 24 bits over +-10 V
 
 
 def test_the_converter_stays_within_its_codes():

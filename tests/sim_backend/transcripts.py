@@ -21,8 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-DEADLINE = 60.0
-"""s of real time for an answer."""
+DEADLINE = 60.0  # s of real time for an answer
 _NUMBER = r"[-+]?\d+(?:\.\d*)?|[-+]?\.\d+"
 
 

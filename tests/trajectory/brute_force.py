@@ -8,8 +8,7 @@ from sautereau.rig.units import GRAVITY
 # Coefficients of the central difference of eighth order, for offsets 1 to 4.
 FIRST = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 SECOND = (8 / 5, -1 / 5, 8 / 315, -1 / 560)
-RATE = 1e5
-"""Hz, sampling rate of the brute-force checks."""
+RATE = 1e5  # Hz, sampling rate of the brute-force checks
 
 
 def derivatives(function, x, step):

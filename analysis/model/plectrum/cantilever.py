@@ -9,13 +9,11 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Bend, Floats
 from sautereau.rig.instrument import Plectrum
 
-FRICTION_MAX = 0.5
-"""Dimensionless; largest coefficient of friction of any level."""
+FRICTION_MAX = 0.5  # Dimensionless; largest coefficient of friction of any level
 BEYOND_TIP = 1.01
 """Fraction of the length up to which positions are accepted: the search for the release may
 overshoot the tip. Beyond the tip the same equations hold, with the force limit of the tip."""
-ROUNDING = 1e-12
-"""Dimensionless tolerance on a force limit."""
+ROUNDING = 1e-12  # Dimensionless tolerance on a force limit
 
 
 class Cantilever(ABC):

@@ -9,8 +9,7 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.rig.instrument import Plectrum
 
-SAME_LENGTH = 1e-3
-"""Dimensionless tolerance on the length of an outline."""
+SAME_LENGTH = 1e-3  # Dimensionless tolerance on the length of an outline
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,10 +23,8 @@ from sautereau.analysis.model.plectrum.base import Bend, Floats
 from sautereau.analysis.model.plectrum.cantilever import Cantilever, similar
 from sautereau.rig.instrument import Plectrum
 
-RODS = 20
-"""Rods by default: deflections 0.125 % too large under small loads."""
-RODS_MAX = 10_000
-"""The computing time is proportional to the number of rods."""
+RODS = 20  # Rods by default: deflections 0.125 % too large under small loads
+RODS_MAX = 10_000  # The computing time is proportional to the number of rods
 
 
 class Rods(Cantilever):

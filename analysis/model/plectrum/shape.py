@@ -7,12 +7,9 @@ from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.analysis.model.plectrum.tapered import step_to_clamp
 from sautereau.rig.instrument import Plectrum
 
-POINTS = 8
-"""Evenly spaced sections of a drawing from the clamp to the string."""
-KINKS = 12
-"""Largest number of kinks of an outline at which there are further sections."""
-STEPS = 4
-"""Steps of the integration between two sections."""
+POINTS = 8  # Evenly spaced sections of a drawing from the clamp to the string
+KINKS = 12  # Largest number of kinks of an outline at which there are further sections
+STEPS = 4  # Steps of the integration between two sections
 
 
 def straight(plectrum: Plectrum) -> Floats:

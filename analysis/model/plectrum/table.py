@@ -18,10 +18,8 @@ if TYPE_CHECKING:
 TURN = 1.568
 """rad, by which the tip turns at the largest load without friction: nearly 90 degrees, past which
 nothing would hold the string."""
-STICKING_DEGREE = 5
-"""Degree in T of the table of a string that sticks, over a smaller range of T."""
-ORDER = 6
-"""Coefficients of the polynomial of the load in a cell."""
+STICKING_DEGREE = 5  # Degree in T of the table of a string that sticks, over a smaller range of T
+ORDER = 6  # Coefficients of the polynomial of the load in a cell
 
 
 @dataclass(frozen=True, eq=False)

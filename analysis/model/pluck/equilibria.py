@@ -22,17 +22,13 @@ rounding."""
 LOADS = np.concatenate([[0.0], np.geomspace(1e-14, 1.0, 97)])
 """Fractions of the largest load, between which the load of a given position is bracketed."""
 NEWTON_STEPS = 60
-SMALL = 1e-6
-"""Fraction of the largest load at which the direction of the first friction is found."""
-TURN_STEPS = 40
-"""Most iterations of the load at which the string turns; 6 to 10 are usual."""
-TURN_CLOSE = 1e-6
-"""Relative tolerance on it; the position is stationary there."""
+SMALL = 1e-6  # Fraction of the largest load at which the direction of the first friction is found
+TURN_STEPS = 40  # Most iterations of the load at which the string turns; 6 to 10 are usual
+TURN_CLOSE = 1e-6  # Relative tolerance on it; the position is stationary there
 AT_END = np.array([3, -16, 36, -48, 25]) / 12
 """Weights of the last five points of a stretch in its slope at the end, by backward differences of
 order 4; the points are even in the load."""
-STICKING_STEPS = 40
-"""Most iterations of the drag of a string that sticks; 4 to 6 are usual."""
+STICKING_STEPS = 40  # Most iterations of the drag of a string that sticks; 4 to 6 are usual
 CLOSE = 1e-12  # Dimensionless tolerance on that drag
 
 

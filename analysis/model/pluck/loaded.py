@@ -17,8 +17,7 @@ from sautereau.analysis.model.plectrum.surface import StringCentre
 from sautereau.analysis.model.plectrum.table import Table, arranged, laws_under, sticking_laws
 
 Rows = NDArray[np.intp]
-NEWTON_STEPS = 6
-"""Newton's steps to the first contact on a sloping top; 3 are usual."""
+NEWTON_STEPS = 6  # Newton's steps to the first contact on a sloping top; 3 are usual
 
 
 class Loaded(NamedTuple):

@@ -14,8 +14,7 @@ from sautereau.analysis.model.pluck.loaded import Rows
 
 NARROWINGS = 9
 """Number of searches for a fold, each between the neighbours of the best point of the last one."""
-NEAR = 33
-"""Number of points of such a search."""
+NEAR = 33  # Number of points of such a search
 
 
 class Status(IntEnum):

@@ -24,10 +24,8 @@ from sautereau.analysis.model.pluck.equilibria import AT_END, Curve, Equilibria
 from sautereau.analysis.model.pluck.loaded import plectra_of
 from sautereau.analysis.model.pluck.paths import Status, lasts, solve_paths
 
-POINTS = 201
-"""Points of a stretch of the pluck."""
-STIFFNESS_RANGE = (1e-3, 1e12)
-"""N/m, of a string that a plectrum can pluck."""
+POINTS = 201  # Points of a stretch of the pluck
+STIFFNESS_RANGE = (1e-3, 1e12)  # N/m, of a string that a plectrum can pluck
 OVERLAP_MAX = 0.9999
 """Fraction of the length; a string closer to the clamp is lifted without bending the plectrum."""
 

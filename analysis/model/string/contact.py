@@ -23,18 +23,15 @@ from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
 from sautereau.analysis.model.string.bend import point_bend
 from sautereau.analysis.model.string.string import ModalState, ModalString
 
-STEP_FRACTION = 0.3
-"""Default time step, divided by the shortest mode's period."""
+STEP_FRACTION = 0.3  # Default time step, divided by the shortest mode's period
 STEP_FRACTION_MAX = 0.35
 """Largest time step, divided by that period. From 0.4 on, the moving modes respond within a step
 more than the omitted ones. Force and modes of a stiff plectrum then excite each other from step to
 step."""
-NEWTON_STEPS = 40
-"""Maximum per time step; 2 are usual."""
+NEWTON_STEPS = 40  # Maximum per time step; 2 are usual
 CLOSE = 1e-9
 """Tolerance on Newton's last step, in plectrum lengths; the error is of the order of its square."""
-TIP_CLOSE = 1e-12
-"""Tolerance on the residual of a contact at the tip, in plectrum lengths."""
+TIP_CLOSE = 1e-12  # Tolerance on the residual of a contact at the tip, in plectrum lengths
 
 
 class Carry(NamedTuple):

@@ -10,8 +10,7 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.string.string import ModalState, ModalString
 from sautereau.rig.progress import tracked
 
-PART = 10_000
-"""Instants that are computed together, to limit memory."""
+PART = 10_000  # Instants that are computed together, to limit memory
 
 
 @dataclass(frozen=True)

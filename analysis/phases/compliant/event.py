@@ -11,33 +11,23 @@ from sautereau.analysis.phases.compliant.response import Orders
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import FORCE_FLOOR, VELOCITY_FLOOR, Signals
 
-BEFORE = 4e-3
-"""s, of signal before a release that is part of its fit."""
-AFTER = 2.5e-3
-"""s, of signal after a release that is part of its fit."""
+BEFORE = 4e-3  # s, of signal before a release that is part of its fit
+AFTER = 2.5e-3  # s, of signal after a release that is part of its fit
 SHORT = 1e-3
 """s, the same where modes do not explain this, as the release throws the jack off its cloth."""
-EXCESS = 100.0
-"""`EventFit.excess` above which `SHORT` is tried."""
-EXCESS_FACTOR = 3.0
-"""Least factor by which it must reduce the excess."""
-ROW = 40e-6
-"""s, shortest block of this fit."""
-MOST_MODES = 3
-"""Largest number of modes of a fit."""
-FALL_STD = 0.1
-"""Relative standard uncertainty of the fall of the load."""
-LEAST_ROWS = 24
-"""Fewest blocks of a fit."""
+EXCESS = 100.0  # `EventFit.excess` above which `SHORT` is tried
+EXCESS_FACTOR = 3.0  # Least factor by which it must reduce the excess
+ROW = 40e-6  # s, shortest block of this fit
+MOST_MODES = 3  # Largest number of modes of a fit
+FALL_STD = 0.1  # Relative standard uncertainty of the fall of the load
+LEAST_ROWS = 24  # Fewest blocks of a fit
 LARGEST_VARIANCE = 1e-6
 """s^2, upper bound of the variance of an instant. Undetermined modes make it infinite."""
 LARGER = 2.5
 """Standard uncertainty of an instant over that of its fit, in which modes are missing. From presses
 of the independent simulator; tested on others."""
-REACH = 3.0
-"""Instants are tried up to this number of standard deviations on either side."""
-TRIED = 20
-"""Number of instants that are tried."""
+REACH = 3.0  # Instants are tried up to this number of standard deviations on either side
+TRIED = 20  # Number of instants that are tried
 DEGREES = 2, 4
 """Degrees of the polynomial that continues from before the release. The motion before it is a part
 of slow modes of finger and key, which the polynomial only approximates; the better fit need not
@@ -48,8 +38,7 @@ largest number of fits, of both beginnings together, to which a further mode is 
 BEGINS: tuple[Orders, ...] = ((2,), (2, 1))
 """Powers of time with which force and velocity may begin: t^2, or the velocity with t, as on a key
 whose jack stands on a hard cloth."""
-SAME = 2e-6
-"""s, difference up to which two instants count as equal."""
+SAME = 2e-6  # s, difference up to which two instants count as equal
 UNLIKELY = 25.0
 """Difference of the Bayesian information criterion from the best, above which a fit is ignored."""
 

@@ -19,36 +19,22 @@ from sautereau.trajectory.motion import Floats
 
 FREQUENCIES = np.geomspace(120.0, 5000.0, 16)
 """Hz, of the table of modes with which a search starts."""
-DAMPINGS = (0.02, 0.1, 0.4)
-"""Damping ratios of this table."""
-HIGHEST = 0.35
-"""Largest frequency of the table over the rate of the blocks."""
-HIGHEST_REFINED = 0.45
-"""Largest frequency of a refined mode over the rate of the blocks."""
-LOWEST = 50.0
-"""Hz, smallest frequency of a refined mode."""
-LEAST_DAMPING = 0.003
-"""Smallest damping ratio of a refined mode."""
-LARGEST_DAMPING = 0.9
-"""Largest damping ratio of a refined mode."""
-POLYNOMIAL_STD = 1e3
-"""Prior standard deviation of the polynomial, over the range of a signal."""
-BEFORE_STD = 0.5
-"""The same of the ringing that started before the event."""
-RING_STD = 1.5
-"""The same of the modes that the event excites."""
-CURVE_STD = 30.0
-"""The same of the curve from the event on."""
+DAMPINGS = (0.02, 0.1, 0.4)  # Damping ratios of this table
+HIGHEST = 0.35  # Largest frequency of the table over the rate of the blocks
+HIGHEST_REFINED = 0.45  # Largest frequency of a refined mode over the rate of the blocks
+LOWEST = 50.0  # Hz, smallest frequency of a refined mode
+LEAST_DAMPING = 0.003  # Smallest damping ratio of a refined mode
+LARGEST_DAMPING = 0.9  # Largest damping ratio of a refined mode
+POLYNOMIAL_STD = 1e3  # Prior standard deviation of the polynomial, over the range of a signal
+BEFORE_STD = 0.5  # The same of the ringing that started before the event
+RING_STD = 1.5  # The same of the modes that the event excites
+CURVE_STD = 30.0  # The same of the curve from the event on
 LONGEST = 1e-3, 0.3, 0.7
 """Longest step of a search: of instants in s, of the logarithms of frequency and damping."""
-CONVERGED = 1e-3
-"""Relative decrease of chi2 at which a search ends."""
-RIDGE = 1e-9
-"""Added to the normal equations, for columns that no sample determines."""
-TINY = 1e-9
-"""Smallest range of a signal, in its unit."""
-UNMODELLED = 0.03
-"""Noise over the range of a signal, before there are residuals."""
+CONVERGED = 1e-3  # Relative decrease of chi2 at which a search ends
+RIDGE = 1e-9  # Added to the normal equations, for columns that no sample determines
+TINY = 1e-9  # Smallest range of a signal, in its unit
+UNMODELLED = 0.03  # Noise over the range of a signal, before there are residuals
 BLOCK = 8
 """Rows over which residuals are summed in order to detect correlated ones. Also the fewest rows
 whose noise is estimated by itself."""

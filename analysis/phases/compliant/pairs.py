@@ -12,18 +12,12 @@ from sautereau.analysis.phases.compliant.saw_teeth import SawTeeth, Solved
 from sautereau.analysis.phases.expected import CLIMB_STD, CONTACT_STD, LEAST_CLIMB, Expected
 from sautereau.trajectory.motion import Floats
 
-LEAST_RISE = 0.25e-3
-"""m, least rise of the jack from contact to release."""
-MOST_ROWS = 300
-"""Rows in which pairs are tried."""
-SHORTEST = 3
-"""Least number of rows from a contact to its release."""
-INDEPENDENT = 1e-2
-"""Least fraction of a saw-tooth's square that other columns do not explain."""
-APART = 0.5
-"""Least distance of two releases, in widths of the smoothing."""
-ANYWHERE = 0.1
-"""Weight of a pair that is far from all strings of the rig."""
+LEAST_RISE = 0.25e-3  # m, least rise of the jack from contact to release
+MOST_ROWS = 300  # Rows in which pairs are tried
+SHORTEST = 3  # Least number of rows from a contact to its release
+INDEPENDENT = 1e-2  # Least fraction of a saw-tooth's square that other columns do not explain
+APART = 0.5  # Least distance of two releases, in widths of the smoothing
+ANYWHERE = 0.1  # Weight of a pair that is far from all strings of the rig
 
 
 @dataclass(frozen=True)

@@ -24,25 +24,18 @@ compressed by less than a tenth of the dip. A key whose string was released may 
 BEYOND = 3e-3
 """m, distance above the last release that the rig expects, at which the shorter way ends at the
 latest."""
-FINER = 220
-"""Largest number of widths in repetitions of the search."""
+FINER = 220  # Largest number of widths in repetitions of the search
 BETTER = 0.5
 """Largest ratio of the unexplained loads of a repetition and the search before it, at which it is
 used if it finds as many plucks."""
-EDGE = 3.0
-"""Least distance of a release from the end of the way, in widths of the smoothing."""
-SIGNIFICANT = 12.0
-"""Least significance of a pluck."""
+EDGE = 3.0  # Least distance of a release from the end of the way, in widths of the smoothing
+SIGNIFICANT = 12.0  # Least significance of a pluck
 CLEARLY_SIGNIFICANT = 30.0
 """Least significance of a pluck that only a repetition of the search finds."""
-SHORTEST = 0.5e-3
-"""s, shortest pluck."""
-NEAR = 2.0
-"""Standard uncertainty of a release before its refinement, over that of the search."""
-LEAST_NEAR = 0.25e-3
-"""s, smallest value of this uncertainty."""
-MOST_NEAR = 1.0e-3
-"""s, largest value of this uncertainty."""
+SHORTEST = 0.5e-3  # s, shortest pluck
+NEAR = 2.0  # Standard uncertainty of a release before its refinement, over that of the search
+LEAST_NEAR = 0.25e-3  # s, smallest value of this uncertainty
+MOST_NEAR = 1.0e-3  # s, largest value of this uncertainty
 LARGER = 1.6
 """Standard uncertainty of a contact over that of its fit. This and the next five constants are from
 presses of the independent simulator, and were tested on others."""
@@ -51,10 +44,8 @@ LEAST_STD = 0.2e-3
 CONTACT_PART = 1.2
 """Added to the standard uncertainty of a contact: this factor times the pluck's duration times the
 fraction of the force that the model of the key does not explain."""
-LEAST_RELEASE_STD = 0.05e-3
-"""s, standard uncertainty that is added to that of a release."""
-RELEASE_PART = 0.6
-"""The same as `CONTACT_PART` for a release."""
+LEAST_RELEASE_STD = 0.05e-3  # s, standard uncertainty that is added to that of a release
+RELEASE_PART = 0.6  # The same as `CONTACT_PART` for a release
 MOST_RELEASE_STD = 10e-3, 0.05
 """Standard uncertainty of a release, in s and over the pluck's duration, above both of which a
 growth of the load is no pluck."""
@@ -64,16 +55,13 @@ disturbs the fit of the next."""
 FOLLOWING = 3.5e-3, 1 / 3
 """Distance from the release before [s] below which a release may be earlier, since what rings after
 the other looks like it; and its further standard uncertainty over this distance."""
-UNEXPLAINED = 12.0
-"""Error of a row over the local rms of the residuals of the fit before."""
+UNEXPLAINED = 12.0  # Error of a row over the local rms of the residuals of the fit before
 CHANGE = 0.5
 """Part of the change of a contact by these weights that is added to its standard uncertainty."""
-AROUND = 25
-"""Number of rows over which this rms is taken."""
+AROUND = 25  # Number of rows over which this rms is taken
 LEAST_HIDDEN = 3 * BRIDGED
 """N, least force of a pluck whose release lies in a drop-out, where the inertia is interpolated."""
-CERTAIN_IF_HIDDEN = 1000.0
-"""Significance above which such a pluck may have less force."""
+CERTAIN_IF_HIDDEN = 1000.0  # Significance above which such a pluck may have less force
 
 
 def compliant_plucks(

@@ -23,10 +23,8 @@ Poles = NDArray[np.complex128]
 Orders = tuple[int, ...]
 """Powers of time with which signals begin: one for all, or one for each."""
 
-SCALE = 1e-2
-"""s, after which a curve of coefficient 1 has reached 1."""
-CURVE = 2
-"""Power of the curve of an event."""
+SCALE = 1e-2  # s, after which a curve of coefficient 1 has reached 1
+CURVE = 2  # Power of the curve of an event
 
 
 def pole(frequency: float, damping: float) -> complex:

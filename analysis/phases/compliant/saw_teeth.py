@@ -16,33 +16,24 @@ from sautereau.analysis.phases.fit import HUM_STD, hum_at
 from sautereau.analysis.phases.levenberg import minimise, orthonormal
 from sautereau.trajectory.motion import Floats
 
-LEVEL_STD = 10.0
-"""N, prior standard deviation of the constant load."""
+LEVEL_STD = 10.0  # N, prior standard deviation of the constant load
 DRIFT_STD = 0.03
 """N, prior standard deviation of the change of the load with the rise, with the speed, and by a
 damper."""
-DAMPER = 1e-3
-"""m, rise of the jack at which a damper leaves its string."""
-FULL_RISE = 10e-3
-"""m, rise over which the load changes by `DRIFT_STD`."""
-F2 = list(TERMS).index("F2")
-"""Place of the term of F'' among the columns of a key."""
+DAMPER = 1e-3  # m, rise of the jack at which a damper leaves its string
+FULL_RISE = 10e-3  # m, rise over which the load changes by `DRIFT_STD`
+F2 = list(TERMS).index("F2")  # Place of the term of F'' among the columns of a key
 COLUMNS = 5
 """Columns of a string: its force, the first and second derivatives of its force, two deviations of
 its shape. The derivatives represent what lies between the laser and the jack."""
-FORCE_STD = 3.0
-"""N, prior standard deviation of the force of a string."""
+FORCE_STD = 3.0  # N, prior standard deviation of the force of a string
 LOSS_STD = 2.5e-4
 """N s, prior standard deviation of the first derivative, if the releases are known: it shifts
 contact and release together."""
-SHARP_STD = 9e-7
-"""N s^2, prior standard deviation of the second derivative."""
-LONGEST = 4e-3
-"""s, longest step of a refinement."""
-CONVERGED = 3e-4
-"""Relative decrease of chi2 at which a refinement ends."""
-SMALL = 0.2e-3
-"""s, of a difference quotient."""
+SHARP_STD = 9e-7  # N s^2, prior standard deviation of the second derivative
+LONGEST = 4e-3  # s, longest step of a refinement
+CONVERGED = 3e-4  # Relative decrease of chi2 at which a refinement ends
+SMALL = 0.2e-3  # s, of a difference quotient
 
 
 @dataclass(frozen=True)

@@ -24,16 +24,12 @@ from sautereau.trajectory.motion import Floats
 
 NOISE = 0.015
 """N, error of a smoothed row by unmodelled vibration in the first round; it weights the priors."""
-LEAST_NOISE = 2e-3
-"""N, smallest value of this error."""
+LEAST_NOISE = 2e-3  # N, smallest value of this error
 CORRELATED = 2.0
 """This error in later rounds over the rms of the residuals, as adjacent rows are correlated."""
-SIGNIFICANCE = 6.0
-"""Least `Growth.significance` of a pluck."""
-SLOWEST = 0.1
-"""Least speed of the jack at a release, over its largest speed."""
-LEAST_FORCE = 3e-3
-"""N, least force of a pluck."""
+SIGNIFICANCE = 6.0  # Least `Growth.significance` of a pluck
+SLOWEST = 0.1  # Least speed of the jack at a release, over its largest speed
+LEAST_FORCE = 3e-3  # N, least force of a pluck
 LEAST_FRACTION = 0.15
 """Least force of a pluck over the largest one, if the rig has several strings: what the model of
 one does not explain may look like another."""
@@ -41,14 +37,10 @@ LEAST_GROWTH = 0.2
 """Least force of a significant growth, over the rms of the load that is not explained."""
 SLIGHT = 0.01
 """The same over the range of the smoothed force on the way down, or of the inertia if larger."""
-STARTS = 2
-"""Best pairs of contact and release that are refined."""
-BETWEEN = 4.0
-"""Least distance between the releases of these pairs, in widths."""
-ROUNDS = 3
-"""Largest number of rounds, each with the compliance of the round before."""
-QUICK = 1
-"""Pairs that are refined in the first round."""
+STARTS = 2  # Best pairs of contact and release that are refined
+BETWEEN = 4.0  # Least distance between the releases of these pairs, in widths
+ROUNDS = 3  # Largest number of rounds, each with the compliance of the round before
+QUICK = 1  # Pairs that are refined in the first round
 
 
 @dataclass(frozen=True)

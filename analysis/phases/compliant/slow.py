@@ -22,18 +22,12 @@ from scipy.ndimage import uniform_filter1d
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
-WIDTH = 0.9e-3
-"""s, least width of the boxcars of the spline."""
-WIDTHS = 110
-"""Usual largest number of widths in a way down."""
-HOPS = 6
-"""Blocks of samples in a width."""
-ORDER = 8
-"""Number of boxcars of the spline."""
-REACH = -(-(ORDER * HOPS + 1) // (HOPS // 2))
-"""Rows over which a kernel extends."""
-MARGIN = 4
-"""Widths of signal before and after, as far as there is any."""
+WIDTH = 0.9e-3  # s, least width of the boxcars of the spline
+WIDTHS = 110  # Usual largest number of widths in a way down
+HOPS = 6  # Blocks of samples in a width
+ORDER = 8  # Number of boxcars of the spline
+REACH = -(-(ORDER * HOPS + 1) // (HOPS // 2))  # Rows over which a kernel extends
+MARGIN = 4  # Widths of signal before and after, as far as there is any
 TERMS = {
     "v1": 0.4,
     "F2": 1.5e-5,
@@ -50,10 +44,8 @@ TERMS = {
 SUDDEN = 0.3
 """Error of the load over the local rms of fast motion: impacts and ringing, for which the relation
 between force, velocity and load does not hold."""
-CALM = 0.2
-"""Fraction of the rows with the smallest rms, in which there is only noise."""
-MOST_COMPLIANT = 6e-5
-"""s^2, largest k."""
+CALM = 0.2  # Fraction of the rows with the smallest rms, in which there is only noise
+MOST_COMPLIANT = 6e-5  # s^2, largest k
 
 
 class Slow:

@@ -15,8 +15,7 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.table import Samples
 from sautereau.rig.disk import open_regular, write_durably
 
-VERSION = 4
-"""Version of the stored maps; increase it when mesh, element, load or table change."""
+VERSION = 4  # Version of the stored maps; increase it when mesh, element, load or table change
 
 _ARRAYS = ("laws", "line", "scales")
 

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.profile import Profile
 
-COLUMNS = 60
-"""Number of elements from clamp to tip."""
-LAYERS = 4
-"""Number of elements through the thickness."""
+COLUMNS = 60  # Number of elements from clamp to tip
+LAYERS = 4  # Number of elements through the thickness
 
 
 def columns(profile: Profile, count: int) -> Floats:

@@ -15,12 +15,10 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.fe.load import Patch
 from sautereau.analysis.model.plectrum.fe.mesh import Grid
 
-ITERATIONS = 12
-"""Maximum per load step."""
+ITERATIONS = 12  # Maximum per load step
 RESIDUAL = 1e-10
 """Dimensionless tolerance on the residual relative to the load, apart from rounding."""
-HALVINGS = 8
-"""Maximum per load step."""
+HALVINGS = 8  # Maximum per load step
 _REMEMBERED = 4
 
 
