@@ -104,7 +104,8 @@ class Commands:
             raise Wrong(f"{words}: status {status}: {err[-2000:]}")
         if status and "sautereau:" not in err and '"error"' not in err:
             raise Wrong(f"{words}: no message: {err[-500:]}")
-        if "--json" in words and status == 0 and not isinstance(json.loads(out), dict):
+        options = words[: words.index("--")] if "--" in words else words
+        if "--json" in options and status == 0 and not isinstance(json.loads(out), dict):
             raise Wrong(f"{words}: no JSON object: {out[:200]}")
         if (self._work / "victim").read_text() != "precious":
             raise Wrong(f"{words}: wrote through a link")
