@@ -89,6 +89,7 @@ LIMITLESS: Values = {
     "arm.acceleration_limit": "1e6 rad/s^2",
     "arm.jerk_limit": "1e10 rad/s^3",
     "arm.torque_limit": "1e4 N m",
+    "arm.tilt_limit": "180 deg",
 }
 """An ideal finger's arm needs no limits."""
 

@@ -148,6 +148,10 @@ class Arm(Section):
     """kg m^2, moments of inertia of the two motors' rotors about their own axes."""
     gear_ratios: tuple[GearRatio, GearRatio] = (1.0, 1.0)
     """Dimensionless, revolutions of each motor per revolution of its joint."""
+    tilt_limit: Angle = Field(default=math.radians(5), gt=0, le=math.pi)
+    """rad, maximum tilt of the finger (link 2) against the key's normal during the press. The
+    transducer measures the force along the finger: at 5 deg that is 0.4 % less than the force on
+    the key, and 9 % of it acts across the transducer."""
     servo_stiffness: tuple[Stiffness, Stiffness] | None = None
     """N m/rad, torque of the two position loops per angle by which their joints are off. `plan`
     predicts from it how the jack slows down under the string's force; without it that is

@@ -14,6 +14,7 @@ from sautereau.trajectory.checks import (
     loads,
     places,
     sample,
+    tilt_of_finger,
 )
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.quantise import most_segments
@@ -45,6 +46,7 @@ def verify(
     return (
         *_geometry(rig, reached),
         *places(rig, sampled),
+        tilt_of_finger(rig, Cubics(*(array[start:end] for array in cubics))),
         *_limits(rig, reached),
         *loads(rig, sampled, expected),
         *depth_and_stops(rig, sampled),

@@ -117,6 +117,10 @@ def brute(rig, plan, expected=None):
         arm.upper_length + arm.lower_length - away.max(),
         away.min() - abs(arm.upper_length - arm.lower_length),
     )
+    link = np.stack([np.cos(q.sum(-1)), np.sin(q.sum(-1))])
+    inward = np.stack([np.sin(angle), -np.cos(angle)])
+    across = link[0] * inward[1] - link[1] * inward[0]
+    lean = np.abs(np.arctan2(across, (link * inward).sum(axis=0)))[pressing]
     bend = q[:, 1] * (-1 if arm.elbow == "up" else 1)
     # A stop: each joint decelerates independently, from up to 3,000 points of the motion.
     some = slice(None, None, max(1, len(q) // 3000))
@@ -131,6 +135,7 @@ def brute(rig, plan, expected=None):
         "singularity": min(bend.min(), np.pi - bend.max()),
         "contact on the key": min(along.min(), key.front_arm - along.max()),
         "clearance of the hovering fingertip": min(z[0], z[-1]) - arm.fingertip_radius,
+        "tilt of the finger": lean.max(),
         "clearance of the elbow": elbow.min(),
         "depth of the key": _depth(rig, x, z),
         "depth of the key after a stop": _depth(rig, stop_x, stop_z),

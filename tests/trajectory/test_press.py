@@ -64,6 +64,7 @@ BREAKS = [
     ("joint 1 torque", {"arm.torque_limit": "0.2 N m"}, "run_up_acceleration"),
     ("joint 2 torque", {"arm.torque_limit": "0.01 N m"}, "run_up_acceleration"),
     ("clearance of the hovering fingertip", {"press.hover": "11 mm"}, "raise press.hover"),
+    ("tilt of the finger", {"arm.elbow": "down"}, "as `mount` suggests"),
     ("clearance of the elbow", {"key.neighbour_height": "110 mm"}, 'arm.elbow = "up"'),
     ("depth of the key after a stop", {"arm.acceleration_limit": "5 rad/s^2"}, "jack_speed"),
     ("joints after a stop", {"arm.acceleration_limit": "0.5 rad/s^2"}, "move arm.base_x"),

@@ -127,6 +127,7 @@ def rigs(draw):
             "arm.acceleration_limit": f"{draw(powers(3, 6))} rad/s^2",
             "arm.jerk_limit": f"{draw(powers(6, 10))} rad/s^3",
             "arm.torque_limit": f"{draw(powers(1, 4))} N m",
+            "arm.tilt_limit": draw(st.sampled_from(["180 deg", "45 deg"])),
             "arm.counts_per_revolution": draw(
                 st.sampled_from([2_000_000, 8192, 100_000, 2**24, 2**31, 16])
             ),
