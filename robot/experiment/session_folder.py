@@ -110,11 +110,16 @@ class SessionFolder:
         asked = plan.document()
         self.resumed = started is not None
         """Whether the session was started before."""
+        longer = False
         if started is not None:
             requested = started.seed if seed is None else seed
             before = {**started.plan, "seed": started.seed}
             if plan.rows is None:  # each is compared when the plan requests it
                 asked["presses"] = before.get("presses", [])
+            elif extends(before.get("presses", []), asked["presses"]):
+                longer = before["presses"] != asked["presses"]
+                before["presses"] = asked["presses"]
+                started = replace(started, plan={**started.plan, "presses": asked["presses"]})
             if isinstance(before.get("scene"), dict):
                 before["scene"] = current_scene(before["scene"])
             check_same(path, before, {**asked, "seed": requested})
@@ -125,6 +130,7 @@ class SessionFolder:
             plan=asked,
             set_up={},
         )
+        self._written = self.resumed and not longer
         _text_of(path, self._manifest)
         self.session = self._manifest.session
         """Identity, which every recording of the session contains."""
@@ -150,11 +156,11 @@ class SessionFolder:
         return sorted(self.path.glob(f"*.mcap{PART}"))
 
     def start(self) -> None:
-        """Write the manifest of a new session."""
-        if not self.resumed:
+        """Write the manifest of a new session, or of one that is extended."""
+        if not self._written:
             make_folder(self.path)
             write_manifest(self.path, self._manifest)
-            self.resumed = True
+            self.resumed = self._written = True
 
     def row(self, number: int) -> Mapping[str, Any] | None:
         """Return the noted row of a plan, counted from 0; None for one that was not requested."""
@@ -206,6 +212,22 @@ class SessionFolder:
                 )
             else:
                 self.done[found.item] = path
+
+
+def extends(started: Sequence[Mapping[str, Any]], asked: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether requested rows are those of a session, with more presses at their end.
+
+    Then all presses that are made keep their numbers.
+    """
+    if not started or len(asked) < len(started):
+        return False
+    *same, last = started
+    *first, final = asked[: len(started)]
+    return (
+        same == first
+        and last["repeats"] <= final["repeats"]
+        and last == {**final, "repeats": last["repeats"]}
+    )
 
 
 def read_manifest(folder: Path) -> Manifest | None:

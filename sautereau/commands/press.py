@@ -36,7 +36,8 @@ def press(
     r"""Press the key n times, record each press, and compare them with the model.
 
     Ctrl-\ pauses after the current press, with the motors off; press it again to continue. Ctrl-C
-    ends the session. To continue an interrupted session, run the same command again.
+    ends the session. To continue an interrupted session, run the same command again; with a
+    larger -n it adds presses, also to a finished session.
 
     Parameters
     ----------

@@ -63,7 +63,8 @@ class Bench(Devices):
     ) -> Session:
         """Press, record each press in a file of its own, and return the recordings.
 
-        To continue an interrupted session, call it again with the same arguments.
+        To continue an interrupted session, call it again with the same arguments. A larger number
+        adds presses, also to a finished session.
 
         Args:
             what: Number of presses, a CSV file of them, or a plan: a generator of `press`, `scan`,

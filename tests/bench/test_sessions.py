@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import sautereau as st
 from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.session.repeatability import repeatability
 from sautereau.daq.file.reading import read_recording, read_session
@@ -112,16 +113,30 @@ def test_another_plan_in_the_same_folder_is_refused_with_the_differences(
     sautereau, tmp_path, bare, rig_file
 ):
     rig, out = rig_file(), ("--out", "out")
-    assert sautereau("press", rig, "--scene", bare, *out, "--seed", 1).returncode == 0
+    assert sautereau("press", rig, "--scene", bare, *out, "-n", 2, "--seed", 1).returncode == 0
     before = names(tmp_path / "out")
-    done = sautereau("press", rig, "--scene", "ideal", *out, "-n", 2, "--seed", 2)
+    done = sautereau("press", rig, "--scene", "ideal", *out, "-n", 1, "--seed", 2)
     assert done.returncode == 1
-    for word in ("presses.1.repeats: 1 then, 2 now", "scene.string", "seed: 1 then, 2", "--out"):
+    for word in ("presses.1.repeats: 2 then, 1 now", "scene.string", "seed: 1 then, 2", "--out"):
         assert word in done.stderr
     other = rig_file(overlap='"0.3 mm"')
     done = sautereau("press", other, "--scene", bare, "--out", "out")
     assert "rig.plectrum.overlap" in done.stderr
     assert names(tmp_path / "out") == before
+
+
+def test_a_finished_session_is_extended(sautereau, tmp_path, bare, rig_file):
+    rig = rig_file()
+    words = ("press", rig, "--scene", bare, "--out", "out", "--json", "-n")
+    assert json.loads(sautereau(*words, 2).stdout)["left"] == 0
+    made = fingerprints(tmp_path / "out")
+    answer = json.loads(sautereau(*words, 3).stdout)
+    assert [press["item"] for press in answer["presses"]] == [1, 2, 3]
+    assert answer["left"] == 0
+    every_press_once(tmp_path / "out", 3)
+    assert made.items() <= fingerprints(tmp_path / "out").items()
+    st.stand_in(rig, bare).press(4, out=tmp_path / "out")
+    every_press_once(tmp_path / "out", 4)
 
 
 def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, rig_file, tmp_path):

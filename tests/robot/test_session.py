@@ -224,6 +224,43 @@ def test_a_folder_finds_its_presses_from_the_recordings(tmp_path):
     assert SessionFolder(folder.path, plan, 7, None).set_up == {"jack.mass": "7 g"}
 
 
+@pytest.mark.parametrize(
+    ("repeats", "extended"),
+    [
+        ((3, 2), True),
+        ((3, 4), True),
+        ((3, 2, 1), True),
+        ((3, 1), False),
+        ((4, 2), False),
+        ((3,), False),
+        ((3, 1, 1), False),
+    ],
+)
+def test_a_session_is_extended_where_every_press_keeps_its_number(tmp_path, repeats, extended):
+    plan = Plan(RIG, (Row(RIG, 3), Row(RIG, 2)))
+    folder = SessionFolder(tmp_path, plan, None, 7)
+    folder.start()
+    before = (tmp_path / MANIFEST).read_bytes()
+    asked = Plan(RIG, tuple(Row(RIG, n) for n in repeats))
+    if not extended:
+        with pytest.raises(RobotError, match=r"presses\."):
+            SessionFolder(tmp_path, asked, None, 7)
+        return
+    again = SessionFolder(tmp_path, asked, None, 7)
+    assert (tmp_path / MANIFEST).read_bytes() == before  # nothing is written before a press
+    again.start()
+    found = read_manifest(tmp_path)
+    assert found is not None
+    assert found.session == folder.session
+    assert [row["repeats"] for row in found.plan["presses"]] == list(repeats)
+
+
+def test_rows_that_differ_do_not_extend_a_session(tmp_path):
+    SessionFolder(tmp_path, Plan(RIG, (Row(RIG, 1),)), None, 7).start()
+    with pytest.raises(RobotError, match=r"presses\.1\.notes"):
+        SessionFolder(tmp_path, Plan(RIG, (Row(RIG, 2, notes="other"),)), None, 7)
+
+
 def test_a_press_that_exists_twice_is_refused(tmp_path):
     plan = Plan(RIG, (Row(RIG, 2),))
     folder = SessionFolder(tmp_path, plan, None, None)
