@@ -1,7 +1,7 @@
 """Feed-forward of the key's force, as measured in an earlier press.
 
 The measured force against depression becomes joint torques, -J^T F with the arm's Jacobian J,
-that a later press adds to those of its position loops. From release on they are constant.
+that a later press adds to those of its position loops. From the last release on they are constant.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ from sautereau.trajectory.key import surface_axes
 from sautereau.trajectory.press import Trajectory
 
 BIN = 25e-6  # m of jack rise, over which the force is averaged
-SETTLED = 1e-3  # s after release, when the finger's oscillation has decayed
+SETTLED = 1e-3  # s after the last release, when the finger's oscillation has decayed
 
 
 def force_of(recording: Path) -> Expectation:
@@ -32,7 +32,8 @@ def force_of(recording: Path) -> Expectation:
 def measured_force(press: Press, phases: Phases) -> Expectation:
     """Return the force against depression that a press has measured while going down.
 
-    Beyond release it is the mean force from release to the deepest point.
+    It covers all strings, from the first contact to the last release. Beyond that it is the mean
+    force down to the deepest point.
 
     Raises:
         RobotError: The press has no pluck.
@@ -44,12 +45,13 @@ def measured_force(press: Press, phases: Phases) -> Expectation:
             f"feed-forward from {press.path}: it has no pluck; give the recording of a press with"
             " one"
         )
-    pluck = phases.plucks[0]
+    contact_time = min(pluck.contact for pluck in phases.plucks)
+    release_time = max(pluck.release for pluck in phases.plucks)
     first, bottom = int(np.argmax(rise > BIN)), int(np.argmax(rise))
-    release = int(np.searchsorted(time, pluck.release))
-    after = int(np.searchsorted(time, pluck.release + SETTLED))
+    release = int(np.searchsorted(time, release_time))
+    after = int(np.searchsorted(time, release_time + SETTLED))
     at_rest = float(force[: first // 2 + 1].mean())  # before the run-up changes it
-    contact_rise, release_rise = np.interp([pluck.contact, pluck.release], time, rise)
+    contact_rise, release_rise = np.interp([contact_time, release_time], time, rise)
     places = np.floor(rise[first:release] / BIN).astype(int)
     kept = (places >= 0) & (places < int(release_rise / BIN))
     places, pushed = places[kept], force[first:release][kept] - at_rest

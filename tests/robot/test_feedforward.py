@@ -57,6 +57,25 @@ def test_the_curve_is_the_force_above_that_at_rest(press, phases):
     assert (np.diff(found.rise) > 0).all()
 
 
+def test_the_curve_has_the_load_of_all_strings(press, phases):
+    """A second string is touched at 4 mm, after the first release, and released at 5 mm."""
+    rise = press.samples["jack_rise"]
+    touched, released = 4e-3, 5e-3
+
+    def second(rise):
+        ramp = 0.8 * np.clip((rise - touched) / (released - touched), 0, 1)
+        return np.where(rise < released, ramp, 0.0)
+
+    press.samples["force"] += second(rise)
+    contact, release = (float(press.time[np.argmax(rise > at)]) for at in (touched, released))
+    later = HeldString(contact, release, 0, 0, 0, 0.8, 0.75, 0)
+    found = measured_force(press, replace(phases, plucks=(*phases.plucks, later)))
+    at = np.concatenate([np.linspace(0.5e-3, 3.35e-3, 50), np.linspace(3.45e-3, 4.95e-3, 50)])
+    np.testing.assert_allclose(found.force_at(at), curve(at) + second(at), atol=1.5e-2)
+    assert found.force_at(np.array([0.009])) == pytest.approx(AFTER, abs=1e-3)
+    assert (found.contact, found.release) == pytest.approx((CONTACT, released), abs=3e-6)
+
+
 def test_a_press_without_a_pluck_has_no_curve(press, phases):
     with pytest.raises(RobotError, match=r"p\.mcap: it has no pluck"):
         measured_force(press, replace(phases, plucks=()))
