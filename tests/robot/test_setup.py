@@ -222,8 +222,7 @@ def test_it_is_played_to_its_end(stand_in, rig):
 
 
 def test_something_in_the_way_is_noticed(rig):
-    low = with_values(
-        rig, {"arm.base_z": f"{rig.arm.base_z + 0.02!r} m", "press.run_up_acceleration": "6 m/s^2"}
-    )
+    wrong = {"arm.base_z": f"{rig.arm.base_z + 0.02!r} m", "arm.tilt_limit": "15 deg"}
+    low = with_values(rig, wrong | {"press.run_up_acceleration": "6 m/s^2"})
     with pytest.raises(MotionFault, match=r"the force reached .* in the air"):
         play_in_air(low, Person())

@@ -245,7 +245,9 @@ def raised(rig: Rig) -> tuple[Trajectory, float]:
     """
     heights = plan_press(rig).fingertip.position[:, 1]
     lift = float(heights[0] - heights.min()) + rig.press.hover
-    lower = with_values(rig, {"arm.base_z": f"{rig.arm.base_z - lift!r} m"})
+    # In the air the finger tilts as it likes: it measures no force.
+    lowered = {"arm.base_z": f"{rig.arm.base_z - lift!r} m", "arm.tilt_limit": "180 deg"}
+    lower = with_values(rig, lowered)
     return plan_press(lower), lift
 
 
