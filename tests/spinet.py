@@ -29,6 +29,7 @@ _VALUES = {
     "string.frequency": "440 Hz",
     "string.diameter": "0.25 mm",
     "press.jack_speed": "0.03 m/s",
+    "arm.tilt_limit": "15 deg",  # the base is that of a finger 21 mm farther from the pin
 }
 _MORE = """
 [[more_choirs]]

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sautereau.rig.quantities import DISPLAYED
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import fingertip_place, tilt
 from sautereau.trajectory.dynamics import joint_torques
@@ -55,10 +56,11 @@ class Check:
     def __str__(self) -> str:
         side = "at least" if self.at_least else "at most"
         verdict = "holds" if self.holds else "fails"
-        unit = "" if self.unit == "1" else f" {self.unit}"
+        scale, unit = DISPLAYED.get(self.unit, (1.0, self.unit))
+        unit = "" if unit == "1" else f" {unit}"
         return (
-            f"{self.name}: {self.value:.6g}{unit}, {side} {self.limit:.6g}{unit}:"
-            f" {verdict} by {abs(self.margin):.3g}{unit}"
+            f"{self.name}: {self.value * scale:.6g}{unit}, {side} {self.limit * scale:.6g}{unit}:"
+            f" {verdict} by {abs(self.margin) * scale:.3g}{unit}"
         )
 
 
