@@ -106,7 +106,11 @@ def places(rig: Rig, sampled: Sampled) -> list[Check]:
         -dot(centre, tangent)[angle.max(axis=-1) >= -between],
         -centre[angle.min(axis=-1) <= between, :, 0],
     ]
-    near = min(way.min() - _bend(way) for way in ways if len(way))
+    # Near the pin the way along the key is no smooth quantity, but its square is.
+    square = dot(centre, centre) - (key.surface_height + rig.arm.fingertip_radius) ** 2
+    squares = [square[angle.max(axis=-1) >= -between], ways[1] * np.abs(ways[1])]
+    least = min(each.min() - _bend(each) for each in squares if len(each))
+    near = float(np.sign(least) * np.sqrt(np.abs(least)))
     far = max(way.max() + _bend(way) for way in ways if len(way))
     hover = min(sampled.centre[0, 0, 1], sampled.centre[-1, -1, 1]) - rig.arm.fingertip_radius
     return [
