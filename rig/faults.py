@@ -21,6 +21,12 @@ def fault_list(origin: str, faults: list[str]) -> str:
     return f"{origin}: {len(faults)} faults\n" + "\n".join(f"  {fault}" for fault in faults)
 
 
+def first_fault(error: ValidationError) -> str:
+    """Return the place and the message of the first fault of a JSON file."""
+    first = error.errors(include_url=False, include_input=False)[0]
+    return f"{'.'.join(map(str, first['loc'])) or 'the file'}: {first['msg']}"
+
+
 def validation_faults(error: ValidationError, model: type[BaseModel], text: str) -> list[str]:
     """Turn pydantic's errors into lines: line of the file, key, value, limit, how to fix it."""
     faults = []

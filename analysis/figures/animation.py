@@ -9,8 +9,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sautereau.analysis.figures.artists import Artists
-from sautereau.analysis.figures.bench import draw_head
+from sautereau.analysis.figures.artists import Artists, draw_head
 from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.figures.palette import ARM, PHASES, PRESSED, SERIES, SEVERAL
 from sautereau.analysis.figures.parts import arm_parts, bench_parts, fixed_parts, string_parts

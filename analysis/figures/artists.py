@@ -9,7 +9,14 @@ from matplotlib.artist import Artist
 from matplotlib.patches import Circle, Polygon
 
 from sautereau.analysis.figures.palette import ARM, FELT, GRAIN, METAL, PRESSED, WOOD
-from sautereau.analysis.figures.parts import Part, arm_parts, bench_parts
+from sautereau.analysis.figures.parts import (
+    Part,
+    arm_parts,
+    bench_parts,
+    head_parts,
+    head_view,
+)
+from sautereau.analysis.press.replay import ChoirMotion
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -73,6 +80,15 @@ class Artists:
                     artist.set_xy(places)
                 case _:
                     artist.set(data=places.T)
+
+
+def draw_head(axes, motion: ChoirMotion) -> Artists:
+    """Draw a jack's head, seen along the string, and a cross at the string at rest."""
+    left, low, right, high = (edge * 1e3 for edge in head_view(motion))
+    axes.plot(0, 0, "+", color="#666666", ms=9, mew=0.8, zorder=7)
+    axes.set(xlim=(left, right), ylim=(low, high), aspect="equal")
+    axes.set(xlabel="along the plectrum, from the string (mm)", ylabel="z (mm)")
+    return Artists(axes, head_parts(motion))
 
 
 def draw_pose(

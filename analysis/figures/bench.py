@@ -5,15 +5,14 @@ from operator import attrgetter
 import numpy as np
 from matplotlib.figure import Figure
 
-from sautereau.analysis.figures.artists import Artists, draw_pose
+from sautereau.analysis.figures.artists import Artists, draw_head, draw_pose
 from sautereau.analysis.figures.palette import ARM, FELT, GRAIN, LASER, METAL, PRESSED
 from sautereau.analysis.figures.parts import (
     AXLE,
     FELT_HEIGHT,
     UNDER,
+    clamp_place,
     fixed_parts,
-    head_parts,
-    head_view,
     string_height,
 )
 from sautereau.analysis.model.choirs import choirs
@@ -131,21 +130,11 @@ def _head(axes, rig: Rig) -> None:
     axes.set_title("jack's head at rest, seen along the string", fontsize=10)
 
 
-def draw_head(axes, motion: ChoirMotion) -> Artists:
-    """Draw a jack's head, seen along the string, and a cross at the string at rest."""
-    left, low, right, high = (edge * 1e3 for edge in head_view(motion))
-    axes.plot(0, 0, "+", color="#666666", ms=9, mew=0.8, zorder=7)
-    axes.set(xlim=(left, right), ylim=(low, high), aspect="equal")
-    axes.set(xlabel="along the plectrum, from the string (mm)", ylabel="z (mm)")
-    return Artists(axes, head_parts(motion))
-
-
 def _label_head(axes, motion: ChoirMotion) -> None:
     """Label the parts of a jack's head at rest."""
-    choir, plectrum = motion.choir, motion.choir.plectrum
+    choir, clamp = motion.choir, clamp_place(motion.choir) * 1e3
     clearance, radius = choir.jack.string_clearance * 1e3, choir.string.diameter * 500
-    clamp = (plectrum.overlap - plectrum.length) * 1e3
-    low = -clearance - radius - plectrum.clamp_thickness * 500
+    low = -clearance - radius - choir.plectrum.clamp_thickness * 500
     axes.annotate(
         "", (0.9, 0), (0.9, -clearance), arrowprops={"arrowstyle": "<->", "color": DIMENSION}
     )

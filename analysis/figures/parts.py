@@ -82,7 +82,7 @@ def head_parts(motion: ChoirMotion) -> list[Part]:
     """Return a jack's head: body, tongue, plectrum, damper and wire."""
     choir, risen = motion.choir, upwards(motion.height)
     pivot, radius = choir.jack.tongue.pivot if choir.jack.tongue else PIVOT, _radius(choir)
-    edge, clamp = _clamp(choir) - AXLE, _clamp(choir)
+    edge, clamp = clamp_place(choir) - AXLE, clamp_place(choir)
     swung = {"shift": risen, "turn": motion.tongue, "pivot": (clamp, -pivot)}
     body = [[-BODY, -LONG], [AXLE, -LONG], [AXLE, -pivot - 1e-3], [0, -pivot - 1e-3]]
     body = np.add([*body, [0, LONG], [-BODY, LONG]], (edge, 0))
@@ -102,10 +102,11 @@ def head_view(motion: ChoirMotion) -> tuple[float, float, float, float]:
     low = max(-DEEPEST, motion.height.min()) - BESIDE
     low -= 2 * _radius(motion.choir) + motion.choir.plectrum.clamp_thickness
     high = motion.wire[..., 1].max() + FELT_HEIGHT + BESIDE
-    return _clamp(motion.choir) - AXLE - 1.3 * BODY, float(low), RIGHT, float(high)
+    return clamp_place(motion.choir) - AXLE - 1.3 * BODY, float(low), RIGHT, float(high)
 
 
-def _clamp(choir: Choir) -> float:
+def clamp_place(choir: Choir) -> float:
+    """Return the x [m] of a plectrum's clamp, from the string."""
     return choir.plectrum.overlap - choir.plectrum.length
 
 

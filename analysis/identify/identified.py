@@ -276,8 +276,7 @@ def _doubts(fitted: Fit, suggested: Sequence[Suggestion]) -> list[str]:
         for s in suggested
         if s.name in (FRICTION, CONTACT)
     ]
-    doubts += doubtful_modes(found.free, fitted.values, found.dynamics.presses)
-    return doubts
+    return doubts + doubtful_modes(found.free, fitted.values, found.dynamics.presses)
 
 
 def _ends(stds: Floats, inputs: Sequence[Input]) -> Floats:

@@ -97,28 +97,28 @@ class Information:
         kept = directions[seen] / singular[seen, None]
         return kept.T @ kept, np.all(np.abs(directions[~seen]) < 1e-3, axis=0)
 
-    @property
+    @cached_property
     def normal(self) -> Floats:
         """Covariance of the normal errors: of noise and priors, and of what is lacking."""
         return self._bayes[0] + np.outer(self.lacking, self.lacking)
 
-    @property
+    @cached_property
     def covariance(self) -> Floats:
         """Total covariance, with that of the fixed numbers."""
         return self.normal + sum(np.outer(e, e) for e in self.inputs.values())
 
-    @property
+    @cached_property
     def stds(self) -> Floats:
         """Total standard uncertainties, infinite if undetermined; shape (parameters,)."""
         return np.where(self._bayes[1], np.sqrt(np.diag(self.covariance)), np.inf)
 
-    @property
+    @cached_property
     def noise_stds(self) -> Floats:
         """The noise's part of them, with what is lacking; shape (parameters,)."""
         covariance, _ = self._bayes
         return np.hypot(np.linalg.norm(self.data @ covariance, axis=0), self.lacking)
 
-    @property
+    @cached_property
     def correlation(self) -> Floats:
         """Total correlation coefficients; 0 with an undetermined parameter."""
         stds = self.stds

@@ -8,6 +8,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, Va
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.text import counted, in_rig_units
 from sautereau.rig.disk import read_limited, why_unreadable
+from sautereau.rig.faults import first_fault
 from sautereau.rig.quantities import QUANTITIES
 
 PATTERN = "fit*.json"  # Names of their files in the session's folder
@@ -73,10 +74,8 @@ def read_fit(path: Path) -> Fit:
             f"fit {path}: cannot be read: {why_unreadable(error)}; correct it, or move it away"
         ) from error
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(map(str, first["loc"]))
         raise AnalysisError(
-            f"fit {path}: {place or 'the file'}: {first['msg']}; write it with `sautereau identify"
+            f"fit {path}: {first_fault(error)}; write it with `sautereau identify"
             f" ... --json > {path.name}`, or give it a name other than {PATTERN}"
         ) from error
     return Fit(

@@ -13,6 +13,7 @@ from sautereau.analysis.figures.parts import (
     UNDER,
     Part,
     bench_parts,
+    clamp_place,
     fixed_parts,
     head_parts,
     head_view,
@@ -157,7 +158,7 @@ def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
     """Draw one string's jack, plectrum, damper and wire."""
     choir = motion.choir
     radius, parts = choir.string.diameter / 2, {part.name: part for part in head_parts(motion)}
-    clamp = choir.plectrum.overlap - choir.plectrum.length
+    clamp = clamp_place(choir)
     labels = [
         ("body", "jack", clamp - AXLE - BODY / 2, 0.0),
         ("tongue", "tongue", clamp - AXLE / 2, 0.0),

@@ -14,9 +14,11 @@ from sautereau.analysis.identify.parameter_names import ENDS, split_name
 from sautereau.analysis.identify.parameters import with_parameters
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.results.result import Result, frame_of, json_of, shown
+from sautereau.analysis.session.compare import pluck_features
 from sautereau.analysis.text import counted, table
 from sautereau.rig.disk import read_limited, why_unreadable
 from sautereau.rig.errors import RigError
+from sautereau.rig.faults import first_fault
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
@@ -130,17 +132,19 @@ def predicted(
     ends = [ENDS.get(split_name(name)[1], (-np.inf, np.inf)) for name in fitted.names]
     low, high = np.array(ends).reshape(-1, 2).T
 
-    def press(values: Floats) -> Floats:
+    def press(values: Floats) -> tuple[Rig, Prediction]:
         named = dict(zip(fitted.names, np.clip(values, low, high).tolist(), strict=True))
-        return _quantities(predict(with_parameters(rig, named), level))
+        moved = with_parameters(rig, named)
+        return moved, predict(moved, level)
 
-    best, rows = press(fitted.values), []
+    made, best = press(fitted.values)
+    rows = []
     sizes, directions = np.linalg.eigh(fitted.covariance)
     spread = directions * np.sqrt(np.maximum(sizes, 0.0))
     sobol = qmc.Sobol(len(sizes), rng=np.random.default_rng(0)).random(DRAWS)
     for draw in ndtri(sobol) @ spread.T:
         try:
-            rows.append(press(fitted.values + draw))
+            rows.append(_quantities(*press(fitted.values + draw)))
         except (ModelError, RigError):
             continue
     if len(rows) < LEAST * DRAWS:
@@ -151,24 +155,20 @@ def predicted(
         )
     draws = np.array(rows)
     lows, highs = np.quantile(draws, (0.025, 0.975), axis=0)
-    table_of = zip(NAMES, best, draws.std(axis=0, ddof=1), lows, highs, strict=True)
-    values = dict(zip(fitted.names, np.clip(fitted.values, low, high).tolist(), strict=True))
-    made = with_parameters(rig, values)
+    stds = draws.std(axis=0, ddof=1)
+    table_of = zip(NAMES, _quantities(made, best), stds, lows, highs, strict=True)
     return Predicted(
         made,
-        predict(made, level).level,
+        best.level,
         tuple(Interval(n, QUANTITIES[n].unit, *map(float, own)) for n, *own in table_of),
         draws,
     )
 
 
-def _quantities(press: Prediction) -> Floats:
-    """Return `NAMES` of a press [SI]."""
-    # The next instant has the same motion, without the first string.
-    last = int(np.flatnonzero(press.string_force > 0)[-1])
-    drop = float(press.finger_force[last] - press.finger_force[last + 1])
-    values = {"force_drop": drop}
-    return np.array([values[n] if n in values else getattr(press, n) for n in NAMES])
+def _quantities(rig: Rig, press: Prediction) -> Floats:
+    """Return `NAMES` of a press [SI], of its first string."""
+    own = pluck_features(rig, press, press.choirs[0])
+    return np.array([own[n] if n in own else getattr(press, n) for n in NAMES])
 
 
 class _Distribution(BaseModel):
@@ -207,9 +207,7 @@ def read_distribution(path: Path) -> tuple[Distribution, list[str]]:
             f"fit {path}: cannot be read: {why_unreadable(error)}; {how}"
         ) from error
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(map(str, first["loc"])) or "the file"
-        raise AnalysisError(f"fit {path}: {place}: {first['msg']}; {how}") from error
+        raise AnalysisError(f"fit {path}: {first_fault(error)}; {how}") from error
     own, count = read.distribution, len(read.distribution.names)
     if len(own.values) != count or [len(row) for row in own.covariance] != [count] * count:
         raise AnalysisError(f"fit {path}: distribution: {count} names and other values; {how}")

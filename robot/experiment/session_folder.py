@@ -106,18 +106,16 @@ class SessionFolder:
         """
         self.path = path
         self.plan = plan
-        started = read_manifest(path)
+        stored = started = read_manifest(path)
         asked = plan.document()
         self.resumed = started is not None
         """Whether the session was started before."""
-        longer = False
         if started is not None:
             requested = started.seed if seed is None else seed
             before = {**started.plan, "seed": started.seed}
             if plan.rows is None:  # each is compared when the plan requests it
                 asked["presses"] = before.get("presses", [])
             elif extends(before.get("presses", []), asked["presses"]):
-                longer = before["presses"] != asked["presses"]
                 before["presses"] = asked["presses"]
                 started = replace(started, plan={**started.plan, "presses": asked["presses"]})
             if isinstance(before.get("scene"), dict):
@@ -130,7 +128,7 @@ class SessionFolder:
             plan=asked,
             set_up={},
         )
-        self._written = self.resumed and not longer
+        self._written = self._manifest == stored
         _text_of(path, self._manifest)
         self.session = self._manifest.session
         """Identity, which every recording of the session contains."""
