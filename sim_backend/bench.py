@@ -48,8 +48,8 @@ class Bench:
 
     def __init__(self, rig: Rig, scene: Scene, seed: int = 0, paced: bool = False):
         self.scene, self.reached = prepared(rig, scene)
-        """The scene with every choice made, and the accuracy that it reaches; empty where the
-        scene asks for none."""
+        """The scene with every choice made, and a text that names engine and step, and the
+        accuracy that they reach where the scene asks for one."""
         self.paced = paced
         self.world = new_world(rig, self.scene)
         self.rig = scene.as_wired(self.world.rig)
@@ -289,7 +289,7 @@ class StandIn:
 
 
 def prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
-    """Return a scene with every choice made, and the accuracy that it reaches, if it asks for one.
+    """Return a scene with every choice made, and a text of its engine, step and accuracy.
 
     Raises:
         SceneError: As of `Bench`.
@@ -315,8 +315,9 @@ def prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
             faults.append(f"daq.channels.{i}.quantity: {error}")
     if faults:
         raise SceneError("\n".join(faults))
-    if scene.accuracy is None:  # only an accuracy leaves choices open
-        return scene, ""
+    if scene.step is not None:  # only an accuracy leaves other choices open
+        chosen = scene.with_engine()
+        return chosen, f"engine {chosen.engine}, steps of {scene.step * 1e6:.4g} us"
     from sautereau.sim_backend.trade.select import select_solver
 
     selected = select_solver(rig, scene)

@@ -1,6 +1,7 @@
 """A scene: what the stand-in simulates, and with which step or accuracy."""
 
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -70,9 +71,10 @@ class Scene(Section):
     """Whether a falling plectrum must pass the string; else it passes without a force."""
     damper: bool = False
     """Whether the jacks carry their dampers."""
-    engine: Annotated[Literal["auto", "rigid", "exact"], BeforeValidator(_engine)] = "rigid"
+    engine: Annotated[Literal["auto", "rigid", "exact"], BeforeValidator(_engine)] = "auto"
     """`rigid` bodies, or the `exact` solution of the equations from event to event, which has no
-    modal string, bending or play."""
+    modal string, bending or play. With a `step`, `auto` is `exact` where that solves the scene and
+    numba is installed (the extra `fast`), else `rigid`."""
     step: Time | None = Field(default=None, ge=1e-7, le=2e-3)
     """s, longest step; the step used divides the controller's sample period."""
     accuracy: Annotated[str, AfterValidator(_accuracy)] | None = None
@@ -158,12 +160,11 @@ class Scene(Section):
         if (self.step is None) == (self.accuracy is None):
             given = "neither is" if self.step is None else "both are"
             yield f"step, accuracy: {given} given; give one of them"
-        for name in ("engine", "string") if self.accuracy is None else ():
-            if getattr(self, name) == "auto":
-                yield (
-                    f'{name}: "auto" is chosen by the requested accuracy; give accuracy'
-                    f" instead of step, or choose the {name}"
-                )
+        if self.accuracy is None and self.string == "auto":
+            yield (
+                'string: "auto" is chosen by the requested accuracy; give accuracy instead of'
+                " step, or choose the string"
+            )
 
     @property
     def unsolved(self) -> list[str]:
@@ -189,23 +190,36 @@ class Scene(Section):
         return not self.unsolved
 
     def on_rig(self, rig: Rig) -> "Scene":
-        """Return the scene with the plectrum level that `auto` means on a rig; see `on_bench`.
+        """Return the scene with the level and engine that `auto` means on a rig; see `on_bench`.
 
         Raises:
             SceneError: As of `true_rig`.
         """
-        return self.on_bench(self.true_rig(rig)) if self.plectrum == "auto" else self
+        return self.on_bench(self.true_rig(rig)) if self.plectrum == "auto" else self.with_engine()
 
     def on_bench(self, true: Rig) -> "Scene":
-        """Return the scene with the plectrum level that `auto` means on a simulated bench.
+        """Return the scene with the level and engine that `auto` means on a simulated bench.
 
-        It stays `auto` if the choirs need different ones.
+        The level stays `auto` if the choirs need different ones, see `with_engine` for the engine.
         """
         # Imported here because it loads the model, which a scene alone does not need.
         from sautereau.analysis.model.choirs import level_name
 
         level = level_name(true, self.plectrum)
-        return self if " and " in level else self.model_copy(update={"plectrum": level})
+        scene = self if " and " in level else self.model_copy(update={"plectrum": level})
+        return scene.with_engine()
+
+    def with_engine(self) -> "Scene":
+        """Return the scene with the engine that `auto` means with a step.
+
+        Of equal steps the exact engine's are more accurate and, compiled, faster (`trade`);
+        without numba they take fifty times as long as those of the rigid bodies. With an accuracy
+        the engine is left to `select_solver`.
+        """
+        if self.engine != "auto" or self.step is None:
+            return self
+        best = "exact" if self.solvable and find_spec("numba") else "rigid"
+        return self.model_copy(update={"engine": best})
 
     def true_rig(self, rig: Rig) -> Rig:
         """Return the simulated bench: the rig with the scene's `truth` and `more_choirs`.
@@ -278,7 +292,7 @@ def current_scene(document: dict[str, Any]) -> dict[str, Any]:
         for name, field in Scene.model_fields.items()
         if not field.is_required()
     }
-    found = to_jsonable_python(optional) | document
+    found = to_jsonable_python(optional) | {"engine": "rigid"} | document  # once the only engine
     return found | {"engine": _engine(found["engine"])}
 
 

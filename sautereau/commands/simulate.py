@@ -38,7 +38,7 @@ def stand_in(
         result = {"serial_port": served.serial_port, "daq_address": served.daq_address}
         lines = [
             f"scene {scene} of rig {bench.name}, SIMULATED; stop with Ctrl-C",
-            *([str(served.bench.reached)] if served.bench.reached else []),
+            served.bench.reached,
             f"serial port:  {served.serial_port}",
             f"DAQ address:  {served.daq_address}",
         ]

@@ -24,7 +24,7 @@ class Connected(Bench):
     """The devices of a bench, real or simulated, while they are in use."""
 
     reached: str = ""
-    """Solver and step that the stand-in selected, if its scene requests an accuracy."""
+    """Engine and step of the stand-in, and the accuracy they reach if its scene requests one."""
     truth: Callable[[], Any] | None = None
     """Return the true events of the last press, if the scene records them."""
 
@@ -110,7 +110,7 @@ class Devices:
                 served.rig,
                 scene.model_dump_json(),
                 seed,
-                str(served.bench.reached or ""),
+                served.bench.reached,
                 (lambda: served.truth()[-1]) if scene.record_truth else None,
             )
 

@@ -127,8 +127,10 @@ def _packaged(scene: str, rig: Rig) -> str:
     document = current_scene(from_json(scene))
     for name in packaged_scenes():
         packaged = load_scene(name)
-        same = packaged.model_dump(mode="json") | {"plectrum": document["plectrum"]} == document
-        levels = {packaged.plectrum, packaged.on_rig(rig).plectrum} if same else ()
-        if document["plectrum"] in levels:  # a recording has that of `auto` on its rig
+        chosen = {key: document[key] for key in ("plectrum", "engine")}
+        if packaged.model_dump(mode="json") | chosen != document:
+            continue
+        meant = packaged.on_rig(rig)  # a recording has what `auto` means on its rig
+        if all(document[key] in (getattr(packaged, key), getattr(meant, key)) for key in chosen):
             return name
     return ""

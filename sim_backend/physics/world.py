@@ -17,6 +17,7 @@ def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) 
     Raises:
         SceneError: The scene cannot be simulated, or a choice is left to its accuracy.
     """
+    scene = scene.with_engine()
     auto = [name for name in ("engine", "string") if getattr(scene, name) == "auto"]
     if scene.step is None:
         auto.insert(0, "step")

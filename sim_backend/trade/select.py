@@ -73,6 +73,7 @@ def select_solver(
     true = scene.true_rig(rig)
     trial = refinement.Trial(rig, true, drive or drive_of(rig, scene), observe, solve)
     if scene.accuracy is None:
+        scene = scene.with_engine()
         steps = steps_in_sample(true, scene.step or refinement.LONGEST)
         return _selected(true, scene, steps, None, trial.estimate(scene, steps))
     asked = Accuracy.parse(scene.accuracy)

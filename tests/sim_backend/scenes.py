@@ -23,8 +23,8 @@ def push_of(force, duration, rest=0.0):
 
 
 def scene_of(name, **changes):
-    """Return a packaged scene with some values changed, SI."""
-    return load_scene(name).model_copy(update=changes)
+    """Return a packaged scene of rigid bodies with some values changed, SI."""
+    return load_scene(name).model_copy(update={"engine": "rigid"} | changes)
 
 
 def pushed(force=1.2, duration=0.02, rest=0.0, **changes):

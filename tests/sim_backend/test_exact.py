@@ -19,6 +19,7 @@ from sautereau.sim_backend.physics.exact.inclusion import select
 from sautereau.sim_backend.physics.exact_world import ExactWorld
 from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.physics.rigid.arm import PositionLoops
+from sautereau.sim_backend.scene import packaged_scenes
 from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.key import (
     angle_of_rise,
@@ -326,3 +327,14 @@ def test_a_compilation_is_announced_once(caplog):
     assert [record.getMessage() for record in caplog.records] == [
         "compiling the exact engine, once for this version: about 15 s"
     ]
+
+
+@pytest.mark.parametrize("name", sorted({*packaged_scenes()} - {"transient"}))
+def test_packaged_scenes_are_exact_at_their_step(name):
+    """To 1e-5 us, where the rigid bodies miss the events of `paper` by 1 us."""
+    pytest.importorskip("numba")
+    scene = scene_of(name, engine="auto", sensors=None).with_engine()
+    assert scene.engine == "exact"
+    found = errors(run(RIG, scene, press_solved(name)[1]), press_solved(name)[0])
+    assert found.time < 1e-11
+    assert found.force < 1e-5

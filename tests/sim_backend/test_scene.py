@@ -1,10 +1,16 @@
 """Scenes: the shipped ones, every fault of a file at once, truth and calibrations."""
 
+import importlib.machinery
+import sys
+import types
+from importlib.util import find_spec
+
 import pytest
 
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.parts import Bending
 from sautereau.sim_backend.scene import (
     current_scene,
     load_scene,
@@ -13,6 +19,7 @@ from sautereau.sim_backend.scene import (
 )
 from tests.presses import MUTE_TEXT
 
+BEST = "exact" if find_spec("numba") else "rigid"
 MUTE = MUTE_TEXT.replace("1 ms", "100 us") + "iterations = 10\n"
 
 
@@ -28,7 +35,8 @@ def test_shipped_scenes_load():
         scene = load_scene(name)
         assert len(scene.description) > 20
         assert scene.step in (pytest.approx(1e-4), pytest.approx(5e-5))
-        assert scene.engine == "rigid"
+        assert scene.engine == "auto"
+        assert scene.with_engine().engine == ("rigid" if name == "transient" else BEST)
         assert scene.truth == {}
 
 
@@ -86,7 +94,11 @@ def test_all_faults_are_reported_at_once():
         ('"ideal"', '"servo"\nsensors = { hum = "1 V" }', r"sensors\.hum"),
         ('step = "100 us"', "", "step, accuracy: neither is given"),
         ("iterations = 10", 'accuracy = "10 us"', "step, accuracy: both are given"),
-        ("iterations = 10", 'engine = "auto"', '"auto" is chosen by the requested accuracy'),
+        (
+            'string = "none"',
+            'string = "auto"',
+            '"auto" is chosen by the requested accuracy',
+        ),
         ('step = "100 us"', 'accuracy = "5 mm"', r"accuracy: '5 mm' has the dimension \[length\]"),
         ('step = "100 us"', 'accuracy = "20 ms"', "accuracy: '20 ms' must lie between 0 and 10 ms"),
         (
@@ -105,6 +117,28 @@ def test_all_faults_are_reported_at_once():
 def test_a_fault_names_its_key(old, new, words):
     with pytest.raises(SceneError, match=words):
         parse_scene(MUTE.replace(old, new))
+
+
+@pytest.mark.parametrize(("numba", "best"), [(None, "rigid"), (types.ModuleType("numba"), "exact")])
+def test_the_engine_follows_from_the_scene_and_from_numba(monkeypatch, rig, numba, best):
+    if numba:
+        numba.__spec__ = importlib.machinery.ModuleSpec("numba", None)
+    monkeypatch.setitem(sys.modules, "numba", numba)
+    paper = load_scene("paper")
+    assert paper.on_rig(rig).engine == paper.on_bench(rig).engine == best
+    assert paper.on_rig(rig).plectrum == "elastica"
+    for change in ({"string": "modal"}, {"bending": Bending(frequency="300 Hz")}):
+        assert paper.model_copy(update=change).on_rig(rig).engine == "rigid"
+    for engine in ("rigid", "exact"):
+        assert paper.model_copy(update={"engine": engine}).with_engine().engine == engine
+    asked = paper.model_copy(update={"step": None, "accuracy": "10 us"})
+    assert asked.on_rig(rig).engine == "auto"  # `select_solver` chooses it with the step
+
+
+def test_a_scene_of_before_the_engines_is_of_rigid_bodies():
+    stored = parse_scene(MUTE).model_dump(mode="json")
+    del stored["engine"]
+    assert current_scene(stored)["engine"] == "rigid"
 
 
 @pytest.mark.parametrize("name", ["reduced", "reference", "exact"])

@@ -14,7 +14,7 @@ from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.dynamics import gravity_torque, joint_torques, mass_matrix
 from sautereau.trajectory.motion import Motion
-from tests.sim_backend.scenes import RIG
+from tests.sim_backend.scenes import RIG, scene_of
 
 PERIOD = RIG.controller.sample_period
 
@@ -85,7 +85,9 @@ def geared(first, second):
 def swung(rig, steps):
     """Return joints [rad] and torques [N m] of the stand-in's arm under constant torques."""
     period = rig.controller.sample_period
-    scene = load_scene("paper").model_copy(update={"servo": LIMP, "step": period / steps})
+    scene = load_scene("paper").model_copy(
+        update={"engine": "rigid", "servo": LIMP, "step": period / steps}
+    )
     world = new_world(rig, scene, START)
     speeds = np.array([[0.0, 0.0], [0.08, -0.01]]) * period**2 / world.radians_per_count
     for _ in range(SAMPLES):
@@ -117,7 +119,7 @@ def test_the_free_arm_follows_its_equations(rotor):
 
 def test_joint_2s_rotor_is_refused():
     with pytest.raises(SceneError, match=r"rotor_inertias: joint 2's .* 0\.0009 kg m\^2 .*truth"):
-        new_world(geared(0, 1e-6), load_scene("paper"))
+        new_world(geared(0, 1e-6), scene_of("paper"))
 
 
 def test_engaging_again_resets_the_integral(loops):
