@@ -27,6 +27,14 @@ links:
 press: $(VENV)/installed  ## three presses on the stand-in, compared with the model
 	$(BIN)/sautereau press --sim -n 3 --out $(OUT)/press
 
+# The exact engine, compiled once before the tests, every process of which would wait for it.
+$(VENV)/compiled: $(VENV)/installed $(wildcard sim_backend/physics/exact/*.py)
+	$(BIN)/python -c "from sautereau.rig.load import load_rig; \
+	  from sautereau.sim_backend.physics.observation import observe; \
+	  from sautereau.sim_backend.scene import load_scene; observe(load_rig(), load_scene('pluck'))"
+	touch $@
+
+test test-all: $(VENV)/compiled
 test test-all: export PYTHONDONTWRITEBYTECODE =  # dozens of processes import the same modules
 test: style
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
