@@ -88,8 +88,9 @@ def observe_in_mujoco(rig: Rig, scene: Scene, step: float) -> tuple[float, float
     check(calls == steps + 1, f"MuJoCo called the string {calls} times in {steps} steps")
     angle, speed, rise, string = user[ROWS:].reshape(-1, 4)[1:].T.copy()
     motions = Motions(
-        step * np.arange(1.0, steps + 1), angle, speed, rise, np.full(steps, push.force), string
-    )
+        step * np.arange(1.0, steps + 1), angle, speed, rise, np.full(steps, push.force), string,
+        np.zeros(steps),
+    )  # fmt: skip
     events = PluckEvents()
     for found, place, force in (
         (events.contacts, CONTACT_TIME, 0.0),

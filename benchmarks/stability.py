@@ -130,8 +130,8 @@ def stability_text(cells: Sequence[Cell]) -> list[str]:
 def _fault(found: Observation) -> str:
     """Return the reason why an observation is no motion; empty where it is one."""
     motions = found.motions
-    for name in ("time", "angle", "angular_velocity", "rise", "finger_force", "string_force"):
-        if not np.isfinite(getattr(motions, name)).all():
+    for name, values in vars(motions).items():
+        if not np.isfinite(values).all():
             return f"{name} is not finite"
     if not (np.diff(motions.time) >= 0).all():
         return "time decreases"

@@ -48,6 +48,10 @@ class Motions:
     """N, of the finger on the key, normal to it."""
     string_force: Floats
     """N, of all strings on their jacks, downwards; at the end of each step."""
+    blow: Floats
+    """N, besides `finger_force`: the impulse of the finger's impacts on the key within an undivided
+    step of the exact engine, as a constant force over the next one. Rigid bodies have it in
+    `finger_force`."""
 
 
 @dataclass(frozen=True)

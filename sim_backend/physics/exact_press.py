@@ -186,5 +186,5 @@ def new_press(
     work = np.zeros((16, 1 + len(jacks) + (2 if scene.servo else 0)))
     return ix.Press(
         records(keys), records(jacks), cells, records(finger_of(rig, scene, start)), records(run),
-        work[0], work[1], work[2], work, np.zeros((ix.EVENTS, 4)), np.zeros((0, 6)),
+        work[0], work[1], work[2], work, np.zeros((ix.EVENTS, 4)), np.zeros((0, 7)),
     )  # fmt: skip

@@ -90,9 +90,9 @@ class ExactWorld(World):
             cubics = np.zeros((samples, 2, 4))
         else:
             cubics = joint_cubics(self.start, counts, speeds, self.radians_per_count)
-        room = samples * (self._steps + 2) + SPARE_ROWS
+        room = samples * (2 * self._steps + 2) + SPARE_ROWS
         if len(self._press.rows) < room:
-            self._press = self._press._replace(rows=np.empty((room, 6)))
+            self._press = self._press._replace(rows=np.empty((room, 7)))
         press = self._press
         fault, events, last = play(press, self.samples, cubics, samples, powered)
         self.samples += samples

@@ -157,7 +157,7 @@ VELOCITY = SimulatedQuantity(
 """Velocity of the key's front [m/s], as a laser vibrometer measures it."""
 
 FORCE = SimulatedQuantity(
-    source=lambda rig: lambda motions: motions.finger_force,
+    source=lambda rig: lambda motions: motions.finger_force + motions.blow,
     noise=lambda sensors: sensors.force_noise,
     hum=lambda sensors: sensors.hum,
     faults=_faults_of_force,

@@ -68,7 +68,7 @@ def vibrating():
     sine = np.sin(2 * np.pi * FREQUENCY * time) * (time < 0.09)
     both = sine + (1 + np.sin(np.pi * np.clip((time - STEP) / WIDTH, -0.5, 0.5))) / 2
     still = np.zeros_like(time)
-    return Motions(time, still, both, still, both, still)
+    return Motions(time, still, both, still, both, still, still)
 
 
 def phase(time, values):

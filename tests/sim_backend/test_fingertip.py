@@ -130,7 +130,7 @@ def test_a_jump_of_the_force_at_another_time_is_an_error_of_time_and_not_of_forc
         time = np.sort([*np.linspace(0.0, 0.1, 2001), jump, jump])
         force = np.where(time < jump, 0.0, height + time)
         force[np.searchsorted(time, jump)] = 0.0
-        motions = Motions(time, *(0 * time for _ in range(3)), force, 0 * time)
+        motions = Motions(time, *(0 * time for _ in range(3)), force, 0 * time, 0 * time)
         contacts, releases = [StringEvent(0.01, 0, 0.0)], [StringEvent(0.09, 0, 0.5)]
         return Observation(motions, PluckEvents(contacts, releases))
 

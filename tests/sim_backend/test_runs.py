@@ -33,7 +33,7 @@ def motions(sample):
     """The motion of one controller sample, by two formulas."""
     time = sample * PERIOD + np.arange(1, STEPS + 1) * PERIOD / STEPS
     still = np.zeros(STEPS)
-    return Motions(time, still, spin(time), still, force(time), still)
+    return Motions(time, still, spin(time), still, force(time), still, still)
 
 
 def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
@@ -42,7 +42,7 @@ def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
     )
     setup = TaskSetup(terminals, rate, n, None, others.get("before"))
     seed = others.get("seed", 5)
-    rest = Motions(*np.array([[0.0], [0.0], [0.0], [0.0], [0.3], [0.0]]))
+    rest = Motions(*np.array([[0.0], [0.0], [0.0], [0.0], [0.3], [0.0], [0.0]]))
     return SampledRun(Wiring(scene.as_wired(rig), scene, seed, FairLock()), setup, 0, rest)
 
 
@@ -143,7 +143,7 @@ def test_a_release_is_sharp(rig):
         fallen = np.where(time > release, 0.1, force(time))
         fallen[k + 1 : k + len(pair)] = 0.1
         still = np.zeros(len(time))
-        run.feed(Motions(time, still, spin(time), still, fallen, still))
+        run.feed(Motions(time, still, spin(time), still, fallen, still, still))
     time = np.arange(1000) / 51_200
     newtons = run.read(0, 1000)[1]
     np.testing.assert_allclose(

@@ -35,7 +35,7 @@ def scene(engine="auto", string="spring", plectrum="elastica", want='accuracy = 
 def events_at(contact, release, force=0.5, steps=2):
     still = np.zeros(steps + 1)
     time = np.linspace(contact, release, steps + 1)
-    motions = Motions(time, still, still, still, still + 1.2, still)
+    motions = Motions(time, still, still, still, still + 1.2, still, still)
     return Observation(
         motions, PluckEvents([StringEvent(contact, 0, 0.0)], [StringEvent(release, 0, force)])
     )

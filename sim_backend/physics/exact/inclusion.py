@@ -131,7 +131,7 @@ def sought(press, q, t, h, target, near):
 
 @compiled
 def solve(press, kept, h, direction):
-    """Solve the inclusion; return the unknown, and set whether the finger touches the key.
+    """Solve the inclusion; return the unknown, and set touch and reaction of the finger.
 
     Args:
         press: Its modes of felt, strings and dampers are set.
@@ -155,7 +155,11 @@ def solve(press, kept, h, direction):
         if x == 0.0 and near and bare < math.inf:
             needed = target / unbalanced(press, q + h * finger.moment, t, 0.0, side)
             rub(press, side, (bare - needed) / (bare - finger.compliance))
-    finger.touch = near and (x < target or (x == target and direction >= 0))
+    finger.touch, finger.reaction = near and (x < target or (x == target and direction >= 0)), 0.0
+    if finger.touch and finger.compliance > 0.0:
+        finger.reaction = (target - x) / finger.compliance
+    elif finger.touch:
+        finger.reaction = max(0.0, unbalanced(press, q + h * finger.moment, t, x, sign(x)))
     return x
 
 
@@ -164,16 +168,19 @@ def resolve(press, h):
     """Apply plastic impacts, of the impulses that no surface forbids; return a status.
 
     With h > 0 this is a nonsmooth step (Moreau): the forces act for that time, and the
-    contacts that close within it are part of the impact. It is of first order.
+    contacts that close within it are part of the impact. It is of first order. What the finger's
+    impulse exceeds its present force counts as a blow.
     """
     finger, x, v = press.finger, press.x, press.v
     status = part_surfaces(press)
     if status != ix.FINE:
         return status
     set_forces(press)
-    omega, taken = solve(press, 1.0, h, 0.0), 0.0
-    if finger.touch and finger.compliance > 0.0:
-        taken = (finger.speed + h * finger.acceleration - omega) / finger.compliance
+    steady = h * finger.reaction
+    omega = solve(press, 1.0, h, 0.0)
+    taken = finger.reaction
+    if taken > press.key.inertia * ix.SLOW:
+        finger.impulse += (taken - steady) / finger.lever
     for k in range(len(press.jacks)):
         jack, at = press.jacks[k], k + 1
         if jack_push(jack, omega, sign(omega)) > 0.0:

@@ -67,6 +67,7 @@ def write_row(press):
     row[5] = 0.0
     for k in range(len(press.jacks)):
         row[5] += string_force(press, k)
+    row[6] = finger.blow
 
 
 @expanded
@@ -83,7 +84,7 @@ def rest(press):
     for k in range(n):
         press.x[k + 1], _, _ = surface(press.jacks[k].arm, key.height, press.x[0])
         press.jacks[k].string = press.jacks[k].cell = 0
-    key.slip, finger.touch = 0.0, 0
+    key.slip, finger.touch, finger.impulse, finger.blow = 0.0, 0, 0.0, 0.0
     return ix.FINE
 
 
@@ -176,6 +177,10 @@ def advance_step(press, end):
     if status == ix.FINE:
         run.ends -= 1
         write_row(press)
+        run.ends -= 1
+        if finger.impulse != 0.0 or finger.blow != 0.0:
+            finger.blow, finger.impulse = finger.impulse / run.step, 0.0
+            write_row(press)
     return status
 
 
@@ -231,7 +236,7 @@ def play(given, sample, cubics, samples, powered):
     run = press.run
     run.events = run.rows = 0
     run.left = MOST_STEPS + (MORE_STEPS + 2 * run.steps) * samples
-    run.ends = run.steps * samples
+    run.ends = 2 * run.steps * samples
     for j in range(samples):
         if status == ix.FINE:
             status = play_sample(press, sample + j, cubics[j], powered)

@@ -69,7 +69,7 @@ JACK = _record(
 FINGER = _record(
     "base_x base_z upper lower height inertia1 inertia2 rotor2 coupling weight1 weight2"
     " integral_time radians pad_stiffness pad_damping friction surface force moment reaction angle"
-    " speed acceleration compliance reach lever overlap push",
+    " speed acceleration compliance reach lever overlap push impulse blow",
     "kind still touch pad",
     "stiffness damping feedforward start limit offset integral lag torque free by turn bare aside",
     locked=("i8", 2),
@@ -87,6 +87,8 @@ FINGER = _record(
 - compliance [rad/s^2 per N m]: what a moment takes from it, 0 if ideal, infinite behind a pad
 - reach [m]: of the force, from the pin; lever [m]: moment per force, with friction
 - overlap [m]: of a pad; push [N m]: moment of its spring and damper, negative if they would pull
+- impulse [N s]: of impacts on the key in this undivided step; blow [N]: of those in the last one,
+  as a force
 - kind; still: whether an ideal finger is at rest; touch: whether it touches the key; pad: state
 - stiffness [N m/rad], damping [N m s/rad], feedforward [kg m^2], integral_time [s]: of the loops
 - radians [rad]: of an encoder count; start [rad]: where the encoders are 0
@@ -104,7 +106,7 @@ RUN = _record("period step tolerance time start", "order steps left crowd change
 - time, start [s]: now, and the start of the sample
 - steps: in a sample; left: before the scene counts as too stiff
 - crowd: events since the last complete step; changed: whether a force has jumped now
-- events, rows: recorded so far; ends: rows to come for the ends of steps
+- events, rows: recorded so far; ends: rows to come for the ends of steps, two for each
 """
 
 
@@ -135,7 +137,7 @@ class Press(NamedTuple):
     events: Floats
     """Time [s], kind, choir and force [N] of each; shape (EVENTS, 4)."""
     rows: Floats
-    """Times and the other quantities of `Motions`; shape (rows, 6)."""
+    """Times and the other quantities of `Motions`; shape (rows, 7)."""
 
 
 def opened(press: Press) -> Press:
