@@ -135,9 +135,8 @@ class ServoFinger(Finger):
     @property
     def settled(self) -> bool:
         """Whether both loops are within `SETTLED` counts, or the motors are off."""
-        return (
-            not self._powered or max(map(abs, self._finger.lag)) <= SETTLED * self._finger.radians
-        )
+        errors = np.rint(self._finger.lag / self._finger.radians)  # whole at rest; so is the limit
+        return not self._powered or bool(np.abs(errors).max() <= SETTLED)
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
         self._finger.offset[:] = offsets

@@ -17,6 +17,7 @@ from sautereau.sim_backend.physics.drive import LEAD, PressDrive, PushDrive, dri
 from sautereau.sim_backend.physics.exact.compile import Announcement
 from sautereau.sim_backend.physics.exact.inclusion import select
 from sautereau.sim_backend.physics.exact_world import ExactWorld
+from sautereau.sim_backend.physics.finger import SETTLED
 from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.physics.rigid.arm import PositionLoops
 from sautereau.sim_backend.scene import packaged_scenes
@@ -33,6 +34,7 @@ from tests.sim_backend.scenes import (
     MUTE,
     RETURNING,
     RIG,
+    at_rest,
     press_solved,
     pressed,
     pushed,
@@ -187,6 +189,19 @@ def test_the_motors_give_what_the_position_loops_say():
     loops.engage(drive.start)
     for i, joints, torques in played(world, drive, drive.samples):
         assert torques == pytest.approx(played_loops(loops, drive, i, joints), rel=1e-9, abs=1e-12)
+
+
+def test_an_arm_is_settled_at_the_same_count_as_the_rigid_bodies():
+    """Following errors in radians have the rounding of the joints' angles."""
+    world = ExactWorld(RIG, scene_of("paper", engine="exact"))
+    world.advance(at_rest, True)
+    random, radians = np.random.default_rng(0), RIG.arm.radians_per_count
+    for _ in range(200):
+        start, count = random.uniform(-3, 3), int(random.integers(-500_000, 500_000))
+        for error in (SETTLED, -SETTLED, SETTLED + 1, -SETTLED - 1):
+            reference = start + count * radians
+            world.press.finger.lag[:] = reference - start - (count - error) * radians, 0.0
+            assert world.finger.settled == (abs(error) <= SETTLED)
 
 
 def played_loops(loops, drive, sample, joints):
