@@ -73,6 +73,7 @@ def test_a_session_is_resumed(run, session):
     assert (session / PRESSES[0].name).read_bytes() == kept
     new = read_recording(session / PRESSES[1].name)
     assert new.session.session == read_recording(PRESSES[0]).session.session
+    assert json.loads(new.session.scene)["engine"] == "rigid"  # which version 0.1 had alone
 
 
 @pytest.mark.slow

@@ -2,11 +2,12 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.text import wrapped
@@ -75,6 +76,22 @@ class Devices:
     def real(self) -> schema.Rig | None:
         """The rig of the hardware; None for the stand-in."""
         return self.rig.values if self.scene is None else None
+
+    def continuing(self, plan: Mapping[str, Any]) -> Self:
+        """Return the devices of a session that was started, with its engine in place of `auto`.
+
+        Args:
+            plan: As the session's manifest contains it.
+        """
+        before = plan.get("scene")
+        if self.scene is None or self.scene.engine != "auto" or not isinstance(before, dict):
+            return self
+        from sautereau.sim_backend.scene import current_scene
+
+        found = copy(self)
+        engine = current_scene(before)["engine"]
+        found.scene = self.scene.model_copy(update={"engine": engine})
+        return found
 
     @property
     def scene_text(self) -> str:

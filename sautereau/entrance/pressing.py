@@ -18,7 +18,7 @@ from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner, rows_of_recording
 from sautereau.robot.experiment.run import Crew, Place, PlanRun
-from sautereau.robot.experiment.session_folder import SessionFolder, only_session
+from sautereau.robot.experiment.session_folder import SessionFolder, only_session, read_manifest
 from sautereau.robot.experiment.steps import of_rows, plan_of
 from sautereau.sim_backend.scene import current_scene
 
@@ -74,7 +74,9 @@ class Pressing:
     """One session, new or continued; see `sautereau.entrance.bench.Bench.press`."""
 
     def __init__(self, bench: Devices, what: Any, out: str | Path, settings: Settings = Settings()):
-        self.bench, self._out = bench, Path(out)
+        self._out = Path(out)
+        started = read_manifest(self._out)
+        self.bench = bench = bench.continuing(started.plan) if started else bench
         nominal = bench.rig.values
         rows = rows_of(what, nominal, settings.notes)
         rest = settings.rest

@@ -135,7 +135,7 @@ class ServoFinger(Finger):
     @property
     def settled(self) -> bool:
         """Whether both loops are within `SETTLED` counts, or the motors are off."""
-        errors = np.rint(self._finger.lag / self._finger.radians)  # whole at rest; so is the limit
+        errors = np.rint(self._finger.lag / self._finger.radians)  # integers at rest, as the limit
         return not self._powered or bool(np.abs(errors).max() <= SETTLED)
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
