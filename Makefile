@@ -27,19 +27,20 @@ links:
 press: $(VENV)/installed  ## three presses on the stand-in, compared with the model
 	$(BIN)/sautereau press --sim -n 3 --out $(OUT)/press
 
-# The exact engine, compiled once before the tests, every process of which would wait for it.
+# The exact engine, compiled once beside the style (15 s of one processor): each process of the tests
+# would compile it by itself.
 $(VENV)/compiled: $(VENV)/installed $(wildcard sim_backend/physics/exact/*.py)
 	$(BIN)/python -c "from sautereau.rig.load import load_rig; \
 	  from sautereau.sim_backend.physics.observation import observe; \
 	  from sautereau.sim_backend.scene import load_scene; observe(load_rig(), load_scene('pluck'))"
 	touch $@
 
-test test-all: $(VENV)/compiled
 test test-all: export PYTHONDONTWRITEBYTECODE =  # dozens of processes import the same modules
-test: style
+test: $(VENV)/installed
+	@$(MAKE) --no-print-directory -j 2 style $(VENV)/compiled
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
-test-all: $(VENV)/peers lint
+test-all: $(VENV)/peers $(VENV)/compiled lint
 	$(BIN)/python -m pytest -q -n auto --dist worksteal -m "slow or not slow"
 
 fuzz: $(VENV)/installed  ## an hour of hostile input to every format and protocol, counted
