@@ -93,12 +93,12 @@ def test_the_impulse_does_not_depend_on_the_step_but_its_force_does(steps):
     assert rows["blow"].max() <= impulse / step * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("seed", [1, 3, 5])
+@pytest.mark.parametrize("seed", range(6))
 def test_the_rigid_bodies_transfer_the_same_momentum(seed):
-    """Of a servo; they share no line of the impact: pymunk's solver finds it."""
+    """They share no line of the impact: pymunk's solver finds it."""
     rig, finger, speed = random_hit(seed)
     found = []
     for engine in ("exact", "rigid"):
         _, rows, _ = played(engine, rig, finger, speed)
         found.append(np.trapezoid(rows["finger_force"] + rows["blow"], rows["time"]))
-    assert found[0] == pytest.approx(found[1], rel=1e-3)
+    assert found[0] == pytest.approx(found[1], rel=5e-4)

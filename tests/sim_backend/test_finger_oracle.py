@@ -109,7 +109,7 @@ def compare(finger, seed, rotor=0.0):
 def compare_rigid(finger, seed):
     """Assert that the rigid bodies have the events of the oracle, and nearly its motion.
 
-    They locate a landing of an ideal finger to a step only, and later landings amplify its error.
+    Later landings amplify the error of a landing.
     """
     rig, scene, reference = drawn(finger, seed)
     scene = scene.model_copy(update={"engine": "rigid", "step": 2e-5})
@@ -118,7 +118,7 @@ def compare_rigid(finger, seed):
     assert_same_events(world.events, true, 5e-4)
     expected = np.array(true.motion)[:, [0, 2]]
     error = np.abs(np.stack([angle, rise], -1)[::20][: len(expected)] - expected)
-    assert np.median(error, axis=0).max() < 5e-4
+    assert np.median(error, axis=0).max() < 1e-4
 
 
 @pytest.mark.slow

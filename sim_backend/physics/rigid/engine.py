@@ -150,9 +150,6 @@ class RigidWorld(World):
             done += 1
             elapsed = start + done * step
             finger.apply_forces(elapsed, pressed.next, pressed.node, kick)
-            if finger.strikes:
-                self._parts.converge()
-                self._fresh = True
             space.step(step)
             if self._fresh:
                 space.iterations, self._fresh = self._iterations, False

@@ -18,8 +18,6 @@ class SteppedFinger(Finger, ABC):
 
     moment: float = 0.0
     """N mm, on the key without a contact."""
-    strikes: bool = False
-    """Whether it strikes the key in the present step, which the engine does not know before."""
     pad: Pad | None = None
     """The pad between a compliant fingertip and the key; None for a rigid fingertip."""
     friction: Friction | None = None

@@ -19,7 +19,6 @@ from sautereau.trajectory.motion import Floats, dot
 
 CHECKED = 8  # Equal parts of a sample at whose ends a finger is checked to stay off a key at rest
 SAME = 1e-9  # ms, below which two times are the same
-SETTLING = 4  # Steps in which an impact ends: it takes two, and the next start with its impulses
 _ENDS = np.array([0.0, 1.0, 2.0])  # of a controller sample, and of the next
 
 
@@ -131,16 +130,17 @@ class IdealFinger(PrescribedFinger):
         super().__init__(rig, start)
         self._force = 0.0
         self._body, self._contact = add_driver(space, key.lever)
-        self._reach, self._struck = 1.0, 0
+        self._reach, self._elapsed, self._separated = 1.0, 0.0, False
         self._next = math.nan, 0.0  # ms and mm, end of the next step and the contact's arm there
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
-        self._next = math.nan, 0.0
+        self._next, self._elapsed = (math.nan, 0.0), 0.0
         return super().begin_sample(reference, powered, time)
 
     def apply_forces(self, elapsed: float, angle: float, omega: float, kick: Kick) -> None:
         """Set the least angular velocity of the key; see `SteppedFinger`."""
         ahead, step, _ = kick
+        self._elapsed = elapsed
         then, reach = self._next
         self._reach = reach if abs(then - elapsed) < SAME else self._touching(elapsed)[1]
         if self.friction is not None:  # the moment per force
@@ -154,13 +154,24 @@ class IdealFinger(PrescribedFinger):
         else:
             least = (angle_ahead - angle) / ahead
         self._body.angular_velocity = least
-        if least > omega and not self._contact.impulse:
-            self._struck = SETTLING
-        self.strikes, self._struck = self._struck > 0, self._struck - 1
+        self._contact.max_force = 0.0 if self._separated else math.inf
 
     def contact_force(self, weight: float) -> float:
         self._force = impulse_of(self._contact) / (weight * self._reach)
+        self._separated = not self._force > 0
         return self._force
+
+    def reaches_key(self, angle: float, step: float) -> bool:
+        return self.gap(angle, step, step) < 0
+
+    def gap(self, angle: float, time: float, ahead: float) -> float:
+        if not self._separated:
+            return math.inf
+        least, reach = self._touching(self._elapsed + time)
+        return (angle - least) * reach
+
+    def make_contact(self, time: float) -> None:
+        self._separated = False
 
     def stays_clear(self, angle: float) -> bool:
         """Return whether no contact angle of the sample reaches the key's."""
