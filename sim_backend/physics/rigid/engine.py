@@ -69,7 +69,7 @@ class RigidWorld(World):
         table = np.array(self._sample(reference, powered)).T
         table[0] = start + table[0] / MM
         table[0, -1] = self.time
-        return Motions(*table, np.zeros(table.shape[1]))
+        return Motions(*table, blow=np.zeros(table.shape[1]))
 
     def play(self, drive: Drive) -> Motions:
         first, period = self.samples, self.rig.controller.sample_period
@@ -79,7 +79,7 @@ class RigidWorld(World):
         table = np.fromiter(numbers_in_rows, float).reshape(-1, 6).T
         table[0] = np.repeat(numbers * period, counts) + table[0] / MM
         table[0, np.cumsum(counts) - 1] = (numbers + 1) * period
-        return Motions(*table, np.zeros(table.shape[1]))
+        return Motions(*table, blow=np.zeros(table.shape[1]))
 
     def _sample(self, reference: Reference, powered: bool) -> list[Row]:
         """Advance by one controller sample; return its rows, from its start on."""
