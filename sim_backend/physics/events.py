@@ -49,9 +49,8 @@ class Motions:
     string_force: Floats
     """N, of all strings on their jacks, downwards; at the end of each step."""
     blow: Floats
-    """N, besides `finger_force`: the impulse of the finger's impacts on the key within an undivided
-    step of the exact engine, as a constant force over the next one. Rigid bodies have it in
-    `finger_force`."""
+    """N, besides `finger_force`: the impulse of the finger's impacts on the key as a force over a
+    step; in the exact engine a constant over the undivided step after it."""
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,7 @@ def _held_errors(found: Observation, true: Observation) -> Errors:
     single[:-1] &= np.diff(b.time) > 0  # else the force has two values
     single[1:] &= np.diff(b.time) > 0
     held = np.logical_or.reduce(inside, axis=0, initial=False) & single
-    largest = float(np.abs(b.finger_force[held]).max(initial=0.0))  # no blow, which has no bound
+    largest = float(np.abs(b.finger_force[held]).max(initial=0.0))
     if largest == 0.0:
         return Errors(0.0, 0.0)
     late, least = 0.0, LEAST_JUMP * largest

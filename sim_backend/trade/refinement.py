@@ -17,8 +17,6 @@ FINER = 3
 """Halvings of a step from which its error is estimated; more of one that the engine divides."""
 SAFETY = Errors(time=1.5, force=3.0)
 """Dimensionless factors on the estimates; forces jump, and converge more slowly."""
-BLOW = 1.3
-"""Dimensionless growth of the largest force with half the step, above which it is a blow's."""
 ROUNDING = Errors(time=1e-8, force=1e-5)
 """Added to every error: rounding, tables and the reference solution itself."""
 MORE = 5
@@ -92,16 +90,13 @@ class StepRefinement:
         finest = level + FINER + more
         finer = range(max(finest - FINER, level + 1), finest + 1)
         runs = [here, *(self.run(each) for each in finer)]
-        before, last = runs[-2], runs[-1]
-        if here is None or before is None or last is None:
+        last = runs[-1]
+        if here is None or runs[-2] is None or last is None:
             if not any(runs):
                 raise self._diverged[level]
             return DIVERGED
         apart = [_distance(run, last) for run in runs[:-1] if run is not None]
-        found = total(_largest(apart), apart[-1], ROUNDING, self._rounding(last))
-        # The force of a finger that strikes the key of a held string grows as the step shrinks.
-        is_blow = _largest_force(last) > BLOW * _largest_force(before)
-        return Errors(found.time, math.inf) if is_blow else found
+        return total(_largest(apart), apart[-1], ROUNDING, self._rounding(last))
 
     def finest(self, most: int) -> tuple[int, Observation, Errors]:
         """Return the steps, observation and error of the finest level of at most so many steps.
@@ -290,17 +285,6 @@ def total(*parts: Errors) -> Errors:
 
 def _largest(found: Sequence[Errors]) -> Errors:
     return Errors(max(each.time for each in found), max(each.force for each in found))
-
-
-def _largest_force(run: Observation) -> float:
-    """Return the largest force [N] of the finger in the middle 80 % of all plucks."""
-    time, force = run.motions.time, run.motions.finger_force
-    largest = 0.0
-    for contact, release in zip(run.events.contacts, run.events.releases, strict=False):
-        margin = 0.1 * (release.time - contact.time)
-        held = (time > contact.time + margin) & (time < release.time - margin)
-        largest = max(largest, float(force[held].max(initial=0.0)))
-    return largest
 
 
 def _shortest_pluck(run: Observation) -> float:

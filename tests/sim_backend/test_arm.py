@@ -122,6 +122,6 @@ def test_a_finger_that_falls_on_the_key_lands_on_it():
 
     world.advance(at_rest, True)
     moved = [world.advance(down, True) for _ in range(200)]
-    force = np.concatenate([m.finger_force for m in moved])
+    force = np.concatenate([m.finger_force + m.blow for m in moved])
     assert force.max() > 1
     assert world.worst_gap < 1e-6

@@ -150,17 +150,6 @@ def test_a_blow_before_a_pluck_does_not_hide_the_error_of_its_force():
         assert found.force == pytest.approx(0.1 / 1.2)
 
 
-def test_the_force_of_a_blow_has_no_estimate():
-    def observe(n):
-        found = events_at(0.01, 0.02)
-        found.motions.finger_force[1] = 1.2 * n
-        return found
-
-    found = StepRefinement(observe, 1, 64, PERIOD).estimate(0)
-    assert found.time < 2e-8
-    assert found.force == float("inf")
-
-
 @pytest.mark.parametrize("exact", [True, False])
 @pytest.mark.parametrize("want", ["1 us", "10 us", "100 us"])
 def test_the_longest_step_of_the_cheapest_engine_is_selected(want, exact):

@@ -28,7 +28,7 @@ from sautereau.sim_backend.scene import Scene
 
 MOST_EVENTS = 1000  # Events in one controller sample above which the simulation counts as diverged
 
-Row = tuple[float, float, float, float, float, float]
+Row = tuple[float, float, float, float, float, float, float]
 """Quantities of `Motions`, with the time in ms into the controller sample."""
 
 
@@ -60,7 +60,7 @@ class RigidWorld(World):
         self._still = False
         self._elapsed = 0.0
         self._rows: list[Row] = []
-        self._before = [(-2 * self._period, *[0.0] * 5), (-self._period, *[0.0] * 5)]
+        self._before = [(-2 * self._period, *[0.0] * 6), (-self._period, *[0.0] * 6)]
         self.worst_gap = 0.0
         """m, largest error of a joint or a contact at the end of a controller sample so far."""
 
@@ -69,17 +69,17 @@ class RigidWorld(World):
         table = np.array(self._sample(reference, powered)).T
         table[0] = start + table[0] / MM
         table[0, -1] = self.time
-        return Motions(*table, blow=np.zeros(table.shape[1]))
+        return Motions(*table)
 
     def play(self, drive: Drive) -> Motions:
         first, period = self.samples, self.rig.controller.sample_period
         samples = [self._sample(drive.reference(i), True) for i in range(drive.samples)]
         counts, numbers = [len(rows) for rows in samples], np.arange(first, self.samples)
         numbers_in_rows = chain.from_iterable(chain.from_iterable(samples))  # faster than np.array
-        table = np.fromiter(numbers_in_rows, float).reshape(-1, 6).T
+        table = np.fromiter(numbers_in_rows, float).reshape(-1, 7).T
         table[0] = np.repeat(numbers * period, counts) + table[0] / MM
         table[0, np.cumsum(counts) - 1] = (numbers + 1) * period
-        return Motions(*table, blow=np.zeros(table.shape[1]))
+        return Motions(*table)
 
     def _sample(self, reference: Reference, powered: bool) -> list[Row]:
         """Advance by one controller sample; return its rows, from its start on."""
@@ -98,7 +98,7 @@ class RigidWorld(World):
             self._split(0.0, None, self._period)
         if self._still and finger.stays_clear(self._seen_angle):
             self._rows.append(
-                (self._period, self._seen_angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0)
+                (self._period, self._seen_angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0, 0.0)
             )
         else:
             self._run(self._period)
@@ -157,7 +157,7 @@ class RigidWorld(World):
             for jack in jacks:
                 jack.update(step)
             force = finger.contact_force(step)
-            rows.append((elapsed, angle, rate * MM, jacks[0].rise / MM, force, pull))
+            rows.append((elapsed, angle, rate * MM, jacks[0].rise / MM, force, pull, 0.0))
         self._elapsed = elapsed
         return done
 
@@ -259,24 +259,26 @@ class RigidWorld(World):
         """
         pull = sum(jack.pull for jack in self._loaded)
         last = (self._rows or self._before)[-1][4]
-        rise, before, after = self._jacks[0].rise / MM, mean, mean
+        blow = mean - last if impact and self._finger.pad is None else 0.0
+        rise, before, after = self._jacks[0].rise / MM, mean - blow, mean - blow
         if self._finger.pad is not None:
             before = self._finger.pad.before
         elif drift and pull != pulled and not impact:
             before = self._force_before()
             after = (mean * (drift + ahead) - before * drift) / ahead
-        self._finger.foresee(last if impact else after)
+        self._finger.foresee(after)
         if drift:
-            row = self._elapsed, self._seen_angle, omega * MM, rise, before, pulled
+            row = self._elapsed, self._seen_angle, omega * MM, rise, before, pulled, blow
             self._rows.append(row)
         if not drift or impact or pull != pulled or before != after:
             if impact:
                 omega = self._key.seen(self._key.speed, self._key.second.speed)
-            self._rows.append((self._elapsed, self._seen_angle, omega * MM, rise, after, pull))
+            row = self._elapsed, self._seen_angle, omega * MM, rise, after, pull, blow
+            self._rows.append(row)
 
     def _force_before(self) -> float:
         """Return the finger's force [N] now, extrapolated from the last two rows."""
-        (t0, *_, f0, _), (t1, *_, f1, _) = [*self._before, *self._rows][-2:]
+        (t0, *_, f0, _, _), (t1, *_, f1, _, _) = [*self._before, *self._rows][-2:]
         return f1 + (f1 - f0) / (t1 - t0) * (self._elapsed - t1) if t1 > t0 else f1
 
     def _possible_events(self, drift: float) -> list[Event]:
