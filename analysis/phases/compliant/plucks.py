@@ -15,7 +15,6 @@ from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR, Growth
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.rows import BRIDGED
 from sautereau.analysis.phases.signals import Signals
 
 HIGH = 0.9
@@ -59,9 +58,6 @@ UNEXPLAINED = 12.0  # Error of a row over the local rms of the residuals of the 
 CHANGE = 0.5
 """Part of the change of a contact by these weights that is added to its standard uncertainty."""
 AROUND = 25  # Number of rows over which this rms is taken
-LEAST_HIDDEN = 3 * BRIDGED
-"""N, least force of a pluck whose release lies in a drop-out, where the inertia is interpolated."""
-CERTAIN_IF_HIDDEN = 1000.0  # Significance above which such a pluck may have less force
 
 
 def compliant_plucks(
@@ -87,14 +83,8 @@ def compliant_plucks(
     growths = _with_releases(slow, strings, searched, releases)
     found: list[tuple[Contact, Release]] = []
     before = -math.inf
-    for growth, near, release in zip(growths, nears, releases, strict=True):
-        around = signals.no_velocity[
-            slice(*(signals.sample(growth.release + side) for side in (-near, near)))
-        ]
-        hidden = (
-            around.any() and growth.force < LEAST_HIDDEN and growth.significance < CERTAIN_IF_HIDDEN
-        )
-        if hidden or not growth.contact + SHORTEST <= release.time <= last:
+    for growth, release in zip(growths, releases, strict=True):
+        if not growth.contact + SHORTEST <= release.time <= last:
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)
         parts = LEAST_STD, CONTACT_PART * wrong, signals.instant_std, growth.exchange_std

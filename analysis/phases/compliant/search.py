@@ -33,10 +33,9 @@ LEAST_FORCE = 3e-3  # N, least force of a pluck
 LEAST_FRACTION = 0.15
 """Least force of a pluck over the largest one, if the rig has several strings: what the model of
 one does not explain may look like another."""
-LEAST_GROWTH = 0.2
-"""Least force of a significant growth, over the rms of the load that is not explained."""
 SLIGHT = 0.01
-"""The same over the range of the smoothed force on the way down, or of the inertia if larger."""
+"""Least force of a significant growth, over the range of the smoothed force on the way down, or of
+the inertia if larger."""
 STARTS = 2  # Best pairs of contact and release that are refined
 BETWEEN = 4.0  # Least distance between the releases of these pairs, in widths
 ROUNDS = 3  # Largest number of rounds, each with the compliance of the round before
@@ -61,7 +60,7 @@ class Searched:
     def significant(self, least: float) -> tuple[Growth, ...]:
         """Return the growths above a significance that have enough force, with the further one."""
         every = (*self.growths, *([self.further] if self.further else []))
-        force = max(LEAST_GROWTH * self.residual, SLIGHT * self.moved)
+        force = SLIGHT * self.moved
         return tuple(g for g in every if g.significance > least and g.force > force)
 
 
