@@ -36,6 +36,10 @@ class GarbledAnswer(RobotError):
     """The controller sent something that does not answer what was asked."""
 
 
+class UnaskedText(GarbledAnswer):
+    """The controller sent something by itself: its program failed, or another program shares it."""
+
+
 class CommandRefused(RobotError):
     """The controller answered `?`.
 

@@ -1,12 +1,13 @@
 """The parts of a scene: servo, sensors, fingertip, key, push, accuracy, and the controller."""
 
 import math
-import re
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from functools import cached_property
+from typing import Annotated, Literal, cast
 
 from pydantic import AfterValidator, Field
 
+from sautereau.rig.galil_models import GalilModel, families
 from sautereau.rig.units import (
     Angle,
     Force,
@@ -149,22 +150,12 @@ class Accuracy:
         return f"{self.time * 1e6:.4g} us"
 
 
-_FAMILIES = {
-    "40": "4000",
-    "41": "4103",
-    "42": "4200",
-    "21": "2103",
-    "18": "1806",
-    "30": "30010",
-    "50": "50000",
-    "52": "52000",
-}
-
-
 def _known_model(text: str) -> str:
-    if not re.fullmatch(r"DMC[0-9]{4,5}", text) or text[3:5] not in _FAMILIES:
-        families = ", ".join(f"DMC{start}.." for start in _FAMILIES)
-        raise ValueError(f"model: {text!r} is not a known controller; give one of {families}")
+    if GalilModel.of(text) is None:
+        raise ValueError(
+            f"model: {text!r} is not a known controller; give one of {', '.join(families())}, with"
+            " the number of its axes for x and without the hyphen, such as DMC4020"
+        )
     return text
 
 
@@ -176,7 +167,8 @@ class ControllerUnit(Section):
     """
 
     model: Annotated[str, AfterValidator(_known_model)] = "DMC4020"
-    """Model number, as the controller gives it in its answer to ^R^V."""
+    """Model number, as the controller gives it in its answer to ^R^V. It decides the axes and the
+    commands: of its axes, A and B are emulated."""
     firmware: str = Field(default="1.3a", pattern=r"^[0-9]\.[0-9][a-z][0-9]*(-[A-Z]+)?$")
     """Revision. Firmware `...-FAST` has no PVT mode; before 1.2a there are fewer lines and array
     elements, and `AT n,1` is unknown."""
@@ -227,20 +219,15 @@ class ControllerUnit(Section):
     usb_echo: bool = True
     """Whether a USB port echoes after power-up, as RS-232 does."""
 
-    @property
-    def family(self) -> str:
-        """Family of the model, as in the reference's lists."""
-        return _FAMILIES[self.model[3:5]]
+    @cached_property
+    def galil(self) -> GalilModel:
+        """Axes of the model, and commands that model and firmware lack."""
+        return cast(GalilModel, GalilModel.of(self.revision))  # `_known_model` knows it
 
     @property
     def revision(self) -> str:
         """Answer to ^R^V."""
         return f"{self.model} Rev {self.firmware}-SIM sautereau stand-in"
-
-    @property
-    def has_pvt(self) -> bool:
-        """Whether the firmware has the PVT mode."""
-        return not self.firmware.endswith("-FAST")
 
     @property
     def large_memory(self) -> bool:

@@ -5,11 +5,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Self
 
+from sautereau.rig.schema import Controller
 from sautereau.robot.errors import RobotError, SilentController
 
 TICKS = 10  # Parts of the watchdog's period, each of which the controller counts down
 _RENEWALS = 4  # Renewals in a period of the watchdog, so that one may be lost
 _LONGEST_TURN = 1.0  # s, that a thread waits for its turn before it takes the lock out of turn
+
+
+def first_wait(controller: Controller) -> float:
+    """Return how long [s] a question waits for its answer before it is asked once more.
+
+    It is one interval of the keep-alive, which waits meanwhile: the watchdog has not run out then.
+    """
+    return controller.watchdog_period / _RENEWALS
 
 
 class KeepAlive:

@@ -2,23 +2,33 @@
 
 import errno
 import logging
+import math
 import os
 import select
 import socket
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from typing import Protocol
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from typing import Protocol, TypeVar
 from urllib.parse import urlsplit
 
 from sautereau.rig.lock import Taken, device_lock, locked
-from sautereau.robot.errors import LineLost, PortUnavailable, SilentController
+from sautereau.robot.errors import (
+    GarbledAnswer,
+    LineLost,
+    PortUnavailable,
+    SilentController,
+    UnaskedText,
+)
 
+T = TypeVar("T")
 _LOG = logging.getLogger(__name__)
 SCHEMES = ("socket", "rfc2217", "loop")
 """Accepted schemes of pyserial's URLs: ports behind a network, and one that only echoes."""
 
 
 _NO_DEVICE = "loop:"
+_WAIT = 0.025  # s, longest that one read of a port waits: a line counts such waits
 
 
 class Port(Protocol):
@@ -30,7 +40,7 @@ class Port(Protocol):
         ...
 
     def read(self, size: int, /) -> bytes | None:
-        """Return up to ``size`` bytes; none after the port's timeout."""
+        """Return up to ``size`` bytes; none if none comes within the port's timeout, or less."""
         ...
 
     def write(self, data: bytes, /) -> int | None:
@@ -110,7 +120,7 @@ def open_port(name: str, baud_rate: int, timeout: float) -> Port:
         name: Device, `tcp://host:port`, or a pyserial URL of `SCHEMES`; others of its URLs
             write files or imitate a port.
         baud_rate: Bits per second.
-        timeout: s, of reading and of writing.
+        timeout: s, of writing; reading waits for `_WAIT` at most.
 
     Raises:
         PortUnavailable: Names the port, the reason, how to fix it and the ports of this machine.
@@ -138,7 +148,11 @@ def _opened(name: str, baud_rate: int, timeout: float) -> Port:
         raise ValueError(f"{scheme}:// is not one of tcp, {', '.join(SCHEMES)}")
     try:
         return serial.serial_for_url(
-            name, baudrate=baud_rate, timeout=timeout, write_timeout=timeout, exclusive=True
+            name,
+            baudrate=baud_rate,
+            timeout=min(timeout, _WAIT),
+            write_timeout=timeout,
+            exclusive=True,
         )
     except KeyError as error:  # loop:// raises it for an option that it does not know
         raise ValueError(f"{name.partition('?')[2]!r} is not an option of {scheme}://") from error
@@ -169,6 +183,8 @@ def _fix(error: Exception) -> str:
         )
     if number in (errno.EBUSY, errno.EAGAIN) or "lock" in text:
         return "another program uses it: end that program"
+    if number == errno.ECONNREFUSED:
+        return f"correct controller.port in the rig file; if it is right, {_TAKEN}"
     return "plug the controller in and switch it on, or correct controller.port in the rig file"
 
 
@@ -183,12 +199,15 @@ class Wire:
     """Sends bytes to a controller, and receives bytes from it.
 
     Args:
-        timeout: s, of one read, for messages.
+        timeout: s, longest wait for the next bytes of an answer.
+        first_wait: s, the same in the first attempt of `reading`; None for ``timeout``.
     """
 
-    def __init__(self, port: Port, name: str, timeout: float):
+    def __init__(self, port: Port, name: str, timeout: float, first_wait: float | None = None):
         self.name, self.timeout = name, timeout
         self._port, self._gone = port, port_errors()
+        self._patience = timeout
+        self._first_wait = min(timeout, first_wait or timeout)
 
     def close(self) -> None:
         """Close the port; a port that has disappeared counts as closed."""
@@ -203,11 +222,50 @@ class Wire:
         try:
             yield
         except self._gone as error:
+            fix = (
+                _TAKEN
+                if isinstance(error, _ClosedUnheardError)
+                else "check the cable, the adapter and the controller's power, then connect() and"
+                " home() again"
+            )
             raise LineLost(
-                f"connection to the controller on {self.name} lost at {asked!r}: {error}; check"
-                " the cable, the adapter and the controller's power, then connect() and home()"
-                " again"
+                f"connection to the controller on {self.name} lost at {asked!r}: {error}; {fix}"
             ) from error
+
+    def reading(self, read: Callable[[], T]) -> T:
+        """Call ``read``, and once more on a fresh line if an answer is lost, spoilt or unreadable.
+
+        Args:
+            read: Asks for values, and returns them. It must not move, set or clear anything.
+
+        Raises:
+            RobotError: Of the second attempt; `UnaskedText` of the first.
+        """
+        with self._alone():
+            try:
+                self._patience = self._first_wait
+                return read()
+            except UnaskedText:
+                raise
+            except (GarbledAnswer, SilentController) as error:
+                self._patience = self.timeout
+                _LOG.warning("%s. It is asked once more", error)
+                try:
+                    self._freshen()
+                except SilentController:
+                    raise error from None
+                return read()
+            finally:
+                self._patience = self.timeout
+
+    def _alone(self) -> AbstractContextManager[object]:
+        """Keep the other threads off the line, for more than one exchange."""
+        return nullcontext()
+
+    def _freshen(self) -> None:
+        """Discard everything that an earlier question may still be answered with."""
+        with self._reaching("reset"):
+            self._port.reset_input_buffer()
 
     def _waiting(self) -> bytes:
         """Return the bytes received so far."""
@@ -215,8 +273,14 @@ class Wire:
         return (self._port.read(count) or b"") if count else b""
 
     def _read(self) -> bytes:
-        """Return at least one byte, or none after the port's timeout."""
-        return self._port.read(max(1, self._port.in_waiting)) or b""
+        """Return at least one byte, or none after the timeout."""
+        patience = self._patience
+        data, end = None, time.monotonic() + patience
+        for _ in range(math.ceil(patience / _WAIT) or 1):
+            data = self._port.read(max(1, self._port.in_waiting))
+            if data or time.monotonic() > end:
+                break
+        return data or b""
 
     def _silence(self, asked: str, so_far: str) -> SilentController:
         """Return the error of a controller that does not answer; ``so_far`` was received."""
@@ -225,6 +289,16 @@ class Wire:
             f" {self.timeout:g} s{f' after {so_far}' if so_far else ''}; check its power, the"
             " cable, that controller.port is its port and controller.baud_rate its baud rate"
         )
+
+
+_TAKEN = (
+    "all its connections are probably in use (a Galil has eight Ethernet handles): end the other"
+    " programs that are connected to it, or switch the controller off and on, then connect() again"
+)
+
+
+class _ClosedUnheardError(ConnectionError):
+    """The controller closed a connection on which it has never answered."""
 
 
 TCP = "tcp://"  # Begins the name of such a port: `tcp://192.168.1.3:23`
@@ -236,7 +310,7 @@ class EthernetPort:
 
     Args:
         name: `tcp://host:port`.
-        timeout: s, of connecting, of reading and of writing.
+        timeout: s, of connecting and of writing; reading waits for `_WAIT` at most.
 
     Raises:
         OSError: The controller cannot be reached.
@@ -248,6 +322,8 @@ class EthernetPort:
         if not parts.hostname or not parts.port:
             raise ValueError("write it as tcp://host:port, such as tcp://192.168.1.3:23")
         self._socket = socket.create_connection((parts.hostname, parts.port), timeout)
+        self._wait = min(timeout, _WAIT)
+        self._heard = False
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._received = bytearray()
@@ -260,19 +336,17 @@ class EthernetPort:
         return len(self._received)
 
     def read(self, size: int, /) -> bytes:
-        """Return up to ``size`` bytes, at least one unless none comes within the timeout."""
-        if not self._received:
-            try:
-                self._receive()
-            except TimeoutError:
-                return b""
+        """Return up to ``size`` bytes, at least one unless none comes in time."""
+        if not self._received and select.select([self._socket], [], [], self._wait)[0]:
+            self._receive()
         data = bytes(self._received[:size])
         del self._received[:size]
         return data
 
     def write(self, data: bytes, /) -> int:
         """Send all bytes."""
-        self._socket.sendall(data)
+        with self._closing():
+            self._socket.sendall(data)
         return len(data)
 
     def reset_input_buffer(self) -> None:
@@ -285,7 +359,19 @@ class EthernetPort:
         self._socket.close()
 
     def _receive(self) -> None:
-        data = self._socket.recv(_CHUNK)
-        if not data:
-            raise ConnectionError("the controller closed the connection")
+        with self._closing():
+            data = self._socket.recv(_CHUNK)
+            if not data:
+                raise ConnectionError("the controller closed the connection")
+        self._heard = True
         self._received += data
+
+    @contextmanager
+    def _closing(self) -> Iterator[None]:
+        """Distinguish a connection that the controller has closed without having answered."""
+        try:
+            yield
+        except ConnectionError as error:
+            if self._heard:
+                raise
+            raise _ClosedUnheardError("the controller closed it before its first answer") from error

@@ -17,6 +17,8 @@ from sautereau.trajectory.segments import Segments
 from tests.emulated import ScriptedPort
 from tests.robot.motions import no_keep_alive
 
+FRESH = [("", ":"), ("MG 4711", " 4711.0000\r\n:")]
+"""What a line sends before a question is repeated, and its answers."""
 REVISION = "DMC4020 Rev 1.3c-SIM"
 STATE = "MG 4711,_MOA,_MOB,_BGA,_BGB,_OFA,_OFB"
 ABORT = [
@@ -100,7 +102,6 @@ REST_OF_CONNECT = [*ABORT, *MEMORY, *SETTINGS, *DOWNLOAD]
 CONNECT = [
     ("EO 0", "EO 0\r\n:"),
     ("\x12\x16", f"{REVISION}\r\n:"),
-    ("MG _PVA", " 255.0000\r\n:"),
     ("EO 1", ":"),
     ("MG _EO", " 1.0000\r\n:"),
     ("CF I;CW 1", "::"),

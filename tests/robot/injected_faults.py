@@ -153,10 +153,18 @@ def fifo_starved(desk):
     desk.press()
 
 
-@fault("the revision is of another firmware, without PVT", SOON, "has no PVT mode.*update", True)
+@fault(
+    "the revision is of another firmware, without PVT", SOON, "has no PVT mode.*without -FAST", True
+)
 def firmware_without_pvt(desk):
-    desk.on_command("MG _PVA$", lambda: refuse(1))
-    desk.press()
+    def controller(rig):
+        receive, known = desk.machine.receive, b"Rev 1.3a-SIM"
+        desk.machine.receive = lambda *data, **named: receive(*data, **named).replace(
+            known, b"Rev 1.3a-FAST-SIM"
+        )
+        return rig
+
+    desk.press(controller=controller)
 
 
 @fault("something else answers on the port", SOON, "gives its revision as DMC.*correct")

@@ -50,8 +50,7 @@ def handle():
 
 
 def connect(lines):
-    identity, pvt = lines.connect[1:3]
-    return [("CW 1", ":"), identity, pvt, ("CF I;CW 1", "::"), *lines.rest_of_connect]
+    return [("CW 1", ":"), lines.connect[1], ("CF I;CW 1", "::"), *lines.rest_of_connect]
 
 
 def on(rig, port):

@@ -45,7 +45,7 @@ def test_a_refusal_without_a_code(line, answer):
 
 
 def test_silence_names_command_timeout_and_fix(line):
-    silent, _ = line(("MG _TPA", " 12.00"))
+    silent, _ = line(("MG _TPA", " 12.00"), ("", ""), ("MG 4711", ""))
     with pytest.raises(
         SilentController, match=r"'MG _TPA' within 0\.2 s after '.* 12\.00'; check its power"
     ):
@@ -61,9 +61,9 @@ def test_silence_names_command_timeout_and_fix(line):
     ],
     ids=["no text", "no such numbers", "no end"],
 )
-def test_answers_that_are_not_the_numbers_asked_for(line, answers, said):
+def test_answers_that_are_not_the_numbers_asked_for(line, lines, answers, said):
     for answer in answers:
-        garbled, _ = line(("MG _TPA", answer))
+        garbled, _ = line(("MG _TPA", answer), *lines.fresh, ("MG _TPA", answer))
         with pytest.raises(GarbledAnswer, match=said):
             garbled.read("_TPA")
 

@@ -159,13 +159,15 @@ def test_a_fifo_that_took_less_than_was_sent(bench, lines, segments):
 
 
 def test_something_that_is_no_galil_controller(bench, lines):
-    controller, _ = bench(lines.connect[:1], [("\x12\x16", "Grbl 1.1h\r\n:")])
+    revision = [("\x12\x16", "Grbl 1.1h\r\n:")]
+    controller, _ = bench(lines.connect[:1], revision, lines.fresh, revision)
     with pytest.raises(RobotError, match=r"this one answers 'Grbl 1\.1h'"):
         controller.connect()
 
 
 def test_a_controller_without_echo(bench, lines):
-    controller, transcript = bench(lines.connect[:4], [("MG _EO", b" 1.0000\r\n:")])
+    asked, fresh = [("MG _EO", b" 1.0000\r\n:")], [("", b":"), ("MG 4711", b" 4711.0000\r\n:")]
+    controller, transcript = bench(lines.connect[:3], asked, fresh, asked)
     with pytest.raises(SettingNotTaken, match="does not echo what it receives"):
         controller.connect()
     assert transcript.closed

@@ -191,7 +191,8 @@ def test_the_operator_aborts_the_motions_of_one_session():
 
 
 def test_a_silent_controller_in_mid_motion(terminal, lines, segments):
-    silent = [(sent, "") for sent, _ in [lines.wait[0], *lines.abort, *lines.abort[:-1]]]
+    asked = [lines.wait[0], *lines.fresh, *lines.abort, *lines.abort[:-1]]
+    silent = [(sent, "") for sent, _ in asked]
     controller, _ = terminal(lines.started, silent)
     with fails(controller, SilentController, r"MG _BGA.*within 0\.2 s", NOT_OFF, "emergency stop"):
         press(controller, segments)
@@ -199,7 +200,8 @@ def test_a_silent_controller_in_mid_motion(terminal, lines, segments):
 
 def test_a_controller_that_answers_again_confirms_the_abort(terminal, lines, segments):
     """It is silent to the poll, then answers again."""
-    controller, _ = terminal(lines.started, [(lines.wait[0][0], "")], lines.abort)
+    silent = [(sent, "") for sent, _ in [lines.wait[0], *lines.fresh]]
+    controller, _ = terminal(lines.started, silent, lines.abort)
     with fails(controller, SilentController, OFF):
         press(controller, segments)
 

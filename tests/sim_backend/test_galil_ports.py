@@ -168,7 +168,7 @@ output_delay = "50 us"
 def test_a_scene_describes_the_controller():
     unit = parse_scene(SCENE).controller
     assert unit is not None
-    assert (unit.family, unit.burned) == ("4103", ("MO",))
+    assert (unit.galil.family, unit.burned) == ("4103", ("MO",))
     assert unit.output_delay == pytest.approx(50e-6)
     wrong = SCENE.replace("4123", "9999").replace("-FAST", "?") + 'interface = "wifi"\necho = 1\n'
     with pytest.raises(SceneError) as caught:

@@ -1,5 +1,8 @@
 """One connection to a Galil controller: identity, settings and program; everything off."""
 
+import logging
+
+from sautereau.rig.galil_models import GalilModel, families
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.driver import Clock, Sleep
 from sautereau.robot.drivers.galil.line import Line
@@ -11,6 +14,7 @@ from sautereau.robot.drivers.galil.program import (
     signature,
 )
 from sautereau.robot.drivers.galil.settings import ControllerSettings
+from sautereau.robot.drivers.keep_alive import first_wait
 from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.polling import Polling
 from sautereau.robot.drivers.serial_port import TCP, Port
@@ -26,6 +30,15 @@ _STATE = ("_MOA", "_MOB", "_BGA", "_BGB", "_OFA", "_OFB")
 _SAFE = [1, 1, 0, 0, 0, 0]
 _CHARACTERS = 16  # of an array's element in an upload
 _BITS = 10  # of a character on a serial line
+_NEEDED = {"PV": "PVT mode", "TL": "limit of its torque", "OA": "check of its encoders"}
+"""Commands without which the driver cannot press safely, by their letters."""
+_LOG = logging.getLogger(__name__)
+
+
+def _lacks(model: GalilModel) -> list[str]:
+    """Return what a model lacks for this driver."""
+    lacks = [f"has no {what} ({code})" for code, what in _NEEDED.items() if code in model.absent]
+    return lacks + ["has one axis, and the arm two joints"] * (model.axes < 2)
 
 
 class Connection:
@@ -35,7 +48,7 @@ class Connection:
         settings = rig.controller
         self.rig, self._settings = rig, settings
         self.limits = Limits(rig.arm)
-        self.line = Line(port, settings.port, settings.timeout)
+        self.line = Line(port, settings.port, settings.timeout, first_wait(settings))
         self._serial = not settings.port.startswith(TCP)
         if self._serial:  # a renewal of the watchdog must not wait long behind an upload
             characters = settings.baud_rate / _BITS * settings.watchdog_period / 4
@@ -49,6 +62,8 @@ class Connection:
         self._abort_commands = ("AB", "MO AB", ";".join(self._quiet))
         self._watched = False
         """Whether the watchdog was started, and nothing was sent since that ends it."""
+        self.model: GalilModel | None = None
+        """Axes and commands of the controller; None before `introduce`, or if it is unknown."""
         self.identity = ""
         """Model and firmware, as the controller reports them."""
 
@@ -58,7 +73,7 @@ class Connection:
     def set_up(self) -> str:
         self.identity = self.introduce()
         self.abort()
-        self.settings.read_memory()
+        self.settings.read_memory(self.model.absent if self.model else frozenset())
         self.settings.set()
         self.download()
         return self.identity
@@ -74,7 +89,8 @@ class Connection:
             Model and firmware, as the controller reports them.
 
         Raises:
-            RobotError: It is no Galil controller with PVT mode, or a serial port has no echo.
+            RobotError: It is no Galil controller with PVT mode and two axes, or a serial port has
+                no echo.
         """
         line = self.line
         line.resynchronise()
@@ -83,24 +99,34 @@ class Connection:
             line.ask(first)
         except CommandRefused:  # the rest of a line that another host broke off
             line.ask(first)
-        identity = " ".join(line.ask("\x12\x16").split())
-        if "DMC" not in identity:
-            raise GarbledAnswer(
-                f"port {line.name}: a Galil controller gives its revision as DMC..., this one"
-                f" answers {identity[:40]!r}; correct controller.port in the rig file"
+        identity = line.reading(self._identify)
+        self.model = GalilModel.of(identity)
+        if self.model is None:
+            _LOG.warning(
+                "controller on %s: %s is no model that this driver knows; it is taken for one with"
+                " two axes and all commands",
+                line.name,
+                identity,
             )
-        try:
-            line.read("_PVA")
-            if "-FAST" in identity:  # it has the operand, and refuses the command
-                raise CommandRefused(line.name, "PV", 1, "Unrecognized command")
-        except CommandRefused as error:
+        elif lacks := _lacks(self.model):
             raise RobotError(
-                f"controller on {line.name}: {identity} has no PVT mode ({error.code}"
-                f" {error.text}); update its firmware, or use a DMC-40x0 or later"
-            ) from error
+                f"controller on {line.name}: {identity} {' and '.join(lacks)}; use a"
+                f" {', '.join(families(frozenset(_NEEDED)))} with two axes or more, and firmware"
+                " without -FAST in its name"
+            )
         if self._serial:
             self._switch_echo_on(identity)
         line.ask("CF I", "CW 1")
+        return identity
+
+    def _identify(self) -> str:
+        """Return model and firmware, and refuse another device."""
+        identity = " ".join(self.line.ask("\x12\x16").split())
+        if "DMC" not in identity:
+            raise GarbledAnswer(
+                f"port {self.line.name}: a Galil controller gives its revision as DMC..., this one"
+                f" answers {identity[:40]!r}; correct controller.port in the rig file"
+            )
         return identity
 
     def _switch_echo_on(self, identity: str) -> None:

@@ -8,7 +8,8 @@ most significant bit of every byte is set (CW 1), which separates them from answ
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
+from functools import partial
 from math import isfinite
 
 from sautereau.robot.drivers.galil.dmc import LONGEST_LINE, pack, pieces
@@ -20,6 +21,7 @@ from sautereau.robot.errors import (
     LineLost,
     RobotError,
     SettingNotTaken,
+    UnaskedText,
 )
 
 _LONGEST_ANSWER = 1 << 18
@@ -36,13 +38,22 @@ class Line(Wire):
     Arguments as for `Wire`.
     """
 
-    def __init__(self, port: Port, name: str, timeout: float):
-        super().__init__(port, name, timeout)
+    def __init__(self, port: Port, name: str, timeout: float, first_wait: float | None = None):
+        super().__init__(port, name, timeout, first_wait)
         self.echo = False
         """Whether the controller repeats what it receives, and the host compares it."""
         self.piece = 1 << 16
         """Largest number of elements of an array in one upload."""
         self._lock = FairLock()
+
+    def _alone(self) -> AbstractContextManager[None]:
+        return self._lock.command()
+
+    def _freshen(self) -> None:
+        """Discard late answers: those that come before the answer to a number of our own."""
+        self.resynchronise()
+        self._send("")  # ends a question whose own end was lost
+        self._after_mark(())
 
     def ask(self, *commands: str, keep_waiting: Callable[[], bool] | None = None) -> str:
         """Send commands on one line and return the text that they answer.
@@ -64,7 +75,7 @@ class Line(Wire):
             if early:
                 self.resynchronise()
                 text = bytes(byte & 127 for byte in early)
-                raise GarbledAnswer(
+                raise UnaskedText(
                     f"controller on {self.name} sent {text!r} before it was asked"
                     f" {';'.join(commands)!r}: its program failed, or another program shares the"
                     " line; look the message up, then connect() again"
@@ -99,7 +110,12 @@ class Line(Wire):
 
     def read(self, *operands: str) -> list[float]:
         """Return the values of operands such as `_TPA`."""
-        return self.numbers(f"MG {','.join(operands)}", count=len(operands))
+        question = f"MG {','.join(operands)}"
+        return self.reading(lambda: self.numbers(question, count=len(operands)))
+
+    def listing(self) -> list[str]:
+        """Return the lines of the controller's program, each with its number."""
+        return self.reading(lambda: self.ask("LS")).split("\r\n")
 
     def read_many(self, operands: Iterable[str]) -> list[float]:
         """Return the values of any number of operands, as many at a time as a line can ask for."""
@@ -114,10 +130,12 @@ class Line(Wire):
         """
         values: list[float] = []
         for first, last in pieces(rows, self.piece):
-            command = f"QU {array}[],{first},{last},1"
-            text = self.ask(command).rstrip(_END)
-            values += self._numbers(text, command, last - first + 1)
+            values += self.reading(partial(self._elements, array, first, last))
         return values
+
+    def _elements(self, array: str, first: int, last: int) -> list[float]:
+        command = f"QU {array}[],{first},{last},1"
+        return self._numbers(self.ask(command).rstrip(_END), command, last - first + 1)
 
     def verify(self, settings: Mapping[str, float], tolerance: float = 0.0) -> None:
         """Read operands back, and refuse a controller that has not taken their values."""
@@ -182,7 +200,7 @@ class Line(Wire):
             if "?" in answer:
                 self._refuse("DL")
         # A listed line has its number, its text and a blank.
-        held = [line.strip().partition(" ")[2] for line in self.ask("LS").split("\r\n")]
+        held = [line.strip().partition(" ")[2] for line in self.listing()]
         if held != program:
             raise SettingNotTaken(
                 f"controller on {self.name} holds another program than was sent:"
@@ -253,7 +271,7 @@ class Line(Wire):
         message = bytes(byte & 127 for byte in data if byte > 127).strip()
         if len(message) > _NOISE and message.isascii() and message.decode().isprintable():
             self.resynchronise()
-            raise GarbledAnswer(
+            raise UnaskedText(
                 f"controller on {self.name} sent {message[:60]!r} by itself while it was asked"
                 f" {asked!r}: its program failed, or another is running in it; look the message"
                 " up, then connect() again"
@@ -277,7 +295,7 @@ class Line(Wire):
             self._send("TC1")
             answer = self._answer(("TC1",)).removeprefix("TC1").strip()  # the echo may be on
         code, _, text = answer.partition(" ")
-        if not code.isdigit():
+        if not code.isdigit() or not int(code):  # 0: nothing was refused
             raise GarbledAnswer(
                 f"controller on {self.name} refused {command!r} and gave {_short(answer)}, not the"
                 " code and text of TC1; check the firmware's revision"

@@ -37,13 +37,17 @@ class ControllerSettings:
         """Operands with the value that was set, or found in the controller's memory, and the
         difference that is allowed."""
 
-    def read_memory(self) -> None:
+    def read_memory(self, absent: frozenset[str] = frozenset()) -> None:
         """Read the settings that the controller stores.
+
+        Args:
+            absent: Commands that the controller does not know.
 
         Raises:
             RobotError: The trigger's output is a brake.
         """
-        names = [f"{name}{axis}" for name in (*_MEMORY, *_FURTHER) for axis in "AB"]
+        known = [name for name in (*_MEMORY, *_FURTHER) if name[1:] not in absent]
+        names = [f"{name}{axis}" for name in known for axis in "AB"]
         found = dict(zip(names, self._line.read_many(names), strict=True))
         self.memory = {name[1:]: found[name] for name in names if name[:3] in _MEMORY}
         self._due = {name: (value, 0.0) for name, value in found.items()}

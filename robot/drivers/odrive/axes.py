@@ -121,18 +121,19 @@ class Axes(Power):
     def send(self, rows: Setpoints, index: int, /) -> tuple[Counts, Floats | None]:
         """Send a row of setpoints, and ask in the same write for positions and torques.
 
+        A lost answer is not asked for again: the arm has moved on, and the record is of now.
+
         Returns:
             Joint positions (counts) and commanded torques at the joints (N m); shape (2,) each.
         """
         answers = self.line.ask(*self._commands(rows, index), *_POSITIONS, *_CURRENTS, answers=4)
-        currents = [
-            self.line.parsed(asked, text, 1)[0]
-            for asked, text in zip(_CURRENTS, answers[2:], strict=True)
-        ]
-        return self._counts(self._turns_from(answers[:2])[0]), np.array(currents) * self._per_ampere
+        turns, _ = np.transpose(self.line.numbers(_POSITIONS, answers[:2], 2))
+        currents = np.ravel(self.line.numbers(_CURRENTS, answers[2:], 1))
+        return self._counts(turns), currents * self._per_ampere
 
     def positions(self) -> Counts:
-        return self._counts(self._turns_from(self.line.ask(*_POSITIONS, answers=2))[0])
+        turns, _ = np.transpose(self.line.query(*_POSITIONS, count=2))
+        return self._counts(turns)
 
     def move(self, target: Floats | Counts, speed: float, acceleration: float) -> None:
         """Start a move of both joints; counts, counts per second, counts per second squared."""
@@ -150,7 +151,7 @@ class Axes(Power):
     def start_halt(self) -> None:
         """Start a decelerated stop: a move to where the joints can come to rest."""
         acceleration = self.limits.acceleration
-        turns, rates = self._turns_from(self.line.ask(*_POSITIONS, answers=2))
+        turns, rates = np.transpose(self.line.query(*_POSITIONS, count=2))
         speeds = rates * self.per_turn
         rest = self._counts(turns) + speeds * np.abs(speeds) / (2 * acceleration)
         self.move(rest, self.limits.speed, acceleration)
@@ -183,12 +184,3 @@ class Axes(Power):
     def _counts(self, turns: Floats) -> Counts:
         """Return joint positions (counts, (2,)) of the motors' turns from home."""
         return np.rint(turns * self.per_turn + self._home).astype(np.int64)
-
-    def _turns_from(self, answers: list[str]) -> tuple[Floats, Floats]:
-        """Return the turns, and turns per second, of the answers to `f`; shape (2,) each."""
-        pairs = [
-            self.line.parsed(asked, text, 2)
-            for asked, text in zip(_POSITIONS, answers, strict=True)
-        ]
-        turns, rates = np.array(pairs).T
-        return turns, rates

@@ -69,13 +69,18 @@ class OdriveDriver(Axes):
     def introduce(self) -> str:
         """Return hardware, firmware and serial number of an ODrive, and refuse other devices."""
         line = self.line
-        lines = line.resynchronise()
+
+        def identify() -> list[str]:
+            lines = line.resynchronise()
+            if not all(lines) or not lines[0].startswith("Hardware version: 3."):
+                raise GarbledAnswer(
+                    f"port {line.name}: an ODrive 3.x gives its hardware version, this one answers"
+                    f" {', '.join(lines)[:60]!r}; correct controller.port in the rig file"
+                )
+            return lines
+
+        lines = line.reading(identify)
         identity = ", ".join(lines)
-        if not lines[0].startswith("Hardware version: 3."):
-            raise GarbledAnswer(
-                f"port {line.name}: an ODrive 3.x gives its hardware version, this one answers"
-                f" {identity[:60]!r}; correct controller.port in the rig file"
-            )
         version = lines[1].removeprefix("Firmware version: ")
         if version != FIRMWARE:
             why = _FLAWS.get(version, f"this driver knows the properties of {FIRMWARE} only")

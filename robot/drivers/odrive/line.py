@@ -9,7 +9,13 @@ import threading
 from collections.abc import Iterable
 
 from sautereau.robot.drivers.serial_port import Port, Wire
-from sautereau.robot.errors import GarbledAnswer, RobotError, SettingNotTaken, SilentController
+from sautereau.robot.errors import (
+    GarbledAnswer,
+    RobotError,
+    SettingNotTaken,
+    SilentController,
+    UnaskedText,
+)
 
 _REFUSALS = (
     "invalid command format",
@@ -38,10 +44,16 @@ class OdriveLine(Wire):
     Arguments as for `Wire`.
     """
 
-    def __init__(self, port: Port, name: str, timeout: float):
-        super().__init__(port, name, timeout)
+    def __init__(self, port: Port, name: str, timeout: float, first_wait: float | None = None):
+        super().__init__(port, name, timeout, first_wait)
         self._lock = threading.RLock()
         self._received = b""
+
+    def _alone(self) -> threading.RLock:
+        return self._lock
+
+    def _freshen(self) -> None:
+        self.resynchronise()
 
     def confirmed(self, *commands: str) -> None:
         """Send commands that answer nothing, and make sure that they were received.
@@ -73,8 +85,24 @@ class OdriveLine(Wire):
 
     def read(self, name: str) -> float:
         """Return the value of a property such as `axis0.error`."""
-        (text,) = self.ask(f"r {name}")
-        return self.parsed(f"r {name}", text, 1)[0]
+        return self.read_many([name])[name]
+
+    def query(self, *questions: str, count: int = 1) -> list[list[float]]:
+        """Return the numbers, ``count`` to an answer, of questions in one write."""
+
+        def ask() -> list[list[float]]:
+            return self.numbers(questions, self.ask(*questions, answers=len(questions)), count)
+
+        return self.reading(ask)
+
+    def numbers(
+        self, questions: Iterable[str], answers: Iterable[str], count: int
+    ) -> list[list[float]]:
+        """Return the numbers of answers, ``count`` to each."""
+        return [
+            self.parsed(question, text, count)
+            for question, text in zip(questions, answers, strict=True)
+        ]
 
     def parsed(self, command: str, text: str, count: int) -> list[float]:
         """Return the numbers of an answer; refuse another number of them."""
@@ -88,11 +116,11 @@ class OdriveLine(Wire):
 
     def read_many(self, names: Iterable[str]) -> dict[str, float]:
         """Return the values of properties by name, several to a write."""
+        names = list(names)
         asked = [f"r {name}" for name in names]
         some = [asked[at : at + _QUESTIONS] for at in range(0, len(asked), _QUESTIONS)]
-        answers = [text for each in some for text in self.ask(*each, answers=len(each))]
-        values = zip(asked, answers, strict=True)
-        return {name.removeprefix("r "): self.parsed(name, text, 1)[0] for name, text in values}
+        values = [value for each in some for (value,) in self.query(*each)]
+        return dict(zip(names, values, strict=True))
 
     def set(self, settings: dict[str, float]) -> None:
         """Write properties, read each back, and list all that were not taken in one error."""
@@ -150,7 +178,7 @@ class OdriveLine(Wire):
         early = self._received + self._waiting()
         self._received = b""
         if early:
-            raise GarbledAnswer(
+            raise UnaskedText(
                 f"controller on {self.name} sent {early[:60]!r} before it was asked {asked!r}: it"
                 " refused an earlier line, or another program shares the port; end that program,"
                 " check the firmware's version, then connect() again"

@@ -12,6 +12,7 @@ from pathlib import Path
 from sautereau.rig.disk import table_beside
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.driver import Clock, Sleep, refuse_changes
+from sautereau.robot.drivers.keep_alive import first_wait
 from sautereau.robot.drivers.odrive.line import OdriveLine, same
 from sautereau.robot.drivers.odrive.setpoints import Setpoints
 from sautereau.robot.drivers.polling import POLL
@@ -48,7 +49,8 @@ class Power(StreamedDriver[Setpoints]):
     """The power of axes 0 and 1; arguments as for `Driver`."""
 
     def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
-        self.line = OdriveLine(port, rig.controller.port, rig.controller.timeout)
+        settings = rig.controller
+        self.line = OdriveLine(port, settings.port, settings.timeout, first_wait(settings))
         super().__init__(rig, clock, sleep, self.line, "motors' supply")
         self.due: dict[str, float] = {}
         """Properties that this driver has set, or found when it connected."""
@@ -100,11 +102,17 @@ class Power(StreamedDriver[Setpoints]):
 
     def _errors(self, name: str, register: str) -> str:
         """Return the names of the bits that are set in an error property, empty for none."""
-        (digits,) = self.line.ask(f"r {name}")
-        try:
-            value = int(digits)
-        except ValueError as error:
-            raise self.line.garbled(f"r {name}", digits, "a whole number was expected") from error
+        question = f"r {name}"
+
+        def ask() -> tuple[str, int]:
+            (digits,) = self.line.ask(question)
+            try:
+                return digits, int(digits)
+            except ValueError as error:
+                why = "a whole number was expected"
+                raise self.line.garbled(question, digits, why) from error
+
+        digits, value = self.line.reading(ask)
         if not value:
             return ""
         if len(digits) >= _CUT:  # which bits are set cannot be known

@@ -4,7 +4,6 @@ import operator
 import re
 from collections.abc import Callable
 
-from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import function, operand, variable
@@ -176,17 +175,17 @@ def variable_axis(machine: Machine, name: str) -> int:
 
 def named_axes(machine: Machine, text: str) -> str:
     """Return a text with the letters of axes instead of ``~a`` to ``~h``."""
-    return re.sub("~[a-h]", lambda found: AXES[variable_axis(machine, found[0])], text)
+    return re.sub("~[a-h]", lambda found: machine.letters[variable_axis(machine, found[0])], text)
 
 
-def parse_axes(args: str) -> list[int]:
+def parse_axes(args: str, machine: Machine) -> list[int]:
     """Return the axes that letters name, 0 for A; no letter means all axes."""
     letters = args.replace(" ", "").replace("X", "A").replace("Y", "B")
     if letters in ("", "*"):
-        return list(range(len(AXES)))
-    if any(letter not in AXES for letter in letters):
+        return list(range(len(machine.letters)))
+    if any(letter not in machine.letters for letter in letters):
         raise CommandError(90)
-    return sorted({AXES.index(letter) for letter in letters})
+    return sorted({machine.letters.index(letter) for letter in letters})
 
 
 def parse_list(args: str, machine: Machine) -> dict[int, float | None]:
@@ -197,12 +196,12 @@ def parse_list(args: str, machine: Machine) -> dict[int, float | None]:
     """
     named = re.match(r" *((?:[A-Z*]|~[a-h])+) *=", args)
     if named:
-        axes = parse_axes(named_axes(machine, named[1]))
+        axes = parse_axes(named_axes(machine, named[1]), machine)
         texts = [args[named.end() :]] * len(axes)
     else:
         texts = split_arguments(args)
         axes = list(range(len(texts)))
-        if len(axes) > len(AXES):
+        if len(axes) > len(machine.letters):
             raise CommandError(90)
         if not any(texts):
             raise CommandError(50)

@@ -40,6 +40,8 @@ class Machine(CheckedAxes):
     ) -> None:
         super().__init__(plant, unit, on_output)
         self.execute = execute
+        self.letters = AXES[: unit.galil.axes]
+        """Letters of the axes that model and plant have."""
         lines, elements = (4000, 24_000) if unit.large_memory else (2000, 16_000)
         self.limits = Limits(lines, elements=elements, line_length=unit.line_length)
         self.samples = self.started = 0
@@ -65,11 +67,11 @@ class Machine(CheckedAxes):
         burned = Parameters() if factory else memory.parameters
         counts = self.plant.encoder_counts()
         self.axes = [Axis(each) for each in counts]
-        for axis, settings, on, raw in zip(
-            self.axes, burned.axes, burned.motors_on, counts, strict=True
+        for index, (axis, settings, on, raw) in enumerate(
+            zip(self.axes, burned.axes, burned.motors_on, counts, strict=True)
         ):
             axis.settings = dict(settings)
-            if on:
+            if on and index < len(self.letters):
                 axis.switch_on(raw)
         self.config = {code: list(values) for code, values in burned.config.items()}
         self.error_code = 0

@@ -37,8 +37,6 @@ DATA_RECORD = (len(AXES), 52, 26, 36)
 """Axes, and bytes of general state, of a coordinated motion's and of an axis's, in the data
 record."""
 
-PVT = ("PV", "BT")  # Commands, and operands, that firmware without PVT lacks
-
 AXIS_OPERANDS: dict[str, Callable[[Machine, int], float]] = {
     "TP": Machine.position,
     "DP": Machine.position,
@@ -85,7 +83,7 @@ OPERANDS: dict[str, Callable[[Machine], float]] = {
     "TI1": lambda machine: 0,
     "AB": lambda machine: not machine.abort_active,
     "BN": lambda machine: machine.unit.serial_number,
-    "BV": lambda machine: len(AXES),
+    "BV": lambda machine: machine.unit.galil.axes,
     "RS": lambda machine: 0,
     "ED": lambda machine: machine.tasks.failed_line,
     "ED0": lambda machine: machine.tasks.failed_line,
@@ -121,9 +119,11 @@ def operand(machine: Machine, name: str) -> float:
         return float(machine.tasks.operand(code, int(index or 0)))
     if name in OPERANDS:
         return float(OPERANDS[name](machine))
-    if code in PVT and not machine.unit.has_pvt:
+    if code in machine.unit.galil.absent:
         raise CommandError(58)
-    axis = AXES.find(index.replace("X", "A").replace("Y", "B")) if len(index) == 1 else -1
+    axis = (
+        machine.letters.find(index.replace("X", "A").replace("Y", "B")) if len(index) == 1 else -1
+    )
     if axis >= 0 and code in AXIS_OPERANDS:
         return float(AXIS_OPERANDS[code](machine, axis))
     if axis >= 0 and code in machine.axes[axis].settings:

@@ -1,4 +1,4 @@
-"""The commands as data: arguments, validity and models, as the manufacturer's reference has them.
+"""The commands as data: arguments and validity, as the manufacturer's reference has them.
 
 The table is `reference.csv`, one command per line:
 
@@ -6,8 +6,9 @@ The table is `reference.csv`, one command per line:
   `none`, or `text` (a syntax of its own);
 - arguments: `name:low..high/resolution=default`, or `name:a,b=default` for single values;
 - valid: B burnable, T in the terminal, M while in motion, P in a program;
-- models: DMC families without their letters;
 - heading: of the command's entry in the reference.
+
+`sautereau.rig.galil_models` lists the commands that a model lacks.
 
 Where the reference contradicts itself, its examples are followed: `WT` is used in motion, and `BN`
 lists `EO` among the burned parameters. Limits are those of a controller with two axes.
@@ -20,9 +21,6 @@ from fractions import Fraction
 from importlib.resources import files
 
 from sautereau.sim_backend.devices.galil.faults import CommandError
-
-MODELS = ("4000", "4200", "4103", "2103", "1806", "1802", "30010", "50000", "52000", "2105")
-"""Families of motion controllers that the reference describes."""
 
 _ABSENT = """
 AD AO AP AQ AR AS AU AV BC BD BI BK BX BZ CA CC CD CI CM CR CS DH DR DT DV EA EB EC EG EM EP EQ ES
@@ -87,7 +85,6 @@ class Entry:
     form: str
     arguments: tuple[Argument, ...]
     valid: str
-    models: frozenset[str]
     heading: str
 
     @property
@@ -127,13 +124,6 @@ def _argument(text: str) -> Argument:
     return Argument(name, low, high, _number(step) if step else 0.0, given)
 
 
-def _models(text: str) -> frozenset[str]:
-    names = text.split()
-    if names[0] != "all":
-        return frozenset(names)
-    return frozenset(MODELS) - {name.removeprefix("-") for name in names[1:]}
-
-
 @functools.cache
 def entries() -> dict[str, Entry]:
     """Return the commands of the table by their letters."""
@@ -143,5 +133,5 @@ def entries() -> dict[str, Entry]:
     for row in csv.DictReader(text.splitlines(), delimiter="|"):
         arguments = tuple(map(_argument, row["arguments"].split()))
         code, form, valid, heading = (row[name] for name in ("code", "form", "valid", "heading"))
-        found[code] = Entry(code, form, arguments, valid, _models(row["models"]), heading)
+        found[code] = Entry(code, form, arguments, valid, heading)
     return found

@@ -56,9 +56,11 @@ def look(bench: Workbench) -> None:
         identity = driver.introduce()
         line = driver.line
         off = line.read("_MOA", "_MOB")
-        kept = dict(zip(_KEPT, line.read(*_KEPT), strict=True))
+        absent = driver.model.absent if driver.model else frozenset()
+        names = [name for name in _KEPT if name[1:3] not in absent]
+        kept = dict(zip(names, line.read(*names), strict=True))
         threads = [line.read(f"_XQ{n}")[0] for n in _THREADS]
-        program = line.ask("LS")
+        program = "\n".join(line.listing())
         if off != [1, 1]:
             driver.abort()
     finally:

@@ -101,7 +101,7 @@ def _source(machine: Machine, text: str) -> Callable[[], float]:
         raise CommandError(81)
     if len(axis) != 1:
         raise CommandError(58)
-    (index,) = parse_axes(axis)
+    (index,) = parse_axes(axis, machine)
     value = _AXIS_SOURCES[code]
     return lambda: value(machine, index)
 

@@ -78,15 +78,13 @@ def parse_call(machine: Machine, entry: Entry, text: str, thread: Thread | None)
     Raises:
         CommandError: It is refused.
     """
-    if machine.unit.family not in entry.models:
-        raise CommandError(1)
     if thread is None and not entry.in_terminal:
         raise CommandError(2)
     if thread is not None and not entry.in_program:
         raise CommandError(3)
     call = Call(entry, text, thread)
     if entry.form == "mask":
-        call.axes = parse_axes(named_axes(machine, text))
+        call.axes = parse_axes(named_axes(machine, text), machine)
         _check_rest(machine, entry, call.axes)
     elif entry.form == "values":
         values = parse_list(text, machine)

@@ -113,7 +113,7 @@ def segment(machine: Machine, call: Call) -> None:
     named = re.fullmatch(r" *([A-Z]|~[a-h]) *=(.*)", call.text)
     if not named:
         raise CommandError(4)
-    (index,) = parse_axes(named_axes(machine, named[1]))
+    (index,) = parse_axes(named_axes(machine, named[1]), machine)
     axis = machine.axes[index]
     parts = split_arguments(named[2])
     if len(parts) > 3:

@@ -1,6 +1,5 @@
 """Commands about programs: download, run, jump, branch, wait."""
 
-from sautereau.sim_backend.devices.galil.axis import AXES
 from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.commands.report import write_variable
 from sautereau.sim_backend.devices.galil.commands.settings import BURN_TIME
@@ -31,8 +30,8 @@ def assign(machine: Machine, text: str) -> str | None:
         return write_variable(machine, evaluate(name, machine))
     result = evaluate(value, machine)
     if name.startswith("~"):
-        axis = AXES.find(value.strip(' "')) if '"' in value else int(result)
-        machine.variable_axes[name] = whole(axis, 0, len(AXES) - 1)
+        axis = machine.letters.find(value.strip(' "')) if '"' in value else int(result)
+        machine.variable_axes[name] = whole(axis, 0, len(machine.letters) - 1)
     elif place is None:
         machine.set_variable(name, result)
     else:

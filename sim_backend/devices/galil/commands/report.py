@@ -65,7 +65,7 @@ def tell_ports(machine: Machine, call: Call) -> str:
 def identify(machine: Machine, call: Call) -> str:
     """ID: firmware and hardware."""
     unit = machine.unit
-    lines = [f"FW, {unit.revision}", f"DMC, {unit.family}, Rev 11"]
+    lines = [f"FW, {unit.revision}", f"DMC, {unit.galil.family}, Rev 11"]
     if unit.amplifier != "none":
         lines.append(f"AMP1, 4{unit.amplifier[1:]}, Rev 6")
     return "\r\n".join(lines)

@@ -94,7 +94,7 @@ def define_auxiliary(machine: Machine, call: Call) -> str | None:
 
 def brushless(machine: Machine, call: Call) -> None:
     """BA: commutate axes sinusoidally; N for none."""
-    named = [] if call.text == "N" else parse_axes(call.text)
+    named = [] if call.text == "N" else parse_axes(call.text, machine)
     for index, axis in enumerate(machine.axes):
         axis.brushless = index in named
 
@@ -104,7 +104,7 @@ def arm_latch(machine: Machine, call: Call) -> None:
     letters = named_axes(machine, call.text).replace(" ", "")
     if not letters or any(letter != "T" for letter in letters[::2]):
         raise CommandError(141)
-    for index in parse_axes(letters[1::2]):
+    for index in parse_axes(letters[1::2], machine):
         machine.axes[index].arm_latch()
 
 

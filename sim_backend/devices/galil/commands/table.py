@@ -7,7 +7,6 @@ from sautereau.sim_backend.devices.galil.commands import program as programs
 from sautereau.sim_backend.devices.galil.commands.call import Handler, parse_call
 from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
-from sautereau.sim_backend.devices.galil.operands import PVT
 from sautereau.sim_backend.devices.galil.program import Thread
 from sautereau.sim_backend.devices.galil.reference import ABSENT, entries
 
@@ -111,7 +110,7 @@ def execute(machine: Machine, text: str, thread: Thread | None = None) -> str | 
     assigned = not known or re.match(r"[A-Z]{2}[a-z0-9][A-Za-z0-9]* *[\[=]", text)
     if assigned and (answer := programs.assign(machine, text)) is not None:
         return answer or None
-    if entry is None or (code in PVT and not machine.unit.has_pvt):
+    if entry is None or code in machine.unit.galil.absent:
         raise CommandError(1)
     call = parse_call(machine, entry, text[len(code) :].strip(" "), thread)
     if machine.locked and code in _LOCKED:
