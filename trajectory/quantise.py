@@ -120,11 +120,11 @@ def _followed(
     """
     period = rig.controller.sample_period
     inside = slice(low * GRAIN, high * GRAIN + 1)
-    planned = law.at(np.arange(inside.start, inside.stop) * period).velocity
+    planned = law.at(np.arange(inside.start, inside.stop, dtype=np.float64) * period).velocity
     sent, bent = Motion(*(array[inside][::GRAIN] for array in sent)), bent[inside][::GRAIN]
     centre = fingertip_motion(rig.arm, sent)
     jack = jack_motion(rig.key, key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre))
-    n, total, best = high - low, np.inf, np.zeros(0, np.int64)
+    n, total, best = high - low, math.inf, np.zeros(0, np.int64)
     errors = np.full((min(n, LONGEST_SEGMENT // GRAIN), n), np.inf)
     for length in range(least, len(errors) + 1):
         span, u = length * GRAIN * period, np.linspace(0, 1, length * GRAIN + 1)
@@ -137,7 +137,7 @@ def _followed(
         error = speed - sliding_window_view(planned, len(u))[::GRAIN]
         jolt = 6 * np.abs(bent[length:] - bent[:-length]).max(axis=1) / span**2
         smooth = jolt <= ROUNDING_FRACTION * rig.arm.acceleration_limit
-        squares = np.trapezoid(error**2, axis=1)
+        squares = np.asarray(np.trapezoid(error**2, axis=1))
         errors[length - 1, : len(squares)] = np.where(smooth, squares, np.inf)
         # Twice as long ones each time, until they give no better sequence.
         if length & (length - 1) == 0 or length == len(errors):
