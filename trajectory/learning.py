@@ -3,10 +3,11 @@
 The jack slows down while the string is held, because the arm is compliant. The error of the speed,
 low-pass filtered with zero phase and integrated to a rise, is added to the next plan:
 
-    c[k+1]' = Q (c[k]' + gain (planned speed - measured speed)).
+    c[k+1]' = Q (sent speed - planned speed + gain (planned speed - measured speed)).
 
-The filter Q limits learning to frequencies at which the arm follows its plan, so that noise and
-errors that the arm cannot correct do not accumulate.
+The sent speed is that of press k as rounded to encoder counts: its rounding errors, which the next
+press does not repeat, are not learned. The filter Q limits learning to frequencies at which the arm
+follows its plan, so that noise and errors that the arm cannot correct do not accumulate.
 """
 
 from dataclasses import dataclass, field, replace
@@ -116,8 +117,8 @@ def speed_error(law: PressLaw, time: Floats, speed: Floats) -> float:
 
 def corrected(
     law: PressLaw,
-    before: Correction | None,
     time: Floats,
+    sent: Floats,
     speed: Floats,
     period: float,
     *,
@@ -126,8 +127,8 @@ def corrected(
     """Return the next press's correction.
 
     Args:
-        before: The correction of this press; None for none.
         time: s from the start of motion, equidistant; shape (n,).
+        sent: m/s, of the jack as sent to the controller, with the correction; shape (n,).
         speed: m/s, of the jack as measured; shape (n,).
         period: s, of the controller's samples.
         gain: Dimensionless, fraction of the error that is corrected in one press.
@@ -137,10 +138,7 @@ def corrected(
     """
     _check(law, time, speed)
     planned = law.law.at(time).velocity
-    deficit = gain * (planned - speed)
-    if before is not None:
-        own = before.onto(law).law.at(time).velocity - planned
-        deficit = deficit + own
+    deficit = sent - planned + gain * (planned - speed)
     deficit = deficit * np.clip((time - law.start) / FADE_IN, 0.0, 1.0) * (time < law.bottom)
     rate = _low_pass(deficit, CUTOFF, time)
     step = np.diff(time, prepend=time[0])
@@ -176,21 +174,29 @@ class Learner:
     """Reason why learning has stopped; empty while it continues."""
     gain: float = GAIN
     """Dimensionless, fraction of the error that is corrected in one press."""
-    _best: tuple[Floats, Floats] | None = None
+    scatter: float | None = None
+    """Dimensionless, RMS of what differs from press to press in the cruise and no correction
+    removes: noise, the reading of the encoders, the instrument; None after one press."""
+    _best: tuple[Floats, Floats, Floats] | None = None
+    _deviation: tuple[Floats, Floats] | None = None
 
-    def learn(self, used: Correction | None, time: Floats, speed: Floats) -> Correction | None:
+    def learn(
+        self, used: Correction | None, time: Floats, sent: Floats, speed: Floats
+    ) -> Correction | None:
         """Evaluate one press's measured speed; return the next correction, or None at the end.
 
         Args:
             used: The correction of this press; None for none.
             time: s from the start of motion, equidistant; shape (n,).
+            sent: m/s, of the jack as sent to the controller; shape (n,).
             speed: m/s, of the jack as measured; shape (n,).
         """
         error = speed_error(self.law, time, speed)
+        self._compare(time, speed - sent)
         least = min(self.errors, default=np.inf)
         self.errors.append(error)
         if error < least:
-            self.best, self._best = used, (time, speed)
+            self.best, self._best = used, (time, sent, speed)
         else:
             self.gain /= 2
         if error > DIVERGENCE * least:
@@ -204,8 +210,20 @@ class Learner:
             if min(self.errors[-PATIENCE:]) > (1 - IMPROVEMENT) * earlier:
                 self.stopped = f"no improvement over the last {PATIENCE} presses"
                 return None
-        time, speed = self._best or (time, speed)
-        return corrected(self.law, self.best, time, speed, self.period, gain=self.gain)
+        best = self._best or (time, sent, speed)
+        return corrected(self.law, *best, self.period, gain=self.gain)
+
+    def _compare(self, time: Floats, deviation: Floats) -> None:
+        """Update the scatter from the deviation [m/s] from the sent speed, by the press before.
+
+        While corrections change much, so do deviations: the least difference is taken.
+        """
+        if self._deviation is not None:
+            change = deviation - np.interp(time, *self._deviation)
+            planned = self.law.law.at(time).velocity
+            least = speed_error(self.law, time, planned + change) / np.sqrt(2)
+            self.scatter = least if self.scatter is None else min(least, self.scatter)
+        self._deviation = time, deviation
 
 
 def _low_pass(values: Floats, cutoff: float, time: Floats) -> Floats:

@@ -43,6 +43,8 @@ class Cruise:
     """m/s, mean."""
     error: float
     """Dimensionless, largest error of the speed, relative to the largest planned speed."""
+    rms_error: float
+    """Dimensionless, RMS error of the speed, relative to the largest planned speed."""
 
 
 @dataclass(frozen=True)
@@ -105,15 +107,22 @@ def draft_press(
     Raises:
         TrajectoryError: No such motion exists: there is no cruise, or it is out of reach.
     """
-    law = press_law(rig.press)
+    law, permitted = press_law(rig.press), rig.press.speed_tolerance
     if correction is not None:
-        law = correction.onto(law)
+        law, plain = correction.onto(law), law
+        # Rounding may cost less than the correction removes.
+        permitted = max(permitted, _change(plain, law))
     time = sample_times(rig, law.law)
     path = follow_key(rig, law.law.at(time))
     segments = quantise(rig, law.law, path.joints)
+    cruise = _cruise(rig, law, segments)
+    if cruise.error > rig.press.speed_tolerance:  # the encoders are coarse: search the knots
+        searched = quantise(rig, law.law, path.joints, law)
+        followed = _cruise(rig, law, searched)
+        if followed.rms_error < cruise.rms_error:
+            segments, cruise = searched, followed
     approach = _approach(rig, path)
     retreat = approach.reversed()
-    cruise = _cruise(rig, law, segments)
     force = None
     if expected is not None:
         _, normal = surface_axes(path.angle.position)
@@ -130,7 +139,7 @@ def draft_press(
         cruise=cruise,
         loaded_speed_error=_loaded_speed_error(rig, path, expected),
         home=to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution),
-        checks=verify(rig, (approach, segments, retreat), cruise.error, expected),
+        checks=verify(rig, (approach, segments, retreat), cruise.error, permitted, expected),
         warnings=_warnings(law, cruise, float(path.rise.position.min()), expected),
     )
 
@@ -144,9 +153,28 @@ def _approach(rig: Rig, path: Path) -> Segments:
     return quantise(rig, law, follow_down(rig, path, height))
 
 
+def sent_motion(rig: Rig, segments: Segments, ticks: Floats | Counts) -> Motion:
+    """Return the jack's motion [m] that quantised segments give on a rigid arm.
+
+    Args:
+        ticks: Controller samples from the start, none outside the motion; shape (n,).
+    """
+    per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
+    cubics = segment_cubics(segments, per_radian, rig.controller.sample_period)
+    centre = fingertip_motion(rig.arm, motion_at(segments, cubics, ticks))
+    return jack_motion(rig.key, key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre))
+
+
+def _change(plain: PressLaw, law: PressLaw) -> float:
+    """Return the largest change of the jack's speed by a correction in the cruise, relative."""
+    times = law.law.times  # with the correction's knots
+    times = times[(times >= law.cruise_start) & (times <= law.cruise_end)]
+    planned = plain.law.at(times).velocity
+    return float(np.abs(law.law.at(times).velocity - planned).max() / np.abs(planned).max())
+
+
 def _cruise(rig: Rig, law: PressLaw, segments: Segments) -> Cruise:
     """Compute the cruise from the quantised segments."""
-    per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
     period = rig.controller.sample_period
     ends = segments.ends * period
     slack = 1e-9 * period
@@ -158,14 +186,14 @@ def _cruise(rig: Rig, law: PressLaw, segments: Segments) -> Cruise:
     # The error changes abruptly where the law's jerk does, between two points of a segment too.
     knots = law.law.times[(law.law.times > ends[first]) & (law.law.times < ends[last])] / period
     ticks = np.union1d(fine, knots)
-    joints = motion_at(segments, segment_cubics(segments, per_radian, period), ticks)
-    centre = fingertip_motion(rig.arm, joints)
-    jack = jack_motion(rig.key, key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre))
+    jack = sent_motion(rig, segments, ticks)
     planned = law.law.at(ticks * period).velocity
-    error = np.abs(jack.velocity - planned).max() / np.abs(planned).max()
+    error = np.abs(jack.velocity - planned) / np.abs(planned).max()
+    rms = np.sqrt(np.trapezoid(error**2, ticks) / (ticks[-1] - ticks[0]))
     start, end = float(ends[first]), float(ends[last])
     rise = float(jack.position[0]), float(jack.position[-1])
-    return Cruise(start, end, rise, (rise[1] - rise[0]) / (end - start), float(error))
+    speed = (rise[1] - rise[0]) / (end - start)
+    return Cruise(start, end, rise, speed, float(error.max()), float(rms))
 
 
 def _loaded_speed_error(rig: Rig, path: Path, expected: Expectation | None) -> float | None:

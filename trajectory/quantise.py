@@ -1,15 +1,19 @@
 """Quantisation of a smooth motion to integer counts and controller samples."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from sautereau.rig.capabilities import capabilities_of
 from sautereau.rig.schema import Rig
+from sautereau.trajectory.arm import fingertip_motion
 from sautereau.trajectory.errors import TrajectoryError
+from sautereau.trajectory.key import jack_motion, key_under_fingertip
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.segments import Counts, Segments
-from sautereau.trajectory.timing import JerkLaw
+from sautereau.trajectory.timing import JerkLaw, PressLaw
 
 GRAIN = 2  # Controller samples; the duration of every segment is a multiple, as PVT mode requires
 VELOCITY_GRAIN = 2
@@ -47,34 +51,126 @@ def sample_times(rig: Rig, law: JerkLaw) -> Floats:
     return np.arange(grains * GRAIN + 1, dtype=np.float64) * period
 
 
-def quantise(rig: Rig, law: JerkLaw, joints: Motion) -> Segments:
+def quantise(rig: Rig, law: JerkLaw, joints: Motion, stroke: PressLaw | None = None) -> Segments:
     """Round a motion to integer counts, even counts per second and even controller samples.
 
     Positions are rounded, not steps, so that rounding errors do not accumulate. Knots are placed
     further apart if necessary to fit into the controller's FIFO, final segment included.
 
     Args:
+        law: Of the jack's rise, or of the height in an approach.
         joints: Their motion at every controller sample [rad], arrays (n, 2).
+        stroke: A press, to search those knots in its stroke that give the smallest error of the
+            jack's speed, see `_followed`; None not to.
     """
     counts_per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
     period = rig.controller.sample_period
     exact = joints.position * counts_per_radian
     rounded = np.rint(exact)
+    rates = VELOCITY_GRAIN * np.rint(joints.velocity * counts_per_radian / VELOCITY_GRAIN)
     # A cubic with errors of half a count at both ends has an acceleration error of 6 counts / T^2.
     coarse = 6 / counts_per_radian / (ROUNDING_FRACTION * rig.arm.acceleration_limit)
     longest, limit = LONGEST_SEGMENT // GRAIN, most_segments(rig)
-    grains = int(np.clip(np.ceil(np.sqrt(coarse) / period / GRAIN), 1, longest))
+    least = grains = int(np.clip(np.ceil(np.sqrt(coarse) / period / GRAIN), 1, longest))
     speed = np.abs(joints.velocity).min(axis=1) * counts_per_radian * period
     rounding = np.abs(exact - rounded).max(axis=1)
     while True:
         knots = _knots(law, speed, rounding, period, grains)
+        if stroke is not None:
+            sent = Motion(rounded / counts_per_radian, rates / counts_per_radian, 0 * rates)
+            bent = (rounded - exact) / counts_per_radian
+            parts = stroke.start, stroke.cruise_start, stroke.cruise_end, stroke.bottom
+            edges = np.ceil(np.array(parts) / period / GRAIN - 1e-9)
+            edges[2] = np.floor(parts[2] / period / GRAIN + 1e-9)  # the cruise ends with a segment
+            edges = np.unique(np.minimum(edges, (len(bent) - 1) // GRAIN).astype(np.int64))
+            for low, high in pairwise(edges.tolist()):
+                knots = _followed(rig, law, low, high, knots, sent, bent, grains - least + 1)
         if limit is None or len(knots) <= limit or grains >= longest:
             break
         grains += 1
     positions = rounded[knots].astype(np.int64)
-    grains_per_second = joints.velocity[knots] * counts_per_radian / VELOCITY_GRAIN
-    velocities = VELOCITY_GRAIN * np.rint(grains_per_second).astype(np.int64)
+    velocities = rates[knots].astype(np.int64)
     return Segments(positions[0], np.diff(positions, axis=0), velocities[1:], np.diff(knots))
+
+
+def _followed(
+    rig: Rig,
+    law: JerkLaw,
+    low: int,
+    high: int,
+    knots: Counts,
+    sent: Motion,
+    bent: Floats,
+    least: int,
+) -> Counts:
+    """Replace the knots of a part by those with the least squared error of the jack's speed.
+
+    In a segment the jack follows the cubic between the rises and speeds that the rounded joints
+    give it at the two knots. A short segment follows the law, a long one is disturbed less by
+    rounding, and one between two knots with equal rounding errors is not disturbed at all. The best
+    sequence follows from the errors of all possible segments by dynamic programming.
+
+    Args:
+        low: Grains, its first knot.
+        high: Grains, its last knot.
+        knots: Controller samples; those in the part are replaced.
+        sent: Joints rounded at every controller sample [rad], arrays (n, 2).
+        bent: rad, by which they are rounded.
+        least: Grains, of the shortest segment.
+    """
+    period = rig.controller.sample_period
+    inside = slice(low * GRAIN, high * GRAIN + 1)
+    planned = law.at(np.arange(inside.start, inside.stop, dtype=np.float64) * period).velocity
+    sent, bent = Motion(*(array[inside][::GRAIN] for array in sent)), bent[inside][::GRAIN]
+    centre = fingertip_motion(rig.arm, sent)
+    jack = jack_motion(rig.key, key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre))
+    n, total, best = high - low, math.inf, np.zeros(0, np.int64)
+    errors = np.full((min(n, LONGEST_SEGMENT // GRAIN), n), np.inf)
+    for length in range(least, len(errors) + 1):
+        span, u = length * GRAIN * period, np.linspace(0, 1, length * GRAIN + 1)
+        mean = (jack.position[length:] - jack.position[:-length]) / span
+        ends = jack.velocity[:-length], jack.velocity[length:]
+        shape = [6 * u * (1 - u), (1 - u) * (1 - 3 * u), u * (3 * u - 2)]  # of a cubic's slope
+        speed = sum(
+            np.outer(value, slope) for value, slope in zip([mean, *ends], shape, strict=True)
+        )
+        error = speed - sliding_window_view(planned, len(u))[::GRAIN]
+        jolt = 6 * np.abs(bent[length:] - bent[:-length]).max(axis=1) / span**2
+        smooth = jolt <= ROUNDING_FRACTION * rig.arm.acceleration_limit
+        squares = np.asarray(np.trapezoid(error**2, axis=1))
+        errors[length - 1, : len(squares)] = np.where(smooth, squares, np.inf)
+        # Twice as long ones each time, until they give no better sequence.
+        if length & (length - 1) == 0 or length == len(errors):
+            before = total
+            total, found = _least(errors[:length])
+            if total < before:
+                best = found
+            elif np.isfinite(total):
+                break
+    if not len(best):
+        return knots
+    outside = knots[(knots < inside.start) | (knots >= inside.stop)]
+    return np.union1d(outside, (low + best) * GRAIN)
+
+
+def _least(errors: Floats) -> tuple[float, Counts]:
+    """Return the least sum of errors of consecutive segments, and their ends from 0.
+
+    Args:
+        errors: Of the segment of length l + 1 that starts at i; shape (longest, n).
+    """
+    longest, n = errors.shape
+    sums, steps = np.full(n + 1, np.inf), np.zeros(n + 1, np.int64)
+    sums[0] = 0.0
+    for end in range(1, n + 1):
+        lengths = np.arange(1, min(longest, end) + 1)
+        of_each = sums[end - lengths] + errors[lengths - 1, end - lengths]
+        steps[end] = lengths[np.argmin(of_each)]
+        sums[end] = of_each[steps[end] - 1]
+    ends = [n]
+    while ends[-1] > 0:
+        ends.append(ends[-1] - steps[ends[-1]])
+    return float(sums[n]), np.array(ends[::-1])
 
 
 def _knots(law: JerkLaw, speed: Floats, rounding: Floats, period: float, grains: int) -> Counts:

@@ -27,6 +27,7 @@ def verify(
     rig: Rig,
     parts: tuple[Segments, Segments, Segments],
     cruise_error: float,
+    cruise_limit: float,
     expected: Expectation | None,
 ) -> tuple[Check, ...]:
     """Check every part of a press.
@@ -34,6 +35,7 @@ def verify(
     Args:
         parts: Segments of approach, press and retreat.
         cruise_error: Dimensionless, of the jack's speed in the cruise.
+        cruise_limit: Dimensionless, its limit.
         expected: Expected force against the finger; None for none.
     """
     per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
@@ -53,7 +55,7 @@ def verify(
         at_most(
             "cruise speed error",
             cruise_error,
-            rig.press.speed_tolerance,
+            cruise_limit,
             "1",
             "raise arm.counts_per_revolution or press.speed_tolerance",
         ),

@@ -1,6 +1,7 @@
 """Iterative learning control: each press is planned with a correction from those before it."""
 
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from sautereau.robot.experiment.session import Item
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.learning import CUTOFF, KNOT, Correction, Learner
-from sautereau.trajectory.press import Trajectory, plan_press
+from sautereau.trajectory.press import Trajectory, plan_press, sent_motion
 from sautereau.trajectory.timing import press_law
 
 LARGEST_DOUBT = 1 / (12 * CUTOFF)
@@ -81,6 +82,7 @@ class IterativeLearning:
         self.warnings = self._trajectory.warnings
         """Warnings about the plan."""
         self._learner = Learner(law, rig.controller.sample_period)
+        self._rounding: list[float] = []
         self._stopped = ""
 
     @property
@@ -92,6 +94,21 @@ class IterativeLearning:
     def stopped(self) -> str:
         """Why learning has ended before the last press; empty if it has not."""
         return self._stopped or self._learner.stopped
+
+    @property
+    def rounding(self) -> float:
+        """RMS relative error of the speed by rounding the best press's plan to encoder counts."""
+        return self._rounding[int(np.argmin(self.errors))]
+
+    @property
+    def scatter(self) -> float | None:
+        """RMS relative difference of the speed from press to press; None after one press."""
+        return self._learner.scatter
+
+    @property
+    def floor(self) -> float:
+        """RMS relative error of the speed that no correction removes: rounding and scatter."""
+        return math.hypot(self.rounding, self.scatter or 0.0)
 
     @property
     def best(self) -> Correction | None:
@@ -127,7 +144,11 @@ class IterativeLearning:
             )
         time = press.time - start.time
         speed = press.samples["jack_speed"]
-        correction = self._learner.learn(self._used, time, speed)
+        segments = item.trajectory.segments
+        ticks = np.clip(time / self._rig.controller.sample_period, 0, segments.total_samples)
+        sent = sent_motion(self._rig, segments, ticks).velocity
+        correction = self._learner.learn(self._used, time, sent, speed)
+        self._rounding.append(item.trajectory.cruise.rms_error)
         self._trajectory = None
         if correction is not None:
             self.plan(correction)
@@ -140,13 +161,20 @@ class IterativeLearning:
             last = np.interp(correction.time, self._used.time, self._used.rise)
         for _ in range(HALVINGS + 1):
             try:
-                self._trajectory = plan_press(self._rig, self._expected, correction)
+                trajectory = plan_press(self._rig, self._expected, correction)
             except TrajectoryError as error:
                 reason = str(error)
                 correction = Correction(correction.time, (correction.rise + last) / 2)
+                continue
+            rounding, least = trajectory.cruise.rms_error, min(self.errors, default=math.inf)
+            if rounding < least:
+                self._trajectory, self._used = trajectory, correction
             else:
-                self._used = correction
-                return
+                self._stopped = (
+                    f"rounding to encoder counts gives the next correction an error of"
+                    f" {100 * rounding:.3g} %, and the error is {100 * least:.3g} % already"
+                )
+            return
         self._stopped = f"the correction cannot be pressed, not even halved {HALVINGS} times: "
         self._stopped += reason
 

@@ -137,7 +137,9 @@ def learn(
     )
     result = {
         "rms_speed_error": found.errors,
-        **part_of(found, "held_speed_error", "tolerance", "reached"),
+        **part_of(
+            found, "held_speed_error", "tolerance", "reached", "floor", "rounding", "scatter"
+        ),
         "learned": found.path,
         "recordings": [press.path for press in found.session],
         **part_of(found, "stopped", "simulated", "seed", "warnings"),

@@ -48,6 +48,14 @@ class Learned(Shown):
     """`press.speed_tolerance`; dimensionless."""
     reached: bool
     """Whether `held_speed_error` is within it."""
+    floor: float
+    """RMS relative error of the jack speed over the cruise that no correction removes: `rounding`
+    and `scatter`."""
+    rounding: float
+    """Its part from the rounding of the plan to encoder counts."""
+    scatter: float | None
+    """Its part that differs from press to press: noise, the reading of the encoders by the position
+    loops, the instrument; None after one press."""
     path: Path | None
     """File of the correction, for `press(learned=...)`; None if none reduced the error."""
     simulated: bool
@@ -62,15 +70,24 @@ class Learned(Shown):
         found = (
             f"reached: RMS speed error {100 * self.held_speed_error:.3g} % while a string is held"
             f" after {counted(len(self.errors), 'press')}, press.speed_tolerance"
-            f" {100 * self.tolerance:.3g} %"
+            f" {100 * self.tolerance:.3g} %; floor {100 * self.floor:.2g} % (rounding to encoder"
+            f" counts {100 * self.rounding:.2g} %"
         )
+        if self.scatter is not None:
+            found += f", scatter from press to press {100 * self.scatter:.2g} %"
+        found += ")"
         if self.reached:
             return found
-        more = "" if self.stopped else "request more presses with -n, "
-        return (
-            f"not {found}; {more}learn with --feed-forward, lower press.jack_speed, or stiffen the"
-            " position loops of the controller"
-        )
+        fixes = "learn with --feed-forward, lower press.jack_speed, or stiffen the position loops"
+        if not self.stopped:
+            fixes = f"request more presses with -n, {fixes}"
+        if self.floor > self.tolerance:
+            fixes = (
+                "no correction reaches the tolerance: use encoders with more counts"
+                " (arm.counts_per_revolution), reduce the damping gain of the position loops, which"
+                " amplifies the steps of the encoders, or raise press.speed_tolerance"
+            )
+        return f"not {found}; {fixes}"
 
     def __repr__(self) -> str:
         errors = ", ".join(f"{100 * error:.2f} %" for error in self.errors)
@@ -134,7 +151,7 @@ class Learning:
         best = session[int(np.argmin(made.errors))].analysed.features["held_speed_error"]
         error = best if isinstance(best, float) else min(made.errors)
         limit = self._nominal.press.speed_tolerance
-        verdict = error, limit, error <= limit
+        verdict = error, limit, error <= limit, made.floor, made.rounding, made.scatter
         return Learned(session, tuple(made.errors), made.stopped, *verdict, file, *of_session)
 
     def _open(self, path: Path) -> PressFile:

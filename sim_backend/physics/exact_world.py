@@ -11,7 +11,7 @@ from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.play import play
 from sautereau.sim_backend.physics.exact_press import FINGERS, ORDER, bench_of, new_press
-from sautereau.sim_backend.physics.finger import SETTLED, Finger, Reference, joint_cubics
+from sautereau.sim_backend.physics.finger import Finger, Reference, joint_cubics, settled_within
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats
@@ -134,9 +134,8 @@ class ServoFinger(Finger):
 
     @property
     def settled(self) -> bool:
-        """Whether both loops are within `SETTLED` counts, or the motors are off."""
-        errors = np.rint(self._finger.lag / self._finger.radians)  # integers at rest, as the limit
-        return not self._powered or bool(np.abs(errors).max() <= SETTLED)
+        """Whether both loops are within `settled_within`, or the motors are off."""
+        return not self._powered or max(map(abs, self._finger.lag)) <= settled_within(self._arm)
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
         self._finger.offset[:] = offsets

@@ -1,15 +1,24 @@
 """What presses the key, for every engine."""
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from sautereau.rig.schema import Arm
 from sautereau.sim_backend.errors import SceneError
 from sautereau.trajectory.motion import Floats
 
-SETTLED = 10  # Counts of following error below which an arm at rest has settled
+SETTLED = 5e-6  # Revolutions of following error up to which an arm at rest has settled
 Reference = Callable[[Floats], tuple[Floats, Floats]]
 """Maps fractions of the sample to counts and counts per sample, each of shape (n, 2)."""
+
+
+def settled_within(arm: Arm) -> float:
+    """Return the following error [rad] up to which an arm at rest has settled: 1 count or more."""
+    # Half a count more, so that the comparison with a whole count is not one of equal numbers.
+    count = 1 / arm.counts_per_revolution
+    return 2 * math.pi * (max(SETTLED, count) + count / 2)
 
 
 def joint_cubics(start: Sequence[float], counts: Floats, speeds: Floats, radians: float) -> Floats:

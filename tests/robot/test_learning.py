@@ -60,6 +60,36 @@ def test_feed_forward_leaves_little_to_learn(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("counts", "reached"), [(20_000, 0.03), (200_000, 0.006)])
+def test_an_ordinary_encoder_is_learned_to_its_floor(tmp_path, counts, reached):
+    """The loops read whole counts, which a fine encoder would not show: that is the scatter."""
+    rig = with_values(
+        load_rig("paper"),
+        {
+            "controller.timeout": "20 s",
+            "controller.position_error_limit": 1000,
+            "arm.counts_per_revolution": counts,
+        },
+    )
+    learning = IterativeLearning(rig, None, 5)
+    with StandIn(rig, load_scene("paper"), 1) as stand_in:
+        items = learning.presses_on(stand_in.rig)
+        make_presses(GalilController(stand_in.rig), tmp_path, items, on_press=learning.update)
+    assert learning.errors[0] > 0.07
+    assert min(learning.errors) < min(reached, 2 * learning.floor)
+    assert learning.rounding < learning.floor
+
+
+def test_a_correction_below_its_own_rounding_ends_learning():
+    rig = with_values(RIG, {"arm.counts_per_revolution": 4000, "press.speed_tolerance": 0.05})
+    learning = IterativeLearning(rig, None, 5)
+    learning.errors.append(0.001)
+    learning.plan(bump(0.2e-3))
+    assert "rounding to encoder counts" in learning.stopped
+    assert list(learning.presses_on(rig)) == []
+
+
+@pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     "changes",

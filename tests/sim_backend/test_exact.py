@@ -196,12 +196,13 @@ def test_an_arm_is_settled_at_the_same_count_as_the_rigid_bodies():
     world = ExactWorld(RIG, scene_of("paper", engine="exact"))
     world.advance(at_rest, True)
     random, radians = np.random.default_rng(0), RIG.arm.radians_per_count
+    most = round(SETTLED * RIG.arm.counts_per_revolution)
     for _ in range(200):
         start, count = random.uniform(-3, 3), int(random.integers(-500_000, 500_000))
-        for error in (SETTLED, -SETTLED, SETTLED + 1, -SETTLED - 1):
+        for error in (most, -most, most + 1, -most - 1):
             reference = start + count * radians
             world.press.finger.lag[:] = reference - start - (count - error) * radians, 0.0
-            assert world.finger.settled == (abs(error) <= SETTLED)
+            assert world.finger.settled == (abs(error) <= most)
 
 
 def played_loops(loops, drive, sample, joints):

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt
 
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.learning import Correction, Learner, corrected, speed_error
-from sautereau.trajectory.press import draft_press, plan_press
+from sautereau.trajectory.press import draft_press, plan_press, sent_motion
 from sautereau.trajectory.timing import press_law
 
 RIG = load_rig("paper")
@@ -34,7 +34,8 @@ def run(plant, presses=8):
     """Press with learning; return the learner."""
     learner, used = Learner(LAW, PERIOD), None
     for press in range(presses):
-        used = learner.learn(used, TIME, plant(commanded(used), press))
+        sent = commanded(used)
+        used = learner.learn(used, TIME, sent, plant(sent, press))
         if used is None:
             break
     return learner
@@ -50,13 +51,13 @@ def test_the_error_is_the_rms_over_the_cruise():
 
 
 def test_a_slow_disturbance_is_learned_at_once():
-    second = corrected(LAW, None, TIME, commanded(None) + DIP, PERIOD)
+    second = corrected(LAW, TIME, commanded(None), commanded(None) + DIP, PERIOD)
     left = (commanded(second) + DIP - commanded(None))[CRUISE]
     assert np.abs(left).max() < 0.02 * np.abs(DIP).max()
 
 
 def test_the_correction_vanishes_before_the_return():
-    found = corrected(LAW, None, TIME, commanded(None) + DIP, PERIOD)
+    found = corrected(LAW, TIME, commanded(None), commanded(None) + DIP, PERIOD)
     assert found.rise[0] == found.rise[-1] == 0
     assert found.rise.max() == pytest.approx(np.sqrt(np.pi) * 0.01 * 0.01, rel=0.02)
 
@@ -78,6 +79,35 @@ def test_learning_improves_the_speed_and_stops_when_it_worsens(gain, lag, noise)
     learner = run(plant)
     assert min(learner.errors) < 0.5 * learner.errors[0]
     assert learner.errors[-1] <= 1.5 * min(learner.errors) or "grew" in learner.stopped
+
+
+@pytest.mark.parametrize("counts", [20_000, 262_144, 2_000_000])
+def test_a_coarse_encoder_is_learned_to_its_rounding(counts):
+    """A rigid arm plays the rounded plan, and the string adds a dip that learning removes."""
+    changes = {"arm.counts_per_revolution": counts, "press.speed_tolerance": 0.03}
+    rig = with_values(RIG, changes)
+    learner, used, rounding = Learner(LAW, PERIOD), None, []
+    for _ in range(4):
+        plan = plan_press(rig, None, used)
+        ticks = np.minimum(TIME / PERIOD, plan.segments.total_samples)
+        sent = sent_motion(rig, plan.segments, ticks).velocity
+        rounding.append(plan.cruise.rms_error)
+        used = learner.learn(used, TIME, sent, sent + DIP)
+        if used is None:
+            break
+    best = int(np.argmin(learner.errors))
+    assert learner.errors[0] > 0.045
+    assert best > 0
+    assert learner.errors[best] <= 1.2 * rounding[best] + 2e-3  # the cut-off of the filter
+    assert learner.scatter < 1e-4  # the filter rounds the corners of the plan
+
+
+def test_the_scatter_is_that_of_the_presses():
+    random, rms = np.random.default_rng(3), 1e-3
+    learner = run(lambda speed, _: speed + DIP + rms * random.normal(size=len(TIME)), 6)
+    # Butterworth's gain of order 2, forwards and backwards: the integral of 1 / (1 + x^4)^2.
+    band = 3 * np.pi / (8 * np.sqrt(2)) * 1000 / (RATE / 2)
+    assert learner.scatter == pytest.approx(rms * np.sqrt(band) / 0.072, rel=0.2)
 
 
 def test_a_second_order_arm_with_a_sudden_release():

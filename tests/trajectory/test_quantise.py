@@ -1,10 +1,16 @@
 """Quantisation to counts and samples, and its effect on the cruise."""
 
+from dataclasses import replace
+from itertools import pairwise, product
+
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies
 
-from sautereau.trajectory.press import draft_press, plan_press
-from sautereau.trajectory.quantise import GRAIN, LONGEST_SEGMENT
+from sautereau.trajectory.learning import corrected
+from sautereau.trajectory.press import draft_press, plan_press, sent_motion
+from sautereau.trajectory.quantise import GRAIN, LONGEST_SEGMENT, _least, quantise
+from sautereau.trajectory.timing import press_law
 from tests.budget import slow
 from tests.trajectory.brute_force import true_cruise_error
 
@@ -162,3 +168,59 @@ def test_the_finest_encoder_fits_into_the_fifo(bench):
         plan = plan_press(bench(arm__counts_per_revolution=2**31, press__jack_speed=speed))
         assert len(plan.segments) < 255
         assert plan.cruise.error < 1e-4
+
+
+def held_string(rig, depth):
+    """A correction as learning makes it: against a fall of the speed that ends at a release."""
+    law, period = press_law(rig.press), rig.controller.sample_period
+    time = np.arange(0, law.law.duration, 1e-4)
+    held = (time > law.cruise_start + 0.03) & (time < law.cruise_start + 0.05)
+    sent = law.law.at(time).velocity
+    return corrected(law, time, sent, sent - depth * rig.press.jack_speed * held, period)
+
+
+@given(counts=strategies.integers(4000, 2_000_000), depth=strategies.floats(0.05, 0.3))
+@settings(max_examples=60)
+def test_a_correction_is_rounded_as_little_as_the_encoder_permits(bench, counts, depth):
+    rig = bench(arm__counts_per_revolution=counts)
+    correction = held_string(rig, depth)
+    plan = draft_press(rig, None, correction)
+    fixed = quantise(rig, plan.law.law, plan.joints)
+    assert len(plan.segments) < rig.controller.segment_limit
+    assert (plan.segments.samples % GRAIN == 0).all()
+    assert plan.segments.end.tolist() == fixed.end.tolist()
+    # Rounding at two knots, a time T apart, gives an RMS error of up to sqrt(6/5) counts / T. With
+    # knots chosen by it, it is less than half of that at T = 20 ms, a string's time.
+    count = 2 * np.pi / counts * rig.arm.upper_length * rig.key.jack_arm / rig.key.press_arm
+    rounded = np.sqrt(6 / 5) * count / rig.press.jack_speed / 20e-3
+    assert plan.cruise.rms_error < max(rig.press.speed_tolerance, rounded / 2)
+    as_fixed = replace(plan, segments=fixed)
+    assert plan.cruise.rms_error == pytest.approx(rms_error(rig, plan), rel=0.02, abs=1e-5)
+    assert plan.cruise.rms_error <= rms_error(rig, as_fixed) * 1.02 + 1e-5
+    if rms_error(rig, as_fixed, np.inf) <= rig.press.speed_tolerance:
+        assert plan.segments.ends.tolist() == fixed.ends.tolist()  # fine encoders: as without
+
+
+def rms_error(rig, plan, order=2):
+    """Return the RMS or, of order infinity, the largest error of a plan's speed in its cruise."""
+    time = np.arange(plan.cruise.start, plan.cruise.end, 1e-5)
+    sent = sent_motion(rig, plan.segments, time / rig.controller.sample_period).velocity
+    planned = plan.law.law.at(time).velocity
+    error = np.abs(sent - planned) / planned.max()
+    return error.max() if order == np.inf else np.sqrt(np.mean(error**2))
+
+
+@given(errors=strategies.lists(strategies.floats(0, 9), min_size=28, max_size=28))
+def test_the_sequence_of_segments_with_the_least_error_is_found(errors):
+    """Seven grains: all 64 sequences are tried."""
+    table = np.full((7, 7), np.inf)
+    table[
+        [k for k in range(7) for _ in range(7 - k)], [i for k in range(7) for i in range(7 - k)]
+    ] = errors
+    least = np.inf
+    for chosen in product([False, True], repeat=6):
+        ends = [0, *np.flatnonzero(chosen) + 1, 7]
+        least = min(least, sum(table[b - a - 1, a] for a, b in pairwise(ends)))
+    total, ends = _least(table)
+    assert total == pytest.approx(least)
+    assert sum(table[b - a - 1, a] for a, b in pairwise(ends.tolist())) == pytest.approx(least)

@@ -9,7 +9,7 @@ from sautereau.rig.schema import Arm, Rig
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
-from sautereau.sim_backend.physics.finger import SETTLED, Reference
+from sautereau.sim_backend.physics.finger import Reference, settled_within
 from sautereau.sim_backend.physics.rigid import bodies
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import touching_angle
@@ -149,8 +149,9 @@ class ServoFinger(SteppedFinger):
 
     @property
     def settled(self) -> bool:
-        """Whether both loops are within `SETTLED` counts, or the motors are off."""
-        return not self._powered or max(map(abs, self._error)) <= SETTLED
+        """Whether both loops are within `settled_within`, or the motors are off."""
+        within = settled_within(self._rig.arm) / self._radians
+        return not self._powered or max(map(abs, self._error)) <= within
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         """Read the encoders and set the torques for a controller sample; see `SteppedFinger`."""
