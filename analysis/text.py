@@ -95,7 +95,7 @@ def _wrapped_line(line: str) -> str:
 
 def quantity_in_rig(value: float, unit: str, digits: int = 4) -> str:
     """Return an SI value in the unit in which rig files state it."""
-    scale, name = _in_rig(unit)
+    scale, name = _in_rig(unit, value)
     return f"{value * scale:.{digits}g} {name}".strip()
 
 
@@ -113,7 +113,7 @@ def in_rig_units(
     Returns:
         The value, the uncertainties with two digits, or `-`, and their unit.
     """
-    scale, name = _in_rig(unit)
+    scale, name = _in_rig(unit, value)
     largest = max(abs(value), std or 0.0) * scale
     far = 0 < largest < 1e-3 or 1e5 <= largest < math.inf
     power = math.floor(math.log10(largest)) if far else 0
@@ -124,9 +124,14 @@ def in_rig_units(
     return f"{value * scale:.{min(digits, 9)}f}{exponent}", spreads, name
 
 
-def _in_rig(unit: str) -> tuple[float, str]:
-    """Return the factor from an SI unit to that of rig files, and its text."""
-    return IN_RIG.get(unit, (1.0, unit.replace("**", "^").replace("*", " ")))
+def _in_rig(unit: str, value: float) -> tuple[float, str]:
+    """Return the factor from an SI unit to that of rig files, and its text.
+
+    A value of 10,000 or more in that unit, as a string's tension in mN, has the SI unit.
+    """
+    scale, name = IN_RIG.get(unit, (1.0, ""))
+    large = not name or abs(value) * scale >= 1e4
+    return (1.0, unit.replace("**", "^").replace("*", " ")) if large else (scale, name)
 
 
 def percent(ratio: float) -> str:

@@ -68,8 +68,8 @@ def edit_rig(
 
     Args:
         path: The user's rig file; packaged rigs are never changed.
-        values: TOML values by dotted key, such as ``{"arm.base_x": "-274.9 mm"}``; an entry of
-            a list is named by its index.
+        values: TOML values by dotted key, such as ``{"arm.base_x": "-274.9 mm"}``, or tables
+            with the keys ``value`` and ``assumed``; an entry of a list is named by its index.
         source: Origin of the values; written into every value that is a table.
         every: Make tables of the other values, so that all have their source.
 
@@ -123,16 +123,17 @@ def _put(node: Any, keys: list[str], value: TomlValue, source: str, every: bool)
         node = node[int(key)] if isinstance(node, list) else node[key]
     index: Any = int(last) if isinstance(node, list) else last
     old = node.get(last) if isinstance(node, dict) else node[index]
+    given = dict(value) if isinstance(value, Mapping) else {"value": value}
     if isinstance(old, dict):
         if "value" not in old:
             raise KeyError(last)
         known = tomlkit.inline_table()
         known.update({key: kept for key, kept in old.items() if key != "assumed"})
-        known.update({"value": value} | ({"source": source} if source else {}))
+        known.update(given | ({"source": source} if source else {}))
         node[index] = known
-    elif every and source and isinstance(node, dict):
+    elif (every and source and isinstance(node, dict)) or isinstance(value, Mapping):
         known = tomlkit.inline_table()
-        known.update({"value": value, "source": source})
+        known.update(given | ({"source": source} if source else {}))
         node[index] = known
     else:
         item = tomlkit.item(value)

@@ -70,16 +70,21 @@ def drawn(stds: Floats, inputs: Sequence[tuple[Deviation, Floats]]) -> list[Floa
     return found
 
 
+def shared_keys(rig: Rig, key: str) -> tuple[str, ...]:
+    """Return the dotted keys of all values that have the error of one of them."""
+    shared = tuple(name for name in FROM_THE_FRONT if name in rig.assumed)
+    return shared if key in shared else (key,)
+
+
 def deviations(rig: Rig, names: Iterable[str]) -> list[Deviation]:
     """Return the errors of the values that the rig knows to within a range only.
 
     Args:
         names: Dotted keys of values, in the rig's tables.
     """
-    shared = tuple(name for name in FROM_THE_FRONT if name in rig.assumed)
     found = {}
     for name in names:
-        keys = shared if name in shared else (name,)
+        keys = shared_keys(rig, name)
         low, high = rig.assumed.get(name, (0.0, 0.0))
         if low < high:
             low, high = (end - value_of(rig, keys[0]) for end in rig.assumed[keys[0]])

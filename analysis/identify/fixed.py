@@ -13,14 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sautereau.analysis.identify.fit import DEPENDENT, Fit
+from sautereau.analysis.identify.hidden import unfitted
 from sautereau.analysis.identify.information import Information
 from sautereau.analysis.identify.parameter_names import (
     CONTACT,
-    FORCE,
-    MODULUS,
-    NAMES,
-    STIFFNESS,
-    VELOCITY_GAIN,
+    MEASURED,
 )
 from sautereau.analysis.identify.parameters import (
     bounds_of,
@@ -31,16 +28,9 @@ from sautereau.analysis.identify.parameters import (
 from sautereau.analysis.identify.problem import Problem
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.identify.whitening import white
-from sautereau.rig.ranges import Deviation, deviations
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-MEASURED = (
-    *("key.press_arm", "key.laser_arm", "key.jack_arm", "key.jack_surface_height"),
-    *("plectrum.length", "plectrum.thickness"),
-    *("string.tension", "string.length", "string.plucking_point", "string.diameter"),
-)
-"""Numbers of the rig that are measured with a ruler. They are never fitted."""
 CHANGE = 0.01
 """Relative change in the table of effects of a number for which the rig assumes no range."""
 FRICTION_CHANGE = 0.1
@@ -69,19 +59,6 @@ class Sensitivity:
     calibration, or of a hidden parameter."""
     effects: dict[str, float]
     """Resulting change of each result, divided by the result's scale."""
-
-
-@dataclass(frozen=True)
-class Input:
-    """A fixed number of the rig, and what its error does to the fit."""
-
-    name: str
-    change: float
-    """SI; see `Sensitivity`."""
-    effects: Floats
-    """Change of the scaled parameters by it, shape (parameters,)."""
-    deviation: Deviation | None
-    """Its error; None if the rig assumes no range."""
 
 
 @dataclass(frozen=True)
@@ -130,54 +107,42 @@ class ScoreTest:
         return steps / scales, float(moved @ moved)
 
 
-def fixed_inputs(fitted: Fit, jacobian: Floats, excess: float) -> list[Input]:
-    """Return the fixed numbers of a fit with their effects.
+def sensitivities(
+    fitted: Fit, jacobian: Floats, excess: float, known: Information
+) -> tuple[Sensitivity, ...]:
+    """Return the effects of fixed numbers and of hidden parameters, the largest effect first.
 
     Args:
         jacobian: Derivatives of its whitened residuals by the scaled parameters.
         excess: Mean square of the whitened residuals.
+        known: The information of the fit.
     """
-    problem, dynamics = fitted.problem, fitted.problem.dynamics
+    problem, dynamics, table = fitted.problem, fitted.problem.dynamics, []
+    shown = [k for k, p in enumerate(problem.free) if not p.hidden]
     rows = np.vstack([jacobian / np.sqrt(excess), problem.prior_jacobian])
     gain = np.linalg.pinv(rows, rcond=1e-9)[:, : len(jacobian)] / np.sqrt(excess)
     whitened = problem.data(fitted.values / problem.scales)
-    rig, numbers, found = dynamics.rig, _fixed(dynamics), []
-
-    def add(name: str, change: float, moved: Rig, step: float, error: Deviation | None) -> None:
-        column = problem.by_another(whitened, *_moved_to(dynamics, fitted.values, moved), step)
-        if column is not None:
-            found.append(Input(name, change, gain @ column * -change, error))
-
-    for error in deviations(rig, numbers):
-        add(error.name, error.std, *_beside(dynamics, error.keys), error)
-    for name in [name for name in numbers if name not in rig.assumed]:
-        change = CHANGE * abs(value_of(rig, name)) or FRICTION_CHANGE
-        add(name, change, *_beside(dynamics, [name]), None)
-    add(CONTACT, 1.0, _other_contact(rig), 1.0, None)
-    return found
-
-
-def sensitivities(
-    fitted: Fit, inputs: Sequence[Input], known: Information
-) -> tuple[Sensitivity, ...]:
-    """Return the effects of fixed numbers and of hidden parameters, the largest effect first."""
-    problem, rig, table = fitted.problem, fitted.problem.dynamics.rig, []
-    shown = [k for k, p in enumerate(problem.free) if not p.hidden]
 
     def add(name: str, unit: str, value: float, change: float, stated: bool, by: Floats) -> None:
         effects = {problem.free[k].name: float(by[k]) for k in shown}
         table.append(Sensitivity(name, unit, value, change, stated, effects))
+
+    def fixed(name: str, unit: str, value: float, change: float, step: float, rig: Rig) -> None:
+        column = problem.by_another(whitened, dynamics.on(rig), fitted.values, step)
+        if column is not None:
+            add(name, unit, value, change, False, gain @ column * -change)
 
     for k, parameter in enumerate(problem.free):
         if parameter.hidden and parameter.std:
             by = known.by(k) * parameter.std / problem.scales[k]
             value = float(fitted.values[k])
             add(parameter.name, parameter.unit, value, parameter.std, True, by)
-    for i in inputs:
-        unit, value = "", float(rig.plectrum.contact == "surface")
-        if i.name != CONTACT:
-            unit, value = unit_of_parameter(i.name), value_of(rig, i.name)
-        add(i.name, unit, value, i.change, i.deviation is not None, i.effects)
+    for name in _fixed(dynamics):
+        value = value_of(dynamics.rig, name)
+        change = CHANGE * abs(value) or FRICTION_CHANGE
+        fixed(name, unit_of_parameter(name), value, change, *_beside(dynamics.rig, name))
+    on_surface = float(dynamics.rig.plectrum.contact == "surface")
+    fixed(CONTACT, "", on_surface, 1.0, 1.0, _other_contact(dynamics.rig))
     return tuple(sorted(table, key=lambda s: -max(map(abs, s.effects.values()), default=0.0)))
 
 
@@ -191,8 +156,8 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
     dynamics = fitted.problem.dynamics
     test = ScoreTest(fitted.problem, fitted.values, noise * np.sqrt(DEPENDENT), fitted.free_offset)
 
-    def freed(rig: Rig, step: float) -> tuple[float, float]:
-        moved, reduction = test.freed([test.column(*_moved_to(dynamics, fitted.values, rig), step)])
+    def freed(step: float, rig: Rig) -> tuple[float, float]:
+        moved, reduction = test.freed([test.column(dynamics.on(rig), fitted.values, step)])
         return float(moved[0]), reduction
 
     found = []
@@ -200,7 +165,7 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
         if name in MEASURED:
             continue
         unit, value = unit_of_parameter(name), value_of(dynamics.rig, name)
-        step, reduction = freed(*_beside(dynamics, [name]))
+        step, reduction = freed(*_beside(dynamics.rig, name))
         low, high = bounds_of(dynamics.rig, name)
         if low == high:
             high = np.inf
@@ -210,7 +175,7 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
     found.sort(key=lambda s: -s.reduction)
     if dynamics.rig.plectrum.contact == "mid-line":
         # The step is the offset of the string's centre, as a fraction of that on the surface.
-        step, reduction = freed(_other_contact(dynamics.rig), 1.0)
+        step, reduction = freed(1.0, _other_contact(dynamics.rig))
         if reduction > SUGGESTED and step > LIKELY:
             # It comes first, because friction has a similar effect.
             found.insert(0, Suggestion(CONTACT, "", reduction, 1.0))
@@ -224,28 +189,13 @@ def _other_contact(rig: Rig) -> Rig:
 
 
 def _fixed(dynamics: InverseDynamics) -> list[str]:
-    """Return the fixed numbers of the model; of modulus and stiffness the one with a range."""
-    free, of_plectrum = {p.name for p in dynamics.free}, {MODULUS, STIFFNESS}
-    if free.isdisjoint(of_plectrum):
-        of_plectrum = {STIFFNESS if MODULUS in dynamics.rig.assumed else MODULUS}
-    taken = free | {FORCE} | of_plectrum
-    return [name for name in (*NAMES, *MEASURED) if name not in taken]
+    """Return the numbers of the model that are neither fitted nor known to within a range only."""
+    names = unfitted(dynamics.rig, [p.name for p in dynamics.free])
+    return [name for name in names if name not in dynamics.rig.assumed]
 
 
-def _beside(dynamics: InverseDynamics, names: Sequence[str]) -> tuple[Rig, float]:
-    """Return the rig after a small common step of fixed numbers, and the step."""
-    values = {name: value_of(dynamics.rig, name) for name in names}
-    first = abs(values[names[0]])
-    step = STEP * first if first else STEP
-    return with_parameters(dynamics.rig, {n: v + step for n, v in values.items()}), step
-
-
-def _moved_to(
-    dynamics: InverseDynamics, values: Floats, rig: Rig
-) -> tuple[InverseDynamics, Floats]:
-    """Return the inverse dynamics of another rig, and the values of its parameters."""
-    values = values.copy()
-    # The angle follows from the measured velocity and this lever arm.
-    gain = [p.name for p in dynamics.free].index(VELOCITY_GAIN)
-    values[gain] *= dynamics.rig.key.laser_arm / rig.key.laser_arm
-    return InverseDynamics(rig, dynamics.free, dynamics.presses, dynamics.level), values
+def _beside(rig: Rig, name: str) -> tuple[float, Rig]:
+    """Return a small step of a fixed number, and the rig after it."""
+    value = value_of(rig, name)
+    step = STEP * abs(value) or STEP
+    return step, with_parameters(rig, {name: value + step})

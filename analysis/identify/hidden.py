@@ -1,6 +1,7 @@
 """Hidden parameters: fitted in every fit because they bias the others, and not reported.
 
-They are errors of the calibrations, and numbers of the rig that are seldom known well enough.
+They are errors of the calibrations, numbers of the rig that are seldom known well enough, and all
+numbers that the rig knows to within a range only.
 """
 
 from collections.abc import Sequence
@@ -12,10 +13,12 @@ from sautereau.analysis.identify.parameter_names import (
     DAMPER,
     DAMPER_LIFT,
     ENDS,
+    FORCE,
     FORCE_GAIN,
     FRICTION,
     LATE_SLIDING,
     MODULUS,
+    NAMES,
     OF_STRING,
     OVERLAP,
     RELEASE,
@@ -24,11 +27,13 @@ from sautereau.analysis.identify.parameter_names import (
     TIME,
     VELOCITY_GAIN,
     VIBRATION,
+    WIDTH,
+    rig_key,
     split_name,
 )
-from sautereau.analysis.identify.parameters import Parameter
+from sautereau.analysis.identify.parameters import Parameter, unit_of_parameter, value_of
 from sautereau.rig.acquisition import Channel
-from sautereau.rig.ranges import deviations
+from sautereau.rig.ranges import Deviation, deviations, shared_keys
 from sautereau.rig.schema import Rig
 
 CLEARANCE_STD = 0.1e-3
@@ -96,7 +101,22 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
     )
     if plectrum_is_free and rig.plectrum.contact == "surface":
         found.append(_fraction(FRICTION, rig.plectrum.friction, FRICTION_STD))
-    return [parameter for parameter in found if parameter.name not in names]
+    found = [parameter for parameter in found if parameter.name not in names]
+    unknown = deviations(rig, unfitted(rig, [*names, *(p.name for p in found)]))
+    return found + [_within_range(rig, error) for error in unknown]
+
+
+def unfitted(rig: Rig, names: Sequence[str]) -> list[str]:
+    """Return the numbers of the model that are not among those of these names.
+
+    Of modulus and bending stiffness it is the one with a range, if neither is named.
+    """
+    of_plectrum = {MODULUS, STIFFNESS}
+    if of_plectrum.isdisjoint(names):
+        of_plectrum = {STIFFNESS if MODULUS in rig.assumed else MODULUS}
+    of_plectrum |= {WIDTH} if STIFFNESS in names else set()  # it has no other effect
+    fitted = {key for name in names for key in shared_keys(rig, rig_key(name))}
+    return [name for name in NAMES if name not in {*names, FORCE, TIME, *of_plectrum, *fitted}]
 
 
 def delay_std(rig: Rig) -> float:
@@ -119,6 +139,13 @@ def _hidden(name: str, value: float, std: float, unit: str = "", least: float = 
     low, high = value - BOUND_STDS * std, value + BOUND_STDS * std
     low = max(low, least * value) if value else low
     return Parameter(name, unit, value, low, high, value, std, hidden=True)
+
+
+def _within_range(rig: Rig, error: Deviation) -> Parameter:
+    value = value_of(rig, error.name)
+    ends = value + error.low, value + error.high
+    unit = unit_of_parameter(error.name)
+    return Parameter(error.name, unit, value, *ends, value, error.std, hidden=True)
 
 
 def _fraction(name: str, mean: float, std: float) -> Parameter:

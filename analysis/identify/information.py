@@ -2,11 +2,11 @@
 
 Everything about uncertainty follows from it: standard uncertainties, identifiable combinations (the
 right singular vectors of the scaled Jacobian, whose singular values are the inverses of their
-standard uncertainties), the effects of numbers that are only known to within a range, and how
-certain a result would be if something were measured or more presses were made.
+standard uncertainties), the effects of hidden parameters, and how certain a result would be if
+something were measured or more presses were made.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -42,6 +42,7 @@ _HOW = {
     TIME: "measure the delays of force and velocity, and give delay_std",
     **dict.fromkeys((SLIDING, LATE_SLIDING), "support the finger more stiffly along the key"),
     **dict.fromkeys((DAMPER, DAMPER_LIFT), "raise the damper"),
+    "key.front_arm": "measure the place of the pin, and give the lengths from it without ranges",
 }  # How to measure or remove what a hidden parameter describes
 
 
@@ -83,9 +84,6 @@ class Information:
     """Derivatives of the priors, shape (priors, parameters)."""
     lacking: Floats
     """Uncertainty of the scaled parameters that no residual shows, shape (parameters,)."""
-    inputs: Mapping[str, Floats]
-    """Changes of the scaled parameters by the standard uncertainty of each fixed number with an
-    assumed range, shape (parameters,)."""
 
     @cached_property
     def _bayes(self) -> tuple[Floats, NDArray[np.bool_]]:
@@ -98,14 +96,9 @@ class Information:
         return kept.T @ kept, np.all(np.abs(directions[~seen]) < 1e-3, axis=0)
 
     @cached_property
-    def normal(self) -> Floats:
-        """Covariance of the normal errors: of noise and priors, and of what is lacking."""
-        return self._bayes[0] + np.outer(self.lacking, self.lacking)
-
-    @cached_property
     def covariance(self) -> Floats:
-        """Total covariance, with that of the fixed numbers."""
-        return self.normal + sum(np.outer(e, e) for e in self.inputs.values())
+        """Total covariance, of data and priors, and of what is lacking."""
+        return self._bayes[0] + np.outer(self.lacking, self.lacking)
 
     @cached_property
     def stds(self) -> Floats:
@@ -134,9 +127,7 @@ class Information:
         covariance, _ = self._bayes
         return covariance[number] / covariance[number, number]
 
-    def std(
-        self, number: int, known: Sequence[int] = (), presses: float = 1.0, measured: str = ""
-    ) -> float:
+    def std(self, number: int, known: Sequence[int] = (), presses: float = 1.0) -> float:
         """Return the total standard uncertainty of a parameter; infinite if undetermined.
 
         Its own prior does not count.
@@ -145,7 +136,6 @@ class Information:
             number: Number of the parameter.
             known: Numbers of the parameters that are known exactly.
             presses: Ratio of the number of presses to that of the recorded ones.
-            measured: Name of a fixed number that is known exactly.
         """
         kept = [k for k in range(len(self.names)) if k not in known]
         prior = self.prior[self.prior[:, number] == 0]
@@ -155,7 +145,6 @@ class Information:
                 np.sqrt(presses) * self.data[:, kept],
                 prior[:, kept],
                 self.lacking[kept],
-                {name: moved[kept] for name, moved in self.inputs.items() if name != measured},
             ).stds[kept.index(number)]
         )
 
@@ -171,13 +160,6 @@ class Information:
             if k != number and (how := _how(name)):
                 known.setdefault(how, []).append(k)
         found = [Measurement(how, self.std(number, own) * scale) for how, own in known.items()]
-        found += [
-            Measurement(
-                f"measure {name}, and give it without a range",
-                self.std(number, measured=name) * scale,
-            )
-            for name in self.inputs
-        ]
         more = self.std(number, presses=MORE)
         found.append(Measurement(f"record {MORE} times as many presses", more * scale))
         found = [each for each in found if each.std < USEFUL * now * scale]
@@ -194,7 +176,6 @@ class Information:
         base, _ = np.linalg.qr(own[:, hidden])
         rows = own[:, shown] - base @ (base.T @ own[:, shown])
         _, singular, directions = np.linalg.svd(rows, full_matrices=False)
-        effects = [moved[shown] for moved in self.inputs.values()]
         found = []
         for value, direction in zip(singular, directions, strict=True):
             order = np.argsort(-np.abs(direction)).tolist()
@@ -202,8 +183,7 @@ class Information:
             listed = [k for k in order if abs(direction[k]) >= LEAST_WEIGHT]
             weights = {self.names[int(shown[k])]: float(direction[k]) for k in listed}
             seen = value > 1e-9 * max(float(singular[0]), 1e-300)
-            parts = [1 / value, *(e @ direction for e in effects)] if seen else []
-            std = float(np.linalg.norm(parts)) if seen else None
+            std = 1 / float(value) if seen else None
             found.append(Combination(weights, std, std is not None and std < IDENTIFIABLE))
         return tuple(found)
 

@@ -72,6 +72,8 @@ class Observed:
     """s after the trigger, times of `net_force`; shape (samples,)."""
     net_force: Floats
     """N, finger force averaged over a substep, minus its value at rest; shape (samples,)."""
+    laser_arm: float
+    """m, of the rig with which the angles were measured."""
     lift_off: float
     """s after the trigger, at which the key leaves its back rail, or at which a thrown jack has
     landed."""
@@ -184,6 +186,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         substep_angle=angle[rows],
         net_time=press.time,
         net_force=_net(force, part, press.rate),
+        laser_arm=arm,
         lift_off=_lift_off(press.time, angle) if landed is None else landed,
         thrown=landed is not None,
         phase=_phase(phases, time[at], motion),

@@ -8,6 +8,7 @@ MODULUS = "plectrum.youngs_modulus"
 OVERLAP = "plectrum.overlap"
 FRICTION = "plectrum.friction"
 FINGERTIP = "arm.fingertip_friction"
+WIDTH = "plectrum.width"
 CLEARANCE = "jack.string_clearance"
 INERTIA = "key.inertia"
 CONTACT = "plectrum.contact"
@@ -42,6 +43,12 @@ ENDS = {
     VIBRATION: (0.0, 1.5),
 }
 """Bounds of the parameters that have a natural range, SI."""
+MEASURED = (
+    *("key.press_arm", "key.laser_arm", "key.jack_arm", "key.jack_surface_height"),
+    *("plectrum.length", WIDTH, "plectrum.thickness"),
+    *("string.tension", "string.length", "string.plucking_point", "string.diameter"),
+)
+"""Numbers of the rig that are measured with a ruler or a gauge: freeing one is never suggested."""
 NAMES = (
     MODULUS,
     STIFFNESS,
@@ -55,6 +62,7 @@ NAMES = (
     "jack.register_friction",
     CLEARANCE,
     FINGERTIP,
+    *MEASURED,
     TIME,
     FORCE,
 )

@@ -204,7 +204,8 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
             found[f"daq.channels.{at}.delay"] = format_quantity(channel.delay - value, "s")
         elif name != FORCE:
             unit = unit_of_parameter(name)
-            found[rig_key(name)] = format_quantity(value, unit) if unit else value
+            for key, own in _with_shared(rig, name, value):
+                found[key] = format_quantity(own, unit) if unit else own
     return found
 
 
@@ -219,9 +220,17 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
     """Return the rig with these values [SI]; they must be within the bounds of the rig's keys."""
     own = {n: v for n, v in values.items() if not n.startswith("offset.")}
     stiffnesses = {n: own.pop(n) for n in list(own) if split_name(n)[1] == STIFFNESS}
-    changed = rig.replaced({rig_key(name): value for name, value in own.items()})
+    changed = rig.replaced({k: v for name in own for k, v in _with_shared(rig, name, own[name])})
     moduli = dict(_of_rig(changed, name, value) for name, value in stiffnesses.items())
     return changed.replaced({rig_key(name): value for name, value in moduli.items()})
+
+
+def _with_shared(rig: Rig, name: str, value: float) -> list[tuple[str, float]]:
+    """Return the rig's keys that change with a parameter, and their values [SI]."""
+    own = rig_key(name)
+    others = [key for key in ranges.shared_keys(rig, own) if key != own]
+    change = value - value_of(rig, name) if others else 0.0
+    return [(own, value), *((key, ranges.value_of(rig, key) + change) for key in others)]
 
 
 def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Parameter:

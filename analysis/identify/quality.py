@@ -55,8 +55,7 @@ class Quality:
     autocorrelation: float
     """Correlation coefficient of residuals that are one smoothing window apart."""
     offsets: dict[str, float]
-    """Fitted errors of the calibrations, divided by their standard uncertainties, to which the
-    assumed ranges of fixed numbers contribute."""
+    """Fitted errors of the calibrations, divided by their standard uncertainties."""
     quiet: bool
     """Whether the noise at rest explains the residual without a string. True if it is unknown:
     nothing then speaks for further modes of the key; it is no sign that the model fits."""
@@ -89,19 +88,13 @@ class Quality:
         return "the model fits" if self.fits else "THE MODEL DOES NOT FIT"
 
 
-def judged(good: Quality, fitted: Fit, moved: Floats) -> Quality:
-    """Return the goodness of a fit with the verdict on its calibrations.
-
-    Args:
-        good: Of `quality`.
-        moved: SI, changes of all parameters by the standard uncertainties of fixed numbers, shape
-            (inputs, parameters).
-    """
+def judged(good: Quality, fitted: Fit) -> Quality:
+    """Return the goodness of a fit, of `quality`, with the verdict on its calibrations."""
     free, offsets = fitted.problem.free, {}
-    for p, value, spread in zip(free, fitted.values.tolist(), moved.T, strict=True):
+    for p, value in zip(free, fitted.values.tolist(), strict=True):
         named = p.hidden and p.name in (TIME, FORCE_GAIN, VELOCITY_GAIN)
         if named and p.mean is not None and p.std:
-            offsets[p.name] = float((value - p.mean) / np.linalg.norm([p.std, *spread]))
+            offsets[p.name] = float((value - p.mean) / p.std)
     reasons = [
         f"{name}: the fit is {abs(off):.1f} standard uncertainties from the calibration"
         for name, off in offsets.items()

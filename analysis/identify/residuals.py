@@ -86,6 +86,10 @@ class InverseDynamics:
         """Return the same dynamics with other fitted parameters."""
         return InverseDynamics(self.rig, free, self.presses, self.level, self.unusable)
 
+    def on(self, rig: Rig) -> "InverseDynamics":
+        """Return the same dynamics with other values of the rig."""
+        return InverseDynamics(rig, self.free, self.presses, self.level, self.unusable)
+
     @cached_property
     def floor(self) -> float:
         """N, smallest scale of the force residuals: the accuracy of the model."""
@@ -112,8 +116,11 @@ class InverseDynamics:
             ModelError: The model has no solution there.
         """
         values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
-        rig, lag = with_parameters(self.rig, values), values.get(TIME, 0.0)
-        force_gain, gain = values.get(FORCE_GAIN, 1.0), values.get(VELOCITY_GAIN, 1.0)
+        rig = with_parameters(self.rig, values)
+        # The angle follows from the measured velocity and this lever arm.
+        turned = self.presses[0].laser_arm / rig.key.laser_arm
+        values[VELOCITY_GAIN] = gain = turned * values.get(VELOCITY_GAIN, 1.0)
+        lag, force_gain = values.get(TIME, 0.0), values.get(FORCE_GAIN, 1.0)
         sliding = values.get(SLIDING, 0.0), values.get(LATE_SLIDING, 0.0)
         friction = rig.plectrum.friction - self.rig.plectrum.friction
         strings, modes = _strings(rig, self.level, values, friction), modes_of(values)

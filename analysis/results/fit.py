@@ -179,22 +179,48 @@ class Fit(Result):
 
     @cached_property
     def rig(self) -> Rig:
-        """The recordings' rig with `values`, which have this fit as their source."""
+        """The recordings' rig with `values` and what was fitted with them, with their ranges."""
         nominal = rig_text(self.nominal)
-        text = edited_text(nominal, "fit", Path(), self.values, self._source, every=True)
+        text = edited_text(nominal, "fit", Path(), self._written, self._source, every=True)
         return Rig(parse_rig(text))
 
     def write(self, path: Path) -> None:
-        """Write `values` into a rig file and keep its other values; a new file is that of `rig`.
+        """Write the values of `rig` into a rig file and keep its others; a new file is `rig`.
 
         Without `values` nothing is written.
         """
         if not self.values:
             return
         if path.exists():
-            edit_rig(path, self.values, self._source, every=True).save()
+            edit_rig(path, self._written, self._source, every=True).save()
         else:
             self.rig.save(path)
+
+    @property
+    def _written(self) -> dict[str, Any]:
+        """`values` and what was fitted with them, each with the range that the fit leaves.
+
+        A uniform distribution over that range has the standard uncertainty of the value.
+        """
+        if not self.values:
+            return {}
+        bounds = {p.name: (p.low, p.high) for p in self.made.problem.free}
+        found = [e for e in self.found.estimates if e.identifiable] + [*self.found.also_fitted]
+        ends: list[dict[str, float]] = [{}, {}, {}]
+        for e in found:
+            if e.std is None:
+                continue
+            reach, (low, high) = 3**0.5 * e.std, bounds[e.name]
+            each = e.value, max(low, e.value - reach), min(high, e.value + reach)
+            for own, value in zip(ends, each, strict=True):
+                own[e.name] = value
+        values, lows, highs = (rig_values(self.nominal, own) for own in ends)
+        return {
+            key: value
+            if key.startswith("daq.")  # their uncertainties have keys of their own
+            else {"value": value, "assumed": [lows[key], highs[key]]}
+            for key, value in values.items()
+        }
 
     @property
     def _source(self) -> str:
@@ -288,12 +314,23 @@ def _stated(found: Estimate) -> str:
 def _also_lines(found: Identified) -> list[str]:
     """Return the values that were fitted without being requested."""
     reported = {e.name for e in found.estimates}
+    shown = [a for a in found.also_fitted if a.name in reported or _shown_by_data(a)]
     stated = [
         f"{a.name} {_stated(a)} (rig: {quantity_in_rig(a.rig_value, a.unit)})"
         + ", reported because it differs from the rig's" * (a.name in reported)
-        for a in found.also_fitted
+        for a in shown
     ]
+    if others := len(found.also_fitted) - len(shown):
+        stated.append(
+            f"{counted(others, 'number')} with an assumed range, of which the recordings say little"
+        )
     return [f"also fitted, without being requested: {'; '.join(stated)}"] if stated else []
+
+
+def _shown_by_data(a: Estimate) -> bool:
+    """Return whether the recordings say more of a value than two thirds of its prior knowledge."""
+    # Then the prior's standard uncertainty is at least 1.15 times that with the recordings.
+    return a.unaided is not None and a.std is not None and a.unaided < 2 * a.std
 
 
 def _profile_line(likely: Profile, found: Identified) -> str:
@@ -303,7 +340,7 @@ def _profile_line(likely: Profile, found: Identified) -> str:
         for end in (likely.low, likely.high)
     ]
     unit = in_rig_units(estimate.value, estimate.std, estimate.unit)[2]
-    text = f"95 % by profile likelihood, without assumed ranges: {ends[0]} to {ends[1]} {unit}"
+    text = f"95 % by profile likelihood: {ends[0]} to {ends[1]} {unit}"
     return f"  {likely.name}: {text}".rstrip()
 
 

@@ -14,7 +14,7 @@ from sautereau.rig.instrument import Choir, Plectrum, String
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.base import steps_in_sample
+from sautereau.sim_backend.physics.base import LARGEST_ANGLE, steps_in_sample
 from sautereau.sim_backend.physics.exact import structures as ix
 from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.scene import Scene
@@ -75,7 +75,7 @@ def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats
     if scene.friction:
         keys["viscous"] = key.pivot_viscous_friction
         keys["dry"] = key.pivot_coulomb_friction
-    keys["dip"] = key.dip / arm if scene.felt else math.inf
+    keys["dip"] = key.dip / arm if scene.felt else LARGEST_ANGLE
     if scene.felt:
         keys["felt_stiffness"] = key.felt_stiffness * arm * arm
         keys["felt_damping"] = key.felt_damping * arm * arm

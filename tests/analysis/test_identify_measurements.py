@@ -13,7 +13,7 @@ NAMES = ("plectrum.overlap", "plectrum.friction", "offset.force_gain")
 def information(lacking=0.0):
     """Only the sum of overlap and friction is measured, to 0.01; friction is known to 0.1."""
     data, prior = np.array([[100.0, 100.0, 0.0]]), np.diag([0.0, 10.0, 50.0])[1:]
-    return Information(NAMES, data, prior, np.array([lacking, 0.0, 0.0]), {})
+    return Information(NAMES, data, prior, np.array([lacking, 0.0, 0.0]))
 
 
 def test_the_uncertainty_is_that_of_the_conditional_distribution():
@@ -35,24 +35,22 @@ def test_the_measurement_that_helps_is_listed_with_its_result():
 def test_the_measurement_that_is_asked_for_helps_once_it_is_given():
     """The prior of another parameter counts, and that of the parameter itself does not."""
     data, prior = np.array([[100.0, 100.0, 0.0]]), np.diag([1e4, 500.0, 50.0])
-    known = Information(NAMES, data, prior, np.zeros(3), {})
+    known = Information(NAMES, data, prior, np.zeros(3))
     assert known.std(0) == pytest.approx(np.hypot(0.01, 1 / 500))
     assert known.std(1) == pytest.approx(np.hypot(0.01, 1e-4))
     assert known.measurements(0, scale=1.0)[0].what.startswith("record")
 
 
-def test_a_fixed_number_with_a_range_counts_until_it_is_measured():
-    effects = {"jack.mass": np.array([0.3, 0.0, 0.0])}
-    known = replace(information(), inputs=effects)
-    assert known.std(0) == pytest.approx(np.sqrt(0.01**2 + 0.1**2 + 0.3**2))
-    best, *_ = known.measurements(0, scale=1.0)
-    assert best.what == "measure jack.mass, and give it without a range"
-    assert best.std == pytest.approx(np.hypot(0.01, 0.1))
+def test_the_place_of_the_pin_counts_until_the_lengths_are_measured():
+    known = replace(information(), names=("key.jack_arm", "key.front_arm", "offset.force_gain"))
+    (best,) = known.measurements(0, scale=1.0)
+    assert best.what.startswith("measure the place of the pin")
+    assert best.std == pytest.approx(0.01)
 
 
 def test_a_number_that_acts_alike_without_a_prior_leaves_a_result_undetermined():
     data, prior = np.diag([100.0, 0.0, 0.0]), np.diag([0.0, 0.0, 50.0])
     data[0, 1] = 100.0
-    known = Information(NAMES, data, prior, np.zeros(3), {})
+    known = Information(NAMES, data, prior, np.zeros(3))
     assert known.std(0) == np.inf
     assert known.measurements(0, scale=1.0)[0].std == pytest.approx(0.01)

@@ -232,7 +232,7 @@ def test_a_fit_of_identify_is_read(tmp_path):
         ("key.inertia", "7.100e-4 kg m^2", "-", "-", "0.01e-4", "7.000e-4 to 7.200e-4"),
         (
             "string.tension, not identifiable from these recordings",
-            *("66000.0000 mN", "-", "-", "undetermined", "none"),
+            *("66.0000 N", "-", "-", "undetermined", "none"),
         ),
     )
     assert fit.warnings == ("few presses",)
