@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.trajectory.arm import joints_holding_point
@@ -17,7 +18,7 @@ GRAZES = [("servo", 99)]
 BRIEF = {("servo", 47): 5e-5}
 """s, steps that see a contact of the finger of 80 us, over which those of 100 us pass."""
 REFUSED = ("servo", 23)
-"""The rigid bodies make a contact without a force again and again, and call it diverged."""
+"""The rigid bodies make a contact without a force again and again at this step, and refuse it."""
 CASES = [
     # Seeds with many landings, in series of accumulating ones too.
     ("ideal", 5, 0.0),
@@ -125,6 +126,14 @@ def compare_rigid(finger, seed):
 @pytest.mark.parametrize(("finger", "seed", "rotor"), CASES)
 def test_random_fingers_are_the_documented_equations(finger, seed, rotor):
     compare(finger, seed, rotor)
+
+
+def test_endless_changes_of_contact_are_refused_and_end_with_shorter_steps():
+    rig, scene, reference = drawn(*REFUSED)
+    scene = scene.model_copy(update={"engine": "rigid", "step": 2e-5})
+    with pytest.raises(SceneError, match=r"contacts changed .* at 0\.031.* lower the step"):
+        moved(rig, scene, reference)
+    moved(rig, scene.model_copy(update={"step": 1e-5}), reference)
 
 
 def test_a_heavy_jack_does_not_rebound_from_the_finger():

@@ -26,7 +26,7 @@ from sautereau.sim_backend.physics.rigid.bodies import MM
 from sautereau.sim_backend.physics.rigid.step_event import Event, Kick, earliest
 from sautereau.sim_backend.scene import Scene
 
-MOST_EVENTS = 1000  # Events in one controller sample above which the simulation counts as diverged
+MOST_EVENTS = 1000  # Changes of contact in one controller sample above which a step is too long
 
 Row = tuple[float, float, float, float, float, float, float]
 """Quantities of `Motions`, with the time in ms into the controller sample."""
@@ -127,7 +127,11 @@ class RigidWorld(World):
             self._split(time, event, end)
             event_count += 1
             if event_count > MOST_EVENTS:
-                raise self._diverged()
+                raise SceneError(
+                    f"contacts changed more than {MOST_EVENTS} times within the controller's sample"
+                    f" at {self.time:.6g} s, with steps of {self._step * 1e3:.4g} us; lower the"
+                    ' step of the scene, or let it take engine = "exact"'
+                )
 
     def _cruise(self, count: int) -> int:
         """Take equal steps; return how many were done before the first one with an event."""
