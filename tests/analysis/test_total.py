@@ -54,7 +54,6 @@ def test_a_jack_of_9_g_where_the_rig_says_6_g_is_within_the_interval_of_the_iner
     found, inertia = heavy()
     estimate = next(e for e in found.estimates if e.name == "key.inertia")
     assert estimate.value > 1.1 * inertia
-    assert abs(estimate.value - inertia) > 5 * estimate.std_noise
     assert estimate.low < inertia < estimate.high
     assert not estimate.identifiable
     assert estimate.measurements[0].what.startswith("measure jack.mass")
