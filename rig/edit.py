@@ -16,8 +16,8 @@ from sautereau.rig.faults import fault_list, model_keys, near_miss
 from sautereau.rig.load import parse_rig
 from sautereau.rig.schema import Rig
 
-TomlValue = str | float | list[str] | list[dict[str, str | float]]
-"""A value of a rig file; a list replaces the one before."""
+TomlValue = str | float | list[str] | list[dict[str, str | float]] | dict[str, Any]
+"""A value of a rig file, or its table; a list replaces the one before."""
 
 
 @dataclass(frozen=True)
@@ -123,16 +123,14 @@ def _put(node: Any, keys: list[str], value: TomlValue, source: str, every: bool)
         node = node[int(key)] if isinstance(node, list) else node[key]
     index: Any = int(last) if isinstance(node, list) else last
     old = node.get(last) if isinstance(node, dict) else node[index]
-    given = dict(value) if isinstance(value, Mapping) else {"value": value}
-    if isinstance(old, dict):
-        if "value" not in old:
-            raise KeyError(last)
+    given = dict(value) if isinstance(value, dict) else {"value": value}
+    kept = old if isinstance(old, dict) else None
+    if kept is not None and "value" not in kept:
+        raise KeyError(last)
+    stated = every and source and isinstance(node, dict)
+    if kept is not None or stated or isinstance(value, dict):
         known = tomlkit.inline_table()
-        known.update({key: kept for key, kept in old.items() if key != "assumed"})
-        known.update(given | ({"source": source} if source else {}))
-        node[index] = known
-    elif (every and source and isinstance(node, dict)) or isinstance(value, Mapping):
-        known = tomlkit.inline_table()
+        known.update({key: own for key, own in (kept or {}).items() if key != "assumed"})
         known.update(given | ({"source": source} if source else {}))
         node[index] = known
     else:

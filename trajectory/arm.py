@@ -12,7 +12,13 @@ import numpy as np
 from sautereau.rig.instrument import Key
 from sautereau.rig.schema import Arm, Rig
 from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.key import key_motion, point_on_key, surface_axes
+from sautereau.trajectory.key import (
+    jack_motion,
+    key_motion,
+    key_under_fingertip,
+    point_on_key,
+    surface_axes,
+)
 from sautereau.trajectory.motion import Floats, Motion, cross
 
 
@@ -209,6 +215,12 @@ class Path:
     """Motion of the joints [rad]; shape (n, 2)."""
     slide: Floats
     """m, of the contact along the key; shape (n,)."""
+
+
+def jack_under_finger(rig: Rig, joints: Motion) -> Motion:
+    """Return the jack's motion [m] with the fingertip on the key, from that of the joints [rad]."""
+    centre = fingertip_motion(rig.arm, joints)
+    return jack_motion(rig.key, key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre))
 
 
 def follow_key(rig: Rig, rise: Motion) -> Path:

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.arm import Path, fingertip_motion, follow_down, follow_key, tilt
+from sautereau.trajectory.arm import Path, follow_down, follow_key, jack_under_finger, tilt
 from sautereau.trajectory.checks import Check
 from sautereau.trajectory.dynamics import joint_torques, tip_torque
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.key import jack_law, jack_motion, key_under_fingertip, surface_axes
+from sautereau.trajectory.key import jack_law, surface_axes
 from sautereau.trajectory.learning import Correction
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.quantise import quantise, sample_times
@@ -161,8 +161,7 @@ def sent_motion(rig: Rig, segments: Segments, ticks: Floats | Counts) -> Motion:
     """
     per_radian = rig.arm.counts_per_revolution / (2 * np.pi)
     cubics = segment_cubics(segments, per_radian, rig.controller.sample_period)
-    centre = fingertip_motion(rig.arm, motion_at(segments, cubics, ticks))
-    return jack_motion(rig.key, key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre))
+    return jack_under_finger(rig, motion_at(segments, cubics, ticks))
 
 
 def _change(plain: PressLaw, law: PressLaw) -> float:

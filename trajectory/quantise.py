@@ -8,9 +8,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from sautereau.rig.capabilities import capabilities_of
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.arm import fingertip_motion
+from sautereau.trajectory.arm import jack_under_finger
 from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.key import jack_motion, key_under_fingertip
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.segments import Counts, Segments
 from sautereau.trajectory.timing import JerkLaw, PressLaw
@@ -122,8 +121,7 @@ def _followed(
     inside = slice(low * GRAIN, high * GRAIN + 1)
     planned = law.at(np.arange(inside.start, inside.stop, dtype=np.float64) * period).velocity
     sent, bent = Motion(*(array[inside][::GRAIN] for array in sent)), bent[inside][::GRAIN]
-    centre = fingertip_motion(rig.arm, sent)
-    jack = jack_motion(rig.key, key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre))
+    jack = jack_under_finger(rig, sent)
     n, total, best = high - low, math.inf, np.zeros(0, np.int64)
     errors = np.full((min(n, LONGEST_SEGMENT // GRAIN), n), np.inf)
     for length in range(least, len(errors) + 1):

@@ -56,7 +56,7 @@ class Estimate:
     """Standard uncertainty from the noise of the recordings; None if undetermined."""
     std_inputs: float | None
     """Standard uncertainty from gains and delays of the sensors, from priors, and from the assumed
-    ranges of fixed numbers; None if undetermined."""
+    ranges of the rig's numbers; None if undetermined."""
     low: float | None
     """Lower end of the 95 % interval; None if undetermined, or if the model does not fit."""
     high: float | None

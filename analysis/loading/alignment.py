@@ -26,8 +26,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import columns_of
 from sautereau.daq.signals.calibration import restored
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.arm import fingertip_motion
-from sautereau.trajectory.key import jack_motion, key_under_fingertip
+from sautereau.trajectory.arm import jack_under_finger
 from sautereau.trajectory.motion import Floats, Motion
 
 STEP = 1e-3  # s, between the starts tried first
@@ -143,6 +142,4 @@ def _turned(rise: Floats, joints: Floats, count: float) -> Iterator[Floats]:
 def _rise_of_joints(rig: Rig, joints: Floats) -> Floats:
     """Return the jack's rise [m] with the finger on the key, at joint angles (rad, (k, 2))."""
     still = np.zeros_like(joints)
-    centre = fingertip_motion(rig.arm, Motion(joints, still, still))
-    key = key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre)
-    return jack_motion(rig.key, key).position
+    return jack_under_finger(rig, Motion(joints, still, still)).position

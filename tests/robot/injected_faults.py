@@ -37,6 +37,17 @@ SERIAL, TCP = ("serial",), ("tcp",)
 GARBLED = "echoed|answer|refused|holds"
 
 
+def press_with_answers(desk, known, other):
+    """Press with a controller that answers one text in place of another."""
+
+    def controller(rig):
+        receive = desk.machine.receive
+        desk.machine.receive = lambda *data, **named: receive(*data, **named).replace(known, other)
+        return rig
+
+    desk.press(controller=controller)
+
+
 def fault(done, limit, said, quick=False, ports=SERIAL + TCP):
     """Register a fault: what is done, until when the motors must be off, the message, the ports."""
 
@@ -157,26 +168,12 @@ def fifo_starved(desk):
     "the revision is of another firmware, without PVT", SOON, "has no PVT mode.*without -FAST", True
 )
 def firmware_without_pvt(desk):
-    def controller(rig):
-        receive, known = desk.machine.receive, b"Rev 1.3a-SIM"
-        desk.machine.receive = lambda *data, **named: receive(*data, **named).replace(
-            known, b"Rev 1.3a-FAST-SIM"
-        )
-        return rig
-
-    desk.press(controller=controller)
+    press_with_answers(desk, b"Rev 1.3a-SIM", b"Rev 1.3a-FAST-SIM")
 
 
 @fault("something else answers on the port", SOON, "gives its revision as DMC.*correct")
 def no_galil(desk):
-    def controller(rig):
-        receive, known = desk.machine.receive, b"DMC4020 Rev 1.3a-SIM sautereau stand-in"
-        desk.machine.receive = lambda *data, **named: receive(*data, **named).replace(
-            known, b"I AM A PRINTER"
-        )
-        return rig
-
-    desk.press(controller=controller)
+    press_with_answers(desk, b"DMC4020 Rev 1.3a-SIM sautereau stand-in", b"I AM A PRINTER")
 
 
 @fault("EO 1 does nothing", SOON, "does not echo what it receives", ports=SERIAL)

@@ -51,7 +51,7 @@ class Connection:
         self.line = Line(port, settings.port, settings.timeout, first_wait(settings))
         self._serial = not settings.port.startswith(TCP)
         if self._serial:  # a renewal of the watchdog must not wait long behind an upload
-            characters = settings.baud_rate / _BITS * settings.watchdog_period / 4
+            characters = settings.baud_rate / _BITS * first_wait(settings)
             self.line.piece = max(2, int(characters / _CHARACTERS))
         self._polling = Polling(clock, sleep, "amplifiers")
         self.settings = ControllerSettings(self.line, rig)
