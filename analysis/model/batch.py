@@ -20,7 +20,7 @@ from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY
 
 POINTS = 33  # Points of a stretch that sticks or slides
-CHUNK = 192  # Cases that are computed together, few enough to fit into the processor's cache
+CHUNK = 768  # Cases that are computed together, few enough to fit into the processor's cache
 WARM = 2**19  # Numbers in a block larger than any of a chunk
 NARROWINGS = 4
 """Refinements of a force peak inside the pluck, each between the neighbours of the last."""

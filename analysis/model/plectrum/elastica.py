@@ -78,7 +78,9 @@ class Elastica(Cantilever):
                 arranged(np.einsum("...t,...tkpl->...kpl", basis, laws(q)))
                 for laws in laws_of_terms(self.table)
             ]
-        ((x, z, theta), slopes), ((dx, dz, dtheta), _) = (self.table.at(f, place) for f in found)
+        ((x, z, theta), slopes), ((dx, dz, dtheta), _) = (
+            self.table.with_slopes(f, place) for f in found
+        )
         shape = (x, q * z, q * theta, dx, z + q * dz, theta + q * dtheta)
         bend = similar(s, force, self.bending_stiffness, shape)
         if self.table.uniform:

@@ -53,40 +53,57 @@ class Table:
         """Whether the unloaded contact line runs along x."""
         return not self.line.any()
 
-    def at(self, laws: Floats, place: Floats) -> tuple[Floats, Floats]:
-        """Return laws at places s/L and their slopes by s/L, without the axes of parts and powers.
+    def at(self, laws: Floats, place: Floats) -> Floats:
+        """Return laws at places s/L, without the axes of parts and powers.
 
         Args:
             laws: Shape (parts, powers, ..., *place.shape), or one that fits it.
             place: s/L.
         """
         if self.uniform:
+            return laws[0, 0]
+        laws, u, _ = self._in_parts(laws, place)
+        value = np.array(np.broadcast_to(laws[-1], np.broadcast_shapes(laws[-1].shape, u.shape)))
+        for law in laws[-2::-1]:
+            value *= u
+            value += law
+        return value
+
+    def with_slopes(self, laws: Floats, place: Floats) -> tuple[Floats, Floats]:
+        """Return laws at places s/L, as `at` does, and their slopes by s/L."""
+        if self.uniform:
             return laws[0, 0], np.zeros((*laws.shape[2:3], *(1,) * (laws.ndim - 3)))
+        laws, u, by_place = self._in_parts(laws, place)
+        value = np.array(np.broadcast_to(laws[-1], np.broadcast_shapes(laws[-1].shape, u.shape)))
+        slope = np.zeros_like(value)
+        for law in laws[-2::-1]:
+            slope *= u
+            slope += value
+            value *= u
+            value += law
+        slope *= by_place
+        return value, slope
+
+    def _in_parts(self, laws: Floats, place: Floats) -> tuple[Floats, Floats, float]:
+        """Return the laws of the parts in which places are, u there, and du/d(s/L)."""
         parts = len(laws)
         wide = (1 - self.nearest) / parts
         cell = np.clip((place - self.nearest) / wide, 0, parts - 1).astype(int)
         u = 2 * (place - self.nearest) / wide - 2 * cell - 1
         if parts == 1:
-            laws = laws[0]
-        else:
-            index = cell.reshape(1, 1, *(1,) * (laws.ndim - 2 - cell.ndim), *cell.shape)
-            laws = np.take_along_axis(laws, index, 0)[0]
-        shape = np.broadcast_shapes(laws[-1].shape, place.shape)
-        value, slope = np.broadcast_to(laws[-1], shape), np.zeros(shape)
-        for law in laws[-2::-1]:
-            slope = slope * u + value
-            value = value * u + law
-        return value, slope * (2 / wide)
+            return laws[0], u, 2 / wide
+        index = cell.reshape(1, 1, *(1,) * (laws.ndim - 2 - cell.ndim), *cell.shape)
+        return np.take_along_axis(laws, index, 0)[0], u, 2 / wide
 
     def contact_line(self, place: Floats) -> tuple[Floats, Floats]:
         """Return height [lengths] and slope [rad] at places s/L, stacked, and their slopes."""
         shape = (*self.line.shape, *(1,) * place.ndim)
-        return self.at(self.line.reshape(shape), place)
+        return self.with_slopes(self.line.reshape(shape), place)
 
     def values(self, places: Floats, loads: Floats, drag: float) -> Floats:
         """Return the three at places (n,), loads (m,) and one drag, shape (3, m, n)."""
         laws = arranged(laws_under(self, drag)[0](loads))[..., None]
-        return self.at(np.broadcast_to(laws, (*laws.shape[:-1], len(places))), places)[0]
+        return self.at(np.broadcast_to(laws, (*laws.shape[:-1], len(places))), places)
 
     def limit(self, friction: float) -> float:
         """Return the largest load at a friction: the tip turns by `TURN`, or the table ends."""

@@ -8,7 +8,7 @@ by F (sin a - T cos a) / K and up by F (cos a + T sin a) / K.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ NEWTON_STEPS = 60
 SMALL = 1e-6  # Fraction of the largest load at which the direction of the first friction is found
 TURN_STEPS = 40  # Most iterations of the load at which the string turns; 6 to 10 are usual
 TURN_CLOSE = 1e-6  # Relative tolerance on it; the position is stationary there
+FEW = 5  # Points of a stretch from which the positions of the others are nearly known
 AT_END = np.array([3, -16, 36, -48, 25]) / 12
 """Weights of the last five points of a stretch in its slope at the end, by backward differences of
 order 4; the points are even in the load."""
@@ -206,10 +207,24 @@ class Equilibria:
     def _slide(self, load: Floats, mu: float) -> Curve:
         """Return the equilibria of a string that slides, with its force to the clamp over F."""
         under = self.plectra.under(load, mu)
-        s = self._slid(under, load, mu, self.length)
+        s = self._slid(under, load, mu, self._near(load, mu))
         # A string without a position has no curve there: s makes it NaN.
         at = under(np.where(np.isfinite(s), s, self.length))
         return self._curve(at, load, s, np.full_like(s, mu))
+
+    def _near(self, load: Floats, mu: float) -> Floats:
+        """Return where [m] strings that slide lie nearly: the search from there is short.
+
+        On uniform plectra a search costs no more than this, and starts at the tip.
+        """
+        points = load.shape[1]
+        if self.plectra.uniform or points <= 2 * FEW:
+            return self.length
+        some = np.linspace(0, points - 1, FEW).round().astype(int)
+        few = load[:, some]
+        found = self._slid(self.plectra.under(few, mu), few, mu, self.length)
+        near = found @ between(points, tuple(some.tolist()))
+        return np.where(np.isfinite(near), near, self.length)
 
     def _slid(
         self, under: Callable[[Floats], Loaded], load: Floats, mu: float, start: Floats
@@ -217,11 +232,12 @@ class Equilibria:
         """Return where [m] strings lie that slide; NaN where not found.
 
         Args:
-            start: m, where the search starts, shape (cases, 1): it is safe from the tip.
+            start: m, where the search starts, of a shape that fits the loads: it is safe from
+                the tip, and near to where they lie.
         """
         pull, rest = self._pull * load, self.rest
         least, done = rest / 2, np.zeros(load.shape, bool)
-        s = np.repeat(start, load.shape[1], axis=1)
+        s = np.broadcast_to(start, load.shape)
         for _ in range(NEWTON_STEPS):
             # s^2 times the residual: of the elastica a cubic in s, convex on the way from the tip.
             at = under(s)
@@ -236,8 +252,8 @@ class Equilibria:
             if small.all():
                 return new
             done = small | (np.abs(value) <= ROUNDING * (self.length * square + pull))
-            if done.all():
-                return s
+            if np.all(done | (new == s)):  # or at a bound, beyond which there is none
+                break
             s = new
         return np.where(done, s, np.nan)
 
@@ -276,3 +292,11 @@ class Equilibria:
         shift = pull * (at.sine - drag * at.cosine)
         force = pull * self.stiffness
         return Curve(load, lift - at.z, force, s, at.angle, lift, shift, drag)
+
+
+@lru_cache(maxsize=8)
+def between(points: int, some: tuple[int, ...]) -> Floats:
+    """Return the matrix from values at some of evenly spaced points to those at all of them."""
+    at = np.array(some) / (points - 1)
+    to_powers = np.linalg.inv(np.vander(at, increasing=True))
+    return (np.vander(np.linspace(0.0, 1.0, points), len(some), increasing=True) @ to_powers).T

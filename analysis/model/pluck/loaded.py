@@ -56,6 +56,8 @@ class Plectra(Protocol):
 
     friction: float
     """Coulomb coefficient, dimensionless."""
+    uniform: bool
+    """Whether nothing but the scale depends on the position s."""
     length: Floats
     """m, shape (cases, 1)."""
     unit: Floats
@@ -115,6 +117,7 @@ class TabledPlectra:
             radius: m, of the wire, along the normal of the surface.
         """
         self._table, self.friction, self.length = table, friction, length[:, None]
+        self.uniform = table.uniform
         self.unit, self._overlap = bending_stiffness[:, None], overlap[:, None]
         self._half, self._radius = half[:, None], radius[:, None]
         self._offset = self._half + self._radius
@@ -158,12 +161,14 @@ class TabledPlectra:
         laws = sticking_laws(self._table, self.friction)(load)
         last = laws.ndim - 4
         laws = laws.transpose(last + 1, last + 2, last, last + 3, *range(last))
-        powers, _ = self._table.at(laws, self._place(s))
+        powers = np.ascontiguousarray(self._table.at(laws, self._place(s)))
 
         def at(drag: Floats) -> Stuck:
-            share, found = drag / self.friction, powers[-1]
+            share = drag / self.friction
+            found = np.array(np.broadcast_to(powers[-1], (3, *share.shape)))
             for power in powers[-2::-1]:
-                found = found * share + power
+                found *= share
+                found += power
             return Stuck(*self._placed(found, s, load)[:5])
 
         return at
@@ -172,7 +177,7 @@ class TabledPlectra:
         """Return the derivatives of x [m], z [m] and angle [rad] by q at the same s [m]."""
         place = self._place(s)
         (_, z, theta), (x_q, z_q, theta_q) = (
-            self._table.at(arranged(laws(load)), place)[0] for laws in laws_under(self._table, drag)
+            self._table.at(arranged(laws(load)), place) for laws in laws_under(self._table, drag)
         )
         section, angle_q = -load * theta, -theta - load * theta_q
         if self._table.flat:
@@ -215,7 +220,7 @@ class TabledPlectra:
 
     def _loaded(self, laws: Floats, s: Floats, load: Floats) -> Loaded:
         place = self._place(s)
-        found, (x_p, z_p, theta_p) = self._table.at(laws, place)
+        found, (x_p, z_p, theta_p) = self._table.with_slopes(laws, place)
         x, z, angle, sine, cosine, along, across = self._placed(found, s, load)
         section_s = angle_s = -load * theta_p / self.length
         x_s, z_s = found[0] + place * x_p, load * (found[1] + place * z_p)
@@ -231,7 +236,7 @@ class OnePlectrum:
     """One plectrum of any level as a single case; loads in N m^2."""
 
     def __init__(self, plectrum: PlectrumMap):
-        self._map, self.friction = plectrum, plectrum.friction
+        self._map, self.friction, self.uniform = plectrum, plectrum.friction, False
         self.length, self.unit = np.full((1, 1), plectrum.length), np.ones((1, 1))
 
     def first(self, rest: Floats) -> Floats:
