@@ -147,7 +147,7 @@ def minimise(
     result = least_squares(
         lambda part: found.all(complete(part)),
         start[moving],
-        jac=lambda part: found.slopes(complete(part))[:, moving],  # pyright: ignore[reportArgumentType]
+        jac=lambda part: found.slopes(complete(part))[:, moving],  # type: ignore
         bounds=(low[moving], high[moving]),
         loss="soft_l1" if robust else "linear",
         xtol=tolerance,

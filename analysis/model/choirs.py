@@ -126,7 +126,7 @@ def pluck_of(plectrum: Plectrum, string: String, level: str) -> Pluck:
 
 def level_name(rig: Rig, level: str) -> str:
     """Return the levels that `level` means for the choirs of a rig: `elastica`, `fe`, or both."""
-    named = [level_of(choir.plectrum, level) for choir in choirs(rig)]  # pyright: ignore[reportArgumentType]
+    named = [level_of(choir.plectrum, level) for choir in choirs(rig)]  # type: ignore
     return " and ".join(dict.fromkeys(named))
 
 

@@ -177,7 +177,7 @@ class _Fit:
         found = least_squares(
             lambda x: self.residuals(x / self.duration).T.ravel(),
             np.clip(poles, least + 1e-6 * (most - least), most) * self.duration,
-            lambda x: self.slopes(x / self.duration) / self.duration,  # pyright: ignore[reportArgumentType]
+            lambda x: self.slopes(x / self.duration) / self.duration,  # type: ignore
             bounds=(least * self.duration, most * self.duration),
             xtol=1e-7,
             ftol=1e-7,

@@ -175,7 +175,7 @@ def _unread(error: BaseException, as_json: bool) -> int:
         try:
             fail(as_json, message)
         except OSError:  # the same pipe; --log has it, and who is at the terminal reads it
-            with suppress(OSError), open(TERMINAL, "w", encoding="utf-8") as terminal:  # noqa: PTH123
+            with suppress(OSError), Path(TERMINAL).open("w", encoding="utf-8") as terminal:
                 terminal.write(f"sautereau: {printable(message)}\n")
     return UNREAD
 
