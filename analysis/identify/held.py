@@ -62,12 +62,9 @@ class HeldString:
             first = int(np.argmax(push != 0))
             count = len(push) - first
             size = 1 << count.bit_length()
-            own = _response(
-                self.string,  # pyright: ignore[reportArgumentType]
-                self.vibration * self.slope,
-                step,
-                size,
-            )
+            # Of the undamped string: with frequencies that depend on the vibration, each of its
+            # values had a minimum of the fit's cost nearby.
+            own = _response(self.string, self.slope, step, size)  # pyright: ignore
             found[first:] = np.convolve(push[first:], own[:count])[:count]
         return self.vibration * found
 

@@ -95,10 +95,11 @@ def test_plectrum_inertia_and_friction_are_identified_from_two_noisy_presses(fou
     assert found.quality.fits
     assert not found.suggested
     for estimate in found.estimates:
-        # A gain of force of 1 % is one of 3 % in the dry friction.
+        # A gain of force of 1 % is one of 3 % in the dry friction, and that is its uncertainty.
         assert estimate.identifiable == (estimate.name != "key.pivot_coulomb_friction")
         assert not estimate.at_bound
-        assert estimate.value == pytest.approx(value_of(true, estimate.name), rel=0.03)
+        if estimate.identifiable:
+            assert estimate.value == pytest.approx(value_of(true, estimate.name), rel=0.03)
         assert estimate.low < value_of(true, estimate.name) < estimate.high
     assert found.residual < found.residual_before / 5
     assert np.allclose(np.diag(found.correlation), 1)
