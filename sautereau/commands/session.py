@@ -31,7 +31,7 @@ class SessionReport(Observer):
         self._pressing, self._output = pressing, output
         self._view, self._live = view, live
         self._show: Callable[[float], None] = lambda fraction: None
-        self._warnings = pressing.planner.warnings
+        self._said = [*pressing.planner.warnings]
         self._presses: dict[int, PressFile] = {}
         self._reached = ""
         self._announced = False
@@ -48,7 +48,7 @@ class SessionReport(Observer):
             self._output.say(f"not changed: {path}, from an interrupted press")
         for path in folder.incomplete:
             text = f"{path} is not a complete press; the file is kept, and the press is repeated"
-            self._warnings.append(text)
+            self._said.append(text)
             self._output.warn(text)
         if folder.others:
             self._output.say(f"not changed: {folder.others} recordings from other sessions")
@@ -92,6 +92,7 @@ class SessionReport(Observer):
             session.read()
         total, to_set = self._pressing.plan.total, run.to_set
         left = None if total is None else total - len(numbers)
+        found = [text for text in self._pressing.warnings if text not in self._said]
         result: dict[str, Any] = {
             "session": folder.session,
             "recordings": [str(press.path) for press in session],
@@ -107,13 +108,10 @@ class SessionReport(Observer):
             "to_set": to_set,
             "question": run.unanswered,
             "halted": run.halted,
-            "warnings": self._warnings,
+            "warnings": [*self._said, *found],
         }
         warnings = [(p.path.name, warning) for p in session for warning in p.phases.warnings]
-        if run.fault and not run.halted:
-            self._warnings.append(run.fault)
-            warnings.append(("after the last press", run.fault))
-        lines = [f"warning: {text}" for text in grouped(warnings, "press")]
+        lines = [f"warning: {text}" for text in [*grouped(warnings, "press"), *found]]
         if len(session):
             compared = session.compare()
             drawn = _pictures(compared, folder.path)

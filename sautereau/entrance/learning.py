@@ -18,7 +18,11 @@ from sautereau.rig.disk import may_replace
 from sautereau.robot.controller import motion_controller
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of
-from sautereau.robot.experiment.learning import IterativeLearning, write_learned
+from sautereau.robot.experiment.learning import (
+    IterativeLearning,
+    LearnedCorrection,
+    write_learned,
+)
 from sautereau.robot.experiment.plan import LEARNING, Plan, digest
 from sautereau.robot.experiment.plan_table import Row
 from sautereau.robot.experiment.run import seed_from
@@ -142,14 +146,19 @@ class Learning:
             if self._resumed(folder, on_press):
                 self._press(folder, on, on_press)
         recordings = [folder.done[number] for number in sorted(folder.done)]
-        if made.best is not None:
-            write_learned(self._file, self._nominal, made.best, made.errors, self._pushed)
-        file = self._file if made.best is not None else None
         simulated = any(read_session(path).simulated for path in recordings)
         of_session = simulated, folder.seed, self.warnings
         session = Session(map(self._open, recordings), folder=self._out)
-        best = session[int(np.argmin(made.errors))].analysed.features["held_speed_error"]
-        error = best if isinstance(best, float) else min(made.errors)
+        best = session[int(np.argmin(made.errors))].analysed.features
+        held, peak = best["held_speed_error"], best["peak_force"]
+        error = held if isinstance(held, float) else min(made.errors)
+        file = None
+        if made.best is not None:
+            load = error, peak if isinstance(peak, float) else None
+            file = self._file
+            write_learned(
+                file, self._nominal, LearnedCorrection(made.best, *load), made.errors, self._pushed
+            )
         limit = self._nominal.press.speed_tolerance
         verdict = error, limit, error <= limit, made.floor, made.rounding, made.scatter
         return Learned(session, tuple(made.errors), made.stopped, *verdict, file, *of_session)

@@ -128,9 +128,21 @@ class Pressing:
     @property
     def session(self) -> Session:
         """The recordings, in the order of the plan."""
+        return Session(self._presses, self.warnings, self._out)
+
+    @property
+    def _presses(self) -> list[PressFile]:
         done = self.folder.done
-        warnings = [self.result.fault] if self.result.fault else []
-        return Session([self.open(done[n]) for n in sorted(done)], warnings, self._out)
+        return [self.open(done[number]) for number in sorted(done)]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is doubtful about the plans, and what the presses show about instrument and
+        correction; `result.halted` has the fault that has halted the session."""
+        fault = self.result.fault if not self.result.halted else ""
+        counted = (press.partial for press in self._presses if not press.info.warm_up)
+        stale = self.planner.stale(counted)
+        return [*self.planner.warnings, *filter(None, (fault, stale))]
 
     def open(self, path: Path) -> PressFile:
         """Return a recording, which is analysed once."""
