@@ -13,6 +13,7 @@ from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable, motion_controller
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.answers import OPERATOR, Answer
 from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.health import Health
 from sautereau.robot.experiment.monitor import Watch
@@ -58,6 +59,9 @@ class Crew:
     """Starts the bench of a rig, with a seed."""
     operator: Callable[[str], str | None]
     """Asks the operator, and returns the answer; None if there is nobody to ask."""
+    answer: Callable[[Ask, Answer | None], Answer | None]
+    """Returns the answer to a plan's question, which may have been noted before; None if there is
+    nobody to ask."""
     on_press: Callable[[Place, Path], Any] = lambda place, path: None
     """Called with each press and its recording."""
     examine: Callable[[Path, Path | None], Health] = lambda path, first: Health()
@@ -100,11 +104,11 @@ class PlanRun:
                 return
             self._control.wait()
             if isinstance(place, Ask):
-                answer = self._crew.operator(place.text)
+                answer = self._crew.answer(place, None)
                 if answer is None:
                     self.unanswered = place.text
                     return
-                self._answered(place, answer)
+                self._answered(answer)
             elif not self._instrument_set(place.row):
                 return
             else:
@@ -125,11 +129,11 @@ class PlanRun:
             self._answer = None
             self._index = next(self._requests)
             if isinstance(request, Ask):
-                noted = self._folder.row(self._index)
-                if noted is None or "answer" not in noted:
-                    self._question = request
-                else:
-                    self._answered(request, noted["answer"])
+                self._question = request
+                row = self._folder.row(self._index) or {}
+                if "answer" in row:
+                    noted = Answer(request.text, row["answer"], row.get("by", OPERATOR))
+                    self._answered(self._crew.answer(request, noted) or noted, noted)
             else:
                 self._take(request)
         return self._question
@@ -165,10 +169,11 @@ class PlanRun:
         """Return the first valid recording with the plan and instrument of a row."""
         return next((path for rig, path in self._first if rig == row.rig), None)
 
-    def _answered(self, question: Ask, answer: str) -> None:
-        row = {"values": {}, "repeats": 0, "notes": question.text, "answer": answer}
-        self._folder.note_row(self._index, row)
-        self._answer, self._question = answer, None
+    def _answered(self, answer: Answer, noted: Answer | None = None) -> None:
+        if answer is not noted:
+            row = {"values": {}, "repeats": 0, "notes": answer.question, "answer": answer.answer}
+            self._folder.note_row(self._index, row | {"by": answer.by})
+        self._answer, self._question = answer.answer, None
 
     def _instrument_set(self, row: Row) -> bool:
         """Return whether the instrument is set for a row; the operator is asked if it is not."""

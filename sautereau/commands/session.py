@@ -124,7 +124,7 @@ class SessionReport(Observer):
             needed = f"set {values} on the instrument" if to_set else f"answer: {run.unanswered}"
             presses = "presses are" if left is None else f"{left} press{'es' * (left > 1)}"
             lines.append(f"{presses} left: {needed}, then run the same command again")
-        return self._output.answer(result, lines, faults=[run.halted] if run.halted else [])
+        return self._output.answer(result, lines, faults=self._pressing.faults)
 
 
 def _pictures(compared: Comparison, folder: Path) -> list[Path]:

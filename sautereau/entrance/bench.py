@@ -1,27 +1,35 @@
 """The bench that presses keys: the hardware, or the stand-in."""
 
+import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
 from sautereau.analysis.results.rig import Rig
+from sautereau.analysis.text import wrapped
 from sautereau.entrance.devices import Devices
 from sautereau.entrance.learning import Learned, Learning
 from sautereau.entrance.pressing import Observer, Pressing, Replay, Settings
 from sautereau.entrance.session import Session
 from sautereau.rig import schema
 from sautereau.rig.errors import RigError
+from sautereau.robot.experiment.answers import Answer, Given
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import Scene, load_scene
 
 
 class _Watched(Observer):
+    """Passes on the events, and prints the answers that the operator has not given."""
+
     def __init__(self, watch: Watch):
         self._watch = watch
 
     def watching(self) -> AbstractContextManager[Watch]:
         return nullcontext(self._watch)
+
+    def answered(self, answer: Answer) -> None:
+        sys.stderr.write(wrapped(str(answer)) + "\n")
 
 
 class Bench(Devices):
@@ -59,6 +67,7 @@ class Bench(Devices):
         learned: str | Path | None = None,
         feed_forward: str | Path | None = None,
         ignore_health: bool = False,
+        answers: Given | None = None,
         watch: Watch = lambda seen: None,
     ) -> Session:
         """Press, record each press in a file of its own, and return the recordings.
@@ -79,14 +88,17 @@ class Bench(Devices):
             ignore_health: Whether to continue if a recording shows that the jack has not returned,
                 the key has not followed the finger or has sunk, the plectrum no longer plucks, or
                 the force at rest has drifted.
+            answers: Answers to all questions of the plan: texts by question, or by the beginning of
+                one, or the TOML file of them. A list answers a question in its order. Without it
+                the operator is asked, and on the stand-in without a terminal nobody.
             watch: Called with each event of the session.
 
         Raises:
-            RobotError: An operator is needed but not present, the instrument must be put right, or
-                the folder contains another session.
+            RobotError: An operator is needed but not present, the instrument must be put right, the
+                folder contains another session, or `answers` lacks a question or has another one.
             SautereauError: Any other error. The arm has been stopped and switched off.
         """
-        settings = Settings(warm_up, rest, notes, learned, feed_forward, ignore_health)
+        settings = Settings(warm_up, rest, notes, learned, feed_forward, ignore_health, answers)
         pressing = Pressing(self, what, out, settings)
         pressing.run(_Watched(watch))
         pressing.check_ended()

@@ -97,6 +97,34 @@ def test_a_sweep_is_a_grid_of_predictions():
         rig.sweep(jack_speed=...)
 
 
+def test_questions_of_a_plan_are_answered_in_advance(quick, tmp_path, capsys):
+    """By a mapping or, on the stand-in without a terminal, by the plan itself."""
+
+    def plan():
+        first = yield from st.ask("Its name?", stand_in="quill")
+        second = yield from st.ask("Its name?")
+        yield from st.press(notes=f"{first}, {second}")
+
+    def answered(out):
+        *questions, press = read_manifest(out).plan["presses"]
+        assert press["notes"] == ", ".join(row["answer"] for row in questions)
+        return [(row["answer"], row["by"]) for row in questions]
+
+    quick.press(plan, out=tmp_path / "a")
+    assert answered(tmp_path / "a") == [("quill", "the stand-in"), ("", "the stand-in")]
+    assert "Its name? quill (by the stand-in)" in capsys.readouterr().err
+    for _ in range(2):  # the second time, the session has noted them
+        quick.press(plan, out=tmp_path / "b", answers={"Its": ["delrin", "other"]})
+    assert answered(tmp_path / "b") == [("delrin", "answers"), ("other", "answers")]
+    assert capsys.readouterr().err.count("delrin (by answers)") == 1
+    with pytest.raises(RobotError, match=r'presses\.2\.answer: "other" then, "more" now'):
+        quick.press(plan, out=tmp_path / "b", answers={"Its": ["delrin", "more"]})
+    with pytest.raises(RobotError, match=r"question 2 of 'Its'[\s\S]*'Which\?': no such question"):
+        quick.press(plan, out=tmp_path / "c", answers={"Its": ["delrin"], "Which?": "this"})
+    with pytest.raises(RobotError, match=r"'Which\?': no such question"):
+        quick.press(plan, out=tmp_path / "d", answers={"Its": "delrin", "Which?": "this"})
+
+
 @pytest.mark.slow
 def test_a_plan_as_a_program_continues_after_a_kill(bare, quick_rig, tmp_path):
     """Each press is made once, over TCP, with the answers that were given before the kill."""
@@ -169,10 +197,11 @@ def test_pause_resume_and_abort_from_another_thread(quick, tmp_path):
         assert len(bench.press(3, out=tmp_path)) == 3
 
 
-def test_a_plan_that_needs_an_operator_says_so(quick, tmp_path):
-    quick.ask = lambda text: None
+def test_a_plan_that_needs_an_operator_says_so(quick, rig_file, tmp_path):
+    hardware = st.bench(rig_file())
+    hardware.ask = lambda text: None
     with pytest.raises(RobotError, match=r"needs an operator: Look at the jack"):
-        quick.press(lambda: st.ask("Look at the jack"), out=tmp_path)
+        hardware.press(lambda: st.ask("Look at the jack"), out=tmp_path)
     with pytest.raises(RobotError, match="is no plan"):
         quick.press([1, 2], out=tmp_path)
 

@@ -32,6 +32,7 @@ COMMANDS = (
     "listen RIG --out WAV --duration TIME --held TIME --quality NUMBER --level LEVEL",
     "plan RIG --out JSON --plot PNG --bench PNG", "plan RIG", "mount RIG --touches CSV",
     "predict RIG --level LEVEL", "init TOML", "doctor RIG", "setup port RIG", "setup home RIG",
+    "setup home RIG --answers TOML",
     "press RIG --scene SCENE -n N --out FOLDER --notes TEXT --rest TIME --warm-up N",
     "press RIG --scene SCENE --table CSV --learned JSON --out FOLDER",
     "press RIG --scene SCENE --feed-forward MCAP --out FOLDER --seed N",
