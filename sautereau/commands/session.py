@@ -13,7 +13,6 @@ from sautereau.analysis.text import grouped
 from sautereau.commands.live.process import watching
 from sautereau.commands.output import Output
 from sautereau.entrance.devices import Connected
-from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.pressing import Observer, Pressing
 from sautereau.rig.disk import read_limited, write_durably
 from sautereau.robot.experiment.monitor import Watch
@@ -32,7 +31,7 @@ class SessionReport(Observer):
         self._view, self._live = view, live
         self._show: Callable[[float], None] = lambda fraction: None
         self._said = [*pressing.planner.warnings]
-        self._presses: dict[int, PressFile] = {}
+        self._headed = False
         self._reached = ""
         self._announced = False
 
@@ -64,11 +63,10 @@ class SessionReport(Observer):
 
     def pressed(self, place: Place, path: Path) -> None:
         """Analyse a press, and print its results."""
-        first = not self._presses
-        press = self._presses[place.number] = self._pressing.open(path)
-        if first:
+        if not self._headed:
             self._output.say(HEADER)
-        self._output.say(press.line + "  warm-up" * place.warm_up)
+        self._headed = True
+        self._output.say(self._pressing.open(path).line)
         if total := self._pressing.plan.total:
             self._show(len(self._pressing.folder.done) / total)
 
@@ -97,9 +95,10 @@ class SessionReport(Observer):
             "session": folder.session,
             "recordings": [str(press.path) for press in session],
             "presses": [
-                press.document | {"item": number, "warm_up": press.info.warm_up}
+                press.document | {"item": number}
                 for number, press in zip(numbers, session, strict=True)
             ],
+            "warm_ups": [str(path) for path in folder.warm_ups],
             "simulated": session.simulated,
             "seed": folder.seed,
             "reached": self._reached,
@@ -119,6 +118,7 @@ class SessionReport(Observer):
             result |= {"picture": str(drawn[0])} if drawn else {}
             lines += [*compared.lines(features=False), *(f"picture:    {p}" for p in drawn)]
         lines += [f"recording:  {press.path}" for press in session]
+        lines += [f"warm-up:    {path}" for path in folder.warm_ups]
         if to_set or run.unanswered:
             values = ", ".join(f"{key} = {value}" for key, value in to_set.items())
             needed = f"set {values} on the instrument" if to_set else f"answer: {run.unanswered}"

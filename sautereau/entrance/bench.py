@@ -61,7 +61,7 @@ class Bench(Devices):
         what: Any = 1,
         *,
         out: str | Path,
-        warm_up: int = 0,
+        warm_up: int = Settings.warm_up,
         rest: str | float = 0.0,
         notes: str = "",
         learned: str | Path | None = None,
@@ -79,8 +79,9 @@ class Bench(Devices):
             what: Number of presses, a CSV file of them, or a plan: a generator of `press`, `scan`,
                 `repeat_until` and `ask`, or a function that returns it.
             out: Folder for the recordings. Existing files in it are kept.
-            warm_up: Number of warm-up presses, at the start and after each change of the
-                instrument.
+            warm_up: Number of warm-up presses wherever the finger comes from above the key: at the
+                start, after a pause and after each change of the instrument. They are recorded as
+                warm-up-01.mcap and so on, and are no part of the session.
             rest: Time between presses: a text with its unit, or s.
             notes: Operator's notes, saved in every recording.
             learned: Correction of the trajectory, written by `sautereau learn`.
@@ -104,13 +105,15 @@ class Bench(Devices):
         pressing.check_ended()
         return pressing.session
 
-    def replay(self, recording: str | Path, n: int = 1, *, out: str | Path) -> Session:
+    def replay(
+        self, recording: str | Path, n: int = 1, *, out: str | Path, warm_up: int = Settings.warm_up
+    ) -> Session:
         """Repeat a recorded press: its planned motion or, without a plan, its measured motion.
 
         Raises:
             RobotError: The motion cannot be pressed on this bench; see `press` for the others.
         """
-        return self.press(Replay(Path(recording), n), out=out)
+        return self.press(Replay(Path(recording), n), out=out, warm_up=warm_up)
 
     def learn(
         self,

@@ -121,6 +121,7 @@ class Learning:
         self._plan = Plan(
             self._nominal,
             (Row(self._nominal, n, notes=notes),),
+            warm_up=0,
             scene=bench.scene_text,
             files=files | ({"feed_forward": self._pushed} if feed_forward else {}),
         )

@@ -46,7 +46,7 @@ class Replay:
 class Settings:
     """How a session presses; see `sautereau.entrance.bench.Bench.press`."""
 
-    warm_up: int = 0
+    warm_up: int = Plan.warm_up
     rest: str | float = 0.0
     notes: str = ""
     learned: str | Path | None = None
@@ -143,7 +143,7 @@ class Pressing:
 
     @property
     def session(self) -> Session:
-        """The recordings, in the order of the plan."""
+        """The recordings in the order of the plan, without the warm-up presses."""
         return Session(self._presses, self.warnings, self._out)
 
     @property
@@ -156,8 +156,7 @@ class Pressing:
         """What is doubtful about the plans, and what the presses show about instrument and
         correction; `result.halted` has the fault that has halted the session."""
         fault = self.result.fault if not self.result.halted else ""
-        counted = (press.partial for press in self._presses if not press.info.warm_up)
-        stale = self.planner.stale(counted)
+        stale = self.planner.stale(press.partial for press in self._presses)
         return [*self.planner.warnings, *filter(None, (fault, stale))]
 
     def open(self, path: Path) -> PressFile:
