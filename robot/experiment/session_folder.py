@@ -88,7 +88,7 @@ class SessionFolder:
     def __init__(
         self,
         path: Path,
-        plan: Plan,
+        plan: Plan | Callable[["Manifest | None"], Plan],
         seed: int | None,
         fresh_seed: int | None,
         current_scene: Callable[[dict[str, Any]], dict[str, Any]] = dict,
@@ -96,6 +96,7 @@ class SessionFolder:
         """Read the folder; nothing is written.
 
         Args:
+            plan: The plan, or a function that returns it from the session that was started before.
             seed: Of the stand-in's random numbers, as requested; None for that of the session.
             fresh_seed: Of a new session without a requested seed; None on the hardware.
             current_scene: Adds to the document of a scene what its version did not have.
@@ -105,8 +106,8 @@ class SessionFolder:
             daq.errors.RecordingError: A recording in it cannot be read.
         """
         self.path = path
-        self.plan = plan
         stored = started = read_manifest(path)
+        self.plan = plan = plan(started) if callable(plan) else plan
         asked = plan.document()
         self.resumed = started is not None
         """Whether the session was started before."""

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from datetime import date
 from math import degrees
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, Literal
 
 from sautereau.analysis.text import wrapped
@@ -41,11 +42,12 @@ def init(
     from sautereau.rig.text import commented_rig
 
     write_durably(file, commented_rig())
+    named = f"./{file}" if str(file).startswith("-") else str(file)  # not to read as an option
     return output.answer(
         {"path": str(file)},
         [
             f"rig file: {file}, with the numbers of the packaged rig `paper`",
-            f"check it with: sautereau plan {file}",
+            f"check it with: sautereau plan {quote(named)}",
         ],
     )
 

@@ -1,7 +1,7 @@
 """Learning: the trajectory corrected from the measured speed of the jack, press after press."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,7 @@ from sautereau.robot.experiment.plan import LEARNING, Plan, digest
 from sautereau.robot.experiment.plan_table import Row
 from sautereau.robot.experiment.run import seed_from
 from sautereau.robot.experiment.session import Item, Origin, make_presses
-from sautereau.robot.experiment.session_folder import SessionFolder, only_session
+from sautereau.robot.experiment.session_folder import Manifest, SessionFolder, only_session
 from sautereau.sim_backend.scene import current_scene
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class Learning:
         made, bench = self._made, self._bench
         fresh = None if bench.scene is None else fresh_seed()
         with only_session(self._out, bench.real):
-            folder = SessionFolder(self._out, self._plan, bench.seed, fresh, current_scene)
+            folder = SessionFolder(self._out, self._continued, bench.seed, fresh, current_scene)
             if self._resumed(folder, on_press):
                 self._press(folder, on, on_press)
         recordings = [folder.done[number] for number in sorted(folder.done)]
@@ -163,6 +163,11 @@ class Learning:
         limit = self._nominal.press.speed_tolerance
         verdict = error, limit, error <= limit, made.floor, made.rounding, made.scatter
         return Learned(session, tuple(made.errors), made.stopped, *verdict, file, *of_session)
+
+    def _continued(self, started: Manifest | None) -> Plan:
+        """Return the plan with the engine of a session that was started."""
+        self._bench = self._bench.continuing(started)
+        return replace(self._plan, scene=self._bench.scene_text)
 
     def _open(self, path: Path) -> PressFile:
         """Return a recording, which is analysed once."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner, rows_of_recording
 from sautereau.robot.experiment.run import Crew, Place, PlanRun
-from sautereau.robot.experiment.session_folder import SessionFolder, only_session, read_manifest
+from sautereau.robot.experiment.session_folder import Manifest, SessionFolder, only_session
 from sautereau.robot.experiment.steps import Ask, of_rows, plan_of
 from sautereau.sim_backend.scene import current_scene
 
@@ -81,9 +81,7 @@ class Pressing:
     """One session, new or continued; see `sautereau.entrance.bench.Bench.press`."""
 
     def __init__(self, bench: Devices, what: Any, out: str | Path, settings: Settings = Settings()):
-        self._out = Path(out)
-        started = read_manifest(self._out)
-        self.bench = bench = bench.continuing(started.plan) if started else bench
+        self._out, self.bench = Path(out), bench
         nominal = bench.rig.values
         rows = rows_of(what, nominal, settings.notes)
         rest = settings.rest
@@ -107,10 +105,11 @@ class Pressing:
 
     def run(self, observer: Observer) -> None:
         """Make the presses that are not yet in the folder."""
-        bench = self.bench
-        fresh = None if bench.scene is None else fresh_seed()
-        with only_session(self._out, bench.real):
-            self.folder = SessionFolder(self._out, self.plan, bench.seed, fresh, current_scene)
+        fresh = None if self.bench.scene is None else fresh_seed()
+        with only_session(self._out, self.bench.real):
+            seed = self.bench.seed
+            self.folder = SessionFolder(self._out, self._continued, seed, fresh, current_scene)
+            bench = self.bench
             observer.begin(self.folder)
             connected: list[tuple[Connected, Watch]] = []
 
@@ -158,6 +157,12 @@ class Pressing:
         fault = self.result.fault if not self.result.halted else ""
         stale = self.planner.stale(press.partial for press in self._presses)
         return [*self.planner.warnings, *filter(None, (fault, stale))]
+
+    def _continued(self, started: Manifest | None) -> Plan:
+        """Return the plan with the engine of a session that was started."""
+        self.bench = self.bench.continuing(started)
+        self.plan = replace(self.plan, scene=self.bench.scene_text)
+        return self.plan
 
     def open(self, path: Path) -> PressFile:
         """Return a recording, which is analysed once."""

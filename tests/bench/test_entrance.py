@@ -1,5 +1,6 @@
 """The Python entrance: the README's snippet, plans as programs, and how sessions end."""
 
+import json
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from sautereau.rig.errors import RigError, SautereauError
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.monitor import Made, Stage
 from sautereau.robot.experiment.session_folder import read_manifest
+from sautereau.sim_backend.scene import load_scene
 from tests.pages import read_page
 from tests.plots import texts
 
@@ -162,6 +164,14 @@ def test_a_plan_as_a_program_continues_after_a_kill(bare, quick_rig, tmp_path):
     assert [row["repeats"] for row in rows] == [1, 1, 0, 1, 1]
     with pytest.raises(RobotError, match=r"presses\.1[\s\S]*another plan|another plan[\s\S]*1"):
         quick.press(lambda: st.press(2), out=tmp_path / "out")
+
+
+def test_learning_continues_with_its_engine(bare, quick_rig, tmp_path):
+    """The engine of version 0.1, where `auto` is another one now."""
+    rigid = load_scene(str(bare)).model_copy(update={"engine": "rigid"})
+    st.stand_in(quick_rig, rigid, seed=1).learn(1, out=tmp_path)
+    session = st.stand_in(quick_rig, bare, seed=1).learn(2, out=tmp_path).session
+    assert {json.loads(press.info.scene)["engine"] for press in session} == {"rigid"}
 
 
 @pytest.mark.slow
