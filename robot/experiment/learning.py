@@ -65,23 +65,23 @@ class LearnedCorrection:
     changes: tuple[str, ...] | None = ()
     """Values of key and choirs that have changed since, as then and now; None if unknown."""
 
-    @property
-    def doubt(self) -> str:
-        """Why the correction may not fit the present load; empty if nothing is known against it."""
+    def doubts(self, path: Path) -> list[str]:
+        """Return why the correction of a file may not fit the present load; empty if it may."""
+        origin = f"learned correction {path}:"
         if self.changes is None:
-            return (
-                "its date and load are not known, because version 0.1 wrote it; learn again if the"
-                " jack's load may have changed"
-            )
+            return [
+                f"{origin} its date and load are not known, because version 0.1 wrote it; learn"
+                " again if the jack's load may have changed"
+            ]
         if not self.changes:
-            return ""
+            return []
         listed = [*self.changes[:MOST_LISTED]]
         if more := len(self.changes) - len(listed):
             listed.append(f"and {more} more")
-        return (
-            f"it was learned on {self.learned_on} under another load ({'; '.join(listed)}); learn"
-            " again"
-        )
+        return [
+            f"{origin} it was learned on {self.learned_on} under another load"
+            f" ({'; '.join(listed)}); learn again"
+        ]
 
     def stale(self, errors: Sequence[float], forces: Sequence[float], tolerance: float) -> str:
         """Return how presses contradict a correction that reached its speed; empty if they do not.

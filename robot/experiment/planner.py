@@ -74,8 +74,7 @@ class Planner:
         pushed = self.files.get("feed_forward", "")
         if self._path:
             self.learned = read_learned(self._path, rig, pushed)
-            if self.learned.doubt:
-                doubts = [*doubts, self._about(self.learned.doubt)]
+            doubts = [*doubts, *self.learned.doubts(self._path)]
         trajectory = plan_press(rig, expected, self.learned and self.learned.correction)
         torques = torque_table(rig, trajectory, self._measured) if self._measured else None
         self._made.append((rig, (trajectory, torques)))
@@ -93,10 +92,7 @@ class Planner:
                 if isinstance(value := press.features[name], float):
                     found.append(value)
         found = self.learned.stale(errors, forces, tolerance)
-        return found and self._about(found)
-
-    def _about(self, text: str) -> str:
-        return f"learned correction {self._path}: {text}"
+        return found and f"learned correction {self._path}: {found}"
 
     def plan_all(self, rows: Sequence[Row]) -> None:
         """Plan the press of every row, before the first is made.

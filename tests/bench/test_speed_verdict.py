@@ -68,6 +68,8 @@ def test_a_correction_that_has_gone_stale_says_so(sautereau, rig_file, servo, tm
     error, peak = 100 * press["held_speed"]["rms_error"], press["forces"]["peak"]
     assert f"0.3 % at a peak force of 0.5 N, and is up to {error:.3g} % at {peak:.3g} N" in stale
     assert "in 1 of 1 presses; learn again" in stale
+    planned = sautereau("plan", rig_file(), "--learned", path, "--json")
+    assert load in json.loads(planned.stdout)["warnings"]
     done = sautereau(*words)
     assert "another load" in " ".join(done.stderr.split())  # before the arm moves
     assert "learned.json: it is stale" in " ".join(done.stdout.split())
