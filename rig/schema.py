@@ -152,6 +152,10 @@ class Arm(Section):
     """rad, maximum tilt of the finger (link 2) against the key's normal during the press. The
     transducer measures the force along the finger: at 5 deg that is 0.4 % less than the force on
     the key, and 9 % of it acts across the transducer."""
+    position_tolerance: Angle = Field(default=25e-6 * 2 * math.pi, gt=0, le=math.radians(1))
+    """rad, maximum angle between each joint and the place where its motion starts or has ended, and
+    at least 2 encoder counts. Beyond it the motors are switched off: soft position loops need
+    more, but whatever remains is an error of the height at which the finger meets the key."""
     servo_stiffness: tuple[Stiffness, Stiffness] | None = None
     """N m/rad, torque of the two position loops per angle by which their joints are off. `plan`
     predicts from it how the jack slows down under the string's force; without it that is

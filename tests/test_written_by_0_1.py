@@ -71,6 +71,7 @@ def test_a_session_is_resumed(run, session):
     result = run("press", OLD / "rig.toml", "--sim", "--seed", 7, "-n", 2, "--out", session)
     assert [Path(path).name for path in result["recordings"]] == [path.name for path in PRESSES]
     assert (session / PRESSES[0].name).read_bytes() == kept
+    assert result["warm_ups"] == [str(session / "warm-up-01.mcap")]  # the press comes from a lift
     new = read_recording(session / PRESSES[1].name)
     assert new.session.session == read_recording(PRESSES[0]).session.session
     assert json.loads(new.session.scene)["engine"] == "rigid"  # which version 0.1 had alone

@@ -107,9 +107,10 @@ def draft_press(
     Raises:
         TrajectoryError: No such motion exists: there is no cruise, or it is out of reach.
     """
-    law, permitted = press_law(rig.press), rig.press.speed_tolerance
+    plain, permitted = press_law(rig.press), rig.press.speed_tolerance
+    law = plain
     if correction is not None:
-        law, plain = correction.onto(law), law
+        law = correction.onto(plain)
         # Rounding may cost less than the correction removes.
         permitted = max(permitted, _change(plain, law))
     time = sample_times(rig, law.law)
@@ -137,7 +138,7 @@ def draft_press(
         approach=approach,
         retreat=retreat,
         cruise=cruise,
-        loaded_speed_error=_loaded_speed_error(rig, path, expected),
+        loaded_speed_error=_loaded_speed_error(rig, path, plain.law.at(time).position, expected),
         home=to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution),
         checks=verify(rig, (approach, segments, retreat), cruise.error, permitted, expected),
         warnings=_warnings(law, cruise, float(path.rise.position.min()), expected),
@@ -195,13 +196,19 @@ def _cruise(rig: Rig, law: PressLaw, segments: Segments) -> Cruise:
     return Cruise(start, end, rise, speed, float(error.max()), float(rms))
 
 
-def _loaded_speed_error(rig: Rig, path: Path, expected: Expectation | None) -> float | None:
+def _loaded_speed_error(
+    rig: Rig, path: Path, plain: Floats, expected: Expectation | None
+) -> float | None:
     """Return `Trajectory.loaded_speed_error` of a finger that the string's force deflects.
 
     The planned rise is the actual rise r plus the deflection C F(r) of the position loops, so that
     the jack's speed is the planned one over 1 + C dF/dr. Where that is negative, as at a release,
     the jack jumps; jumps, and the oscillation after them, are omitted. So is the damping of the
     loops, which makes the error smaller in a fast press.
+
+    Args:
+        plain: m, rise without a learned correction at the times of the path, shape (n,); its speed
+            is the one to keep.
     """
     stiffness = rig.arm.servo_stiffness
     if expected is None or stiffness is None:
@@ -215,7 +222,8 @@ def _loaded_speed_error(rig: Rig, path: Path, expected: Expectation | None) -> f
     inside = (expected.rise >= expected.contact) & (expected.rise <= expected.release)
     rise = expected.rise[inside]
     planned = rise + np.interp(rise, path.rise.position[down], compliance) * expected.force[inside]
-    step, planned_step = np.diff(rise), np.diff(planned)
+    without = np.interp(planned, path.rise.position[down], plain[down])
+    step, planned_step = np.diff(rise), np.diff(without)
     moves = planned_step > 0
     error = step[moves] / planned_step[moves] - 1
     return float(np.sqrt(np.average(error**2, weights=planned_step[moves])))

@@ -48,6 +48,8 @@ class About:
     scene: str = ""
     """Scene of the stand-in as text; empty on the hardware."""
     fits: tuple[Fit, ...] = ()
+    warm_ups: int = 0
+    """Warm-up presses that are not on the page."""
 
 
 def build_report(contents: Contents, about: About) -> str:
@@ -72,7 +74,7 @@ def build_report(contents: Contents, about: About) -> str:
         script=script,
         simulated=simulated and f"{simulated} of {counted(len(presses), 'press')} simulated",
         warnings=facts.warnings(contents, about.warnings),
-        facts=facts.how_pressed(contents),
+        facts=facts.how_pressed(contents, about.warm_ups),
         changes=[{"presses": len(c.presses), "changed": c.changed} for c in conditions]
         if many
         else [],

@@ -55,8 +55,12 @@ def warnings(contents: Contents, of_session: Sequence[str]) -> Facts:
     return found + [(text, f"press {_numbers(n)}") for text, n in same.items()]
 
 
-def how_pressed(contents: Contents) -> Facts:
-    """Return how the presses of the first condition were made."""
+def how_pressed(contents: Contents, warm_ups: int = 0) -> Facts:
+    """Return how the presses of the first condition were made.
+
+    Args:
+        warm_ups: Warm-up presses that are not on the page.
+    """
     presses = contents.presses
     rig, first = contents.conditions[0].rig, presses[0].session
     document = rig_document(rig)
@@ -65,9 +69,11 @@ def how_pressed(contents: Contents) -> Facts:
         names = ("jack_speed", "jack_rise", "hold", "run_up_acceleration", "settle")
         press = _listed(document["press"], names)
     warm_up = sum(record.session.warm_up for record in presses)
+    made = f"{len(presses)}" + (f", {warm_up} of them warm-up" if warm_up else "")
+    made += f", and {warm_ups} for warm-up that are not on this page" if warm_ups else ""
     facts = [
         ("rig", rig.name),
-        ("presses", f"{len(presses)}" + (f", {warm_up} of them warm-up" if warm_up else "")),
+        ("presses", made),
         ("date", _range(record.session.started for record in presses)),
         ("press", press),
         ("key", _listed(document["key"], ("press_arm", "laser_arm", "jack_arm", "inertia"))),

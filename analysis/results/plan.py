@@ -14,6 +14,7 @@ from sautereau.analysis.text import check_cells, counted, relative_margin, table
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.checks import Check
 from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.learning import Correction
 from sautereau.trajectory.motion import Motion
 from sautereau.trajectory.press import Trajectory, draft_press
 
@@ -111,14 +112,17 @@ class Plan(Result):
         return shown(plan_figure(self.rig, self.trajectory, self.expected))
 
 
-def plan(rig: Rig) -> Plan:
+def plan(rig: Rig, correction: Correction | None = None) -> Plan:
     """Plan the press of a rig with the force that the model expects.
+
+    Args:
+        correction: Learned addition to the jack's rise; None for none.
 
     Raises:
         TrajectoryError: No such motion exists: there is no cruise, or it is out of reach.
     """
     expected, doubts = expected_of(rig)
-    draft = draft_press(rig, expected)
+    draft = draft_press(rig, expected, correction)
     warnings = [*doubts, *draft.warnings]
     least, name = _return_force(rig, draft), "jack.register_friction"
     friction = rig.assumed.get(name, (0.0, rig.jack.register_friction))[1]

@@ -8,7 +8,6 @@ from sautereau.rig.schema import Arm
 from sautereau.robot.errors import NotReady, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments, to_angles, to_counts
 
-_TOLERANCE = 25e-6  # Fraction of a revolution between the position of a joint and its target
 _ROUNDING = 1.01
 """Fraction of the speed limit that a motion rounded to counts and samples may reach."""
 _RUN_UP = 0.1  # s, from rest to the speed of a move
@@ -27,7 +26,7 @@ class Limits:
         """Counts per second, of either joint."""
         self.acceleration = self.in_counts(arm.acceleration_limit)
         """Counts per second squared, of either joint."""
-        self.tolerance = max(2, round(_TOLERANCE * self._turn))
+        self.tolerance = max(2, round(self.in_counts(arm.position_tolerance)))
         """Counts by which a joint may be off its target."""
 
     def in_counts(self, angle: float) -> float:
@@ -87,14 +86,31 @@ class Limits:
             faults += self._outside("motion", knots)
         _refuse("load", faults, "plan the motion again")
 
-    def check_at(self, actual: Counts, target: Counts, who: str) -> None:
-        """Refuse joints that are not at a target; counts, shape (2,)."""
-        away = np.abs(actual - target)
-        if (away > self.tolerance).any():
-            raise NotReady(
-                f"{who} is at {actual[0]}, {actual[1]} counts and not at {target[0]}, {target[1]},"
-                f" within {self.tolerance} counts; call move_to() first"
-            )
+    def off_target(self, actual: Counts, target: Counts) -> str:
+        """Return which joints are not at a target, and what to do; empty if both are.
+
+        Args:
+            actual: Counts, shape (2,).
+            target: Counts, shape (2,).
+        """
+        away = [int(counts) for counts in np.abs(actual - target)]
+        off = [
+            f"joint {joint} is {self._angle(counts)} off"
+            for joint, counts in enumerate(away, 1)
+            if counts > self.tolerance
+        ]
+        if not off:
+            return ""
+        return (
+            f"{' and '.join(off)} its target, more than arm.position_tolerance,"
+            f" {self._angle(self.tolerance)}; check that nothing holds or pushes the arm, raise the"
+            " gains of its position loops, or raise arm.position_tolerance"
+        )
+
+    def check_at(self, actual: Counts, target: Counts) -> None:
+        """Refuse joints that are not where a motion starts; counts, shape (2,)."""
+        if off := self.off_target(actual, target):
+            raise NotReady(f"the arm is not where the motion starts: {off}")
 
     def _outside(self, what: str, points: Counts) -> list[str]:
         faults = []

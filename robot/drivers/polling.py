@@ -2,9 +2,8 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
 from sautereau.robot.drivers.driver import Clock, Sleep
+from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.errors import MotionFault
 from sautereau.trajectory.segments import Counts
 
@@ -45,18 +44,14 @@ class Polling:
                 )
             self.sleep(POLL)
 
-    def settle(self, positions: Callable[[], Counts], target: Counts, tolerance: int) -> None:
-        """Wait until both joints are within ``tolerance`` counts of ``target`` (counts, (2,)).
+    def settle(self, positions: Callable[[], Counts], target: Counts, limits: Limits) -> None:
+        """Wait until both joints are at ``target`` (counts, shape (2,)).
 
         Raises:
             MotionFault: They are not within `SETTLING` seconds.
         """
         deadline = self.clock() + SETTLING
-        while np.abs((actual := positions()) - target).max() > tolerance:
+        while off := limits.off_target(positions(), target):
             if self.clock() > deadline:
-                raise MotionFault(
-                    f"the joints are at {actual[0]}, {actual[1]} counts, {SETTLING:g} s after a"
-                    f" motion to {target[0]}, {target[1]} with a tolerance of {tolerance}; check"
-                    " that the arm moves freely, and the gains of its position loops"
-                )
+                raise MotionFault(f"{SETTLING:g} s after the motion {off}")
             self.sleep(POLL)

@@ -241,7 +241,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
         if self._motion is None:
             raise NotReady("arm: no motion is loaded; call load() first")
         self._check_ready(driver, "the motion")
-        self._limits.check_at(driver.positions(), self._motion.start, "arm: the arm")
+        self._limits.check_at(driver.positions(), self._motion.start)
         with self._safety.guarded(driver, "arm"):
             driver.arm()
         self._states.enter(State.ARMED)

@@ -289,7 +289,7 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
         stream.wait()
         self.check_running("the press")
         stream.check_punctuality()
-        self.polling.settle(self.positions, motion.end, self.limits.tolerance)
+        self.polling.settle(self.positions, motion.end, self.limits)
 
     def capture(self) -> Capture:
         """Return the host's record of the last motion, at the host's times."""

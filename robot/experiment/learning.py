@@ -2,12 +2,14 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, Field, FiniteFloat, ValidationError
+from pydantic import AwareDatetime, BaseModel, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.loading.press import load_press
 from sautereau.rig.disk import read_limited, why_unreadable, write_durably
@@ -16,7 +18,7 @@ from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
-from sautereau.robot.experiment.plan import RigDocument, differences
+from sautereau.robot.experiment.plan import MOST_LISTED, RigDocument, differences
 from sautereau.robot.experiment.session import Item
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
@@ -29,7 +31,8 @@ LARGEST_DOUBT = 1 / (12 * CUTOFF)
 frequency, beyond which a correction increases the error."""
 HALVINGS = 4  # Times that the change of a correction is halved where the press cannot be planned
 MOST_KNOTS = 10_000  # Limit of a correction's points; learning makes about one for each millisecond
-_SECTIONS = ("press", "arm", "controller")
+_PRESS = ("press", "arm", "controller")  # Another one needs another correction
+_LOAD = ("key", "jack", "plectrum", "string", "more_choirs")  # On the finger
 
 
 class _Learned(BaseModel, extra="allow"):
@@ -38,6 +41,70 @@ class _Learned(BaseModel, extra="allow"):
     time: list[FiniteFloat] = Field(max_length=MOST_KNOTS)
     rise: list[FiniteFloat] = Field(max_length=MOST_KNOTS)
     learned_for: RigDocument
+    learned_on: AwareDatetime | None = None
+    load: RigDocument | None = None
+    held_speed_error: FiniteFloat | None = None
+    peak_force: FiniteFloat | None = None
+
+
+@dataclass(frozen=True)
+class LearnedCorrection:
+    """A correction, and the load on the finger under which it was learned.
+
+    The fields about the press are those of the one with the smallest speed error, as
+    `sautereau.analysis.session.analysed` names them.
+    """
+
+    correction: Correction
+    held_speed_error: float | None = None
+    """RMS relative error of the jack speed while a string was held; None if unknown."""
+    peak_force: float | None = None
+    """N, largest force of the finger on the key; None if unknown."""
+    learned_on: str = ""
+    """Date, ISO 8601; empty in files of version 0.1."""
+    changes: tuple[str, ...] | None = ()
+    """Values of key and choirs that have changed since, as then and now; None if unknown."""
+
+    def doubts(self, path: Path) -> list[str]:
+        """Return why the correction of a file may not fit the present load; empty if it may."""
+        origin = f"learned correction {path}:"
+        if self.changes is None:
+            return [
+                f"{origin} its date and load are not known, because version 0.1 wrote it; learn"
+                " again if the jack's load may have changed"
+            ]
+        if not self.changes:
+            return []
+        listed = [*self.changes[:MOST_LISTED]]
+        if more := len(self.changes) - len(listed):
+            listed.append(f"and {more} more")
+        return [
+            f"{origin} it was learned on {self.learned_on} under another load"
+            f" ({'; '.join(listed)}); learn again"
+        ]
+
+    def stale(self, errors: Sequence[float], forces: Sequence[float], tolerance: float) -> str:
+        """Return how presses contradict a correction that reached its speed; empty if they do not.
+
+        They do where most of them miss the tolerance that learning had reached.
+
+        Args:
+            errors: RMS relative errors of the jack speed while a string is held, of each press.
+            forces: N, largest forces of the finger on the key, of each press.
+            tolerance: `press.speed_tolerance`.
+        """
+        reached, missed = self.held_speed_error, sum(error > tolerance for error in errors)
+        if reached is None or reached > tolerance or 2 * missed <= len(errors):
+            return ""
+        then, now = f"{100 * reached:.3g} %", f"up to {100 * max(errors):.3g} %"
+        if self.peak_force is not None and forces:
+            then += f" at a peak force of {self.peak_force:.3g} N"
+            now += f" at {np.mean(forces):.3g} N"
+        return (
+            f"it is stale: on {self.learned_on} the RMS speed error while a string is held was"
+            f" {then}, and is {now} now, above press.speed_tolerance {100 * tolerance:.3g} % in"
+            f" {missed} of {len(errors)} presses; learn again"
+        )
 
 
 class IterativeLearning:
@@ -180,9 +247,9 @@ class IterativeLearning:
 
 
 def write_learned(
-    path: Path, rig: Rig, correction: Correction, errors: list[float], feed_forward: str = ""
+    path: Path, rig: Rig, learned: LearnedCorrection, errors: list[float], feed_forward: str = ""
 ) -> None:
-    """Write a correction into a new file, with the press, arm and controller it was learned for.
+    """Write a correction into a new file, with its date, and the rig it was learned for.
 
     Args:
         errors: RMS relative error of the jack speed over the cruise, of every press.
@@ -191,11 +258,16 @@ def write_learned(
     Raises:
         RobotError: The file exists, or cannot be written.
     """
+    correction = learned.correction
     document = {
         "time": correction.time.tolist(),
         "rise": correction.rise.tolist(),
         "rms_speed_error": errors,
+        "held_speed_error": learned.held_speed_error,
+        "peak_force": learned.peak_force,
+        "learned_on": datetime.now(UTC).isoformat(timespec="seconds"),
         "learned_for": _learned_for(rig, feed_forward),
+        "load": _part(rig, _LOAD),
     }
     try:
         write_durably(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
@@ -205,7 +277,7 @@ def write_learned(
         ) from error
 
 
-def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
+def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> LearnedCorrection:
     """Read a correction that was learned for a rig's press.
 
     Args:
@@ -227,19 +299,32 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> Correction:
             f"learned correction {path}: cannot be read: {why_unreadable(error)}; give the file"
             " that `sautereau learn` wrote"
         ) from error
-    asked = _learned_for(rig, feed_forward)
-    learned_for = comparable(current_document(found.learned_for.model_dump()))
-    changes = list(differences({name: learned_for.get(name) for name in asked}, asked))
-    if changes:
+    if faults := _changes(found.learned_for, _learned_for(rig, feed_forward)):
         raise RobotError(
             f"learned correction {path}: it was learned for another press:\n  "
-            + "\n  ".join(changes)
+            + "\n  ".join(faults)
             + "\nlearn again, or press as it was learned"
         )
-    return Correction(np.array(found.time), np.array(found.rise))
+    return LearnedCorrection(
+        Correction(np.array(found.time), np.array(found.rise)),
+        found.held_speed_error,
+        found.peak_force,
+        found.learned_on.date().isoformat() if found.learned_on else "",
+        None if found.load is None else _changes(found.load, _part(rig, _LOAD)),
+    )
+
+
+def _changes(learned: RigDocument, asked: dict[str, Any]) -> tuple[str, ...]:
+    """Return the differences of a part of the present rig from the one learned with."""
+    then = comparable(current_document(learned.model_dump()))
+    return tuple(differences({name: then.get(name) for name in asked}, asked))
 
 
 def _learned_for(rig: Rig, feed_forward: str) -> dict[str, Any]:
     """Return what a correction depends on, as TOML would hold it."""
+    return _part(rig, _PRESS) | {"feed_forward": feed_forward}
+
+
+def _part(rig: Rig, sections: tuple[str, ...]) -> dict[str, Any]:
     document = comparable(rig_document(rig))
-    return {section: document[section] for section in _SECTIONS} | {"feed_forward": feed_forward}
+    return {section: document[section] for section in sections}

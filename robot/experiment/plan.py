@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +30,8 @@ class Plan:
     """The bench; the rows change its values."""
     rows: tuple[Row, ...] | None
     """None if they are known only as the plan runs."""
-    warm_up: int = 0
-    """Presses before the first of each set-up of the instrument."""
+    warm_up: int = 1
+    """Presses before each one that starts from a lift; they are recorded, and no part of it."""
     rest: float = 0.0
     """s, between presses."""
     scene: str = ""
@@ -66,11 +65,8 @@ class Plan:
 
     @property
     def total(self) -> int | None:
-        """Number of presses, those for warm-up included; None if it is not known."""
-        if self.rows is None:
-            return None
-        set_ups = groupby(self.rows, lambda row: instrument_of(row.rig))
-        return sum(row.repeats for row in self.rows) + self.warm_up * len(list(set_ups))
+        """Number of presses; None if it is not known."""
+        return None if self.rows is None else sum(row.repeats for row in self.rows)
 
     def document(self) -> dict[str, Any]:
         """Return the plan as a JSON document; equal plans give equal documents."""

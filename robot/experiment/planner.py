@@ -1,12 +1,13 @@
 """The presses of a session before they are made: the rows of a recording, and the plans."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from sautereau.analysis.loading.press import press_of
 from sautereau.analysis.model.predict import expected_of
+from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import differing
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Recorded
@@ -18,7 +19,7 @@ from sautereau.rig.units import format_quantity
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of, torque_table
-from sautereau.robot.experiment.learning import read_learned
+from sautereau.robot.experiment.learning import LearnedCorrection, read_learned
 from sautereau.robot.experiment.plan import digest
 from sautereau.robot.experiment.plan_table import Row
 from sautereau.trajectory.errors import TrajectoryError
@@ -50,7 +51,9 @@ class Planner:
         used = {"learned": learned, "feed_forward": feed_forward}
         self.files = {name: digest(path) for name, path in used.items() if path}
         """SHA-256 of the files by their role."""
-        self._learned = learned
+        self._path = learned
+        self.learned: LearnedCorrection | None = None
+        """The correction of the last plan."""
         self._measured = force_of(feed_forward) if feed_forward else None
         self._made: list[tuple[Rig, tuple[Trajectory, TorqueTable | None]]] = []
         self.warnings: list[str] = []
@@ -69,12 +72,27 @@ class Planner:
         rig = row.rig
         expected, doubts = expected_of(rig)
         pushed = self.files.get("feed_forward", "")
-        correction = read_learned(self._learned, rig, pushed) if self._learned else None
-        trajectory = plan_press(rig, expected, correction)
+        if self._path:
+            self.learned = read_learned(self._path, rig, pushed)
+            doubts = [*doubts, *self.learned.doubts(self._path)]
+        trajectory = plan_press(rig, expected, self.learned and self.learned.correction)
         torques = torque_table(rig, trajectory, self._measured) if self._measured else None
         self._made.append((rig, (trajectory, torques)))
         self.warnings += [*doubts, *trajectory.warnings]
         return trajectory, torques
+
+    def stale(self, presses: Iterable[AnalysedPress]) -> str:
+        """Return how presses contradict the correction they were made with; empty if not."""
+        if self.learned is None:
+            return ""
+        errors, forces, tolerance = [], [], 0.0
+        for press in presses:
+            tolerance = press.press.rig.press.speed_tolerance
+            for name, found in (("held_speed_error", errors), ("peak_force", forces)):
+                if isinstance(value := press.features[name], float):
+                    found.append(value)
+        found = self.learned.stale(errors, forces, tolerance)
+        return found and f"learned correction {self._path}: {found}"
 
     def plan_all(self, rows: Sequence[Row]) -> None:
         """Plan the press of every row, before the first is made.

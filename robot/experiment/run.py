@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,13 @@ from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable, motion_controller
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.answers import OPERATOR, Answer
 from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.health import Health
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.plan import instrument_of, to_set
 from sautereau.robot.experiment.plan_table import MOST_PRESSES, Row
-from sautereau.robot.experiment.session import Item, Origin, make_presses
+from sautereau.robot.experiment.session import Item, Origin, is_lifted, make_presses
 from sautereau.robot.experiment.session_folder import SessionFolder
 from sautereau.robot.experiment.steps import Ask, Plan, Step
 from sautereau.trajectory.press import Trajectory
@@ -43,9 +44,9 @@ class Place:
     """One press of a plan."""
 
     number: int
-    """From 1."""
+    """From 1; of a warm-up press, that of the press it is made for."""
     row: Row
-    warm_up: bool
+    warm_up: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,9 @@ class Crew:
     """Starts the bench of a rig, with a seed."""
     operator: Callable[[str], str | None]
     """Asks the operator, and returns the answer; None if there is nobody to ask."""
+    answer: Callable[[Ask, Answer | None], Answer | None]
+    """Returns the answer to a plan's question, which may have been noted before; None if there is
+    nobody to ask."""
     on_press: Callable[[Place, Path], Any] = lambda place, path: None
     """Called with each press and its recording."""
     examine: Callable[[Path, Path | None], Health] = lambda path, first: Health()
@@ -77,7 +81,6 @@ class PlanRun:
         self._made: list[Any] = []
         self._answer: Any = None
         self._question: Ask | None = None
-        self._set_up: Rig | None = None
         self.to_set: dict[str, Any] = {}
         """What the operator must set before the session continues; empty for nothing."""
         self.unanswered = ""
@@ -100,11 +103,11 @@ class PlanRun:
                 return
             self._control.wait()
             if isinstance(place, Ask):
-                answer = self._crew.operator(place.text)
+                answer = self._crew.answer(place, None)
                 if answer is None:
                     self.unanswered = place.text
                     return
-                self._answered(place, answer)
+                self._answered(answer)
             elif not self._instrument_set(place.row):
                 return
             else:
@@ -125,17 +128,17 @@ class PlanRun:
             self._answer = None
             self._index = next(self._requests)
             if isinstance(request, Ask):
-                noted = self._folder.row(self._index)
-                if noted is None or "answer" not in noted:
-                    self._question = request
-                else:
-                    self._answered(request, noted["answer"])
+                self._question = request
+                row = self._folder.row(self._index) or {}
+                if "answer" in row:
+                    noted = Answer(request.text, row["answer"], row.get("by", OPERATOR))
+                    self._answered(self._crew.answer(request, noted) or noted, noted)
             else:
                 self._take(request)
         return self._question
 
     def _take(self, request: Step | Row) -> None:
-        """Number the presses of a request, with warm-up presses if the instrument changes."""
+        """Number the presses of a request."""
         folder, row = self._folder, request
         if isinstance(row, Step):
             values = named_values(row.values, {})
@@ -144,20 +147,16 @@ class PlanRun:
                 raise RobotError(f"session: {row.repeats} presses; request 1 to {MOST_PRESSES}")
         folder.plan.check(row)
         folder.note_row(self._index, row.document())
-        set_up = instrument_of(row.rig)
-        warm_up = 0 if set_up == self._set_up else folder.plan.warm_up
-        self._set_up = set_up
-        places = [Place(next(self._numbers), row, True) for _ in range(warm_up)]
-        places += [Place(next(self._numbers), row, False) for _ in range(row.repeats)]
-        self._places, self._made = deque(places), []
+        self._places = deque(Place(next(self._numbers), row) for _ in range(row.repeats))
+        self._made = []
 
     def _done(self, recording: Path) -> None:
         """Take the recording of the first place."""
         row = self._places[0].row
         if self._first_with(row) is None:
             self._first.append((row.rig, recording))
-        if not self._places.popleft().warm_up:
-            self._made.append(self._crew.opened(recording))
+        self._places.popleft()
+        self._made.append(self._crew.opened(recording))
         if not self._places:
             self._answer = self._made
 
@@ -165,10 +164,11 @@ class PlanRun:
         """Return the first valid recording with the plan and instrument of a row."""
         return next((path for rig, path in self._first if rig == row.rig), None)
 
-    def _answered(self, question: Ask, answer: str) -> None:
-        row = {"values": {}, "repeats": 0, "notes": question.text, "answer": answer}
-        self._folder.note_row(self._index, row)
-        self._answer, self._question = answer, None
+    def _answered(self, answer: Answer, noted: Answer | None = None) -> None:
+        if answer is not noted:
+            row = {"values": {}, "repeats": 0, "notes": answer.question, "answer": answer.answer}
+            self._folder.note_row(self._index, row | {"by": answer.by})
+        self._answer, self._question = answer.answer, None
 
     def _instrument_set(self, row: Row) -> bool:
         """Return whether the instrument is set for a row; the operator is asked if it is not."""
@@ -184,13 +184,19 @@ class PlanRun:
         return answer is not None
 
     def _press(self, first: Place) -> None:
-        """Make presses until the instrument changes, the operator is needed, or it pauses."""
+        """Make presses until the instrument changes, the operator is needed, or it pauses.
+
+        Warm-up presses precede each press that starts from a lift: the approach ends within the
+        following error of the position loops, so that the run-up hits the key or pushes it early.
+        """
         folder, crew = self._folder, self._crew
         current: list[Place] = []
         made: list[tuple[Row, Rig, Planned]] = []
         instrument = instrument_of(first.row.rig)
 
         def items(bench: Bench) -> Iterator[Item]:
+            last: Trajectory | None = None
+            warm_ups = 0
             while not self.fault and isinstance(place := self._next(), Place):
                 another = instrument_of(place.row.rig) != instrument
                 if another or (current and self._control.paused):
@@ -198,20 +204,27 @@ class PlanRun:
                 if not made or made[0][0] is not place.row:
                     made[:] = [(place.row, place.row.on(bench.rig), crew.planned(place.row))]
                 _, rig, (trajectory, torques) = made[0]
-                current[:] = [place]
+                warm_ups = folder.plan.warm_up if is_lifted(trajectory, last) else warm_ups
+                warm_up, last = warm_ups > 0, trajectory
+                warm_ups -= warm_up
+                current[:] = [replace(place, warm_up=warm_up)]
                 yield Item(
                     rig,
                     trajectory,
-                    place.number,
-                    warm_up=place.warm_up,
+                    None if warm_up else place.number,
+                    warm_up=warm_up,
                     notes=place.row.notes,
                     torques=torques,
                 )
 
         def done(item: Item, path: Path) -> None:
+            if item.warm_up:
+                folder.warm_ups.append(path)
             crew.on_press(current[0], path)
             health = crew.examine(path, self._first_with(current[0].row))
             self.fault = health.reason and f"{path.name}: {health.reason}"
+            if item.warm_up:
+                return
             if health.valid:
                 folder.done[current[0].number] = path
                 self._done(path)

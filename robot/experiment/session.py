@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import chain
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +27,10 @@ from sautereau.trajectory.press import Trajectory
 from sautereau.trajectory.segments import to_angles
 from sautereau.trajectory.urdf import JACK
 
-FILE = "press-{:04d}.mcap"
-_NAME = re.compile(r"press-(\d+)\.mcap")
+PRESS, WARM_UP = "press-{:04d}.mcap", "warm-up-{:02d}.mcap"
+"""Names of the recordings of presses, and of warm-up presses."""
+WARM_UPS = "warm-up-*.mcap"  # Pattern of the second
+_NAME = re.compile(r"(press|warm-up)-(\d+)\.mcap")
 
 
 @dataclass(frozen=True)
@@ -39,9 +41,9 @@ class Item:
     """The bench, with the addresses of its devices."""
     trajectory: Trajectory
     number: int | None = None
-    """Number of the press in the session's plan, from 1; None without a plan."""
+    """Number of the press in the session's plan, from 1; None without a plan, and for warm-up."""
     warm_up: bool = False
-    """Whether it only warms up the arm."""
+    """Whether it only brings the finger onto the key."""
     notes: str = ""
     """The operator's."""
     torques: TorqueTable | None = None
@@ -74,8 +76,9 @@ def make_presses(
 ) -> list[Path]:
     """Make presses with the motors on throughout, and record each one in a separate file.
 
-    A press is on the disk before the next starts. Numbers continue from the highest in the
-    folder, so that no earlier recording is ever overwritten.
+    A press is on the disk before the next starts. The numbers of presses, and those of warm-up
+    presses, continue from the highest in the folder, so that no earlier recording is ever
+    overwritten.
 
     Args:
         items: The presses; the next one may depend on earlier calls of `on_press`.
@@ -93,7 +96,7 @@ def make_presses(
     made: list[Path] = []
     with _faults_watched(watch), controller:
         watch(Stage("motors off", "idle"))
-        number = _free_number(out)
+        numbers = _free_numbers(out)
         on_ready()
         pending = iter(items)
         first = next(pending, None)
@@ -108,11 +111,12 @@ def make_presses(
                 watch(Stage("going to the start", "idle"))
                 _go_to(controller, item, last)
                 last = item.trajectory
-                path = out / FILE.format(number)
+                name = WARM_UP if item.warm_up else PRESS
+                number = next(numbers[name])
+                path = out / name.format(number)
                 _press(controller, item, path, number, origin, watch)
                 watch(Made(number, path))
                 made.append(path)
-                number += 1
                 on_press(item, path)
             if last is not None:
                 watch(Stage("going home", "idle"))
@@ -136,15 +140,20 @@ def _faults_watched(watch: Watch) -> Iterator[None]:
 def _go_to(controller: MotionController, item: Item, last: Trajectory | None) -> None:
     """Move the finger to the start of a press, from home or from the end of the last press."""
     trajectory = item.trajectory
+    if not is_lifted(trajectory, last):
+        return
     if last is None:
         controller.home()
-    elif (last.segments.end == trajectory.segments.start).all():
-        return
     else:
         play(controller, last.retreat)
     arm = item.rig.arm
     controller.move_to(trajectory.hover, arm.approach_speed / arm.radians_per_count)
     play(controller, trajectory.approach)
+
+
+def is_lifted(trajectory: Trajectory, last: Trajectory | None) -> bool:
+    """Return whether a press starts from above the key, and not where the last press has ended."""
+    return last is None or bool((last.segments.end != trajectory.segments.start).any())
 
 
 def _press(
@@ -228,16 +237,19 @@ def _joints(capture: Capture, start: float, rig: Rig) -> Joints:
     return Joints(t=capture.times + start, **named)
 
 
-def _free_number(out: Path) -> int:
-    """Return the first free press number of a folder, which is created if it is missing."""
+def _free_numbers(out: Path) -> dict[str, Iterator[int]]:
+    """Return the free numbers of recordings in a folder, which is created if it is missing."""
     try:
         make_folder(out)
-        names = [path.name for path in out.iterdir()]
+        found = [_NAME.match(path.name) for path in out.iterdir()]
     except OSError as error:
         raise RobotError(
             f"session folder {out}: {error.strerror}; give a folder that can be written"
         ) from error
-    return max((int(m[1]) for name in names if (m := _NAME.match(name))), default=0) + 1
+    used = {"press": [0], "warm-up": [0]}
+    for match in filter(None, found):
+        used[match[1]].append(int(match[2]))
+    return {PRESS: count(max(used["press"]) + 1), WARM_UP: count(max(used["warm-up"]) + 1)}
 
 
 RATE = 200.0  # Hz, largest rate of the drawings

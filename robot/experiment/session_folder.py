@@ -88,7 +88,7 @@ class SessionFolder:
     def __init__(
         self,
         path: Path,
-        plan: Plan,
+        plan: Plan | Callable[["Manifest | None"], Plan],
         seed: int | None,
         fresh_seed: int | None,
         current_scene: Callable[[dict[str, Any]], dict[str, Any]] = dict,
@@ -96,6 +96,7 @@ class SessionFolder:
         """Read the folder; nothing is written.
 
         Args:
+            plan: The plan, or a function that returns it from the session that was started before.
             seed: Of the stand-in's random numbers, as requested; None for that of the session.
             fresh_seed: Of a new session without a requested seed; None on the hardware.
             current_scene: Adds to the document of a scene what its version did not have.
@@ -105,14 +106,14 @@ class SessionFolder:
             daq.errors.RecordingError: A recording in it cannot be read.
         """
         self.path = path
-        self.plan = plan
         stored = started = read_manifest(path)
+        self.plan = plan = plan(started) if callable(plan) else plan
         asked = plan.document()
         self.resumed = started is not None
         """Whether the session was started before."""
         if started is not None:
             requested = started.seed if seed is None else seed
-            before = {**started.plan, "seed": started.seed}
+            before = {**started.plan, "seed": started.seed, "warm_up": plan.warm_up}
             if plan.rows is None:  # each is compared when the plan requests it
                 asked["presses"] = before.get("presses", [])
             elif extends(before.get("presses", []), asked["presses"]):
@@ -136,6 +137,8 @@ class SessionFolder:
         """Seed of the session's random numbers; None on the hardware."""
         self.done: dict[int, Path] = {}
         """Recordings by the number of the press in the plan."""
+        self.warm_ups: list[Path] = []
+        """Recordings of warm-up presses."""
         self.others = 0
         """Recordings in the folder that do not belong to this session."""
         self.incomplete: list[Path] = []
@@ -197,19 +200,27 @@ class SessionFolder:
 
     def _find(self) -> None:
         """Find the presses that are made."""
-        for path in sorted(self.path.glob("*.mcap")) if self.path.is_dir() else []:
-            found = read_session(path)
-            if found.session != self.session or found.item is None:
+        paths = sorted(self.path.glob("*.mcap")) if self.path.is_dir() else []
+        read = {path: read_session(path) for path in paths}
+        own = {path: found for path, found in read.items() if found.session == self.session}
+        self.warm_ups = [path for path, found in own.items() if found.warm_up]
+        presses = {path: found.item for path, found in own.items() if not found.warm_up}
+        self.others = len(paths) - len(own)
+        counted = {found.item for found in own.values() if found.warm_up and found.item}
+        for path, number in presses.items():
+            if number is None:
                 self.others += 1
-            elif path.name in self._manifest.invalid or not read_recording(path).complete:
+                continue
+            number -= sum(before < number for before in counted)  # version 0.1 counted warm-ups
+            if path.name in self._manifest.invalid or not read_recording(path).complete:
                 self.incomplete.append(path)
-            elif found.item in self.done:
+            elif number in self.done:
                 raise RobotError(
-                    f"session folder {self.path}: {path.name} and {self.done[found.item].name} are"
-                    f" both press {found.item} of the session; move one of them away"
+                    f"session folder {self.path}: {path.name} and {self.done[number].name} are"
+                    f" both press {number} of the session; move one of them away"
                 )
             else:
-                self.done[found.item] = path
+                self.done[number] = path
 
 
 def extends(started: Sequence[Mapping[str, Any]], asked: Sequence[Mapping[str, Any]]) -> bool:

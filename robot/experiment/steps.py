@@ -33,6 +33,8 @@ class Ask:
     """A request to the operator."""
 
     text: str
+    stand_in: str = ""
+    """Answer of the stand-in."""
 
 
 Plan = Generator[Step | Row | Ask, Any, Any]
@@ -93,9 +95,14 @@ def repeat_until(
     return made
 
 
-def ask(text: str) -> Plan:
-    """Ask the operator with the motors off; return the answer, which is saved with the session."""
-    return (yield Ask(text))
+def ask(text: str, /, *, stand_in: str = "") -> Plan:
+    """Ask the operator with the motors off; return the answer, which is saved with the session.
+
+    Args:
+        text: The question. `answers` of the session may answer it in advance.
+        stand_in: Answer of the stand-in, where there is no terminal to ask at.
+    """
+    return (yield Ask(text, stand_in))
 
 
 def of_rows(rows: Iterable[Row]) -> Plan:

@@ -95,6 +95,10 @@ class Recorded:
     out: OutFolder
     """Folder for the recordings. Existing files in it are kept."""
     notes: Notes = ""
+    warm_up: Integer = 1
+    """Number of warm-up presses wherever the finger comes from above the key: at the start, after a
+    pause and after each change of the instrument. They are recorded as warm-up-01.mcap and so on,
+    and are no part of the results."""
     view: bool = False
     """Show arm, acquisition, force and speed in the terminal during the session."""
     live: bool = False

@@ -1,5 +1,6 @@
 """Plan a press, place the robot, predict a press by the model."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from sautereau.commands import common
@@ -9,6 +10,7 @@ from sautereau.commands.output import FileOutput, json_text, save_plot
 def plan(
     rig: common.RigName = "paper",
     *,
+    learned: Path | None = None,
     out: common.OutFile | None = None,
     plot: common.Picture = None,
     bench: common.Drawing = None,
@@ -20,15 +22,25 @@ def plan(
 
     Parameters
     ----------
+    learned
+        Correction of the trajectory, written by `sautereau learn`.
     out
         File for the controller's segments, as JSON; written only if every check passes.
     """
+    from sautereau.analysis.results.plan import plan as planned
     from sautereau.analysis.results.rig import Rig
     from sautereau.rig.disk import write_durably
     from sautereau.trajectory.segments import segments_document
 
-    made = Rig(rig).plan()
-    nominal, draft = made.rig, made.trajectory
+    nominal, correction, doubts = Rig(rig).values, None, []
+    if learned:
+        from sautereau.robot.experiment.learning import read_learned
+
+        found = read_learned(learned, nominal)
+        correction, doubts = found.correction, found.doubts(learned)
+    made = planned(nominal, correction)
+    made = replace(made, warnings=(*made.warnings, *doubts))
+    draft = made.trajectory
     lines = made.lines(all_checks=output.verbose)
     if out and made.feasible:
         period = nominal.controller.sample_period

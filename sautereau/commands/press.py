@@ -24,7 +24,6 @@ def press(
     *,
     n: common.Number = 1,
     table: Path | None = None,
-    warm_up: common.Integer = 0,
     rest: common.Duration = common.Quantity(0),
     learned: Path | None = None,
     feed_forward: common.FeedForward = None,
@@ -47,8 +46,6 @@ def press(
         CSV file of presses. Its columns are keys of the rig file (press.jack_speed), with values
         and units in the cells, and optionally `repeats` and `notes`. If a row changes the
         instrument, the command asks you to change it.
-    warm_up
-        Number of warm-up presses, at the start and after each change of the instrument.
     rest
         Time between presses: "2 s".
     learned
@@ -60,7 +57,9 @@ def press(
     """
     from sautereau.entrance.pressing import Settings, Table
 
-    settings = Settings(warm_up, rest, recorded.notes, learned, feed_forward, ignore_health)
+    settings = Settings(
+        recorded.warm_up, rest, recorded.notes, learned, feed_forward, ignore_health
+    )
     what = Table(table, n) if table else n
     return _run(common.bench(rig, simulation), what, settings, recorded, output)
 
@@ -89,7 +88,7 @@ def replay(
     """
     from sautereau.entrance.pressing import Replay, Settings
 
-    what, settings = Replay(recording, n), Settings(notes=recorded.notes)
+    what, settings = Replay(recording, n), Settings(recorded.warm_up, notes=recorded.notes)
     return _run(common.bench(rig, simulation), what, settings, recorded, output)
 
 

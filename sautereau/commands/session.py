@@ -13,7 +13,6 @@ from sautereau.analysis.text import grouped
 from sautereau.commands.live.process import watching
 from sautereau.commands.output import Output
 from sautereau.entrance.devices import Connected
-from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.pressing import Observer, Pressing
 from sautereau.rig.disk import read_limited, write_durably
 from sautereau.robot.experiment.monitor import Watch
@@ -31,8 +30,8 @@ class SessionReport(Observer):
         self._pressing, self._output = pressing, output
         self._view, self._live = view, live
         self._show: Callable[[float], None] = lambda fraction: None
-        self._warnings = pressing.planner.warnings
-        self._presses: dict[int, PressFile] = {}
+        self._said = [*pressing.planner.warnings]
+        self._headed = False
         self._reached = ""
         self._announced = False
 
@@ -48,7 +47,7 @@ class SessionReport(Observer):
             self._output.say(f"not changed: {path}, from an interrupted press")
         for path in folder.incomplete:
             text = f"{path} is not a complete press; the file is kept, and the press is repeated"
-            self._warnings.append(text)
+            self._said.append(text)
             self._output.warn(text)
         if folder.others:
             self._output.say(f"not changed: {folder.others} recordings from other sessions")
@@ -64,11 +63,10 @@ class SessionReport(Observer):
 
     def pressed(self, place: Place, path: Path) -> None:
         """Analyse a press, and print its results."""
-        first = not self._presses
-        press = self._presses[place.number] = self._pressing.open(path)
-        if first:
+        if not self._headed:
             self._output.say(HEADER)
-        self._output.say(press.line + "  warm-up" * place.warm_up)
+        self._headed = True
+        self._output.say(self._pressing.open(path).line)
         if total := self._pressing.plan.total:
             self._show(len(self._pressing.folder.done) / total)
 
@@ -92,13 +90,15 @@ class SessionReport(Observer):
             session.read()
         total, to_set = self._pressing.plan.total, run.to_set
         left = None if total is None else total - len(numbers)
+        found = [text for text in self._pressing.warnings if text not in self._said]
         result: dict[str, Any] = {
             "session": folder.session,
             "recordings": [str(press.path) for press in session],
             "presses": [
-                press.document | {"item": number, "warm_up": press.info.warm_up}
+                press.document | {"item": number}
                 for number, press in zip(numbers, session, strict=True)
             ],
+            "warm_ups": [str(path) for path in folder.warm_ups],
             "simulated": session.simulated,
             "seed": folder.seed,
             "reached": self._reached,
@@ -107,13 +107,10 @@ class SessionReport(Observer):
             "to_set": to_set,
             "question": run.unanswered,
             "halted": run.halted,
-            "warnings": self._warnings,
+            "warnings": [*self._said, *found],
         }
         warnings = [(p.path.name, warning) for p in session for warning in p.phases.warnings]
-        if run.fault and not run.halted:
-            self._warnings.append(run.fault)
-            warnings.append(("after the last press", run.fault))
-        lines = [f"warning: {text}" for text in grouped(warnings, "press")]
+        lines = [f"warning: {text}" for text in [*grouped(warnings, "press"), *found]]
         if len(session):
             compared = session.compare()
             drawn = _pictures(compared, folder.path)
@@ -121,12 +118,13 @@ class SessionReport(Observer):
             result |= {"picture": str(drawn[0])} if drawn else {}
             lines += [*compared.lines(features=False), *(f"picture:    {p}" for p in drawn)]
         lines += [f"recording:  {press.path}" for press in session]
+        lines += [f"warm-up:    {path}" for path in folder.warm_ups]
         if to_set or run.unanswered:
             values = ", ".join(f"{key} = {value}" for key, value in to_set.items())
             needed = f"set {values} on the instrument" if to_set else f"answer: {run.unanswered}"
             presses = "presses are" if left is None else f"{left} press{'es' * (left > 1)}"
             lines.append(f"{presses} left: {needed}, then run the same command again")
-        return self._output.answer(result, lines, faults=[run.halted] if run.halted else [])
+        return self._output.answer(result, lines, faults=self._pressing.faults)
 
 
 def _pictures(compared: Comparison, folder: Path) -> list[Path]:

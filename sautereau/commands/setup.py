@@ -1,23 +1,28 @@
 """A new rig file, the checks of this machine, and the set-up of a bench, step by step."""
 
 import sys
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from datetime import date
 from math import degrees
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, Literal
 
 from sautereau.analysis.text import wrapped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output
+from sautereau.robot.errors import RobotError
 
 if TYPE_CHECKING:
     from sautereau.rig.edit import Edit, TomlValue
+    from sautereau.robot.experiment.answers import Answer, Answers
     from sautereau.robot.experiment.setup.step import Found
 
 _TIMEOUT = "60 s"
 """Timeout of the stand-in's controller, which answers only after the motion has ended."""
 
+UNKNOWN = "unknown"  # Answer to a question about a value that is not measured
 StepName = Literal[
     "all", "port", "controller", "verify", "home", "encoders", "contact", "touch", "tap", "dry-run"
 ]
@@ -37,11 +42,12 @@ def init(
     from sautereau.rig.text import commented_rig
 
     write_durably(file, commented_rig())
+    named = f"./{file}" if str(file).startswith("-") else str(file)  # not to read as an option
     return output.answer(
         {"path": str(file)},
         [
             f"rig file: {file}, with the numbers of the packaged rig `paper`",
-            f"check it with: sautereau plan {file}",
+            f"check it with: sautereau plan {quote(named)}",
         ],
     )
 
@@ -65,6 +71,7 @@ def setup(
     rig: common.RigName = "paper",
     *,
     yes: bool = False,
+    answers: Path | None = None,
     save: bool = False,
     recording: list[Path] | None = None,
     simulation: common.Simulation = common.Simulation(),
@@ -80,22 +87,36 @@ def setup(
     step
         Run only this step. Default: all, in this order.
     yes
-        Confirm all motions in advance, for the stand-in and for supervised scripts. Manual
-        measurements are skipped.
+        Confirm all motions in advance, for supervised scripts. Manual measurements are skipped. On
+        the stand-in this is the default without a terminal.
+    answers
+        TOML file that answers all questions: "QUESTION" = "ANSWER", where the beginning of a
+        question is enough, and a list of answers is used in its order. Answers are "yes" or "no",
+        "done" or "skip", and a value with its unit or "unknown".
     save
         Write the results into the rig file without asking.
     recording
         With the step `tap`: use this recording of taps on the key instead of a motion. Repeat it
         for several.
     """
+    from sautereau.rig.faults import fault_list
     from sautereau.rig.load import with_values
+    from sautereau.robot.experiment.answers import STAND_IN, answers_of
     from sautereau.robot.experiment.setup.steps import make_steps
 
-    if not yes and not recording and not sys.stdin.isatty():
-        return output.fail("setup asks before motions: run it on a terminal, or give --yes", 2)
+    simulated, typed = simulation.requested, sys.stdin.isatty()
+    if yes and answers:
+        return output.fail("--yes and --answers exclude each other; give one of them", 2)
+    if not (yes or answers or recording or typed or simulated):
+        return output.fail(
+            "setup asks before motions: run it on a terminal, or give --yes or --answers", 2
+        )
     if save and not Path(rig).is_file():
         return output.fail(f"--save: {rig} is not a file; write one with `sautereau init`", 2)
-    results = _Results(rig, output, simulated=simulation.requested)
+    agreed_by = "--yes" if yes else STAND_IN if simulated and not typed else ""
+    given = answers_of(answers) if answers else None
+    operator = _Operator(given, agreed_by, output.say)
+    results = _Results(rig, output, operator, simulated=simulated)
     if recording:
         if step != "tap":
             return output.fail(f"--recording: only the step tap reads recordings, not {step}", 2)
@@ -104,15 +125,17 @@ def setup(
         results.add("tap", modes_of_recordings(recording))
         return results.close(save, yes)
     served = common.bench(rig, simulation)
-    if yes and not simulation.requested and step in ("all", "verify"):
-        return output.fail("setup verify needs an operator: give it without --yes", 2)
+    if (yes or answers) and not simulated and step in ("all", "verify"):
+        option = "--yes" if yes else "--answers"
+        return output.fail(f"setup verify needs an operator: give it without {option}", 2)
     nominal = served.rig.values
-    if simulation.requested:
+    if simulated:
         nominal = with_values(nominal, {"controller.timeout": _TIMEOUT})
     with served.connected(nominal) as bench:
-        for name, found in make_steps(bench.rig, _Operator(yes), None if step == "all" else step):
+        for name, found in make_steps(bench.rig, operator, None if step == "all" else step):
             results.add(name, found)
-    return results.close(save, yes)
+    faults = [fault_list(given.origin, given.unused)] if given and given.unused else []
+    return results.close(save, bool(given or agreed_by), faults)
 
 
 class _Results:
@@ -121,11 +144,13 @@ class _Results:
     Args:
         rig: Path of the rig file, or name of a packaged rig.
         output: Of the command.
+        operator: Of the steps.
         simulated: Whether the stand-in was set up.
     """
 
-    def __init__(self, rig: str, output: Output, *, simulated: bool):
-        self._rig, self._output, self._simulated = rig, output, simulated
+    def __init__(self, rig: str, output: Output, operator: "_Operator", *, simulated: bool):
+        self._rig, self._output, self._operator = rig, output, operator
+        self._simulated = simulated
         self._steps: dict[str, Any] = {}
         self._values: dict[str, TomlValue] = {}
 
@@ -141,7 +166,7 @@ class _Results:
             if not (self._simulated and key.startswith("controller."))
         }
 
-    def close(self, save: bool, agreed: bool) -> int:
+    def close(self, save: bool, agreed: bool, faults: Sequence[str] = ()) -> int:
         """Write the values into the rig file if the operator agrees, and answer."""
         from sautereau.rig.edit import edit_rig
 
@@ -155,8 +180,9 @@ class _Results:
             "difference": edit.difference if edit else "",
             "saved": saved,
             "simulated": self._simulated,
+            "answers": [asdict(answer) for answer in self._operator.answered],
         }
-        return self._output.answer(result, [self._closing(saved)])
+        return self._output.answer(result, [self._closing(saved)], faults=faults)
 
     def _save(self, edit: "Edit", save: bool, agreed: bool) -> bool:
         """Show the difference, and write it if the operator agrees."""
@@ -178,40 +204,70 @@ class _Results:
 
 
 class _Operator:
-    """Asks the person at the terminal.
+    """Answers the questions of the steps; see `sautereau.robot.experiment.setup.step.Ask`.
 
     Args:
-        agreed: Whether every motion was agreed to in advance; then nothing is asked.
+        answers: Given in advance; None to ask the person at the terminal.
+        agreed_by: Who has agreed to all motions in advance; empty for nobody.
+        say: Prints an answer that was not typed.
     """
 
-    def __init__(self, agreed: bool):
-        self._agreed = agreed
+    def __init__(self, answers: "Answers | None", agreed_by: str, say: Callable[[str], None]):
+        self._answers, self._agreed_by, self._say = answers, agreed_by, say
+        self.answered: list[Answer] = []
+        """Every answer that was not typed."""
 
     def confirm(self, question: str) -> bool:
         """Return whether the answer is yes; see `Ask`."""
-        return self._agreed or _asked(f"{question} [y/N]").lower() in ("y", "yes")
+        known = self._known(question, "yes", "yes", "no")
+        return (known or _asked(f"{question} [y/N]").lower()) in ("y", "yes")
 
     def act(self, instruction: str) -> bool:
         """Wait until it is done; see `Ask`."""
-        if self._agreed:
-            return False
-        _asked(f"{instruction} Press Enter when it is done.")
-        return True
+        known = self._known(instruction, "skip", "done", "skip")
+        if known is None:
+            _asked(f"{instruction} Press Enter when it is done.")
+        return known != "skip"
 
     def number(self, question: str, unit: str, expected: float) -> float | None:
         """Return the measured value; see `Ask`."""
-        if self._agreed:
-            return None
         from sautereau.rig.units import format_quantity, parse_quantity
 
-        shown = _readable(expected, unit)
-        while text := _asked(f"{question} Expected: {shown}; press Enter if unknown:"):
+        known, shown = self._known(question, UNKNOWN), _readable(expected, unit)
+        if known == UNKNOWN:
+            return None
+        asked = f"{question} Expected: {shown}; press Enter if unknown:"
+        while text := _asked(asked) if known is None else known:
             try:
                 return parse_quantity(text, unit)
             except ValueError as error:
                 example = format_quantity(expected, unit)
-                sys.stderr.write(wrapped(f"{error}; write it like {shown} or {example}") + "\n")
+                said = f"{error}; write it like {shown} or {example}"
+                if known:
+                    raise RobotError(
+                        f"setup: {text!r} is no answer to {question!r}: {said}, or {UNKNOWN!r}"
+                    ) from error
+                sys.stderr.write(wrapped(said) + "\n")
         return None
+
+    def _known(self, question: str, agreed: str, *choices: str) -> str | None:
+        """Return the answer that was given in advance; None where the person is to be asked.
+
+        Args:
+            agreed: The answer where all motions were agreed to in advance.
+            choices: The answers that are possible; none for any.
+        """
+        from sautereau.robot.experiment.answers import Answer
+
+        if self._answers is not None:
+            found = self._answers.take(question, *choices)
+        elif self._agreed_by:
+            found = Answer(question, agreed, self._agreed_by)
+        else:
+            return None
+        self.answered.append(found)
+        self._say(str(found))
+        return found.answer
 
 
 def _readable(value: float, unit: str) -> str:

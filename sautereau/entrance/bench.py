@@ -1,27 +1,35 @@
 """The bench that presses keys: the hardware, or the stand-in."""
 
+import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
 from sautereau.analysis.results.rig import Rig
+from sautereau.analysis.text import wrapped
 from sautereau.entrance.devices import Devices
 from sautereau.entrance.learning import Learned, Learning
 from sautereau.entrance.pressing import Observer, Pressing, Replay, Settings
 from sautereau.entrance.session import Session
 from sautereau.rig import schema
 from sautereau.rig.errors import RigError
+from sautereau.robot.experiment.answers import Answer, Given
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import Scene, load_scene
 
 
 class _Watched(Observer):
+    """Passes on the events, and prints the answers that the operator has not given."""
+
     def __init__(self, watch: Watch):
         self._watch = watch
 
     def watching(self) -> AbstractContextManager[Watch]:
         return nullcontext(self._watch)
+
+    def answered(self, answer: Answer) -> None:
+        sys.stderr.write(wrapped(str(answer)) + "\n")
 
 
 class Bench(Devices):
@@ -53,12 +61,13 @@ class Bench(Devices):
         what: Any = 1,
         *,
         out: str | Path,
-        warm_up: int = 0,
+        warm_up: int = Settings.warm_up,
         rest: str | float = 0.0,
         notes: str = "",
         learned: str | Path | None = None,
         feed_forward: str | Path | None = None,
         ignore_health: bool = False,
+        answers: Given | None = None,
         watch: Watch = lambda seen: None,
     ) -> Session:
         """Press, record each press in a file of its own, and return the recordings.
@@ -70,8 +79,9 @@ class Bench(Devices):
             what: Number of presses, a CSV file of them, or a plan: a generator of `press`, `scan`,
                 `repeat_until` and `ask`, or a function that returns it.
             out: Folder for the recordings. Existing files in it are kept.
-            warm_up: Number of warm-up presses, at the start and after each change of the
-                instrument.
+            warm_up: Number of warm-up presses wherever the finger comes from above the key: at the
+                start, after a pause and after each change of the instrument. They are recorded as
+                warm-up-01.mcap and so on, and are no part of the session.
             rest: Time between presses: a text with its unit, or s.
             notes: Operator's notes, saved in every recording.
             learned: Correction of the trajectory, written by `sautereau learn`.
@@ -79,26 +89,31 @@ class Bench(Devices):
             ignore_health: Whether to continue if a recording shows that the jack has not returned,
                 the key has not followed the finger or has sunk, the plectrum no longer plucks, or
                 the force at rest has drifted.
+            answers: Answers to all questions of the plan: texts by question, or by the beginning of
+                one, or the TOML file of them. A list answers a question in its order. Without it
+                the operator is asked, and on the stand-in without a terminal nobody.
             watch: Called with each event of the session.
 
         Raises:
-            RobotError: An operator is needed but not present, the instrument must be put right, or
-                the folder contains another session.
+            RobotError: An operator is needed but not present, the instrument must be put right, the
+                folder contains another session, or `answers` lacks a question or has another one.
             SautereauError: Any other error. The arm has been stopped and switched off.
         """
-        settings = Settings(warm_up, rest, notes, learned, feed_forward, ignore_health)
+        settings = Settings(warm_up, rest, notes, learned, feed_forward, ignore_health, answers)
         pressing = Pressing(self, what, out, settings)
         pressing.run(_Watched(watch))
         pressing.check_ended()
         return pressing.session
 
-    def replay(self, recording: str | Path, n: int = 1, *, out: str | Path) -> Session:
+    def replay(
+        self, recording: str | Path, n: int = 1, *, out: str | Path, warm_up: int = Settings.warm_up
+    ) -> Session:
         """Repeat a recorded press: its planned motion or, without a plan, its measured motion.
 
         Raises:
             RobotError: The motion cannot be pressed on this bench; see `press` for the others.
         """
-        return self.press(Replay(Path(recording), n), out=out)
+        return self.press(Replay(Path(recording), n), out=out, warm_up=warm_up)
 
     def learn(
         self,

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import asdict, dataclass
@@ -15,6 +15,7 @@ from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
 from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.run import Bench
+from sautereau.robot.experiment.session_folder import Manifest
 
 if TYPE_CHECKING:
     from sautereau.sim_backend.scene import Scene
@@ -77,13 +78,13 @@ class Devices:
         """The rig of the hardware; None for the stand-in."""
         return self.rig.values if self.scene is None else None
 
-    def continuing(self, plan: Mapping[str, Any]) -> Self:
+    def continuing(self, started: Manifest | None) -> Self:
         """Return the devices of a session that was started, with its engine in place of `auto`.
 
         Args:
-            plan: As the session's manifest contains it.
+            started: The session; None for a new one.
         """
-        before = plan.get("scene")
+        before = started and started.plan.get("scene")
         if self.scene is None or self.scene.engine != "auto" or not isinstance(before, dict):
             return self
         from sautereau.sim_backend.scene import current_scene

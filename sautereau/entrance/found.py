@@ -7,6 +7,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_session
+from sautereau.robot.experiment.session import WARM_UPS
 from sautereau.robot.experiment.session_folder import read_manifest
 
 
@@ -42,10 +43,11 @@ def recordings_of(what: str | Path, folder: str | Path | None) -> tuple[list[Pat
 def recordings_in(folder: Path) -> tuple[list[Path], list[str]]:
     """Return the recordings of the session in a folder, and warnings about the others.
 
-    Without a manifest, all recordings of the folder are of one session.
+    Without a manifest, all recordings of the folder are of one session. Warm-up presses are
+    omitted.
     """
     manifest = read_manifest(folder)
-    found = sorted(folder.glob("*.mcap"))
+    found = sorted({*folder.glob("*.mcap")} - {*folder.glob(WARM_UPS)})
     warnings = [
         f"{path.name} is from an interrupted press; `sautereau recover` makes it readable"
         for path in sorted(folder.glob(f"*.mcap{PART}"))

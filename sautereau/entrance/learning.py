@@ -1,7 +1,7 @@
 """Learning: the trajectory corrected from the measured speed of the jack, press after press."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +18,16 @@ from sautereau.rig.disk import may_replace
 from sautereau.robot.controller import motion_controller
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of
-from sautereau.robot.experiment.learning import IterativeLearning, write_learned
+from sautereau.robot.experiment.learning import (
+    IterativeLearning,
+    LearnedCorrection,
+    write_learned,
+)
 from sautereau.robot.experiment.plan import LEARNING, Plan, digest
 from sautereau.robot.experiment.plan_table import Row
 from sautereau.robot.experiment.run import seed_from
 from sautereau.robot.experiment.session import Item, Origin, make_presses
-from sautereau.robot.experiment.session_folder import SessionFolder, only_session
+from sautereau.robot.experiment.session_folder import Manifest, SessionFolder, only_session
 from sautereau.sim_backend.scene import current_scene
 
 if TYPE_CHECKING:
@@ -117,6 +121,7 @@ class Learning:
         self._plan = Plan(
             self._nominal,
             (Row(self._nominal, n, notes=notes),),
+            warm_up=0,
             scene=bench.scene_text,
             files=files | ({"feed_forward": self._pushed} if feed_forward else {}),
         )
@@ -138,21 +143,31 @@ class Learning:
         made, bench = self._made, self._bench
         fresh = None if bench.scene is None else fresh_seed()
         with only_session(self._out, bench.real):
-            folder = SessionFolder(self._out, self._plan, bench.seed, fresh, current_scene)
+            folder = SessionFolder(self._out, self._continued, bench.seed, fresh, current_scene)
             if self._resumed(folder, on_press):
                 self._press(folder, on, on_press)
         recordings = [folder.done[number] for number in sorted(folder.done)]
-        if made.best is not None:
-            write_learned(self._file, self._nominal, made.best, made.errors, self._pushed)
-        file = self._file if made.best is not None else None
         simulated = any(read_session(path).simulated for path in recordings)
         of_session = simulated, folder.seed, self.warnings
         session = Session(map(self._open, recordings), folder=self._out)
-        best = session[int(np.argmin(made.errors))].analysed.features["held_speed_error"]
-        error = best if isinstance(best, float) else min(made.errors)
+        best = session[int(np.argmin(made.errors))].analysed.features
+        held, peak = best["held_speed_error"], best["peak_force"]
+        error = held if isinstance(held, float) else min(made.errors)
+        file = None
+        if made.best is not None:
+            load = error, peak if isinstance(peak, float) else None
+            file = self._file
+            write_learned(
+                file, self._nominal, LearnedCorrection(made.best, *load), made.errors, self._pushed
+            )
         limit = self._nominal.press.speed_tolerance
         verdict = error, limit, error <= limit, made.floor, made.rounding, made.scatter
         return Learned(session, tuple(made.errors), made.stopped, *verdict, file, *of_session)
+
+    def _continued(self, started: Manifest | None) -> Plan:
+        """Return the plan with the engine of a session that was started."""
+        self._bench = self._bench.continuing(started)
+        return replace(self._plan, scene=self._bench.scene_text)
 
     def _open(self, path: Path) -> PressFile:
         """Return a recording, which is analysed once."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +10,18 @@ from sautereau.entrance.devices import Connected, Devices, fresh_seed
 from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.session import Session
 from sautereau.rig import schema
+from sautereau.rig.faults import fault_list
 from sautereau.rig.units import parse_quantity
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.answers import OPERATOR, STAND_IN, Answer, Given, answers_of
 from sautereau.robot.experiment.health import Health
 from sautereau.robot.experiment.monitor import Seen, Watch
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner, rows_of_recording
 from sautereau.robot.experiment.run import Crew, Place, PlanRun
-from sautereau.robot.experiment.session_folder import SessionFolder, only_session, read_manifest
-from sautereau.robot.experiment.steps import of_rows, plan_of
+from sautereau.robot.experiment.session_folder import Manifest, SessionFolder, only_session
+from sautereau.robot.experiment.steps import Ask, of_rows, plan_of
 from sautereau.sim_backend.scene import current_scene
 
 
@@ -44,13 +46,15 @@ class Replay:
 class Settings:
     """How a session presses; see `sautereau.entrance.bench.Bench.press`."""
 
-    warm_up: int = 0
+    warm_up: int = Plan.warm_up
     rest: str | float = 0.0
     notes: str = ""
     learned: str | Path | None = None
     feed_forward: str | Path | None = None
     ignore_health: bool = False
     """Whether to continue if a recording shows that the instrument is at fault."""
+    answers: Given | None = None
+    """Answers to all questions of the plan; None to ask the operator."""
 
 
 class Observer:
@@ -65,6 +69,9 @@ class Observer:
     def pressed(self, place: Place, path: Path) -> None:
         """Take a press and its recording."""
 
+    def answered(self, answer: Answer) -> None:
+        """Take an answer that the operator has not given."""
+
     def watching(self) -> AbstractContextManager[Watch]:
         """Return what gets the events of the presses on one bench."""
         return nullcontext(lambda seen: None)
@@ -74,9 +81,7 @@ class Pressing:
     """One session, new or continued; see `sautereau.entrance.bench.Bench.press`."""
 
     def __init__(self, bench: Devices, what: Any, out: str | Path, settings: Settings = Settings()):
-        self._out = Path(out)
-        started = read_manifest(self._out)
-        self.bench = bench = bench.continuing(started.plan) if started else bench
+        self._out, self.bench = Path(out), bench
         nominal = bench.rig.values
         rows = rows_of(what, nominal, settings.notes)
         rest = settings.rest
@@ -93,16 +98,18 @@ class Pressing:
         )
         self.planner.plan_all(rows or ())
         self._ignore_health = settings.ignore_health
+        self._answers = None if settings.answers is None else answers_of(settings.answers)
         self._opened: dict[Path, PressFile] = {}
         self.folder: SessionFolder
         self.result: PlanRun
 
     def run(self, observer: Observer) -> None:
         """Make the presses that are not yet in the folder."""
-        bench = self.bench
-        fresh = None if bench.scene is None else fresh_seed()
-        with only_session(self._out, bench.real):
-            self.folder = SessionFolder(self._out, self.plan, bench.seed, fresh, current_scene)
+        fresh = None if self.bench.scene is None else fresh_seed()
+        with only_session(self._out, self.bench.real):
+            seed = self.bench.seed
+            self.folder = SessionFolder(self._out, self._continued, seed, fresh, current_scene)
+            bench = self.bench
             observer.begin(self.folder)
             connected: list[tuple[Connected, Watch]] = []
 
@@ -121,16 +128,41 @@ class Pressing:
             def watch(seen: Seen) -> None:
                 connected[0][1](seen)
 
-            crew = Crew(self.planner, on, bench.ask, pressed, self._examine, self.open, watch)
+            def answer(question: Ask, noted: Answer | None) -> Answer | None:
+                found = self._answer(question, noted)
+                if found and found.by != OPERATOR and found is not noted:
+                    observer.answered(found)
+                return found
+
+            crew = Crew(
+                self.planner, on, bench.ask, answer, pressed, self._examine, self.open, watch
+            )
             self.result = PlanRun(self.folder, self._steps, crew, bench.control)
             self.result.run()
 
     @property
     def session(self) -> Session:
-        """The recordings, in the order of the plan."""
+        """The recordings in the order of the plan, without the warm-up presses."""
+        return Session(self._presses, self.warnings, self._out)
+
+    @property
+    def _presses(self) -> list[PressFile]:
         done = self.folder.done
-        warnings = [self.result.fault] if self.result.fault else []
-        return Session([self.open(done[n]) for n in sorted(done)], warnings, self._out)
+        return [self.open(done[number]) for number in sorted(done)]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is doubtful about the plans, and what the presses show about instrument and
+        correction; `result.halted` has the fault that has halted the session."""
+        fault = self.result.fault if not self.result.halted else ""
+        stale = self.planner.stale(press.partial for press in self._presses)
+        return [*self.planner.warnings, *filter(None, (fault, stale))]
+
+    def _continued(self, started: Manifest | None) -> Plan:
+        """Return the plan with the engine of a session that was started."""
+        self.bench = self.bench.continuing(started)
+        self.plan = replace(self.plan, scene=self.bench.scene_text)
+        return self.plan
 
     def open(self, path: Path) -> PressFile:
         """Return a recording, which is analysed once."""
@@ -141,14 +173,36 @@ class Pressing:
             return Health()
         return self.open(path).health(first and self.open(first))
 
+    def _answer(self, question: Ask, noted: Answer | None) -> Answer | None:
+        """Return the answer to a question; None where nobody answers it."""
+        if self._answers is not None:
+            given = self._answers.take(question.text)
+            return noted if noted and noted.answer == given.answer else given
+        if noted is not None:
+            return noted
+        answer, by = self.bench.ask(question.text), OPERATOR
+        if answer is None and self.bench.scene is not None:
+            answer, by = question.stand_in, STAND_IN
+        return None if answer is None else Answer(question.text, answer, by)
+
+    @property
+    def faults(self) -> list[str]:
+        """Why the session has halted, or the answers that it has not used."""
+        run, answers = self.result, self._answers
+        if run.halted:
+            return [run.halted]
+        if answers is None or run.to_set or run.unanswered or not answers.unused:
+            return []
+        return [fault_list(answers.origin, answers.unused)]
+
     def check_ended(self) -> None:
         """Refuse a session that needs an operator, or an instrument put right.
 
         Raises:
-            RobotError: The plan has not ended.
+            RobotError: The plan has not ended, or not used all answers.
         """
-        if self.result.halted:
-            raise RobotError(f"session {self._out}: {self.result.halted}")
+        if self.faults:
+            raise RobotError("\n".join(f"session {self._out}: {text}" for text in self.faults))
         needed = ", ".join(f"{key} = {value}" for key, value in self.result.to_set.items())
         if needed or self.result.unanswered:
             what = f"set {needed} on the instrument" if needed else self.result.unanswered

@@ -14,7 +14,8 @@ from sautereau.analysis.report.contents import PressRecord, gather
 from sautereau.analysis.report.fits import PATTERN, read_fit
 from sautereau.rig.disk import make_folder, write_durably
 from sautereau.rig.schema import Rig
-from sautereau.robot.experiment.plan import LEARNING
+from sautereau.robot.experiment.plan import LEARNING, Plan
+from sautereau.robot.experiment.session import WARM_UPS
 from sautereau.robot.experiment.session_folder import MANIFEST, Manifest, read_manifest
 from sautereau.sim_backend.scene import current_scene, load_scene, packaged_scenes
 
@@ -79,6 +80,7 @@ def _about(
         again=again,
         scene=presses[0].session.scene,
         fits=tuple(fits),
+        warm_ups=len(list(folder.glob(WARM_UPS))) if folder else 0,
     )
 
 
@@ -101,7 +103,7 @@ def _again(manifest: Manifest, presses: tuple[PressRecord, ...]) -> Again:
         del files["learned"]
     words = [f"sautereau {'learn' if learning else 'press'} rig.toml"]
     words.append(f"-n {rows[0]['repeats']}" if len(rows) == 1 else "--table table.csv")
-    if manifest.plan["warm_up"]:
+    if not learning and manifest.plan["warm_up"] != Plan.warm_up:
         words.append(f"--warm-up {manifest.plan['warm_up']}")
     if manifest.plan["rest"]:
         words.append(f"--rest '{manifest.plan['rest']} s'")

@@ -209,8 +209,9 @@ def open(what: "str | Path | Iterable[str | Path]", *, folder: str | Path | None
     """Open recordings. They are read when they are used.
 
     Args:
-        what: A recording, a folder (of one session: its manifest excludes others), a pattern
-            such as `monday/*.mcap`, a table of `sautereau campaign`, or several of these.
+        what: A recording, a folder (of one session: its manifest excludes others; without warm-up
+            presses), a pattern such as `monday/press-*.mcap`, a table of `sautereau campaign`, or
+            several of these.
         folder: Folder of the recordings of a campaign's table; None for that of the table.
 
     Raises:

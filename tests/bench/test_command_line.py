@@ -263,7 +263,7 @@ def stand_in(bare):
 
 def test_the_hardware_path_against_a_served_stand_in(sautereau, rig_file, stand_in):
     path = rig_file(port=f'"{stand_in.serial_port}"', address=f'"{stand_in.daq_address}"')
-    done = sautereau("press", path, "--out", "out")
+    done = sautereau("press", path, "--warm-up", 0, "--out", "out")
     assert done.returncode == 0, done.stderr
     assert "simulated" in done.stdout
 
@@ -271,7 +271,7 @@ def test_the_hardware_path_against_a_served_stand_in(sautereau, rig_file, stand_
 def test_a_full_disk(command_server, tmp_path, bare, rig_file):
     words = ("press", rig_file(), "--scene", bare, "--out", "out")
     done = command_server.run(*words, folder=tmp_path, largest_file=20_000)
-    refused(done, "press-0001.mcap.part", "cannot be written")
+    refused(done, "warm-up-01.mcap.part", "cannot be written")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, slow(signal.SIGTERM), signal.SIGHUP])

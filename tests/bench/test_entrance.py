@@ -1,5 +1,6 @@
 """The Python entrance: the README's snippet, plans as programs, and how sessions end."""
 
+import json
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from sautereau.rig.errors import RigError, SautereauError
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.monitor import Made, Stage
 from sautereau.robot.experiment.session_folder import read_manifest
+from sautereau.sim_backend.scene import load_scene
 from tests.pages import read_page
 from tests.plots import texts
 
@@ -97,6 +99,34 @@ def test_a_sweep_is_a_grid_of_predictions():
         rig.sweep(jack_speed=...)
 
 
+def test_questions_of_a_plan_are_answered_in_advance(quick, tmp_path, capsys):
+    """By a mapping or, on the stand-in without a terminal, by the plan itself."""
+
+    def plan():
+        first = yield from st.ask("Its name?", stand_in="quill")
+        second = yield from st.ask("Its name?")
+        yield from st.press(notes=f"{first}, {second}")
+
+    def answered(out):
+        *questions, press = read_manifest(out).plan["presses"]
+        assert press["notes"] == ", ".join(row["answer"] for row in questions)
+        return [(row["answer"], row["by"]) for row in questions]
+
+    quick.press(plan, out=tmp_path / "a")
+    assert answered(tmp_path / "a") == [("quill", "the stand-in"), ("", "the stand-in")]
+    assert "Its name? quill (by the stand-in)" in capsys.readouterr().err
+    for _ in range(2):  # the second time, the session has noted them
+        quick.press(plan, out=tmp_path / "b", answers={"Its": ["delrin", "other"]})
+    assert answered(tmp_path / "b") == [("delrin", "answers"), ("other", "answers")]
+    assert capsys.readouterr().err.count("delrin (by answers)") == 1
+    with pytest.raises(RobotError, match=r'presses\.2\.answer: "other" then, "more" now'):
+        quick.press(plan, out=tmp_path / "b", answers={"Its": ["delrin", "more"]})
+    with pytest.raises(RobotError, match=r"question 2 of 'Its'[\s\S]*'Which\?': no such question"):
+        quick.press(plan, out=tmp_path / "c", answers={"Its": ["delrin"], "Which?": "this"})
+    with pytest.raises(RobotError, match=r"'Which\?': no such question"):
+        quick.press(plan, out=tmp_path / "d", answers={"Its": "delrin", "Which?": "this"})
+
+
 @pytest.mark.slow
 def test_a_plan_as_a_program_continues_after_a_kill(bare, quick_rig, tmp_path):
     """Each press is made once, over TCP, with the answers that were given before the kill."""
@@ -136,6 +166,14 @@ def test_a_plan_as_a_program_continues_after_a_kill(bare, quick_rig, tmp_path):
         quick.press(lambda: st.press(2), out=tmp_path / "out")
 
 
+def test_learning_continues_with_its_engine(bare, quick_rig, tmp_path):
+    """The engine of version 0.1, where `auto` is another one now."""
+    rigid = load_scene(str(bare)).model_copy(update={"engine": "rigid"})
+    st.stand_in(quick_rig, rigid, seed=1).learn(1, out=tmp_path)
+    session = st.stand_in(quick_rig, bare, seed=1).learn(2, out=tmp_path).session
+    assert {json.loads(press.info.scene)["engine"] for press in session} == {"rigid"}
+
+
 @pytest.mark.slow
 def test_pause_resume_and_abort_from_another_thread(quick, tmp_path):
     """A pause ends with the motors off at home; an aborted session continues."""
@@ -169,10 +207,11 @@ def test_pause_resume_and_abort_from_another_thread(quick, tmp_path):
         assert len(bench.press(3, out=tmp_path)) == 3
 
 
-def test_a_plan_that_needs_an_operator_says_so(quick, tmp_path):
-    quick.ask = lambda text: None
+def test_a_plan_that_needs_an_operator_says_so(quick, rig_file, tmp_path):
+    hardware = st.bench(rig_file())
+    hardware.ask = lambda text: None
     with pytest.raises(RobotError, match=r"needs an operator: Look at the jack"):
-        quick.press(lambda: st.ask("Look at the jack"), out=tmp_path)
+        hardware.press(lambda: st.ask("Look at the jack"), out=tmp_path)
     with pytest.raises(RobotError, match="is no plan"):
         quick.press([1, 2], out=tmp_path)
 

@@ -27,7 +27,7 @@ def pressed(tmp_path_factory):
             changed = load_scene("paper").model_copy(update=SOFT | scene)
             changed = changed.model_copy(update={"truth": truth or {}})
             with st.stand_in(scene=changed, seed=1) as bench:
-                made[key] = bench.press(1, out=folder)[0].analysed
+                made[key] = bench.press(1, out=folder, warm_up=0)[0].analysed
         return made[key]
 
     return press
@@ -83,7 +83,7 @@ def test_a_session_with_a_hanging_jack_stops_and_continues(sautereau, servo, tmp
     """Before, presses 2 to 5 pressed air, and ISO 9283 was evaluated over all five."""
     scene = tmp_path / "hanging.toml"
     scene.write_text(servo.read_text() + '\n[truth]\n"jack.register_friction" = "40 mN"\n')
-    words = ("press", "--scene", scene, "-n", 3, "--seed", 1, "--out", "out")
+    words = ("press", "--scene", scene, "-n", 3, "--seed", 1, "--warm-up", 0, "--out", "out")
     done = sautereau(*words)
     assert done.returncode == 1
     message = " ".join(done.stderr.split())
@@ -91,7 +91,8 @@ def test_a_session_with_a_hanging_jack_stops_and_continues(sautereau, servo, tmp
     assert "run the same command or plan again to continue" in message
     assert "press-0001.mcap" in done.stdout
     assert "press-0002.mcap" not in done.stdout
-    with st.stand_in(scene=scene, seed=1) as bench, pytest.raises(RobotError, match="not return"):
+    lifted = pytest.raises(RobotError, match=r"warm-up-01\.mcap: the jack did not return")
+    with st.stand_in(scene=scene, seed=1) as bench, lifted:
         bench.press(2, out=tmp_path / "python")
     again = sautereau(*words, "--ignore-health", "--json")
     assert not again.stderr
@@ -103,7 +104,8 @@ def test_a_session_with_a_hanging_jack_stops_and_continues(sautereau, servo, tmp
 
 
 def test_an_invalid_press_is_kept_and_made_again(tmp_path, monkeypatch):
-    found = [Health("the plectrum is broken", valid=False), Health(), Health()]
+    broken = Health("the plectrum is broken", valid=False)
+    found = [Health(), broken, Health(), Health(), Health()]  # of a warm-up press before each
     monkeypatch.setattr(st.PressFile, "health", lambda self, first=None: found.pop(0))
 
     def press():

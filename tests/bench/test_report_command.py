@@ -27,7 +27,7 @@ def started(write_session, tmp_path):
     rig = write_session.one.rig
     scene = load_scene("ideal").model_dump_json()
     path = tmp_path / "it's; an evening"
-    folder = SessionFolder(path, Plan(rig, (Row(rig, 3),), warm_up=1, scene=scene), 5, 5)
+    folder = SessionFolder(path, Plan(rig, (Row(rig, 3),), warm_up=2, scene=scene), 5, 5)
     folder.start()
     return folder
 
@@ -61,7 +61,7 @@ def test_an_incomplete_session(started, write_session, capsys):
         "fit-1.json: parameters: Field required",
     ):
         assert warning in page.split("Setup</h2>")[0]
-    assert "sautereau press rig.toml -n 3 --warm-up 1 --scene ideal --seed 5 --out AGAIN" in page
+    assert "sautereau press rig.toml -n 3 --warm-up 2 --scene ideal --seed 5 --out AGAIN" in page
     assert "sautereau report 'it'\"'\"'s; an evening'" in page
 
 

@@ -41,7 +41,7 @@ def kill_again_and_again(command_server, words, tmp_path, presses, kills, seed):
     out, made = tmp_path / "out", {}
     for point in points:
         with command_server.start(*words, cwd=tmp_path, stdout=subprocess.PIPE) as process:
-            wait = max(0, point - len(list(out.glob("*.mcap"))))
+            wait = max(0, point - len(list(out.glob("press-*.mcap"))))
             for line in process.stdout:
                 if line.startswith("press "):  # the heading: the arm is about to move
                     break
@@ -62,7 +62,7 @@ def kill_again_and_again(command_server, words, tmp_path, presses, kills, seed):
 
 
 def every_press_once(out, presses):
-    recordings = sorted(out.glob("*.mcap"))
+    recordings = sorted(out.glob("press-*.mcap"))
     read = [read_session(path) for path in recordings]
     assert Counter(s.item for s in read) == Counter(range(1, presses + 1))
     assert len({s.session for s in read}) == 1
@@ -139,6 +139,26 @@ def test_a_finished_session_is_extended(sautereau, tmp_path, bare, rig_file):
     every_press_once(tmp_path / "out", 4)
 
 
+def test_the_press_after_a_lift_is_an_outlier_and_no_part_of_the_results(
+    sautereau, servo, tmp_path
+):
+    """It starts from above the key, or pushes into it; the others, where the last has ended."""
+    words = ("press", "--scene", servo, "--seed", 1, "-n", 3, "--out", "out", "--json")
+    result = json.loads(sautereau(*words).stdout)
+    forces = [press["forces"]["release"] for press in result["presses"]]
+    (lifted,) = st.open(tmp_path / "out" / "warm-up-01.mcap")
+    assert lifted.info.warm_up
+    outlier = lifted.phases.plucks[0].release_force
+    assert max(forces) - min(forces) < 5e-3 < 10e-3 < abs(outlier - forces[0])
+    assert result["repeatability"]["presses"] == result["features"]["release_force"]["presses"] == 3
+    opened = st.open(tmp_path / "out")
+    assert [press.path.name for press in opened] == [f"press-000{n}.mcap" for n in (1, 2, 3)]
+    page = Path(opened.report().path).read_text(encoding="utf-8")
+    assert "3, and 1 for warm-up that are not on this page" in page
+    none = json.loads(sautereau(*words, "--warm-up", 0).stdout)  # nothing is left to press
+    assert none["presses"] == result["presses"]
+
+
 def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, rig_file, tmp_path):
     (tmp_path / "plan.csv").write_text(
         "press.jack_speed, plectrum.overlap, repeats, notes\n"
@@ -146,21 +166,24 @@ def test_a_table_of_presses_with_warm_up_on_the_stand_in(sautereau, rig_file, tm
         "0.08 m/s, 0.35 mm, , \n"
     )
     done = sautereau(
-        *("press", rig_file(), "--scene", "ideal", "--table", "plan.csv", "--warm-up", 1, "--json"),
+        *("press", rig_file(), "--scene", "ideal", "--table", "plan.csv", "--json"),
         *("--rest", "1 ms", "--notes", "monday", "--out", "out"),
     )
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
-    assert [press["warm_up"] for press in result["presses"]] == [1, 0, 0, 0, 1, 0]
+    assert [press["item"] for press in result["presses"]] == [1, 2, 3, 4]
+    assert result["warm_ups"] == ["out/warm-up-01.mcap", "out/warm-up-02.mcap"]
     sessions = [read_session(path) for path in sorted((tmp_path / "out").glob("*.mcap"))]
-    assert [s.notes for s in sessions] == ["monday; slow"] * 4 + ["monday"] * 2
-    assert sessions[0].seed != sessions[4].seed
+    notes = ["monday; slow"] * 3 + ["monday", "monday; slow", "monday"]
+    assert [s.notes for s in sessions] == notes
+    assert [(s.item, s.warm_up) for s in sessions[3:]] == [(4, False), (None, True), (None, True)]
+    assert sessions[0].seed == sessions[4].seed != sessions[3].seed == sessions[5].seed
     slow, fast = result["conditions"]
     assert slow["repeatability"]["presses"] == 3
     assert "repeatability" not in fast
     assert abs(slow["duration_error"]["value"]) < 0.01
     assert abs(fast["duration_error"]["value"]) < 0.01  # a new stand-in with the other overlap
-    rig = read_recording(tmp_path / "out" / "press-0006.mcap").rig
+    rig = read_recording(tmp_path / "out" / "press-0004.mcap").rig
     assert (rig.press.jack_speed, rig.plectrum.overlap) == pytest.approx((0.08, 0.35e-3))
 
 
@@ -187,7 +210,7 @@ def test_on_a_terminal_the_session_waits_for_the_operator(command_server, bare, 
     with StandIn(load_rig(), load_scene(str(bare))) as served:
         rig = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')
         (tmp_path / "plan.csv").write_text("plectrum.overlap\n0.30 mm\n")
-        words = ("press", rig, "--table", "plan.csv", "--out", "out", "--json")
+        words = ("press", rig, "--table", "plan.csv", "--warm-up", 0, "--out", "out", "--json")
         master, slave = os.openpty()
         streams = {"stdin": slave, "stderr": slave, "stdout": subprocess.PIPE}
         with command_server.start(*words, cwd=tmp_path, **streams) as process:

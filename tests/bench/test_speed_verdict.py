@@ -3,10 +3,15 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import sautereau as st
 from sautereau.rig.edit import edited_text
+from sautereau.rig.load import load_rig
+from sautereau.robot.experiment.learning import LearnedCorrection, write_learned
+from sautereau.trajectory.learning import Correction
+from sautereau.trajectory.timing import press_law
 from tests.presses import QUICK
 
 SPINET = Path(__file__).parents[1] / "data" / "spinet.toml"
@@ -44,6 +49,32 @@ def test_a_session_that_does_not_keep_its_speed_says_so(sautereau, spinet, servo
     page = Path(session.report().path).read_text(encoding="utf-8")
     assert "press.speed_tolerance 0.5 %: not reached in 1 of 1 presses" in page
     assert f"{speed['rms_error']:.4f}" in page
+
+
+def test_a_correction_that_has_gone_stale_says_so(sautereau, rig_file, servo, tmp_path):
+    """It corrects nothing, but is said to have reached the tolerance under another load."""
+    law = press_law(load_rig(rig_file()).press)
+    nothing = Correction(np.linspace(law.start, law.return_start, 5), np.zeros(5))
+    path = tmp_path / "learned.json"
+    before = load_rig(rig_file(overlap='"0.2 mm"'))
+    write_learned(path, before, LearnedCorrection(nothing, 0.003, 0.5), [0.07, 0.003])
+    words = ("press", rig_file(), "--scene", servo, "--seed", 1, "--out", "out")
+    words += ("--learned", path)
+    result = json.loads(sautereau(*words, "--json").stdout)
+    load, stale = (w for w in result["warnings"] if "learned correction" in w)
+    assert 'another load (plectrum.overlap: "0.0002 m" then, "0.000263 m" now); learn' in load
+    assert "stale" in stale
+    (press,) = result["presses"]
+    error, peak = 100 * press["held_speed"]["rms_error"], press["forces"]["peak"]
+    assert f"0.3 % at a peak force of 0.5 N, and is up to {error:.3g} % at {peak:.3g} N" in stale
+    assert "in 1 of 1 presses; learn again" in stale
+    planned = sautereau("plan", rig_file(), "--learned", path, "--json")
+    assert load in json.loads(planned.stdout)["warnings"]
+    done = sautereau(*words)
+    assert "another load" in " ".join(done.stderr.split())  # before the arm moves
+    assert "learned.json: it is stale" in " ".join(done.stdout.split())
+    session = st.stand_in(rig_file(), servo, 1).press(out=tmp_path / "out", learned=path)
+    assert session.warnings == tuple(result["warnings"])
 
 
 @pytest.mark.slow

@@ -25,6 +25,8 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are
 
 
 def test_init_writes_a_rig_that_plans(sautereau, tmp_path):
+    for name, shown in (("a rig.toml", "'a rig.toml'"), ("-rig.toml", "./-rig.toml")):
+        assert f"sautereau plan {shown}\n" in sautereau("init", "--", name).stdout
     made = sautereau("init", "rigs/mine.toml", "--json")
     assert json.loads(made.stdout)["path"] == "rigs/mine.toml"
     assert load_rig(tmp_path / "rigs/mine.toml") == load_rig()

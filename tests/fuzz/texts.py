@@ -19,7 +19,7 @@ from sautereau.rig.edit import edit_rig
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import load_rig
 from sautereau.rig.text import rig_text
-from sautereau.robot.experiment.learning import read_learned, write_learned
+from sautereau.robot.experiment.learning import LearnedCorrection, read_learned, write_learned
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.session_folder import SessionFolder, read_manifest
@@ -169,7 +169,7 @@ class Learned(Text):
         super().__init__(folder)
         time = np.linspace(0, 0.2, 50)
         correction = Correction(time, 1e-5 * np.sin(time * 50) * (0.2 - time))
-        write_learned(self.path, PAPER, correction, [0.1, 0.05])
+        write_learned(self.path, PAPER, LearnedCorrection(correction, 0.05, 0.7), [0.1, 0.05])
         old = Path(__file__).parents[1] / "data" / "written_by_0.1" / "learned" / "learned.json"
         self.seeds = [self.path.read_text(), old.read_text()]
 
@@ -177,7 +177,7 @@ class Learned(Text):
         return mutate.of_json(text, dice).decode("utf-8", "replace")
 
     def read(self, dice: random.Random) -> None:
-        trajectory = plan_press(PAPER, None, read_learned(self.path, PAPER))
+        trajectory = plan_press(PAPER, None, read_learned(self.path, PAPER).correction)
         if not np.isfinite(trajectory.torques).all():
             raise Wrong("the trajectory is not finite")
 

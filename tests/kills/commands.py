@@ -82,7 +82,7 @@ def make_inputs(server: CommandServer, folder: Path) -> None:
 def presses_once(folder: Path, n: int | None) -> None:
     """Check that a session has every press once, complete."""
     found: Counter[int | None] = Counter()
-    for path in sorted((folder / "out").glob("*.mcap")):
+    for path in sorted((folder / "out").glob("press-*.mcap")):
         if not read_recording(path).complete:
             raise Lost(f"{path.name} is not complete")
         found[read_session(path).item] += 1

@@ -137,7 +137,7 @@ class Desk:
         assert self.server is not None
         rig = self.out.with_suffix(".toml")
         rig.write_text(rig_text(stand_in.rig))
-        words = ("press", rig, "--out", self.out)
+        words = ("press", rig, "--warm-up", 0, "--out", self.out)
         return self.server.start(*words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)
 
     def command(self, stand_in, **limits) -> str:
@@ -145,7 +145,8 @@ class Desk:
         assert self.server is not None
         rig = self.out.with_suffix(".toml")
         rig.write_text(rig_text(stand_in.rig))
-        done = self.server.run("press", rig, "--out", self.out, folder=self.out.parent, **limits)
+        words = ("press", rig, "--warm-up", 0, "--out", self.out)
+        done = self.server.run(*words, folder=self.out.parent, **limits)
         return done.stderr
 
     def attempt(self, act) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from sautereau.robot.experiment.feedforward import force_of
 from sautereau.robot.experiment.learning import (
     HALVINGS,
     IterativeLearning,
+    LearnedCorrection,
     read_learned,
     write_learned,
 )
@@ -151,22 +153,56 @@ def test_no_presses_are_refused():
 
 def test_what_was_learned_is_written_and_read_back(tmp_path):
     path = tmp_path / "learned.json"
-    correction = bump(1e-4)
-    write_learned(path, RIG, correction, [0.07, 0.01])
-    moved = with_values(RIG, {"controller.port": "/dev/other", "jack.mass": "7 g"})
-    found = read_learned(path, moved)
-    np.testing.assert_array_equal(found.time, correction.time)
-    np.testing.assert_array_equal(found.rise, correction.rise)
-    assert json.loads(path.read_text())["rms_speed_error"] == [0.07, 0.01]
+    learned = LearnedCorrection(bump(1e-4), 0.003, 0.7)
+    before = datetime.now(UTC).replace(microsecond=0)
+    write_learned(path, RIG, learned, [0.07, 0.01])
+    found = read_learned(path, with_values(RIG, {"controller.port": "/dev/other"}))
+    np.testing.assert_array_equal(found.correction.time, learned.correction.time)
+    np.testing.assert_array_equal(found.correction.rise, learned.correction.rise)
+    assert (found.held_speed_error, found.peak_force) == (0.003, 0.7)
+    assert (found.changes, found.doubts(path)) == ((), [])
+    written = json.loads(path.read_text())
+    assert written["rms_speed_error"] == [0.07, 0.01]
+    learned_on = datetime.fromisoformat(written["learned_on"])
+    assert before <= learned_on <= datetime.now(UTC)
+    assert found.learned_on == learned_on.date().isoformat()
     with pytest.raises(RobotError, match=r"learned_for|feed_forward"):
         read_learned(path, RIG, "sha of a recording")
     with pytest.raises(RobotError, match="File exists"):
-        write_learned(path, RIG, correction, [])
+        write_learned(path, RIG, learned, [])
+
+
+def test_a_load_that_has_changed_since_is_listed(tmp_path):
+    path = tmp_path / "learned.json"
+    write_learned(path, RIG, LearnedCorrection(bump(1e-4)), [0.07])
+    changes = {"jack.mass": "7 g", "plectrum.overlap": "0.3 mm", "daq.tail": "0.5 s"}
+    (doubt,) = read_learned(path, with_values(RIG, changes)).doubts(path)
+    assert 'jack.mass: "0.006 kg" then, "0.007 kg" now' in doubt
+    assert "plectrum.overlap" in doubt
+    assert "daq" not in doubt  # it does not load the finger
+    written = json.loads(path.read_text())
+    assert f"learned on {written['learned_on'][:10]}" in doubt
+    old = {key: written[key] for key in ("time", "rise", "learned_for")}  # as version 0.1 wrote it
+    path.write_text(json.dumps(old))
+    assert "date and load are not known" in read_learned(path, RIG).doubts(path)[0]
+
+
+def test_a_correction_is_stale_where_most_presses_miss_what_it_reached():
+    """A correction that never reached the tolerance is not stale, nor is one outlier a proof."""
+    learned = LearnedCorrection(bump(1e-4), 0.003, 0.7, "2026-01-02")
+    said = learned.stale([0.045, 0.004, 0.03], [0.9, 1.0, 1.1], 0.005)
+    assert "it is stale: on 2026-01-02 " in said
+    assert "0.3 % at a peak force of 0.7 N, and is up to 4.5 % at 1 N now" in said
+    assert "in 2 of 3 presses; learn again" in said
+    assert not learned.stale([0.045, 0.004], [0.9, 1.0], 0.005)
+    assert not learned.stale([], [], 0.005)
+    assert not replace(learned, held_speed_error=0.02).stale([0.045], [0.9], 0.005)
+    assert not replace(learned, held_speed_error=None).stale([0.045], [0.9], 0.005)
 
 
 def test_it_is_refused_for_another_press_arm_or_controller(tmp_path):
     path = tmp_path / "learned.json"
-    write_learned(path, RIG, bump(1e-4), [0.07])
+    write_learned(path, RIG, LearnedCorrection(bump(1e-4)), [0.07])
     other = with_values(
         RIG,
         {

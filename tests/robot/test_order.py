@@ -1,13 +1,15 @@
 """Calls out of order, and requests that must not reach the controller."""
 
+import math
 from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sautereau.rig.load import with_values
+from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
+from sautereau.robot.drivers.limits import Limits
 from sautereau.robot.drivers.safety import State
 from sautereau.robot.errors import NotReady, RobotError, SettingNotTaken, UnsafeRequest
 from tests.robot.test_states import ALLOWED
@@ -86,8 +88,29 @@ def test_an_arm_away_from_the_start_is_not_armed(bench, lines, segments):
     controller, _ = bench(lines.homed, lines.load, lines.ready, [away], lines.off)
     with homed(controller):
         controller.load(segments)
-        with pytest.raises(NotReady, match=r"1051, -501000 counts .* 1000, -501000, within 50"):
+        with pytest.raises(NotReady) as caught:
             controller.arm()
+    for words in (
+        "not where the motion starts: joint 1 is 51 counts (0.00918 deg) off its target",
+        "arm.position_tolerance, 50 counts (0.009 deg)",
+        "raise arm.position_tolerance",
+    ):
+        assert words in str(caught.value)
+
+
+def test_the_position_tolerance_is_the_rigs_and_at_least_two_counts():
+    arm = load_rig("paper").arm
+    for angle, counts, permitted in (
+        (arm.position_tolerance, 2_000_000, 50),  # the default of the packaged rig's encoders
+        (math.radians(0.09), 2_000_000, 500),
+        (math.radians(0.009), 4096, 2),
+    ):
+        own = {"position_tolerance": angle, "counts_per_revolution": counts}
+        limits = Limits(arm.model_copy(update=own))
+        start = np.array([1000, -1000])
+        assert not limits.off_target(start + permitted, start)
+        off = limits.off_target(start - np.array([0, permitted + 1]), start)
+        assert off.startswith(f"joint 2 is {permitted + 1} counts")
 
 
 def test_a_move_out_of_the_limits_lists_every_fault(bench, lines):

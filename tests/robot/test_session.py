@@ -18,6 +18,7 @@ from sautereau.robot.experiment.monitor import Samples
 from sautereau.robot.experiment.plan import Plan, check_same, to_set
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner, rows_of_recording
+from sautereau.robot.experiment.session import is_lifted
 from sautereau.robot.experiment.session_folder import (
     MANIFEST,
     Manifest,
@@ -25,6 +26,7 @@ from sautereau.robot.experiment.session_folder import (
     read_manifest,
     write_manifest,
 )
+from sautereau.trajectory.press import plan_press
 from tests.presses import QUICK, mute_scene
 from tests.recordings import SESSION, write_recording
 from tests.robot.motions import OFF
@@ -99,12 +101,12 @@ def test_a_missing_table(tmp_path):
         read_plan_table(tmp_path / "none.csv", RIG, 1)
 
 
-def test_warm_up_is_counted_at_every_set_up():
+def test_a_table_that_changes_the_instrument_says_what_to_set():
     other = with_values(RIG, {"jack.mass": "7 g"})
     fast = with_values(RIG, {"press.jack_speed": "0.1 m/s"})
     mass = {"jack.mass": "7 g"}
-    plan = Plan(RIG, (Row(RIG, 2), Row(fast, 1), Row(other, 1, mass), Row(RIG, 1)), warm_up=1)
-    assert plan.total == 3 + 5
+    plan = Plan(RIG, (Row(RIG, 2), Row(fast, 1), Row(other, 1, mass), Row(RIG, 1)))
+    assert plan.total == 5
     assert to_set(RIG, {}, plan.rows[2]) == mass
     assert to_set(RIG, mass, plan.rows[3]) == {"jack.mass": "0.006 kg"}
 
@@ -182,10 +184,10 @@ def test_the_first_cause_is_reported_where_the_folder_goes_away(tmp_path):
             shutil.rmtree(out)
 
     bench = benches.stand_in(with_values(RIG, QUICK), mute_scene(), 0)
-    with pytest.raises(RecordingError, match=r"press-0001\.mcap: cannot be written: No such") as e:
+    with pytest.raises(RecordingError, match=r"warm-up-01\.mcap: cannot be written: No such") as e:
         bench.press(1, out=out, watch=watch)
     said = " ".join(e.value.__notes__)
-    assert "press-0001.mcap.part was removed, with the samples recorded before" in said
+    assert "warm-up-01.mcap.part was removed, with the samples recorded before" in said
     assert OFF in said
     assert f"{out} was removed or renamed" in said
 
@@ -253,6 +255,30 @@ def test_a_session_is_extended_where_every_press_keeps_its_number(tmp_path, repe
     assert found is not None
     assert found.session == folder.session
     assert [row["repeats"] for row in found.plan["presses"]] == list(repeats)
+
+
+def test_a_session_of_version_0_1_that_counted_its_warm_up_presses_continues(tmp_path):
+    """Of 2 rows with a warm-up press each, the second press of the first row is missing."""
+    other = {"jack.mass": "7 g"}
+    plan = Plan(RIG, (Row(RIG, 2), Row(with_values(RIG, other), 1, other)), warm_up=1)
+    folder = SessionFolder(tmp_path, plan, None, 7)
+    folder.start()
+    for item, warm_up in ((1, True), (2, False), (4, True), (5, False)):
+        info = replace(SESSION, session=folder.session, item=item, warm_up=warm_up)
+        write_recording(tmp_path / f"press-{item:04}.mcap", RIG, np.zeros((2, 64)), session=info)
+    again = SessionFolder(tmp_path, replace(plan, warm_up=0), None, 7)
+    names = {number: path.name for number, path in again.done.items()}
+    assert names == {1: "press-0002.mcap", 3: "press-0005.mcap"}
+    assert [path.name for path in again.warm_ups] == ["press-0001.mcap", "press-0004.mcap"]
+    assert again.others == 0
+
+
+def test_a_press_is_lifted_unless_it_starts_where_the_last_has_ended():
+    first, *others = (
+        plan_press(with_values(RIG, values))
+        for values in ({}, {"press.jack_speed": "0.1 m/s"}, {"arm.fingertip_radius": "5 mm"})
+    )
+    assert [is_lifted(first, last) for last in (None, *others)] == [True, False, True]
 
 
 def test_rows_that_differ_do_not_extend_a_session(tmp_path):

@@ -59,10 +59,40 @@ def test_the_port_of_the_stand_in_never_gets_into_a_file(bench, capsys):
     assert file.read_text() == TEXT
 
 
-def test_without_a_terminal_nothing_moves(bench, capsys):
+def test_without_a_terminal_the_hardware_does_not_move_and_the_stand_in_agrees(bench, capsys):
     file, simulation = bench
-    assert setup("home", str(file), simulation=simulation) == 2
-    assert "--yes" in capsys.readouterr().err
+    assert setup("home", str(file)) == 2
+    assert "--yes or --answers" in " ".join(capsys.readouterr().err.split())
+    assert setup("home", str(file), simulation=simulation, output=Output(json=True)) == 0
+    (answer,) = json.loads(capsys.readouterr().out)["answers"]
+    assert "Is its way free?" in answer["question"]
+    assert (answer["answer"], answer["by"]) == ("yes", "the stand-in")
+
+
+def test_a_file_answers_the_questions(bench, tmp_path, capsys):
+    file, simulation = bench
+    answers = tmp_path / "answers.toml"
+    answers.write_text('"The arm homes" = "yes"\n"By how much" = ["20 deg", "unknown"]\n')
+    words = {"answers": answers, "save": True, "simulation": simulation}
+    assert setup("encoders", str(file), **words) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert f"20 deg (by answers {answers})" in printed
+    assert "written into" in printed
+    assert load_rig(file).arm.counts_per_revolution == 1_000_000
+    for text, said in (
+        ('"The arm homes" = "yes"\n"By how much" = "20"\n', "'20' is no answer.*no unit"),
+        ('"The arm homes" = "yes"\n"By how" = ["20 deg"]\nx = "y"', "question 2 of.*x'"),
+        ('"The arm homes" = "perhaps"\n', "give yes or no"),
+    ):
+        answers.write_text(text)
+        with pytest.raises(RobotError, match=f"(?s){said}"):
+            setup("encoders", str(file), **words)
+    assert setup("home", str(file), yes=True, **words) == 2
+    answers.write_text('"The arm" = "yes"\n"Which" = "this"\n')
+    assert setup("home", str(file), **words) == 1
+    assert "'Which': no such question" in " ".join(capsys.readouterr().err.split())
+    assert setup("verify", str(file), answers=answers) == 2
+    assert "needs an operator: give it without --answers" in capsys.readouterr().err
 
 
 def test_a_packaged_rig_is_not_saved_into(capsys):

@@ -8,7 +8,10 @@ from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
+from sautereau.trajectory.key import jack_law
+from sautereau.trajectory.learning import Correction
 from sautereau.trajectory.press import draft_press, plan_press
+from sautereau.trajectory.timing import press_law
 
 PAPER = load_rig()
 
@@ -194,6 +197,28 @@ def test_the_speed_error_under_load_is_that_of_springs_in_series(paper):
         stretched = moment**2 / k * per_angle / rig.key.press_arm * slope
         # The moment arm, and with it the compliance, changes a little on the way.
         assert made.loaded_speed_error == pytest.approx(stretched / (1 + stretched), rel=0.03)
+
+
+def test_a_correction_by_the_expected_deflection_leaves_little_speed_error(paper):
+    """It adds the compliance times the force that the plan without it meets at that time."""
+    rig = with_values(paper, {"arm.servo_stiffness": ["20 N m/rad", "1e9 N m/rad"]})
+    rise = np.linspace(0, 0.01, 2001)
+    held = np.clip((rise - 2e-3) / 4e-3, 0, 1)
+    expected = Expectation(rise, 0.3 * np.sin(np.pi * held) ** 2, 2e-3, 6e-3)
+    alone = draft_press(rig, expected)
+    law, down = press_law(rig.press), int(np.argmax(alone.rise.position)) + 1
+    (x, z) = (alone.fingertip.position - [rig.arm.base_x, rig.arm.base_z]).T
+    angle = alone.angle.position
+    moment = x * np.cos(angle) + z * np.sin(angle)
+    per_angle = jack_law(rig.key, angle[:down])[1]
+    deflection = moment[:down] ** 2 / 20 * per_angle / rig.key.press_arm
+    deflection = deflection * expected.force_at(alone.rise.position[:down])
+    time = np.linspace(law.start, law.return_start, 300)
+    added = np.interp(time, alone.time[:down], deflection)
+    added[[0, -1]] = 0
+    corrected = draft_press(rig, expected, Correction(time, added))
+    assert alone.loaded_speed_error > 0.01
+    assert corrected.loaded_speed_error < 0.05 * alone.loaded_speed_error
 
 
 def test_the_least_force_on_the_return_falls_with_the_friction(paper):

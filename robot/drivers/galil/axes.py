@@ -47,7 +47,7 @@ class Axes(Connection):
 
     def settle(self, target: Counts) -> None:
         """Wait until both joints are at a target, counts of shape (2,)."""
-        self._polling.settle(self.positions, target, self.limits.tolerance)
+        self._polling.settle(self.positions, target, self.limits)
 
     def check_stop(self, what: str, normal: Collection[int]) -> None:
         """Refuse a motion that stopped for another reason than the stop codes ``normal``."""

@@ -175,7 +175,7 @@ class Axes(Power):
         distance = int(np.abs(rounded - self.positions()).max())
         self.move(rounded, speed, self.limits.move_acceleration(speed))
         self.await_moved("the move", distance / speed + MARGIN)
-        self.polling.settle(self.positions, rounded, self.limits.tolerance)
+        self.polling.settle(self.positions, rounded, self.limits)
 
     def _turns(self, counts: Floats | Counts) -> Floats:
         """Return the motors' turns from home of joint positions (counts, (..., 2))."""
