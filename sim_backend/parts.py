@@ -105,6 +105,21 @@ class Push(Section):
     """s, for which the simulation continues after that."""
 
 
+class Weight(Section):
+    """A weight on a thread at the fingertip, with the laser aimed at it: for `setup force`.
+
+    It loads the transducer alone; the arm does not deflect under it. In the first acquisition the
+    thread is cut, and the laser sees the weight, not the key.
+    """
+
+    mass: Mass = Field(gt=0, le=10)
+    """kg, mass of the weight."""
+    cut: Time = Field(default=1.0, ge=0, le=60)
+    """s after the trigger's edge, at which the thread is cut."""
+    fall: Length = Field(default=0.3, gt=0, le=10)
+    """m, until the weight lands."""
+
+
 @dataclass(frozen=True)
 class Accuracy:
     """A largest error of times of events or of forces, which a scene may give instead of a step.

@@ -28,6 +28,7 @@ from sautereau.sim_backend.parts import (
     Sensors,
     Servo,
     Transducer,
+    Weight,
 )
 
 
@@ -98,6 +99,8 @@ class Scene(Section):
     """Without it the fingertip is rigid. With an ideal finger or a servo."""
     transducer: Transducer | None = None
     """Without it the force is measured as it is."""
+    weight: Weight | None = None
+    """Without it the force is that of the key."""
     card: Annotated[str, AfterValidator(_device_type)] = IDEAL.product
     """Product type of the DAQ device; by default an ideal one with the rig's inputs."""
     faults: Faults | None = None

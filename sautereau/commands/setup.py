@@ -1,11 +1,15 @@
 """A new rig file, the checks of this machine, and the set-up of a bench, step by step."""
 
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import date
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter, Token
+from cyclopts.validators import Number as Range
 
 from sautereau.analysis.text import wrapped
 from sautereau.commands import common
@@ -18,9 +22,22 @@ if TYPE_CHECKING:
 _TIMEOUT = "60 s"
 """Timeout of the stand-in's controller, which answers only after the motion has ended."""
 
+
+def _mass(_: object, tokens: Sequence[Token]) -> float:
+    from sautereau.rig.units import parse_quantity
+
+    try:
+        return parse_quantity(tokens[0].value, "kg")
+    except ValueError as error:
+        raise ValueError(f'{error}; write it like "50 g"') from error
+
+
+Weight = Annotated[float, "QUANTITY", Parameter(converter=_mass, validator=Range(gt=0))]
+
 StepName = Literal[
-    "all", "port", "controller", "verify", "home", "encoders", "contact", "touch", "tap", "dry-run"
-]
+    "all", "port", "controller", "verify", "home", "encoders", "force", "contact", "touch", "tap",
+    "dry-run",
+]  # fmt: skip
 
 
 def init(
@@ -67,6 +84,8 @@ def setup(
     yes: bool = False,
     save: bool = False,
     recording: list[Path] | None = None,
+    weight: Weight | None = None,
+    pressing: bool = False,
     simulation: common.Simulation = common.Simulation(),
     output: Output = Output(),
 ) -> int:
@@ -85,8 +104,12 @@ def setup(
     save
         Write the results into the rig file without asking.
     recording
-        With the step `tap`: use this recording of taps on the key instead of a motion. Repeat it
-        for several.
+        Use this recording instead of a motion: with the step `tap` of taps on the key, repeated for
+        several; with the step `force` of a weight that is taken off the transducer.
+    weight
+        With the step `force`: mass of the weight, such as "50 g"; asked for without it.
+    pressing
+        With the step `force`: the weight lies on the transducer. Default: it hangs from it.
     """
     from sautereau.rig.load import with_values
     from sautereau.robot.experiment.setup.steps import make_steps
@@ -96,12 +119,21 @@ def setup(
     if save and not Path(rig).is_file():
         return output.fail(f"--save: {rig} is not a file; write one with `sautereau init`", 2)
     results = _Results(rig, output, simulated=simulation.requested)
+    mass = -weight if weight is not None and pressing else weight
+    if (weight is not None or pressing) and step not in ("all", "force"):
+        return output.fail(f"--weight, --pressing: they belong to the step force, not {step}", 2)
     if recording:
-        if step != "tap":
-            return output.fail(f"--recording: only the step tap reads recordings, not {step}", 2)
-        from sautereau.robot.experiment.setup.tap import modes_of_recordings
+        if step == "tap":
+            from sautereau.robot.experiment.setup.tap import modes_of_recordings
 
-        results.add("tap", modes_of_recordings(recording))
+            results.add(step, modes_of_recordings(recording))
+        elif step == "force" and mass is not None and len(recording) == 1:
+            from sautereau.robot.experiment.setup.force import force_of_recording
+
+            results.add(step, force_of_recording(recording[0], mass))
+        else:
+            known = "tap, and force with one recording and --weight"
+            return output.fail(f"--recording: only the steps {known} read recordings", 2)
         return results.close(save, yes)
     served = common.bench(rig, simulation)
     if yes and not simulation.requested and step in ("all", "verify"):
@@ -110,7 +142,8 @@ def setup(
     if simulation.requested:
         nominal = with_values(nominal, {"controller.timeout": _TIMEOUT})
     with served.connected(nominal) as bench:
-        for name, found in make_steps(bench.rig, _Operator(yes), None if step == "all" else step):
+        operator = _Operator(yes, mass)
+        for name, found in make_steps(bench.rig, operator, None if step == "all" else step):
             results.add(name, found)
     return results.close(save, yes)
 
@@ -182,10 +215,11 @@ class _Operator:
 
     Args:
         agreed: Whether every motion was agreed to in advance; then nothing is asked.
+        weight: kg, of a weight on the fingertip, negative if it presses; None to ask for it.
     """
 
-    def __init__(self, agreed: bool):
-        self._agreed = agreed
+    def __init__(self, agreed: bool, weight: float | None = None):
+        self._agreed, self._weight = agreed, weight
 
     def confirm(self, question: str) -> bool:
         """Return whether the answer is yes; see `Ask`."""
@@ -200,6 +234,8 @@ class _Operator:
 
     def number(self, question: str, unit: str, expected: float) -> float | None:
         """Return the measured value; see `Ask`."""
+        if unit == "kg" and self._weight is not None:
+            return self._weight
         if self._agreed:
             return None
         from sautereau.rig.units import format_quantity, parse_quantity
