@@ -23,6 +23,7 @@ from sautereau.sim_backend.parts import (
     Bending,
     ControllerUnit,
     Fingertip,
+    Joints,
     Play,
     Push,
     Sensors,
@@ -86,6 +87,9 @@ class Scene(Section):
     """Only with `finger = "push"`, which needs it."""
     servo: Servo | None = None
     """Only with `finger = "servo"`, which needs it."""
+    joints: Joints | None = None
+    """Without it the motors turn with the links, without friction. With a servo; rigid bodies
+    only."""
     sensors: Sensors | None = None
     """Without it all sensors are exact and without delay."""
     bending: Bending | None = None
@@ -147,6 +151,11 @@ class Scene(Section):
                     f'{part}: only finger = "{part}" uses this table, and finger is'
                     f' "{self.finger}"; remove it, or change finger'
                 )
+        if self.joints is not None and self.finger != "servo":
+            yield (
+                f'joints: finger = "{self.finger}" has no motors; remove the table, or use finger ='
+                ' "servo"'
+            )
         if self.finger == "push" and self.fingertip is not None:
             yield (
                 'fingertip: finger = "push" is a force without a fingertip; remove the table, or'
@@ -177,6 +186,11 @@ class Scene(Section):
             reasons.append(
                 'engine: "exact" has no string that moves by itself; use engine = "rigid" or'
                 ' string = "spring"'
+            )
+        if self.joints is not None:
+            reasons.append(
+                'engine: "exact" has two angles for the arm, whose motors turn with their links'
+                ' without friction; use engine = "rigid", or remove the table [joints]'
             )
         for part, has in (("bending", "two angles"), ("play", "an angle and a height")):
             if getattr(self, part) is not None:
