@@ -45,6 +45,12 @@ def health_of(press: AnalysedPress, first: AnalysedPress | None = None) -> Healt
             " free the jack if the key is down, otherwise check the vibrometer's aim and sign"
         )
         return Health(text, valid=False)
+    if (work := _number(press, "press_work")) < 0:
+        text = (
+            f"the finger has done negative work, {work * 1e3:.3g} mJ: the force transducer has the"
+            " wrong sign; invert it at its amplifier (`sautereau setup force` proves it)"
+        )
+        return Health(text, valid=False)
     if before and not plucks:
         text = "no pluck, and {:g} in the first press: the plectrum or the string may be broken"
         return Health(text.format(before) + "; repair it", valid=False)
