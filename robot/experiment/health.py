@@ -45,10 +45,12 @@ def health_of(press: AnalysedPress, first: AnalysedPress | None = None) -> Healt
             " free the jack if the key is down, otherwise check the vibrometer's aim and sign"
         )
         return Health(text, valid=False)
-    if (work := _number(press, "press_work")) < 0:
+    # The mean force on the way down is more negative than any positive force is large.
+    if (work := _number(press, "press_work")) < -force * rise * 1e-3:
         text = (
-            f"the finger has done negative work, {work * 1e3:.3g} mJ: the force transducer has the"
-            " wrong sign; invert it at its amplifier (`sautereau setup force` proves it)"
+            f"the finger has done negative work, {work * 1e3:.3g} mJ, with a force of at most"
+            f" {force:.3g} N: the force transducer has the wrong sign; invert it at its amplifier"
+            " (`sautereau setup force` proves it)"
         )
         return Health(text, valid=False)
     if before and not plucks:
