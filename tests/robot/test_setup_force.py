@@ -16,6 +16,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.units import GRAVITY
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.force import proof_of, prove_force
+from sautereau.robot.experiment.setup.tap import tap_key
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.parts import Weight
 from sautereau.sim_backend.scene import load_scene
@@ -182,3 +183,11 @@ def test_the_command_reads_a_recording(tmp_path, capsys):
     assert setup("force", "paper", recording=[path]) == 2
     assert "force with one recording and --weight" in " ".join(capsys.readouterr().err.split())
     assert setup("tap", "paper", recording=[path], weight=MASS) == 2
+
+
+def test_taps_of_a_finger_with_a_fixture_are_doubted():
+    rig = with_values(load_rig(), QUICK | {"arm.fixture_mass": "5 g"})
+    with StandIn(rig, mute_scene(), seed=1) as served:
+        found = tap_key(served.rig, Operator())
+    assert "contains the inertia of the fixture, 5 g" in found.warnings[-1]
+    assert "tap with a hammer" in found.warnings[-1]
