@@ -14,7 +14,7 @@ from pathlib import Path
 # As the commands do: other threads of BLAS wait in busy loops, which counts as processor time.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from benchmarks.figures import table, write_page
+from benchmarks.figures import HEAD, table, write_page
 
 ALL = (
     "press",
@@ -29,6 +29,7 @@ ALL = (
     "acquisition",
     "load",
     "learning",
+    "speed",
     "phases",
     "independent_phases",
     "report",
@@ -53,8 +54,9 @@ def main(arguments: list[str]) -> int:
         parser.error(f"unknown benchmark: {', '.join(unknown)}; there are {', '.join(ALL + LONG)}")
     missed = 0
     for name in names or ALL:
-        figures = importlib.import_module(f"benchmarks.{name}").run()
-        found = table(title(name), figures)
+        benchmark = importlib.import_module(f"benchmarks.{name}")
+        figures = benchmark.run()
+        found = table(title(name), figures, getattr(benchmark, "HEAD", HEAD))
         print(found, flush=True)
         missed += sum(figure.missed for figure in figures)
         if not names or given.write:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from sautereau.sim_backend.trade.study import machine
 
@@ -72,9 +72,20 @@ def median_time(work: Callable[[], object], runs: int = RUNS) -> float:
     return statistics.median(timed(work)[0] for _ in range(runs))
 
 
-def table(title: str, figures: Sequence[Figure]) -> str:
+HEAD = "| what | measured | against | ratio |\n|---|---|---|---|"  # Head of a table of figures
+
+
+class Row(Protocol):
+    """One row of a benchmark's table; its text is in Markdown."""
+
+    @property
+    def missed(self) -> bool:
+        """Whether a value is beyond its limit."""
+        ...
+
+
+def table(title: str, figures: Sequence[Row], head: str = HEAD) -> str:
     """Return a titled Markdown table, with the day and the machine below it."""
-    head = "| what | measured | against | ratio |\n|---|---|---|---|"
     measured = f"Measured on {datetime.now(UTC).date().isoformat()}; {machine()}."
     return "\n".join([f"## {title}", "", head, *map(str, figures), "", measured])
 

@@ -1,10 +1,15 @@
 """Learning on the stand-in: the speed error of a press before and after."""
 
+import math
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.figures import Figure, check
 from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.schema import Rig
+from sautereau.sim_backend.scene import Scene, load_scene
+from sautereau.trajectory.press import Trajectory
 
 SEEDS = 20
 PRESSES = 6
@@ -48,28 +53,68 @@ def run() -> list[Figure]:
     ]
 
 
-def _errors(
-    seed: int, changes: dict[str, object] | None = None, *, feed_forward: bool = False
-) -> list[float]:
-    """Return the RMS speed error of every press [%]."""
+@dataclass(frozen=True)
+class Learned:
+    """What presses with learning have shown; RMS errors of the jack speed, dimensionless."""
+
+    trajectory: Trajectory
+    """Of the first press, without a correction."""
+    errors: list[float]
+    """Over the cruise, of each press."""
+    held: list[float]
+    """While a string is held, of each press; NaN without a pluck."""
+    floor: float
+    """That no correction removes; see `IterativeLearning.floor`."""
+
+
+def learned_on(
+    rig: Rig,
+    scene: Scene,
+    presses: int,
+    out: Path,
+    *,
+    seed: int = 0,
+    push: bool = False,
+    paced: bool = False,
+) -> Learned:
+    """Learn on a stand-in.
+
+    Args:
+        presses: Largest number of presses.
+        out: Folder for the recordings.
+        push: Whether an earlier press gives the force for a feed-forward.
+        paced: Whether simulated time follows real time.
+    """
+    from sautereau.analysis.model.predict import expected_of
+    from sautereau.entrance.press_file import PressFile
     from sautereau.robot.drivers.galil.driver import GalilController
     from sautereau.robot.experiment.feedforward import force_of
     from sautereau.robot.experiment.learning import IterativeLearning
     from sautereau.robot.experiment.session import Item, make_presses
     from sautereau.sim_backend.bench import StandIn
-    from sautereau.sim_backend.scene import load_scene
     from sautereau.trajectory.press import plan_press
 
-    rig = with_values(load_rig(), SLOW_HOST)
-    scene = load_scene("paper").model_copy(update=changes)
-    with tempfile.TemporaryDirectory() as folder, StandIn(rig, scene, seed) as stand_in:
-        bench, out, measured = stand_in.rig, Path(folder), None
-        if feed_forward:
-            presses = [Item(bench, plan_press(bench))]
-            (path,) = make_presses(GalilController(bench), out, presses)
+    expected, _ = expected_of(rig)
+    with StandIn(rig, scene, seed, paced=paced) as stand_in:
+        bench, measured = stand_in.rig, None
+        trajectory = plan_press(bench, expected)
+        if push:
+            (path,) = make_presses(GalilController(bench), out / "first", [Item(bench, trajectory)])
             measured = force_of(path)
-        learning = IterativeLearning(rig, None, PRESSES, measured=measured)
-        make_presses(
-            GalilController(bench), out, learning.presses_on(bench), on_press=learning.update
-        )
-    return [100 * error for error in learning.errors]
+        learning = IterativeLearning(rig, expected, presses, measured=measured)
+        items = learning.presses_on(bench)
+        made = make_presses(GalilController(bench), out, items, on_press=learning.update)
+    features = (PressFile(path).analysed.features["held_speed_error"] for path in made)
+    held = [error if isinstance(error, float) else math.nan for error in features]
+    return Learned(trajectory, learning.errors, held, learning.floor)
+
+
+def _errors(
+    seed: int, changes: dict[str, object] | None = None, *, feed_forward: bool = False
+) -> list[float]:
+    """Return the RMS speed error of every press [%]."""
+    rig, scene = with_values(load_rig(), SLOW_HOST), load_scene("paper")
+    scene = scene.model_copy(update=changes)
+    with tempfile.TemporaryDirectory() as folder:
+        found = learned_on(rig, scene, PRESSES, Path(folder), seed=seed, push=feed_forward)
+    return [100 * error for error in found.errors]

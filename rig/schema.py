@@ -120,6 +120,9 @@ class Arm(Section):
     """kg, mass of link 2, a slender rod."""
     fingertip_radius: Length = Field(gt=0)
     """m, radius of the sphere that touches the key."""
+    fixture_mass: Mass = Field(default=0.0, ge=0, le=0.5)
+    """kg, mass of what is fixed to the front of the force transducer, a part of `lower_mass`. Its
+    inertia, as the key accelerates it, is subtracted from the recorded force."""
     fingertip_friction: float = Field(default=0.0, ge=-1, le=1)
     """Dimensionless, force of the fingertip along the key divided by its force on the key, while
     the key goes down. A positive value points towards the front edge and helps to press. The sign

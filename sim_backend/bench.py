@@ -22,6 +22,7 @@ from sautereau.sim_backend.parts import ControllerUnit
 from sautereau.sim_backend.physics.events import Truth, truths
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
+from sautereau.sim_backend.sensors.fingertip import FingertipLoad
 from sautereau.sim_backend.sensors.simulated import SIMULATED
 
 SETTLING = 2.0  # s, for which simulated time advances after a motion, so that the arm comes to rest
@@ -66,6 +67,8 @@ class Bench:
         self._line = BadLine(self.scene.faults, seed, self.injection.past)
         wiring = Wiring(self.rig, self.scene, seed, self._lock, paced, lambda: self.passed)
         self.card = BenchCard(wiring, self.injection, lambda: self.world.time)
+        loaded = scene.weight is not None or self.rig.arm.fixture_mass > 0
+        self._load = FingertipLoad(self.rig, scene.weight, self.card.starts) if loaded else None
         self._powered_up = False
         given = {} if scene.controller is None else {"unit": scene.controller}
         emulate = emulator_of(rig.controller.kind, **given)
@@ -212,6 +215,8 @@ class Bench:
         self.plant.sample()
         if self.firmware.moving:
             self._last_motion = self.world.time
+        if self._load is not None:
+            motions = self._load.on(motions, self.world.finger.joints())
         self.card.feed(motions)
 
     def _fail(self, error: Exception) -> None:

@@ -127,6 +127,13 @@ class Drift(Section):
     """N/s, of the force that is added."""
 
 
+class SensorSign(Section):
+    """A sensor with the opposite sign."""
+
+    quantity: Literal["force", "velocity"]
+    """Measured by the sensor."""
+
+
 class Slip(_JointAtTime):
     """An encoder slips on its shaft. The loop moves the joint by the same angle in the opposite
     direction, where the home switch is then found."""
@@ -172,6 +179,7 @@ class Faults(Section):
     speckle: Speckle | None = None
     overload: Overload | None = None
     drift: Drift | None = None
+    sensor_sign: SensorSign | None = None
     stall: _JointAtTime | None = None
     """A joint is blocked permanently: the torque of its loop rises to its limit, and ER and OE of
     the controller determine what follows."""
@@ -231,6 +239,8 @@ class Faults(Section):
                     ' finger = "servo", or remove the table'
                 )
         needed = {"speckle": "velocity", "overload": "force", "drift": "force"}
+        if self.sensor_sign is not None:
+            needed["sensor_sign"] = self.sensor_sign.quantity
         for name, quantity in needed.items():
             if getattr(self, name) is not None and quantity not in quantities:
                 faults.append(

@@ -23,6 +23,10 @@ from sautereau.rig.units import (
 JointStiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad")]
 JointDamping = Annotated[float, Unit("N*m*s/rad", "0.4 N m s/rad")]
 Acceleration = Annotated[float, Unit("m/s**2", "9.81 m/s^2")]
+JointTorque = Annotated[float, Unit("N*m", "20 mN m"), Field(ge=0)]
+Friction = Annotated[float, Unit("N*m*s/rad", "0.01 N m s/rad"), Field(ge=0)]
+Backlash = Annotated[float, Unit("rad", "0.02 deg"), Field(ge=0, le=0.1)]
+GearStiffness = Annotated[float, Unit("N*m/rad", "2000 N m/rad"), Field(gt=0)]
 JointInertia = Annotated[float, Unit("kg*m**2", "2e-3 kg m^2")]
 
 
@@ -37,6 +41,22 @@ class Servo(Section):
     """s, of the integral term."""
     feedforward: tuple[JointInertia, JointInertia]
     """kg m^2, torque per commanded acceleration."""
+
+
+class Joints(Section):
+    """Friction of the arm's joints, and backlash between their motors and the links."""
+
+    dry_friction: tuple[JointTorque, JointTorque] = (0.0, 0.0)
+    """N m, Coulomb friction of each joint, on the motor's side of backlash."""
+    viscous_friction: tuple[Friction, Friction] = (0.0, 0.0)
+    """N m s/rad, viscous friction of each joint, likewise."""
+    backlash: tuple[Backlash, Backlash] = (0.0, 0.0)
+    """rad, by which the link can turn while the motor, and the encoder on it, rests. It needs
+    `arm.rotor_inertias`."""
+    gear_stiffness: tuple[GearStiffness, GearStiffness] = (2000.0, 2000.0)
+    """N m/rad, of a transmission with backlash beyond its play, at the joint."""
+    gear_damping: tuple[Friction, Friction] = (0.2, 0.2)
+    """N m s/rad, of a transmission with backlash while its teeth touch."""
 
 
 class Sensors(Section):
@@ -103,6 +123,21 @@ class Push(Section):
     """s, after which it is removed."""
     rest: Time = Field(default=0.0, ge=0, le=10)
     """s, for which the simulation continues after that."""
+
+
+class Weight(Section):
+    """A weight on a thread at the fingertip, with the laser aimed at it: for `setup force`.
+
+    It loads the transducer alone; the arm does not deflect under it. In the first acquisition the
+    thread is cut, and the laser sees the weight, not the key.
+    """
+
+    mass: Mass = Field(gt=0, le=10)
+    """kg, mass of the weight."""
+    cut: Time = Field(default=1.0, ge=0, le=60)
+    """s after the trigger's edge, at which the thread is cut."""
+    fall: Length = Field(default=0.3, gt=0, le=10)
+    """m, until the weight lands."""
 
 
 @dataclass(frozen=True)

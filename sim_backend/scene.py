@@ -23,11 +23,13 @@ from sautereau.sim_backend.parts import (
     Bending,
     ControllerUnit,
     Fingertip,
+    Joints,
     Play,
     Push,
     Sensors,
     Servo,
     Transducer,
+    Weight,
 )
 
 
@@ -85,6 +87,9 @@ class Scene(Section):
     """Only with `finger = "push"`, which needs it."""
     servo: Servo | None = None
     """Only with `finger = "servo"`, which needs it."""
+    joints: Joints | None = None
+    """Without it the motors turn with the links, without friction. With a servo; rigid bodies
+    only."""
     sensors: Sensors | None = None
     """Without it all sensors are exact and without delay."""
     bending: Bending | None = None
@@ -98,6 +103,8 @@ class Scene(Section):
     """Without it the fingertip is rigid. With an ideal finger or a servo."""
     transducer: Transducer | None = None
     """Without it the force is measured as it is."""
+    weight: Weight | None = None
+    """Without it the force is that of the key."""
     card: Annotated[str, AfterValidator(_device_type)] = IDEAL.product
     """Product type of the DAQ device; by default an ideal one with the rig's inputs."""
     faults: Faults | None = None
@@ -144,6 +151,11 @@ class Scene(Section):
                     f'{part}: only finger = "{part}" uses this table, and finger is'
                     f' "{self.finger}"; remove it, or change finger'
                 )
+        if self.joints is not None and self.finger != "servo":
+            yield (
+                f'joints: finger = "{self.finger}" has no motors; remove the table, or use finger ='
+                ' "servo"'
+            )
         if self.finger == "push" and self.fingertip is not None:
             yield (
                 'fingertip: finger = "push" is a force without a fingertip; remove the table, or'
@@ -174,6 +186,11 @@ class Scene(Section):
             reasons.append(
                 'engine: "exact" has no string that moves by itself; use engine = "rigid" or'
                 ' string = "spring"'
+            )
+        if self.joints is not None:
+            reasons.append(
+                'engine: "exact" has two angles for the arm, whose motors turn with their links'
+                ' without friction; use engine = "rigid", or remove the table [joints]'
             )
         for part, has in (("bending", "two angles"), ("play", "an angle and a height")):
             if getattr(self, part) is not None:

@@ -6,7 +6,7 @@ from datetime import date
 from functools import cached_property
 from math import ceil, pi, sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -54,6 +54,7 @@ warning."""
 FORCE_DRIFT = 2e-3
 """Dimensionless, fraction of the largest force up to which nothing is said about a doubtful offset.
 It is a warning above the channel's `gain_std`."""
+SMOOTH = 1e-3  # s, longest half-width of the slope that gives the acceleration of the fixture
 FORCE_MEAN = 1e-3  # s, of a mean whose noise hides such an error as well
 
 
@@ -208,6 +209,8 @@ def partial_press_of(recorded: "Recorded") -> Press:
             )
             drift = replace(drift, force=level)
             said += found
+            signals["force"], found = _without_fixture(rig, signals, rate)
+            said += found
     missing: Signal | None = next((name for name in SIGNALS if name not in channels), None)
     nothing = np.zeros(rows if missing else 0)
     columns = columns_of(
@@ -351,6 +354,38 @@ def _returns(recorded: "Recorded") -> bool:
         return True
     rise = recorded.plan.jack_rise
     return bool(abs(rise[-1] - rise[0]) <= RETURNED * np.abs(rise - rise[0]).max())
+
+
+def _without_fixture(
+    rig: Rig, signals: Mapping[Signal, Floats], rate: float
+) -> tuple[Floats, list[Remark]]:
+    """Return the force [N] on the key, without the inertia of the fixture before the transducer.
+
+    The fixture moves with the key under the finger, whose acceleration is the slope of the
+    velocity: of the fewest samples at which the noise of the velocity adds at most half of the
+    force's own. A slope over 2 w + 1 samples has a standard deviation of
+    sqrt(3 / (w (w + 1) (2 w + 1))) times that of a sample, times the rate.
+    """
+    force, mass = signals["force"], rig.arm.fixture_mass
+    if not mass:
+        return force, []
+    if "velocity" not in signals:
+        text = (
+            f"force: the inertia of the fixture, {mass * 1e3:.3g} g, is contained in it, for there"
+            " is no velocity channel"
+        )
+        return force, [Remark(text)]
+    from scipy.signal import savgol_filter
+
+    velocity = signals["velocity"]
+    of_velocity = mass * rig.key.press_arm / rig.key.laser_arm
+    noise, limit = of_velocity * white_noise(velocity) * rate, white_noise(force) / 2
+    half = 1
+    while noise * sqrt(3 / (half * (half + 1) * (2 * half + 1))) > limit and half < rate * SMOOTH:
+        half += 1
+    width = min(2 * half + 1, len(velocity) - 1 | 1)
+    slope: Any = savgol_filter(velocity, width, 1, deriv=1, delta=1 / rate)
+    return force - of_velocity * slope, []
 
 
 def _from_rest(

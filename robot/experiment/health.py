@@ -45,6 +45,14 @@ def health_of(press: AnalysedPress, first: AnalysedPress | None = None) -> Healt
             " free the jack if the key is down, otherwise check the vibrometer's aim and sign"
         )
         return Health(text, valid=False)
+    # The mean force on the way down is more negative than any positive force is large.
+    if (work := _number(press, "press_work")) < -force * rise * 1e-3:
+        text = (
+            f"the finger has done negative work, {work * 1e3:.3g} mJ, with a force of at most"
+            f" {force:.3g} N: the force transducer has the wrong sign; invert it at its amplifier"
+            " (`sautereau setup force` proves it)"
+        )
+        return Health(text, valid=False)
     if before and not plucks:
         text = "no pluck, and {:g} in the first press: the plectrum or the string may be broken"
         return Health(text.format(before) + "; repair it", valid=False)

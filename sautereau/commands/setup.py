@@ -7,7 +7,10 @@ from datetime import date
 from math import degrees
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter, Token
+from cyclopts.validators import Number as Range
 
 from sautereau.analysis.text import wrapped
 from sautereau.commands import common
@@ -23,9 +26,23 @@ _TIMEOUT = "60 s"
 """Timeout of the stand-in's controller, which answers only after the motion has ended."""
 
 UNKNOWN = "unknown"  # Answer to a question about a value that is not measured
+
+
+def _mass(_: object, tokens: Sequence[Token]) -> float:
+    from sautereau.rig.units import parse_quantity
+
+    try:
+        return parse_quantity(tokens[0].value, "kg")
+    except ValueError as error:
+        raise ValueError(f'{error}; write it like "50 g"') from error
+
+
+Weight = Annotated[float, "QUANTITY", Parameter(converter=_mass, validator=Range(gt=0))]
+
 StepName = Literal[
-    "all", "port", "controller", "verify", "home", "encoders", "contact", "touch", "tap", "dry-run"
-]
+    "all", "port", "controller", "verify", "home", "encoders", "force", "contact", "touch", "tap",
+    "dry-run",
+]  # fmt: skip
 
 
 def init(
@@ -74,6 +91,8 @@ def setup(
     answers: Path | None = None,
     save: bool = False,
     recording: list[Path] | None = None,
+    weight: Weight | None = None,
+    pressing: bool = False,
     simulation: common.Simulation = common.Simulation(),
     output: Output = Output(),
 ) -> int:
@@ -96,8 +115,12 @@ def setup(
     save
         Write the results into the rig file without asking.
     recording
-        With the step `tap`: use this recording of taps on the key instead of a motion. Repeat it
-        for several.
+        Use this recording instead of a motion: with the step `tap` of taps on the key, repeated for
+        several; with the step `force` of a weight that is taken off the transducer.
+    weight
+        With the step `force`: mass of the weight, such as "50 g"; asked for without it.
+    pressing
+        With the step `force`: the weight lies on the transducer. Default: it hangs from it.
     """
     from sautereau.rig.faults import fault_list
     from sautereau.rig.load import with_values
@@ -113,16 +136,19 @@ def setup(
         )
     if save and not Path(rig).is_file():
         return output.fail(f"--save: {rig} is not a file; write one with `sautereau init`", 2)
+    mass = -weight if weight is not None and pressing else weight
+    if (weight is not None or pressing) and step not in ("all", "force"):
+        return output.fail(f"--weight, --pressing: they belong to the step force, not {step}", 2)
     agreed_by = "--yes" if yes else STAND_IN if simulated and not typed else ""
     given = answers_of(answers) if answers else None
-    operator = _Operator(given, agreed_by, output.say)
+    operator = _Operator(given, agreed_by, output.say, mass)
     results = _Results(rig, output, operator, simulated=simulated)
     if recording:
-        if step != "tap":
-            return output.fail(f"--recording: only the step tap reads recordings, not {step}", 2)
-        from sautereau.robot.experiment.setup.tap import modes_of_recordings
-
-        results.add("tap", modes_of_recordings(recording))
+        found = _of_recordings(step, recording, mass)
+        if found is None:
+            known = "tap, and force with one recording and --weight"
+            return output.fail(f"--recording: only the steps {known} read recordings", 2)
+        results.add(step, found)
         return results.close(save, yes)
     served = common.bench(rig, simulation)
     if (yes or answers) and not simulated and step in ("all", "verify"):
@@ -136,6 +162,19 @@ def setup(
             results.add(name, found)
     faults = [fault_list(given.origin, given.unused)] if given and given.unused else []
     return results.close(save, bool(given or agreed_by), faults)
+
+
+def _of_recordings(step: str, recordings: list[Path], mass: float | None) -> "Found | None":
+    """Return what a step finds in recordings; None for a step that reads none."""
+    if step == "tap":
+        from sautereau.robot.experiment.setup.tap import modes_of_recordings
+
+        return modes_of_recordings(recordings)
+    if step == "force" and mass is not None and len(recordings) == 1:
+        from sautereau.robot.experiment.setup.force import force_of_recording
+
+        return force_of_recording(recordings[0], mass)
+    return None
 
 
 class _Results:
@@ -210,10 +249,18 @@ class _Operator:
         answers: Given in advance; None to ask the person at the terminal.
         agreed_by: Who has agreed to all motions in advance; empty for nobody.
         say: Prints an answer that was not typed.
+        weight: kg, of a weight on the fingertip, negative if it presses; None to ask for it.
     """
 
-    def __init__(self, answers: "Answers | None", agreed_by: str, say: Callable[[str], None]):
+    def __init__(
+        self,
+        answers: "Answers | None",
+        agreed_by: str,
+        say: Callable[[str], None],
+        weight: float | None,
+    ):
         self._answers, self._agreed_by, self._say = answers, agreed_by, say
+        self._weight = weight
         self.answered: list[Answer] = []
         """Every answer that was not typed."""
 
@@ -231,6 +278,8 @@ class _Operator:
 
     def number(self, question: str, unit: str, expected: float) -> float | None:
         """Return the measured value; see `Ask`."""
+        if unit == "kg" and self._weight is not None:
+            return self._weight
         from sautereau.rig.units import format_quantity, parse_quantity
 
         known, shown = self._known(question, UNKNOWN), _readable(expected, unit)

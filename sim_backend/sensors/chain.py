@@ -66,6 +66,7 @@ class SensorChain:
         lag: s, by which the card's samples lag its terminal; negative where they are later.
         converter: Of the card; None for an ideal card.
         transducer: Its resonance; None for a sensor without one.
+        reversed_sign: Whether its output has the opposite sign.
     """
 
     def __init__(
@@ -79,8 +80,10 @@ class SensorChain:
         lag: float = 0.0,
         converter: Converter | None = None,
         transducer: Transducer | None = None,
+        reversed_sign: bool = False,
     ):
         self.channel = channel
+        self._scale = -channel.scale if reversed_sign else channel.scale
         self._sensors = sensors
         self.rate = rate
         self.input = Signal(rest)
@@ -109,13 +112,13 @@ class SensorChain:
             value, one[1] = signal.sosfilt(sections, value, zi=state)
         sensors = self._sensors
         if sensors is None:
-            volts = value / self.channel.scale
+            volts = value / self._scale
             return volts if self._converter is None else self._converter.convert(volts)
         simulated = SIMULATED.get(self.channel.quantity)
         value = value + simulated.noise(sensors) * self._random.standard_normal(n)
         if hum := simulated.hum(sensors):
             value += hum * np.sin(2 * np.pi * sensors.hum_frequency * times + self._phase)
-        volts = np.clip(value / self.channel.scale, -self.channel.range, self.channel.range)
+        volts = np.clip(value / self._scale, -self.channel.range, self.channel.range)
         return (self._converter or IDEAL_CONVERTER).convert(volts)
 
 

@@ -133,15 +133,28 @@ class Acceleration:
 
         At a jump of the velocity, two equal instants, there is no acceleration of its own.
         """
-        time = np.append(self._last[0], motions.time)
-        spin = np.append(self._last[1], motions.angular_velocity)
-        steps = np.diff(time)
-        taken = steps > 0
-        if not taken.any():
-            return np.zeros(len(motions.time))
-        self._last = float(time[-1]), float(spin[-1])
-        quotient = np.diff(spin)[taken] / steps[taken]
-        return self._arm * np.interp(motions.time, motions.time[taken], quotient)
+        rates, self._last = mean_rates(motions.time, motions.angular_velocity, self._last)
+        return self._arm * rates
+
+
+def mean_rates(
+    time: Floats, values: Floats, last: tuple[float, float]
+) -> tuple[Floats, tuple[float, float]]:
+    """Return the mean rate of change over the step to each time, and the last time and value.
+
+    At a jump, two equal times, there is no rate of its own.
+
+    Args:
+        time: s, shape (n,).
+        values: Of any unit, shape (n,).
+        last: Time and value before them.
+    """
+    steps = np.diff(time, prepend=last[0])
+    taken = steps > 0
+    if not taken.any():
+        return np.zeros(len(time)), last
+    quotient = np.diff(values, prepend=last[1])[taken] / steps[taken]
+    return np.interp(time, time[taken], quotient), (float(time[-1]), float(values[-1]))
 
 
 def _faults_of_force(faults: Faults, random: Generator) -> Sequence[Disturbance]:

@@ -5,12 +5,13 @@ import pytest
 
 from benchmarks.independent import press, random_two_strings
 from benchmarks.simulated import judged_press
+from benchmarks.spinet import SPINET
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.phases import find_phases
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
-from tests.spinet import SPINET, spinet_press
+from tests.spinet import spinet_press
 
 APART = 2e-3  # s, distance of contacts or releases from which plucks differ
 OTHER_FORCE = 0.15  # Relative difference of forces from which they differ

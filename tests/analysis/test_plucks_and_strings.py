@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.spinet import SPINET, SPINET_TEXT
 from sautereau.analysis.campaign.row import plectrum_id, row_of
 from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.campaign.touch import find_touch
@@ -38,7 +39,7 @@ from sautereau.daq.file.recording import Recording
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import parse_rig, with_values
 from tests.budget import slow
-from tests.spinet import SPINET, SPINET_TEXT, recorded_spinet, spinet_press
+from tests.spinet import recorded_spinet, spinet_press
 
 REVERSED = {"plectrum.overlap": "0.28 mm", "more_choirs.0.plectrum.overlap": "0.3 mm"}
 """Of a spinet whose string 1 is released first, within what the rig is known to."""

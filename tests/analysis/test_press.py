@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.press import UNITS, load_press
+from sautereau.analysis.loading.press import UNITS, load_press, partial_press_of
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.sensors.chain import SensorChain
@@ -185,6 +186,35 @@ def test_the_delay_of_a_slow_low_pass_is_corrected_by_its_order(paper, record):
         for column, height in (("velocity", 0.02), ("force", 0.5))
     ]
     assert halves == pytest.approx([0.105, 0.105], abs=10e-6)
+
+
+def test_the_inertia_of_the_fixture_is_subtracted(paper, record):
+    """Of 20 g on a key that moves as `stroke`: the force on the key remains, here 0.3 N."""
+    rig = with_values(paper, {"arm.fixture_mass": "20 g"})
+    lever = rig.key.press_arm / rig.key.laser_arm
+
+    def held(t):
+        return 0.3 * (t > 0.03)
+
+    def measured(t):
+        step = 1e-6
+        return held(t) + 20e-3 * lever * (stroke(t + step) - stroke(t - step)) / (2 * step)
+
+    volts = sensed(rig, [stroke, measured], until=0.54)
+    inertia = np.ptp(measured(np.linspace(0.02, 0.47, 1000)))
+    assert inertia > 0.05
+    force = load_press(record(rig, volts)).data["force"].loc[0.031:0.53].to_numpy()
+    means = force[: 24 * 1024].reshape(24, 1024).mean(axis=1)
+    np.testing.assert_allclose(means, 0.3, atol=0.02 * inertia)
+    assert np.diff(force, 2).std() / np.sqrt(6) < 1.3 * load_scene("paper").sensors.force_noise
+
+
+def test_without_a_velocity_the_inertia_of_the_fixture_is_named(paper, record):
+    rig = with_values(paper, {"arm.fixture_mass": "20 g"})
+    (row,) = sensed(rig, [stroke, lambda t: 0.3 * (t > 0.01)])[1:]
+    alone = rig.replaced({"daq.channels": rig.daq.channels[1:]})
+    press = partial_press_of(read_recording(record(alone, row[None])))
+    assert any("the inertia of the fixture, 20 g, is contained" in w for w in press.warnings)
 
 
 @pytest.mark.parametrize("corner", ["0.1 Hz", "0.5 Hz", "1 Hz"])

@@ -9,6 +9,7 @@ import sautereau as st
 from sautereau.rig.load import with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.health import Health, health_of
+from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
 
 SOFT = {"step": 5e-4}
@@ -62,6 +63,19 @@ def test_a_key_that_sinks_is_named(pressed):
     assert health.reason.startswith("the key has sunk: the jack rose by 8.9")
     assert "mm less are permitted" in health.reason
     assert health.valid
+
+
+@pytest.mark.parametrize(
+    ("quantity", "said"),
+    [
+        ("force", "the force transducer has the wrong sign; invert it at its amplifier"),
+        ("velocity", "check the vibrometer's aim and sign"),
+    ],
+)
+def test_a_sensor_of_the_wrong_sign_is_named_after_the_first_press(pressed, quantity, said):
+    faults = Faults.model_validate({"sensor_sign": {"quantity": quantity}})
+    with pytest.raises(RobotError, match=rf"press-0001\.mcap: .*{said}"):
+        pressed(faults=faults)
 
 
 def test_a_key_that_stays_down_and_a_drifting_force_are_named(pressed):

@@ -113,7 +113,8 @@ def test_all_steps_in_their_order(bench, capsys):
     assert setup("all", str(file), yes=True, simulation=simulation, output=Output(json=True)) == 0
     steps = json.loads(capsys.readouterr().out)["steps"]
     assert list(steps) == [
-        "port", "controller", "verify", "home", "encoders", "contact", "touch", "tap", "dry-run",
+        "port", "controller", "verify", "home", "encoders", "force", "contact", "touch", "tap",
+        "dry-run",
     ]  # fmt: skip
 
 
@@ -133,7 +134,7 @@ def test_modes_from_recorded_taps_are_written_into_the_rig(tmp_path, capsys):
     assert 1 <= len(modes) <= 3
     assert all(0 < mode.frequency_std < 0.1 * mode.frequency for mode in modes)
     assert setup("home", str(file), recording=[taps]) == 2
-    assert "only the step tap" in capsys.readouterr().err
+    assert "only the steps tap" in capsys.readouterr().err
 
 
 class Terminal(io.StringIO):

@@ -45,11 +45,17 @@ class Found:
     lines: tuple[str, ...]
     """Text for the operator."""
     values: Mapping[str, TomlValue] = field(default_factory=dict)
-    """For the rig file, by dotted key; empty where it contains them already."""
+    """For the rig file, by dotted key; empty where it contains them already. One that is a table
+    with its `value` becomes a table with its source there."""
     figures: Mapping[str, float] = field(default_factory=dict)
     """SI, by name."""
     warnings: tuple[str, ...] = ()
     """Doubts about the results."""
+
+    @property
+    def plain(self) -> dict[str, TomlValue]:
+        """The values without their tables, which are there to be written with their source."""
+        return {k: v["value"] if isinstance(v, dict) else v for k, v in self.values.items()}
 
 
 def ask_first(ask: Ask, step: str, what: str) -> None:

@@ -14,6 +14,7 @@ from sautereau.robot.controller import motion_controller
 from sautereau.robot.drivers.serial_port import machine_ports
 from sautereau.robot.errors import MotionFault, RobotError
 from sautereau.robot.experiment.setup.contact import find_contact, locate_by_touch, play_measured
+from sautereau.robot.experiment.setup.force import prove_force
 from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
 from sautereau.robot.experiment.setup.tap import tap_key
 from sautereau.robot.experiment.setup.verify.run import verify
@@ -257,6 +258,7 @@ STEPS: dict[str, Callable[[Rig, Ask], Found]] = {
     "verify": verify,
     "home": find_home,
     "encoders": check_encoders,
+    "force": prove_force,
     "contact": find_contact,
     "touch": locate_by_touch,
     "tap": tap_key,
@@ -280,4 +282,4 @@ def make_steps(rig: Rig, ask: Ask, step: str | None = None) -> Iterator[tuple[st
         _LOG.info("setup step %s", name)
         found = STEPS[name](rig, ask)
         yield name, found
-        rig = with_values(rig, found.values)
+        rig = with_values(rig, found.plain)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +46,14 @@ def tap_key(rig: Rig, ask: Ask) -> Found:
         controller.move_to(segments.start, approach_speed(rig))
         _, volts = play_recorded(rig, controller, segments)
         controller.move_to(hover, approach_speed(rig))
-    return _found(tap_response([_signals(rig.daq, volts, "this rig")], rig.daq.sample_rate))
+    found = _found(tap_response([_signals(rig.daq, volts, "this rig")], rig.daq.sample_rate))
+    if not (mass := rig.arm.fixture_mass):
+        return found
+    doubt = (
+        f"the force of the taps contains the inertia of the fixture, {mass * 1e3:.3g} g"
+        " (arm.fixture_mass), and so do the modes: tap with a hammer"
+    )
+    return replace(found, warnings=(*found.warnings, doubt))
 
 
 def modes_of_recordings(paths: Sequence[Path]) -> Found:

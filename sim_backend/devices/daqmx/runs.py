@@ -103,6 +103,8 @@ class SampledRun:
                 lags[i],
                 setup.converters[i] if setup.converters else None,
                 scene.transducer if simulated.on_transducer else None,
+                faults.sensor_sign is not None
+                and faults.sensor_sign.quantity == wired[name].quantity,
             )
             self._chains.append(chain)
             self._parts.append((chain, simulated.source(rig)))

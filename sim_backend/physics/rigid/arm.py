@@ -8,16 +8,17 @@ import pymunk
 from sautereau.rig.schema import Arm, Rig
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.parts import Servo
+from sautereau.sim_backend.parts import Joints, Servo
 from sautereau.sim_backend.physics.finger import Reference, settled_within
 from sautereau.sim_backend.physics.rigid import bodies
 from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import touching_angle
 from sautereau.sim_backend.physics.rigid.key import StiffKey
+from sautereau.sim_backend.physics.rigid.motor import Motor
 from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
 from sautereau.sim_backend.physics.rigid.step_event import Kick
 from sautereau.sim_backend.scene import Scene
-from sautereau.trajectory.dynamics import armature, gravity_torque
+from sautereau.trajectory.dynamics import armature, gravity_torque, mass_matrix
 
 _ENDS = np.array([0.0, 1.0])
 
@@ -77,14 +78,15 @@ class ServoFinger(SteppedFinger):
     """Two links, their motors under the controller's position loops.
 
     Link 1 rotates with joint 1 and carries its armature inertia. The armature of joint 2 resists
-    the relative rotation of the two links, which no rigid body can represent.
+    the relative rotation of the two links, which no rigid body can represent. Behind backlash a
+    motor has an angle of its own.
 
     Args:
         start: rad, joints when power comes on.
-        scene: With its gravity and its fingertip.
+        scene: With its gravity, joints and fingertip.
 
     Raises:
-        SceneError: The motor of joint 2 has a rotor.
+        SceneError: The motor of joint 2 has a rotor without backlash, or one with it has none.
     """
 
     def __init__(
@@ -97,13 +99,22 @@ class ServoFinger(SteppedFinger):
         scene: Scene,
     ):
         super().__init__(start)
-        first, second = armature(rig.arm)
-        if second > 0:
+        first, second = rotors = armature(rig.arm)
+        joints = scene.joints or Joints()
+        loose = [backlash > 0 for backlash in joints.backlash]
+        if second > 0 and not loose[1]:
             raise SceneError(
                 f"arm.rotor_inertias: joint 2's rotor adds {second:.4g} kg m^2 to its joint, and a"
                 f' servo scene models the rotor of joint 1 alone; set it to "0 kg m^2" in the'
                 ' scene\'s table [truth] or in the rig, or take finger = "ideal"'
             )
+        for joint, (rotor, is_loose) in enumerate(zip(rotors, loose, strict=True), 1):
+            if is_loose and not rotor:
+                raise SceneError(
+                    f"joints.backlash: the motor of joint {joint} moves alone in it, and"
+                    " arm.rotor_inertias gives it no inertia; give it in the scene's table [truth]"
+                    " or in the rig"
+                )
         self._rig, arm = rig, rig.arm
         self._space, self._pin = space, key.pin
         self._radians = arm.radians_per_count
@@ -113,7 +124,24 @@ class ServoFinger(SteppedFinger):
         self._lengths = arm.upper_length * bodies.MM, arm.lower_length * bodies.MM
         self._height = (rig.key.surface_height + arm.fingertip_radius) * bodies.MM
         self.upper, self.lower = bodies.add_arm(space, arm, start)
-        self.upper.moment += first * bodies.INERTIA
+        self.upper.moment += (not loose[0]) * first * bodies.INERTIA
+        self._motors = [
+            Motor(joints, j, rotors[j], start[j]) if loose[j] else None for j in range(2)
+        ]
+        self._loose = [motor for motor in self._motors if motor is not None]
+        motors = bodies.brakes(space, self.upper, self.lower)
+        self.dry = [
+            (joint, force * bodies.MM)
+            for joint, force, motor in zip(motors, joints.dry_friction, self._motors, strict=True)
+            if force and motor is None
+        ]
+        """Dry friction of the joints whose motors turn with the links, with its limits [N mm]."""
+        for joint, force in self.dry:
+            joint.max_force = force
+            space.add(joint)
+        self._viscous = [
+            0.0 if loose[j] else joints.viscous_friction[j] * bodies.MM**2 for j in range(2)
+        ]
         if scene.fingertip is not None:
             self.pad = Pad(scene.fingertip, key, self._height)
         else:
@@ -122,6 +150,7 @@ class ServoFinger(SteppedFinger):
         space.add(*self._brakes)
         self._start = start
         self._powered = False
+        self._driven = scene.joints is not None
         self._separated = False
         self._force = self._foreseen = 0.0
         self._rate: float | None = None  # of the key after a trial of a step, in which it may jump
@@ -135,8 +164,21 @@ class ServoFinger(SteppedFinger):
         self._acceleration = (0.0, 0.0)
 
     def joints(self) -> tuple[float, float]:
-        first = self.upper.angle
-        return first, self.lower.angle - first
+        first, second = self._motors
+        q1 = self.upper.angle
+        q2 = self.lower.angle - q1
+        return q1 if first is None else first.angle, q2 if second is None else second.angle
+
+    @property
+    def gear_rate(self) -> float:
+        """Rate [1/ms] of the fastest oscillation or decay of a gear; 0 without backlash."""
+        # The links are lightest at a joint where the other one is free: diag(M^-1).
+        joints = np.array([[0.0, angle] for angle in (0.0, math.pi / 2, math.pi)])
+        bare = self._rig.arm.model_copy(update={"rotor_inertias": (0.0, 0.0)})
+        yielding = np.linalg.inv(mass_matrix(bare, joints)) / bodies.INERTIA
+        mobility = np.diagonal(yielding, axis1=1, axis2=2).max(axis=0)
+        rates = (motor.rate(float(mobility[j])) for j, motor in enumerate(self._motors) if motor)
+        return max(rates, default=0.0)
 
     def torques(self) -> tuple[float, float]:
         return self._torque[0] / bodies.MM, self._torque[1] / bodies.MM
@@ -160,6 +202,8 @@ class ServoFinger(SteppedFinger):
             self._powered = powered
             if powered:
                 self._space.remove(*self._brakes)
+                for motor in self._loose:
+                    motor.hold()
                 self._loops.engage(self.joints())
             else:
                 self._space.add(*self._brakes)
@@ -174,6 +218,8 @@ class ServoFinger(SteppedFinger):
         """Apply the motors' torques and the pad's force; see `SteppedFinger`."""
         (first, second), (a, b) = self._torque, self._correction
         first, second = first * kick.fraction + a, second * kick.fraction + b
+        if self._driven:
+            first, second = self._through_joints((first, second), kick)
         x = z = moment = 0.0
         if self.pad is not None or self.friction is not None:
             back = kick.fraction * kick.step - kick.ahead / 2  # to the middle of the last step
@@ -189,6 +235,19 @@ class ServoFinger(SteppedFinger):
         bodies.set_torque(self.lower, second + moment)
         bodies.set_torque(self.upper, first - second)
 
+    def _through_joints(self, torques: tuple[float, float], kick: Kick) -> tuple[float, float]:
+        """Return the torques [N mm] on the links, by the motors' ones in a step."""
+        w1, w2 = self.upper.angular_velocity, self.lower.angular_velocity
+        q1, rates = self.upper.angle + w1 * kick.step, (w1, w2 - w1)
+        places = q1, self.lower.angle + w2 * kick.step - q1
+        passed = [0.0, 0.0]
+        for j, motor in enumerate(self._motors):
+            if motor is None:
+                passed[j] = torques[j] - self._viscous[j] * rates[j] * kick.fraction
+            elif self._powered:
+                passed[j] = motor.drive(torques[j], kick, places[j], rates[j])
+        return passed[0], passed[1]
+
     def retries(self, weight: float) -> bool:
         if self.friction is None or self._separated:
             return False
@@ -201,6 +260,9 @@ class ServoFinger(SteppedFinger):
 
     def contact_force(self, weight: float) -> float:
         self._correction, self._rate = (0.0, 0.0), None
+        if self._powered:
+            for motor in self._loose:
+                motor.end_step(weight)
         first, second = self._omegas
         self._omegas = a, b = self.upper.angular_velocity, self.lower.angular_velocity
         self._acceleration = (a - first) / weight, (b - second) / weight
@@ -243,6 +305,9 @@ class ServoFinger(SteppedFinger):
         (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
         self._omegas = a, b = a - acceleration1 * back, b - acceleration2 * back
         first, second = self.upper.angle, self.lower.angle
+        if self._powered:
+            for motor in self._loose:
+                motor.correct_and_drift(back, drift)
         l1, l2 = self._lengths
         x, z = -l1 * math.sin(first) * a, l1 * math.cos(first) * a
         end_x, end_z = -l2 / 2 * math.sin(second) * b, l2 / 2 * math.cos(second) * b
@@ -255,6 +320,9 @@ class ServoFinger(SteppedFinger):
         ]
 
     def set_bodies(self, step: float) -> None:
+        if self._powered:
+            for motor in self._loose:
+                motor.set_back(step)
         for body, place, speed, angle, omega in self._targets:
             body.position = place - step * pymunk.Vec2d(*speed)
             body.velocity = speed

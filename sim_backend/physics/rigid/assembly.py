@@ -48,6 +48,7 @@ class Division:
         jacks: With their strings.
         step: ms, the longest.
         fingertip: With its pad; None for a rigid one.
+        gears: 1/ms, fastest rate of the arm's gears.
 
     Raises:
         SceneError: A stiffness or a damping is too large for any step.
@@ -60,6 +61,7 @@ class Division:
         jacks: Iterable[CarriedJack],
         step: float,
         fingertip: Fingertip | None = None,
+        gears: float = 0.0,
     ):
         self._step = step
         self._loads = loads = key.pressed_loads
@@ -79,6 +81,11 @@ class Division:
             (loads.viscous / inertia, "the pivot's viscous friction", "key.pivot_viscous_friction"),
             (key.rate, key.what, key.keys),
             (pad, "the fingertip's pad", "fingertip.stiffness or fingertip.damping"),
+            (
+                gears,
+                "a gear",
+                "joints.gear_stiffness or gear_damping, or raise the rotors' inertia",
+            ),
         )
         felt = max(math.sqrt(loads.felt_stiffness / inertia), damping)
         at_times = (
@@ -221,8 +228,12 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     dry += [(jack.dry, jack.dry_force) for jack in jacks if jack.dry]
     period = rig.controller.sample_period
     steps = steps_in_sample(rig, scene.step or period)
-    division = Division(rig, key, jacks, period * MM / steps, scene.fingertip)
     finger = _finger(space, key, rig, scene, start)
+    gears = 0.0
+    if isinstance(finger, ServoFinger):
+        dry += finger.dry
+        gears = finger.gear_rate
+    division = Division(rig, key, jacks, period * MM / steps, scene.fingertip, gears)
     if scene.friction and rig.arm.fingertip_friction:
         (finger.pad or finger).friction = Friction(rig, key)
     iterations = scene.iterations, ITERATIONS[scene.finger]
