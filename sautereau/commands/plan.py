@@ -1,6 +1,7 @@
 """Plan a press, place the robot, predict a press by the model."""
 
 from pathlib import Path
+from typing import Annotated
 
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, json_text, save_plot
@@ -12,9 +13,15 @@ def plan(
     out: common.OutFile | None = None,
     plot: common.Picture = None,
     bench: common.Drawing = None,
+    identify: Annotated[str, "NAMES"] | None = None,
+    presses: common.Count = 3,
+    speed: list[str] | None = None,
+    prior: list[str] | None = None,
+    force_noise: str = "5 mN",
+    velocity_noise: str = "0.05 mm/s",
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Plan one press and check it.
+    """Plan one press and check it, or say what presses would tell of the rig.
 
     Prints the five checks with the smallest margins. Use --verbose to see all of them.
 
@@ -22,12 +29,48 @@ def plan(
     ----------
     out
         File for the controller's segments, as JSON; written only if every check passes.
+    identify
+        Parameters that identify is to fit, separated by commas: print the uncertainties that such
+        presses would reach, and rank other speeds, more presses, presses without the string, and
+        measurements. The plot shows them.
+    presses
+        Number of presses, with --identify.
+    speed
+        Other speed of the jack to compare, with --identify: "0.03 m/s". Repeat it for several.
+        Default: half and twice the planned one.
+    prior
+        Prior knowledge of a parameter, with --identify; as for identify.
+    force_noise
+        Standard deviation of a sample of the force, white noise, with --identify.
+    velocity_noise
+        The same of the velocity.
     """
     from sautereau.analysis.results.rig import Rig
     from sautereau.rig.disk import write_durably
     from sautereau.trajectory.segments import segments_document
 
     made = Rig(rig).plan()
+    if identify:
+        given = {"--out": out, "--bench": bench}
+        if useless := [name for name, value in given.items() if value]:
+            return output.fail(
+                f"{', '.join(useless)}: not with --identify, which plans no press", 2
+            )
+        names = [name.strip() for name in identify.split(",") if name.strip()]
+        with output.progress("predicting"):
+            expected = made.expected(
+                names,
+                prior or (),
+                presses=presses,
+                speeds=speed or (),
+                force_noise=force_noise,
+                velocity_noise=velocity_noise,
+            )
+        if plot:
+            save_plot(plot, expected.plot())
+        return output.answer(expected.document, expected.lines(), plot)
+    if useless := [name for name, value in {"--speed": speed, "--prior": prior}.items() if value]:
+        return output.fail(f"{', '.join(useless)}: only with --identify", 2)
     nominal, draft = made.rig, made.trajectory
     lines = made.lines(all_checks=output.verbose)
     if out and made.feasible:
