@@ -141,7 +141,7 @@ def forecast(
 ) -> Iterator[tuple[Problem, list[Floats]]]:
     """Yield what a press of each kind would say of parameters, for instruments like the rig.
 
-    Instruments without such presses are left out.
+    Instruments without such presses are omitted.
 
     What the rig knows to within a range or an uncertainty is drawn for each instrument: the
     friction of a plectrum, for example, is known the better the larger it is. The key is rigid

@@ -21,7 +21,7 @@ def plan(
     velocity_noise: str = "0.05 mm/s",
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Plan one press and check it, or say what presses would tell of the rig.
+    """Plan one press and check it, or say what presses would show of the rig.
 
     Prints the five checks with the smallest margins. Use --verbose to see all of them.
 
