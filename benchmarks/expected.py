@@ -79,13 +79,7 @@ def pressed(
     made: Conditions, speed: float, count: int, bends: bool
 ) -> tuple[list[Press], list[Phases]]:
     """Return presses of a bench at one speed, with the rig of its experimenter."""
-    presses, phases = recorded(
-        # Struck harder, the key throws its jack, which no plan foresees.
-        replace(made, speed=speed, run_up=max(12e-3, speed / 8)),
-        range(1, 1 + count),
-        KNOWN,
-        **STATED,
-    )
+    presses, phases = recorded(replace(made, speed=speed), range(1, 1 + count), KNOWN, **STATED)
     if bends:
         key = presses[0].rig.key.model_copy(update={"modes": (MODE,)})
         presses = [replace(p, rig=p.rig.model_copy(update={"key": key})) for p in presses]
