@@ -39,7 +39,7 @@ ALL = (
     "imports",
     "transient",
 )
-LONG = ("identify_many", "stability")
+LONG = ("identify_many", "expected", "stability")
 """Benchmarks of many minutes of processor time. They run only if they are named."""
 
 

@@ -102,8 +102,23 @@ def _with_mode(fitted: Fit) -> InverseDynamics | None:
     values = fitted.values if number else np.array([p.start for p in dynamics.free])
     free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, values, strict=True)]
     free = [_near_stated(dynamics.rig, p) if p.name == INERTIA else p for p in free]
+    dynamics = compliant(dynamics.with_free(free))
+    if dynamics is None:
+        return None
+    found = _strongest(dynamics, number, fitted.free_offset)
+    if found is None:
+        return None
+    own = mode_parameters(number, found, known_mode(dynamics.rig, number))
+    return dynamics.with_free([*dynamics.free, *own])
+
+
+def compliant(dynamics: InverseDynamics) -> InverseDynamics | None:
+    """Return the dynamics with the parameters of a compliant key, until the first release.
+
+    It is None if no press is usable.
+    """
     # Only the way back separates the fingertip's friction from the force's gain. It is not fitted.
-    tip, ends = dynamics.rig.arm.fingertip_friction, ENDS[FINGERTIP]
+    tip, ends, free = dynamics.rig.arm.fingertip_friction, ENDS[FINGERTIP], [*dynamics.free]
     unknown = [
         cloth_parameter(),
         Parameter(FINGERTIP, "", tip, *ends, tip, FINGERTIP_STD, hidden=True),
@@ -113,12 +128,7 @@ def _with_mode(fitted: Fit) -> InverseDynamics | None:
     if not presses:
         return None
     unusable = (*dynamics.unusable, *short)
-    dynamics = InverseDynamics(dynamics.rig, free, presses, dynamics.level, unusable)
-    found = _strongest(dynamics, number, fitted.free_offset)
-    if found is None:
-        return None
-    free += mode_parameters(number, found, _known(dynamics.rig, number))
-    return dynamics.with_free(free)
+    return InverseDynamics(dynamics.rig, free, presses, dynamics.level, unusable)
 
 
 def _near_stated(rig: Rig, inertia: Parameter) -> Parameter:
@@ -130,7 +140,7 @@ def _near_stated(rig: Rig, inertia: Parameter) -> Parameter:
     return replace(inertia, low=low, high=high, start=float(np.clip(inertia.start, low, high)))
 
 
-def _known(rig: Rig, number: int) -> tuple[float, float] | None:
+def known_mode(rig: Rig, number: int) -> tuple[float, float] | None:
     """Return the standard uncertainties of a tapped mode's frequency [Hz] and damping in a press.
 
     They are None if the rig states no mode of this number.

@@ -107,22 +107,26 @@ def fit(
     if starts < 1:
         raise AnalysisError(f"starts: {starts} starting points; give 1 or more")
     free = dynamics.free
-    free_offset = free_offset or coupled_force(dynamics.rig) is not None
     values = np.array([p.start for p in free])
+    first = at_values(dynamics, values, free_offset)
+    noise, factor = first.problem.whitenings, first.problem.rise_factor
+    found = [
+        minimise(problem_at(dynamics, start, noise, factor), start, robust, tolerance=COARSE)
+        for start in tracked(_starts(free, starts))
+    ]
+    _, values = min(found, key=lambda pair: pair[0])
+    return replace(first, problem=problem_at(dynamics, values, noise, factor), values=values)
+
+
+def at_values(dynamics: InverseDynamics, values: Floats, free_offset: bool) -> Fit:
+    """Return a fit that has these values [SI], with independent residuals; arguments as `fit`."""
+    free_offset = free_offset or coupled_force(dynamics.rig) is not None
     before, rises = dynamics.residuals(values)
     # Correlated residuals get less weight relative to the priors.
     size = spread(dynamics, before, free_offset) * np.sqrt(DEPENDENT)
     noise = white(dynamics, size, free_offset)
-    tried = _starts(free, starts)
-    factor = scatter(rises)
-    found = [
-        minimise(problem_at(dynamics, start, noise, factor), start, robust, tolerance=COARSE)
-        for start in tracked(tried)
-    ]
-    _, values = min(found, key=lambda pair: pair[0])
-    return Fit(
-        problem_at(dynamics, values, noise, factor), values, free_offset, np.zeros(len(values))
-    )
+    problem = problem_at(dynamics, values, noise, scatter(rises))
+    return Fit(problem, values, free_offset, np.zeros(len(values)))
 
 
 def refined(fitted: Fit, robust: bool = False) -> Fit:
@@ -136,14 +140,20 @@ def refined(fitted: Fit, robust: bool = False) -> Fit:
     dynamics, values, problem = fitted.problem.dynamics, fitted.values, fitted.problem
     compliant = any(p.name.startswith(MODE) for p in dynamics.free)
     for tolerance in [COARSE] * (ROUNDS - 2) + [TOLERANCE]:
-        forces, rises = dynamics.residuals(values)
-        left = [f - w.trend(f) for f, w in zip(forces, problem.whitenings, strict=True)]
-        noise = _noise(dynamics, left, dynamics.floor, fitted.spent, fitted.free_offset, PART)
-        problem = problem_at(dynamics, values, noise, scatter(rises))
+        problem = whitened(replace(fitted, problem=problem, values=values))
         _, values = minimise(problem, values, robust, tolerance=tolerance)
     problem = problem_at(dynamics, values, problem.whitenings, problem.rise_factor)
     moved = (values - fitted.values) / problem.scales * compliant
     return replace(fitted, problem=problem, values=values, moved=moved)
+
+
+def whitened(fitted: Fit) -> Problem:
+    """Return the problem of a fit with the covariance of its residuals."""
+    dynamics = fitted.problem.dynamics
+    forces, rises = dynamics.residuals(fitted.values)
+    left = [f - w.trend(f) for f, w in zip(forces, fitted.problem.whitenings, strict=True)]
+    noise = _noise(dynamics, left, dynamics.floor, fitted.spent, fitted.free_offset, PART)
+    return problem_at(dynamics, fitted.values, noise, scatter(rises))
 
 
 def informative(fitted: Fit, jacobian: Floats) -> Floats:

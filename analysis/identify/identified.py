@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sautereau.analysis.identify.compliant import fit_presses
+from sautereau.analysis.identify.distribution import Distribution
 from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
 from sautereau.analysis.identify.fit import Fit, informative, rms
 from sautereau.analysis.identify.fixed import (
@@ -72,17 +73,6 @@ class Estimate:
     undetermined."""
     measurements: tuple[Measurement, ...]
     """What would reduce its uncertainty most, the best first; empty if it is identifiable."""
-
-
-@dataclass(frozen=True)
-class Distribution:
-    """The normal distribution of all fitted values of the rig, requested or not; SI."""
-
-    names: tuple[str, ...]
-    values: Floats
-    """Shape (values,)."""
-    covariance: Floats
-    """Total covariance, shape (values, values)."""
 
 
 @dataclass(frozen=True)
@@ -230,11 +220,16 @@ def evaluate(fitted: Fit) -> Identified:
 
 def _distribution(fitted: Fit, known: Information) -> Distribution:
     problem = fitted.problem
-    named = [(k, p.name) for k, p in enumerate(problem.free) if not p.name.startswith("offset.")]
-    own, names = [k for k, _ in named], tuple(name for _, name in named)
-    scales = problem.scales[own]
-    covariance = known.covariance[np.ix_(own, own)] * np.outer(scales, scales)
-    return Distribution(names, fitted.values[own], covariance)
+    own = [k for k, p in enumerate(problem.free) if not p.name.startswith("offset.")]
+    free, scales = [problem.free[k] for k in own], problem.scales[own]
+    low, high = np.array([(p.low, p.high) for p in free]).T
+    return Distribution(
+        tuple(p.name for p in free),
+        np.clip(fitted.values[own], low, high),  # of the rounding of scaled values
+        known.covariance[np.ix_(own, own)] * np.outer(scales, scales),
+        low,
+        high,
+    )
 
 
 def _with_found_friction(fitted: Fit, known: Information) -> Fit:

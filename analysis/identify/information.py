@@ -155,15 +155,21 @@ class Information:
             number: Number of the parameter.
             scale: SI, scale of the parameter.
         """
-        now, known = self.std(number), {}
-        for k, name in enumerate(self.names):
-            if k != number and (how := _how(name)):
-                known.setdefault(how, []).append(k)
+        now = self.std(number)
+        known = {how: [k for k in own if k != number] for how, own in self.measurable().items()}
         found = [Measurement(how, self.std(number, own) * scale) for how, own in known.items()]
         more = self.std(number, presses=MORE)
         found.append(Measurement(f"record {MORE} times as many presses", more * scale))
         found = [each for each in found if each.std < USEFUL * now * scale]
         return tuple(sorted(found, key=lambda each: each.std)[:LISTED])
+
+    def measurable(self) -> dict[str, list[int]]:
+        """Return the numbers of the parameters that a measurement would give, by what to do."""
+        found: dict[str, list[int]] = {}
+        for k, name in enumerate(self.names):
+            if how := _how(name):
+                found.setdefault(how, []).append(k)
+        return found
 
     def combinations(self, shown: Sequence[int]) -> tuple[Combination, ...]:
         """Return combinations of some parameters, those best determined by the data first.

@@ -196,7 +196,7 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
     """
     found: dict[str, str | float] = {}
     for name, value in values.items():
-        name, value = _of_rig(rig, name, value)
+        name, value = of_rig(rig, name, value)
         if name == TIME:
             at, channel = next(
                 (i, c) for i, c in enumerate(rig.daq.channels) if c.quantity == "velocity"
@@ -209,7 +209,7 @@ def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
     return found
 
 
-def _of_rig(rig: Rig, name: str, value: float) -> tuple[str, float]:
+def of_rig(rig: Rig, name: str, value: float) -> tuple[str, float]:
     """Return name and value of a parameter, of Young's modulus for that of a bending stiffness."""
     modulus = name.replace(STIFFNESS, MODULUS)
     ratio = value_of(rig, modulus) / value_of(rig, name) if modulus != name else 1.0
@@ -221,7 +221,7 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
     own = {n: v for n, v in values.items() if not n.startswith("offset.")}
     stiffnesses = {n: own.pop(n) for n in list(own) if split_name(n)[1] == STIFFNESS}
     changed = rig.replaced({k: v for name in own for k, v in _with_shared(rig, name, own[name])})
-    moduli = dict(_of_rig(changed, name, value) for name, value in stiffnesses.items())
+    moduli = dict(of_rig(changed, name, value) for name, value in stiffnesses.items())
     return changed.replaced({rig_key(name): value for name, value in moduli.items()})
 
 

@@ -6,6 +6,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from sautereau.analysis.identify import fit as fitting
 from sautereau.analysis.identify.fixed import Suggestion
 from sautereau.analysis.identify.identified import Estimate, FittedMode, Identified
@@ -99,9 +101,8 @@ class Fit(Result):
                 "combinations": [asdict(c) for c in self.found.combinations],
             },
             "distribution": {
-                "names": list(self.found.distribution.names),
-                "values": self.found.distribution.values.tolist(),
-                "covariance": self.found.distribution.covariance.tolist(),
+                name: np.asarray(part).tolist()
+                for name, part in vars(self.found.distribution).items()
             },
             "also_fitted": {e.name: json_of(e, "name") for e in self.found.also_fitted},
             "modes": [asdict(mode) for mode in self.found.modes],

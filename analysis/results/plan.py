@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from sautereau.analysis.results.expected import Expected
+
 TIGHTEST = 5  # Checks in the text unless all are requested
 COLUMNS = ("name", "value", "limit", "unit", "at_least", "margin", "holds", "how_to_fix")
 """Columns of the table of checks."""
@@ -33,7 +35,7 @@ class Plan(Result):
 
     rig: Rig
     trajectory: Trajectory
-    expected: Expectation | None
+    expectation: Expectation | None
     """Force of the string on the finger; None if the model has no solution."""
     warnings: tuple[str, ...]
     return_force_min: float | None
@@ -89,7 +91,7 @@ class Plan(Result):
             f" error by rounding at most {cruise.error * 100:.2g} %,"
             f" from {start:.4g} to {end:.4g} ms after the start of motion,"
             f" jack rise {cruise.rise[0] * 1e3:.4g} to {cruise.rise[1] * 1e3:.4g} mm",
-            *([f"string held: {held}"] if self.expected else []),
+            *([f"string held: {held}"] if self.expectation else []),
             f"finger: tilt at most {tilt:.3g} deg, slide at most {slide:.3g} mm",
             *_check_lines(draft.checks, all_checks),
             *(f"warning: {warning}" for warning in self.warnings),
@@ -101,6 +103,44 @@ class Plan(Result):
         rows = [[getattr(check, name) for name in COLUMNS] for check in self.trajectory.checks]
         return frame_of(rows, COLUMNS, "name")
 
+    def expected(
+        self,
+        names: Sequence[str],
+        priors: Sequence[str] = (),
+        *,
+        presses: int = 3,
+        speeds: Sequence[str] = (),
+        force_noise: str = "5 mN",
+        velocity_noise: str = "0.05 mm/s",
+    ) -> "Expected":
+        """Return the uncertainties that a fit to such presses would reach, and rank choices.
+
+        Args:
+            names: Parameters to fit, as for `Session.identify`: `["plectrum.overlap"]`.
+            priors: Prior knowledge of them, as for `Session.identify`.
+            presses: Number of presses.
+            speeds: Other speeds of the jack to compare, `"0.03 m/s"`; none: half and twice its
+                speed.
+            force_noise: Standard deviation of a sample of the force, white noise.
+            velocity_noise: The same of the velocity.
+
+        Raises:
+            AnalysisError: A name, a prior, a number or a quantity is wrong.
+            TrajectoryError: The planned press cannot be made.
+            ModelError: The model has no solution for the rig.
+        """
+        from sautereau.analysis.results.expected import expected
+
+        return expected(
+            self.rig,
+            names,
+            priors,
+            presses=presses,
+            speeds=speeds,
+            force_noise=force_noise,
+            velocity_noise=velocity_noise,
+        )
+
     def to_frame(self) -> "pd.DataFrame":
         """Return the checks."""
         return self.checks
@@ -109,7 +149,7 @@ class Plan(Result):
         """Return a figure of poses, path, jack, joints and used limits."""
         from sautereau.analysis.figures.plan import plan_figure
 
-        return shown(plan_figure(self.rig, self.trajectory, self.expected))
+        return shown(plan_figure(self.rig, self.trajectory, self.expectation))
 
 
 def plan(rig: Rig, correction: Correction | None = None) -> Plan:

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
 from sautereau.analysis.errors import AnalysisError, ModelError
-from sautereau.analysis.identify.identified import Distribution
+from sautereau.analysis.identify.distribution import Distribution
 from sautereau.analysis.identify.parameter_names import ENDS, split_name
 from sautereau.analysis.identify.parameters import with_parameters
 from sautereau.analysis.model.predict import Prediction, predict
@@ -111,8 +111,6 @@ def predicted(
 ) -> Predicted:
     """Return the press that a fit predicts for a rig.
 
-    Values beyond their natural bounds, such as a negative friction, count as at the bound.
-
     Args:
         rig: All other values are those of this rig.
         undetermined: Names of values that the fit could not determine.
@@ -121,30 +119,22 @@ def predicted(
         AnalysisError: There are such values, or less than nine of ten draws have a pluck.
         ModelError: The model has no solution for the fitted values.
     """
-    from scipy.special import ndtri
-    from scipy.stats import qmc
-
     if undetermined:
         raise AnalysisError(
             f"predict: the fit leaves {', '.join(undetermined)} undetermined, so that the press has"
             " no interval; give a prior, or free fewer parameters"
         )
-    ends = [ENDS.get(split_name(name)[1], (-np.inf, np.inf)) for name in fitted.names]
-    low, high = np.array(ends).reshape(-1, 2).T
 
     def press(values: Floats) -> tuple[Rig, Prediction]:
-        named = dict(zip(fitted.names, np.clip(values, low, high).tolist(), strict=True))
+        named = dict(zip(fitted.names, values.tolist(), strict=True))
         moved = with_parameters(rig, named)
         return moved, predict(moved, level)
 
     made, best = press(fitted.values)
     rows = []
-    sizes, directions = np.linalg.eigh(fitted.covariance)
-    spread = directions * np.sqrt(np.maximum(sizes, 0.0))
-    sobol = qmc.Sobol(len(sizes), rng=np.random.default_rng(0)).random(DRAWS)
-    for draw in ndtri(sobol) @ spread.T:
+    for draw in fitted.drawn(DRAWS):
         try:
-            rows.append(_quantities(*press(fitted.values + draw)))
+            rows.append(_quantities(*press(draw)))
         except (ModelError, RigError):
             continue
     if len(rows) < LEAST * DRAWS:
@@ -177,6 +167,8 @@ class _Distribution(BaseModel):
     names: tuple[str, ...]
     values: tuple[FiniteFloat, ...]
     covariance: tuple[tuple[FiniteFloat, ...], ...]
+    low: tuple[FiniteFloat, ...] = ()
+    high: tuple[FiniteFloat, ...] = ()
 
 
 class _Std(BaseModel):
@@ -209,7 +201,19 @@ def read_distribution(path: Path) -> tuple[Distribution, list[str]]:
     except ValidationError as error:
         raise AnalysisError(f"fit {path}: {first_fault(error)}; {how}") from error
     own, count = read.distribution, len(read.distribution.names)
-    if len(own.values) != count or [len(row) for row in own.covariance] != [count] * count:
+    # A fit of a version without bounds has the natural ones.
+    natural = [ENDS.get(split_name(name)[1], (-np.inf, np.inf)) for name in own.names]
+    low, high = own.low or [a for a, _ in natural], own.high or [b for _, b in natural]
+    parts = (own.values, own.covariance, low, high)
+    if {len(part) for part in (*parts, *own.covariance)} != {count}:
         raise AnalysisError(f"fit {path}: distribution: {count} names and other values; {how}")
+    faults = [
+        f"fit {path}: {name}: {value:.4g} is not within its bounds, {a:.4g} to {b:.4g}; {how}"
+        for name, value, a, b in zip(own.names, own.values, low, high, strict=True)
+        if not a <= value <= b
+    ]
+    if faults:
+        raise AnalysisError("\n".join(faults))
+    found = Distribution(own.names, *map(np.array, parts))
     unknown = [n for n, e in (read.parameters | read.also_fitted).items() if e.std is None]
-    return Distribution(own.names, np.array(own.values), np.array(own.covariance)), unknown
+    return found, unknown

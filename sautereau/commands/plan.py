@@ -2,9 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, json_text, save_plot
+
+if TYPE_CHECKING:
+    from sautereau.analysis.results.plan import Plan
 
 
 def plan(
@@ -14,9 +18,15 @@ def plan(
     out: common.OutFile | None = None,
     plot: common.Picture = None,
     bench: common.Drawing = None,
+    identify: Annotated[str, "NAMES"] | None = None,
+    presses: common.Count = 3,
+    speed: list[str] | None = None,
+    prior: list[str] | None = None,
+    force_noise: str = "5 mN",
+    velocity_noise: str = "0.05 mm/s",
     output: FileOutput = FileOutput(),
 ) -> int:
-    """Plan one press and check it.
+    """Plan one press and check it, or say what presses would show of the rig.
 
     Prints the five checks with the smallest margins. Use --verbose to see all of them.
 
@@ -26,21 +36,53 @@ def plan(
         Correction of the trajectory, written by `sautereau learn`.
     out
         File for the controller's segments, as JSON; written only if every check passes.
+    identify
+        Parameters that identify is to fit, separated by commas: print the uncertainties that such
+        presses would reach, and rank other speeds, more presses, presses without the string, and
+        measurements. The plot shows them.
+    presses
+        Number of presses, with --identify.
+    speed
+        Other speed of the jack to compare, with --identify: "0.03 m/s". Repeat it for several.
+        Default: half and twice the planned one.
+    prior
+        Prior knowledge of a parameter, with --identify; as for identify.
+    force_noise
+        Standard deviation of a sample of the force, white noise, with --identify.
+    velocity_noise
+        The same of the velocity.
     """
-    from sautereau.analysis.results.plan import plan as planned
     from sautereau.analysis.results.rig import Rig
     from sautereau.rig.disk import write_durably
     from sautereau.trajectory.segments import segments_document
 
-    nominal, correction, doubts = Rig(rig).values, None, []
-    if learned:
-        from sautereau.robot.experiment.learning import read_learned
-
-        found = read_learned(learned, nominal)
-        correction, doubts = found.correction, found.doubts(learned)
-    made = planned(nominal, correction)
-    made = replace(made, warnings=(*made.warnings, *doubts))
-    draft = made.trajectory
+    if identify:
+        given = {"--out": out, "--bench": bench, "--learned": learned}
+        if useless := [name for name, value in given.items() if value]:
+            return output.fail(
+                f"{', '.join(useless)}: not with --identify, which plans no press", 2
+            )
+        names = [name.strip() for name in identify.split(",") if name.strip()]
+        with output.progress("predicting"):
+            expected = (
+                Rig(rig)
+                .plan()
+                .expected(
+                    names,
+                    prior or (),
+                    presses=presses,
+                    speeds=speed or (),
+                    force_noise=force_noise,
+                    velocity_noise=velocity_noise,
+                )
+            )
+        if plot:
+            save_plot(plot, expected.plot())
+        return output.answer(expected.document, expected.lines(), plot)
+    if useless := [name for name, value in {"--speed": speed, "--prior": prior}.items() if value]:
+        return output.fail(f"{', '.join(useless)}: only with --identify", 2)
+    made = _made(rig, learned)
+    nominal, draft = made.rig, made.trajectory
     lines = made.lines(all_checks=output.verbose)
     if out and made.feasible:
         period = nominal.controller.sample_period
@@ -60,6 +102,21 @@ def plan(
         faults = (f"{c}; {c.how_to_fix}" for c in draft.checks if not c.holds)
         return output.fail("\n  ".join(["the press is not feasible:", *faults]))
     return 0
+
+
+def _made(rig: str, learned: Path | None) -> "Plan":
+    """Return the plan of a press, with a learned correction and what speaks against it."""
+    from sautereau.analysis.results.plan import plan as planned
+    from sautereau.analysis.results.rig import Rig
+
+    nominal, correction, doubts = Rig(rig).values, None, []
+    if learned:
+        from sautereau.robot.experiment.learning import read_learned
+
+        found = read_learned(learned, nominal)
+        correction, doubts = found.correction, found.doubts(learned)
+    made = planned(nominal, correction)
+    return replace(made, warnings=(*made.warnings, *doubts))
 
 
 def mount(
