@@ -51,7 +51,7 @@ from sautereau.trajectory.key import key_motion, rise_of_angle
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import press_law
 
-DRAWS = 4  # Instruments: with 16 the means change by less than 5 %
+DRAWS = 4  # Instruments: on the packaged rig 16 change the means by at most 6 %
 REST = 2 * (MIN_REST + TURN_MARGIN)  # s, before and after the motion, for the noise at rest
 ITERATIONS = 3  # Of string and bending: the string's force hardly depends on the bending
 
