@@ -134,7 +134,7 @@ def expected(rig: Rig) -> Expected:
 @lru_cache(maxsize=128)
 def _expected(key: Key, levers: tuple[Key, ...], every: tuple[Choir, ...]) -> Expected:
     """Return what is expected of a key, its levers with the jacks of all choirs, and these."""
-    terms = np.array([_terms(choir) for choir in every])  # pyright: ignore[reportArgumentType]
+    terms = np.array([_terms(choir) for choir in every])
     contacts, climbs, forces = [], [], []
     for lever, choir, (_, _, height, force) in zip(levers, every, terms, strict=True):
         clearance = choir.jack.string_clearance
@@ -161,13 +161,12 @@ def _expected(key: Key, levers: tuple[Key, ...], every: tuple[Choir, ...]) -> Ex
 
 def _own_variation(choir: Choir) -> Floats:
     """Return the covariance of a string's contact [m], and of the logarithms of climb and force."""
-    plectrum, known = choir.plectrum, np.log(_terms(choir)[2:])  # pyright: ignore[reportArgumentType]
+    known = np.log(_terms(choir)[2:])
     slopes = np.zeros((3, 3))
     slopes[0, 0] = CLEARANCE_STD
     values = {"overlap": OVERLAP_STD, "youngs_modulus": MODULUS_STD}
     for column, (name, std) in enumerate(values.items(), 1):
-        changed = plectrum.model_copy(update={name: OVERLAP * getattr(plectrum, name)})
-        moved = np.log(_terms(choir.model_copy(update={"plectrum": changed}))[2:])  # pyright: ignore[reportArgumentType]
+        moved = np.log(_terms(choir, **{name: OVERLAP * getattr(choir.plectrum, name)})[2:])
         slopes[1:, column] = std * (moved - known) / math.log(OVERLAP)
     return slopes @ slopes.T + np.diag([0.0, LEAST_OWN_STD, LEAST_OWN_STD]) ** 2
 
@@ -188,18 +187,25 @@ def _variation(choir: Choir) -> Floats:
         {"friction": plectrum.friction + FRICTION},
         {"overlap": plectrum.overlap * OVERLAP},
     )
-    changed = [
-        _terms(choir.model_copy(update={"plectrum": plectrum.model_copy(update=other)}))[:2]  # pyright: ignore[reportArgumentType]
-        for other in others
-    ]
-    known = _terms(choir)[:2]  # pyright: ignore[reportArgumentType]
-    away = np.array(changed) - known
+    changed = [_terms(choir, **other)[:2] for other in others]
+    away = np.array(changed) - _terms(choir)[:2]
     return away.T @ away
 
 
+def _terms(choir: Choir, **other: object) -> tuple[float, float, float, float]:
+    """Return quadratic and cubic term of a choir's force; height [m] and force [N] at release.
+
+    Args:
+        other: Values of its plectrum to replace.
+    """
+    plectrum = choir.plectrum.model_copy(update=other)
+    choir = choir.model_copy(update={"plectrum": plectrum})
+    return _solved(choir)  # pyright: ignore[reportArgumentType]
+
+
 @lru_cache(maxsize=256)
-def _terms(choir: Choir) -> tuple[float, float, float, float]:
-    """Return quadratic and cubic term of a choir's force; height [m] and force [N] at release."""
+def _solved(choir: Choir) -> tuple[float, float, float, float]:
+    """Return the terms of a choir."""
     try:
         pluck = choir_pluck(choir)
     except ModelError:
