@@ -19,9 +19,11 @@ TYPICAL = -0.23, -0.19, 0.6e-3, 1.0
 """Values for a plectrum for which the model has no solution: quadratic and cubic term of the force;
 height of the jack above contact at release [m]; force at release [N]."""
 POINTS = 40  # Points of a pluck to which the terms of its force are fitted
-FRICTION = 0.2  # Error of the rig's friction of a plectrum, for the variation of its shape
-OVERLAP = 1.25  # True overlap over that of the rig, for this variation
-LEAST_SHAPE = 0.02  # Least standard deviation of quadratic and cubic term
+SHAPE_STD = 0.12, 0.4
+"""Standard deviations of the quadratic and cubic term of a string's force (`Expected.bends`) from
+those of the rig: wide enough for a friction of the plectrum of up to 0.4, of which the rig says
+nothing, so that the data determine the shape."""
+OVERLAP = 1.25  # Overlap and modulus over those of the rig, for derivatives by them
 CONTACT_STD = 0.5e-3  # m, standard deviation of a contact from that of the rig
 CLIMB_STD = 0.4
 """Standard deviation of the logarithm of the rise from contact to release from that of the rig."""
@@ -48,10 +50,6 @@ class Expected:
     bends: tuple[float, float]
     """Dimensionless, mean over the strings: a string's force over that at release is
     u + q u(u - 1) + c u(u - 1)(u - 1/2) with u the rise since contact, 1 at release; q and c."""
-    shapes: Floats
-    """N at the finger, two independent standard deviations of (q, c) times the force at release,
-    caused by what the rig does not contain exactly: friction, overlap, and whether the string lies
-    on the plectrum's surface; shape (2, 2), one deviation per row."""
     numbers: tuple[int, ...]
     """Numbers of the strings in the rig, from 1, in the same order."""
     variations: Floats
@@ -145,14 +143,11 @@ def _expected(key: Key, levers: tuple[Key, ...], every: tuple[Choir, ...]) -> Ex
         forces.append(float(force) * lever.jack_arm / lever.press_arm)
     order = np.argsort(contacts)
     bends = terms[:, :2].mean(0)
-    variances, axes = np.linalg.eigh(_variation(every[0]) + LEAST_SHAPE**2 * np.eye(2))
-    shapes = float(np.mean(forces)) * np.sqrt(variances)[:, None] * axes.T
     return Expected(
         np.array(contacts)[order],
         np.array(climbs)[order],
         np.array(forces)[order],
         (float(bends[0]), float(bends[1])),
-        np.asarray(shapes, dtype=float),
         tuple((order + 1).tolist()),
         np.stack([_own_variation(every[k]) for k in order]),  # pyright: ignore[reportArgumentType]
         _damper(key, every[0]),
@@ -177,19 +172,6 @@ def _damper(key: Key, choir: Choir) -> tuple[float, float]:
     if damper is None:
         return 0.0, 0.0
     return damper.lift, damper.stiffness * damper.lift * key.jack_arm / key.press_arm
-
-
-def _variation(choir: Choir) -> Floats:
-    """Return the covariance of (q, c) due to unknown friction, overlap and place; shape (2, 2)."""
-    plectrum = choir.plectrum
-    others = (
-        {"contact": "mid-line" if plectrum.contact == "surface" else "surface"},
-        {"friction": plectrum.friction + FRICTION},
-        {"overlap": plectrum.overlap * OVERLAP},
-    )
-    changed = [_terms(choir, **other)[:2] for other in others]
-    away = np.array(changed) - _terms(choir)[:2]
-    return away.T @ away
 
 
 def _terms(choir: Choir, **other: object) -> tuple[float, float, float, float]:

@@ -74,7 +74,8 @@ def with_strings(
         std = math.hypot(_own_std(contacts[k]), exchange)
         string = strings.numbers[row] if chance[row] >= LEAST_PROBABILITY else None
         contact = replace(contacts[k], std=std, exchange_std=exchange)
-        found.append((contact, release, string, chance[row]))
+        fall_std = math.hypot(release.fall_std, spread * contacts[k].exchange_force)
+        found.append((contact, replace(release, fall_std=fall_std), string, chance[row]))
     return found
 
 
