@@ -50,6 +50,8 @@ class Contact:
     """s, part of `std`: the contact may belong to the release of another string held at once."""
     exchange_force: float = 0.0
     """N, half the difference of the force drops of this pluck if it does."""
+    exchange_odds: float = 0.0
+    """Logarithm of the likelihood of the load if it does, over that if it does not."""
     inertia: float = 0.0
     """Relative error of the rig's inertia."""
 

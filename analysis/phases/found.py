@@ -53,6 +53,8 @@ class Growth:
     """s, further standard uncertainty of a contact that may belong to another string's release."""
     exchange_force: float = 0.0
     """N, the same of the force."""
+    exchange_odds: float = 0.0
+    """As `Contact.exchange_odds`."""
 
 
 @dataclass(frozen=True)

@@ -99,6 +99,7 @@ def _ways(
             order[k] = other
         if any(contacts[k].time >= r.time for k, r in zip(order, releases, strict=True)):
             continue
+        odds_of_order = min(contacts[k].exchange_odds * (order[k] != k) for k in plucks)
         seen, noise = _seen([contacts[k] for k in order], releases, signals)
         seen, noise = seen[:, :count], noise[:, :count, :count]
         alone = [-0.5 * (odds + np.linalg.slogdet(shared + one)[1]) for one in noise]
@@ -116,6 +117,7 @@ def _ways(
                     away = (seen[list(each)] - places[list(rows)]).ravel()
                     distance = away @ np.linalg.solve(covariance, away)
                     log = rest - 0.5 * (distance + np.linalg.slogdet(covariance)[1])
+                    log += odds_of_order
                     yield tuple(order), dict(zip(each, rows, strict=True)), float(log)
 
 

@@ -8,7 +8,10 @@ from sautereau.analysis.phases.compliant.saw_teeth import SawTeeth, Solved
 from sautereau.trajectory.motion import Floats
 
 EXCHANGE_TOLERANCE = 1.3
-"""Ratio of two chi2 up to which the contacts of both fits count as equally good."""
+"""Ratio of two chi2 up to which the contacts of both fits are possible."""
+INDEPENDENT = 20.0
+"""Number of independent residuals in chi2 while strings are held: rows within some widths of the
+smoothing have the same error."""
 LEAST_HELD = 2.5
 """Least distance of a contact from its release where a fit starts, in widths of the smoothing."""
 
@@ -49,10 +52,10 @@ def exchange_stds(fit: SawTeeth, plucks: Floats, variance: float) -> Floats:
         variance: N^2, as for `refined`.
 
     Returns:
-        Of contacts [s] and of forces [N], shape (plucks, 2); 0 for contacts that belong to their
-        release.
+        Of contacts [s] and of forces [N], and the logarithms of the odds of the exchange, shape
+        (plucks, 3); 0 for contacts that belong to their release.
     """
-    found = np.zeros((len(plucks), 2))
+    found = np.zeros((len(plucks), 3))
     _, solved, least = fit.refined(plucks, variance)
     for i, j in combinations(range(len(plucks)), 2):
         exchanged = plucks.copy()
@@ -62,7 +65,8 @@ def exchange_stds(fit: SawTeeth, plucks: Floats, variance: float) -> Floats:
         other, fitted, chi2 = fit.refined(exchanged, variance)
         if chi2 < EXCHANGE_TOLERANCE * least:
             away = np.stack([other[:, 0] - plucks[:, 0], fitted.forces - solved.forces], 1)
-            found[[i, j]] = np.maximum(found[[i, j]], np.abs(away[[i, j]]) / 2)
+            found[[i, j], :2] = np.maximum(found[[i, j], :2], np.abs(away[[i, j]]) / 2)
+            found[[i, j], 2] = -INDEPENDENT / 2 * np.log(chi2 / least)
     return found
 
 

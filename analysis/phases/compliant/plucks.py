@@ -100,6 +100,7 @@ def compliant_plucks(
             noise=growth.noise,
             exchange_std=growth.exchange_std,
             exchange_force=growth.exchange_force,
+            exchange_odds=growth.exchange_odds,
         )
         std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)
         std *= several
@@ -179,7 +180,7 @@ def _with_releases(
     fit = SawTeeth(slow, searched.compliance, noise, strings, known)
     start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
     plucks, solved = with_better_contacts(fit, *fit.refined(start)[:2])
-    exchange, first = np.zeros((len(plucks), 2)), plucks[:, 0]
+    exchange, first = np.zeros((len(plucks), 3)), plucks[:, 0]
     if (plucks[1:, 0] < plucks[:-1, 1]).any():
         exchange = exchange_stds(fit, plucks, max(fit.noises(plucks, solved)))
     if not exchange.any():
@@ -189,7 +190,7 @@ def _with_releases(
         plucks, solved, _ = fit.refined(plucks, noise**2)
     stds = np.hypot(fit.stds(plucks, solved)[:, 0], CHANGE * (plucks[:, 0] - first))
     values = np.column_stack([plucks[:, 0], stds, exchange])
-    names = "contact", "contact_std", "exchange_std", "exchange_force"
+    names = "contact", "contact_std", "exchange_std", "exchange_force", "exchange_odds"
     return tuple(
         replace(growth, **dict(zip(names, each, strict=True)))
         for growth, each in zip(growths, values.tolist(), strict=True)
