@@ -99,7 +99,8 @@ def _ways(
             order[k] = other
         if any(contacts[k].time >= r.time for k, r in zip(order, releases, strict=True)):
             continue
-        odds_of_order = min(contacts[k].exchange_odds * (order[k] != k) for k in plucks)
+        moved = [contacts[k].exchange_odds for k in plucks if order[k] != k]
+        odds_of_order = sum(moved) / 2  # both contacts of an exchange have them
         seen, noise = _seen([contacts[k] for k in order], releases, signals)
         seen, noise = seen[:, :count], noise[:, :count, :count]
         alone = [-0.5 * (odds + np.linalg.slogdet(shared + one)[1]) for one in noise]

@@ -7,8 +7,9 @@ import numpy as np
 from sautereau.analysis.phases.compliant.saw_teeth import SawTeeth, Solved
 from sautereau.trajectory.motion import Floats
 
-EXCHANGE_TOLERANCE = 1.3
-"""Ratio of two chi2 up to which the contacts of both fits are possible."""
+EXCHANGE_TOLERANCE = 1.1
+"""Ratio of two chi2 up to which the contacts of both fits count as equally good."""
+POSSIBLE = 1.3  # Ratio of two chi2 up to which the contacts of the larger one are possible
 INDEPENDENT = 20.0
 """Number of independent residuals in chi2 while strings are held: rows within some widths of the
 smoothing have the same error."""
@@ -63,7 +64,7 @@ def exchange_stds(fit: SawTeeth, plucks: Floats, variance: float) -> Floats:
         if (np.diff(exchanged) <= fit.slow.width).any():
             continue
         other, fitted, chi2 = fit.refined(exchanged, variance)
-        if chi2 < EXCHANGE_TOLERANCE * least:
+        if chi2 < POSSIBLE * least:
             away = np.stack([other[:, 0] - plucks[:, 0], fitted.forces - solved.forces], 1)
             found[[i, j], :2] = np.maximum(found[[i, j], :2], np.abs(away[[i, j]]) / 2)
             found[[i, j], 2] = -INDEPENDENT / 2 * np.log(chi2 / least)
