@@ -9,7 +9,7 @@ from sautereau.trajectory.motion import Floats
 
 EXCHANGE_TOLERANCE = 1.1
 """Ratio of two chi2 up to which the contacts of both fits count as equally good."""
-POSSIBLE = 1.3  # Ratio of two chi2 up to which the contacts of the larger one are possible
+POSSIBLE = 1.25  # Ratio of two chi2 up to which the contacts of the larger one are possible
 INDEPENDENT = 20.0
 """Number of independent residuals in chi2 while strings are held: rows within some widths of the
 smoothing have the same error."""
