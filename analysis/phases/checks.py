@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR, RIGID, Fit, Growth, HeldString, pluck_names
@@ -18,6 +19,11 @@ NEAR = 1e-3  # s, largest distance of a quality flag from a contact or release f
 FAR = 3.0
 """Distance of a pluck from every string that the rig expects, in standard deviations, above which
 it is unlike them."""
+MOTION, INERTIA, FORCE = (1 / 1.2, 1.2), (1 / 1.5, 2.0), (0.5, 2.0)
+"""Limits of what is measured over what the rig says, of speed and rise, of the inertia, to which
+the finger adds its own, and of a force drop: in presses of random instruments that are known to a
+ruler, 98 % remain within them."""
+LATE = 0.6e-3  # s, distance of force and velocity from which on it is said
 DEVIATIONS = 3.0  # Number of standard uncertainties by which the true contact may be earlier
 
 
@@ -50,9 +56,16 @@ def about_fit(
         expects = unlike_the_rig(signals, growth.contact, growth.release, growth.force, strings)
         text = f"{climb}, unlike {expects}: no pluck"
         if not expects:
+            held = zip(pluck_names(plucks), plucks, strict=True)
+            meanwhile = " and ".join(
+                name
+                for name, pluck in held
+                if pluck.contact < growth.release and growth.contact < pluck.release
+            )
+            found_there = f"while {meanwhile} is held: another string may be held at the same time"
             text = (
-                f"{climb}, and no pluck was found there; plot the phases, and check the number of"
-                " strings in the rig"
+                f"{climb}, {found_there if meanwhile else 'and no pluck was found there'}; plot the"
+                " phases, and check the number of strings in the rig"
             )
         found.append(Remark(text, doubt=not expects))
     if fit.verdict == "poor":
@@ -154,6 +167,65 @@ def about_strings(plucks: Sequence[HeldString], strings: Expected) -> list[Remar
         for i, held in enumerate(plucks)
         if held.string is None and len(strings.contacts) > 1
     ]
+
+
+def about_rig(
+    press: Press,
+    cruise: float,
+    rise: float,
+    fit: Fit,
+    plucks: Sequence[HeldString],
+    strings: Expected,
+) -> list[Remark]:
+    """Return what differs from the rig: scales, delays, arms, plectra, and where the key stops.
+
+    Speed and rise make results doubtful if an arm was to follow the rig's `[press]`.
+
+    Args:
+        cruise: m/s, speed of the jack in the middle of the way down.
+        rise: m, largest of the jack.
+    """
+    planned, driven = press.rig.press, press.motion is not None
+    scale = "the scale of the velocity, `key.laser_arm` and `[press]`"
+    rail = "where the key meets its front rail (`key.dip`)"
+    said = [
+        _differs(MOTION, f"the jack's speed, {cruise:.2g} m/s,", cruise / planned.jack_speed, scale,
+                 doubt=driven),
+        _differs(MOTION, f"the jack's rise, {rise * 1e3:.2g} mm,", rise / planned.jack_rise,
+                 f"{rail}, {scale}", doubt=driven),
+    ]  # fmt: skip
+    if plucks and fit.inertia is not None:
+        fix = "the scales of force and velocity, `key.press_arm`, `key.laser_arm` and `key.inertia`"
+        said.append(_differs(INERTIA, "the inertia of key and jacks", fit.inertia, fix))
+    fix = "the scale of the force, the plectrum, and whether several strings are released at once"
+    for i, held in enumerate(plucks):
+        nearest = int(np.argmin(np.abs(strings.force_deviations(held.force_drop))))
+        known = strings.forces[strings.numbers.index(held.string) if held.string else nearest]
+        what = f"{_who(i, plucks)}the force drop, {held.force_drop:.2g} N,"
+        said.append(_differs(FORCE, what, held.force_drop / known, fix, (i,)))
+    if plucks and fit.lag is not None and abs(fit.lag) > LATE:
+        late, early = ("force", "velocity") if fit.lag > 0 else ("velocity", "force")
+        text = (
+            f"the {late} is {abs(fit.lag) * 1e3:.2g} ms late, compared with the {early}, so contact"
+            " and release may be wrong by as much; check `delay` and `low_pass` of both channels"
+        )
+        said.append(Remark(text))
+    return [remark for remark in said if remark]
+
+
+def _differs(
+    limits: tuple[float, float],
+    what: str,
+    ratio: float,
+    fix: str,
+    plucks: tuple[int, ...] = (),
+    *,
+    doubt: bool = True,
+) -> Remark | None:
+    """Return a remark about a ratio of something measured to that of the rig, beyond its limits."""
+    if limits[0] < ratio < limits[1]:
+        return None
+    return Remark(f"{what} is {ratio:.2g} times that of the rig; check {fix}", plucks, doubt)
 
 
 def about_end(signals: Signals, begin: int) -> list[Remark]:

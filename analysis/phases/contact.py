@@ -48,6 +48,10 @@ class Contact:
     """N, rms of the load that a rigid key and its string leave until the release."""
     exchange_std: float = 0.0
     """s, part of `std`: the contact may belong to the release of another string held at once."""
+    exchange_force: float = 0.0
+    """N, half the difference of the force drops of this pluck if it does."""
+    exchange_odds: float = 0.0
+    """Logarithm of the likelihood of the load if it does, over that if it does not."""
     inertia: float = 0.0
     """Relative error of the rig's inertia."""
 

@@ -19,9 +19,11 @@ TYPICAL = -0.23, -0.19, 0.6e-3, 1.0
 """Values for a plectrum for which the model has no solution: quadratic and cubic term of the force;
 height of the jack above contact at release [m]; force at release [N]."""
 POINTS = 40  # Points of a pluck to which the terms of its force are fitted
-FRICTION = 0.2  # Error of the rig's friction of a plectrum, for the variation of its shape
-OVERLAP = 1.25  # True overlap over that of the rig, for this variation
-LEAST_SHAPE = 0.02  # Least standard deviation of quadratic and cubic term
+SHAPE_STD = 0.12, 0.4
+"""Standard deviations of the quadratic and cubic term of a string's force (`Expected.bends`) from
+those of the rig: wide enough for a friction of the plectrum of up to 0.4, of which the rig says
+nothing, so that the data determine the shape."""
+OVERLAP = 1.25  # Overlap and modulus over those of the rig, for derivatives by them
 CONTACT_STD = 0.5e-3  # m, standard deviation of a contact from that of the rig
 CLIMB_STD = 0.4
 """Standard deviation of the logarithm of the rise from contact to release from that of the rig."""
@@ -48,10 +50,6 @@ class Expected:
     bends: tuple[float, float]
     """Dimensionless, mean over the strings: a string's force over that at release is
     u + q u(u - 1) + c u(u - 1)(u - 1/2) with u the rise since contact, 1 at release; q and c."""
-    shapes: Floats
-    """N at the finger, two independent standard deviations of (q, c) times the force at release,
-    caused by what the rig does not contain exactly: friction, overlap, and whether the string lies
-    on the plectrum's surface; shape (2, 2), one deviation per row."""
     numbers: tuple[int, ...]
     """Numbers of the strings in the rig, from 1, in the same order."""
     variations: Floats
@@ -134,7 +132,7 @@ def expected(rig: Rig) -> Expected:
 @lru_cache(maxsize=128)
 def _expected(key: Key, levers: tuple[Key, ...], every: tuple[Choir, ...]) -> Expected:
     """Return what is expected of a key, its levers with the jacks of all choirs, and these."""
-    terms = np.array([_terms(choir) for choir in every])  # pyright: ignore[reportArgumentType]
+    terms = np.array([_terms(choir) for choir in every])
     contacts, climbs, forces = [], [], []
     for lever, choir, (_, _, height, force) in zip(levers, every, terms, strict=True):
         clearance = choir.jack.string_clearance
@@ -145,14 +143,11 @@ def _expected(key: Key, levers: tuple[Key, ...], every: tuple[Choir, ...]) -> Ex
         forces.append(float(force) * lever.jack_arm / lever.press_arm)
     order = np.argsort(contacts)
     bends = terms[:, :2].mean(0)
-    variances, axes = np.linalg.eigh(_variation(every[0]) + LEAST_SHAPE**2 * np.eye(2))
-    shapes = float(np.mean(forces)) * np.sqrt(variances)[:, None] * axes.T
     return Expected(
         np.array(contacts)[order],
         np.array(climbs)[order],
         np.array(forces)[order],
         (float(bends[0]), float(bends[1])),
-        np.asarray(shapes, dtype=float),
         tuple((order + 1).tolist()),
         np.stack([_own_variation(every[k]) for k in order]),  # pyright: ignore[reportArgumentType]
         _damper(key, every[0]),
@@ -161,13 +156,12 @@ def _expected(key: Key, levers: tuple[Key, ...], every: tuple[Choir, ...]) -> Ex
 
 def _own_variation(choir: Choir) -> Floats:
     """Return the covariance of a string's contact [m], and of the logarithms of climb and force."""
-    plectrum, known = choir.plectrum, np.log(_terms(choir)[2:])  # pyright: ignore[reportArgumentType]
+    known = np.log(_terms(choir)[2:])
     slopes = np.zeros((3, 3))
     slopes[0, 0] = CLEARANCE_STD
     values = {"overlap": OVERLAP_STD, "youngs_modulus": MODULUS_STD}
     for column, (name, std) in enumerate(values.items(), 1):
-        changed = plectrum.model_copy(update={name: OVERLAP * getattr(plectrum, name)})
-        moved = np.log(_terms(choir.model_copy(update={"plectrum": changed}))[2:])  # pyright: ignore[reportArgumentType]
+        moved = np.log(_terms(choir, **{name: OVERLAP * getattr(choir.plectrum, name)})[2:])
         slopes[1:, column] = std * (moved - known) / math.log(OVERLAP)
     return slopes @ slopes.T + np.diag([0.0, LEAST_OWN_STD, LEAST_OWN_STD]) ** 2
 
@@ -180,26 +174,20 @@ def _damper(key: Key, choir: Choir) -> tuple[float, float]:
     return damper.lift, damper.stiffness * damper.lift * key.jack_arm / key.press_arm
 
 
-def _variation(choir: Choir) -> Floats:
-    """Return the covariance of (q, c) due to unknown friction, overlap and place; shape (2, 2)."""
-    plectrum = choir.plectrum
-    others = (
-        {"contact": "mid-line" if plectrum.contact == "surface" else "surface"},
-        {"friction": plectrum.friction + FRICTION},
-        {"overlap": plectrum.overlap * OVERLAP},
-    )
-    changed = [
-        _terms(choir.model_copy(update={"plectrum": plectrum.model_copy(update=other)}))[:2]  # pyright: ignore[reportArgumentType]
-        for other in others
-    ]
-    known = _terms(choir)[:2]  # pyright: ignore[reportArgumentType]
-    away = np.array(changed) - known
-    return away.T @ away
+def _terms(choir: Choir, **other: object) -> tuple[float, float, float, float]:
+    """Return quadratic and cubic term of a choir's force; height [m] and force [N] at release.
+
+    Args:
+        other: Values of its plectrum to replace.
+    """
+    plectrum = choir.plectrum.model_copy(update=other)
+    choir = choir.model_copy(update={"plectrum": plectrum})
+    return _solved(choir)  # pyright: ignore[reportArgumentType]
 
 
 @lru_cache(maxsize=256)
-def _terms(choir: Choir) -> tuple[float, float, float, float]:
-    """Return quadratic and cubic term of a choir's force; height [m] and force [N] at release."""
+def _solved(choir: Choir) -> tuple[float, float, float, float]:
+    """Return the terms of a choir."""
     try:
         pluck = choir_pluck(choir)
     except ModelError:

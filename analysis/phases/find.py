@@ -26,6 +26,9 @@ Finder = Callable[[Expected, Signals, int, int], Found]
 """Finds the plucks of a rig's strings between two samples, as `find_plucks` does."""
 FULL_SPEED = 0.95
 """Dimensionless, fraction of the median speed above which the jack neither starts nor stops."""
+CRUISE = 0.65
+"""Quantile of the speeds of the way down that is that of the cruise: slower ones are those of
+starting and stopping, faster ones of a jack that was released."""
 LEAST_SAMPLES = 16
 """Fewest samples of a way down, which is also longer than the spline that smooths it."""
 FELT = 0.1  # N, least rise of the load at the front felt
@@ -111,12 +114,14 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     steady = float(time[begin + np.argmax(speed[begin:] >= FULL_SPEED * speed[settled].mean())])
     start, bottom = float(-offset / slope), float(time[end])
     contacts = [contact for contact, *_ in known_plucks]
+    cruise, top = float(np.quantile(speed[begin:end], CRUISE)), float(signals.rise.max())
     said = [
         *checks.about_end(signals, begin),
         *checks.about_instants(plucks, contacts, steady, signals.missing),
         *checks.about_flags(signals, press.quality_flags, plucks, (start, bottom)),
         *checks.about_exchange(contacts, plucks),
         *checks.about_strings(plucks, strings),
+        *([] if known else checks.about_rig(press, cruise, top, found.fit, plucks, strings)),
         *checks.about_fit(signals, found.fit, found.further, plucks, strings),
         *([] if known else checks.about_likeness(signals, plucks, strings)),
     ]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import get_lapack_funcs
 
-from sautereau.analysis.phases.expected import Expected
+from sautereau.analysis.phases.expected import SHAPE_STD, Expected
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.rows import Rows
 from sautereau.trajectory.motion import Floats
@@ -37,9 +37,6 @@ PEAK_STD = 0.1
 """N, standard deviation of the peak of the load when the plectrum meets the string, as in the
 paper's figure 7."""
 PEAK = 0.8e-3  # s, standard deviation of this peak, a normal curve
-BEND_STD = 0.12, 0.1
-"""Standard deviations of the quadratic and cubic terms over the force at release, about those that
-the rig's model expects."""
 DAMPER_STD = 2.0  # Standard deviation of the stiffness of the damper over that of the rig
 BLOCKS = 30  # Blocks over which residuals are summed in order to detect correlated noise
 FALL_STD = 0.03  # Relative standard deviation of the fall at release about the force of the string
@@ -104,7 +101,7 @@ class KeyAndString:
         # At release the force of the string ends, and the error of the inertia adds its part.
         self._fall_std = math.hypot(release.fall_std, FALL_STD * release.fall)
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
-        bend_std = np.array(BEND_STD) * max(1e-3, float(np.ptp(held.load)))
+        bend_std = np.array(SHAPE_STD) * max(1e-3, float(np.ptp(held.load)))
         stds = np.array([self._fall_std, *bend_std, *[PEAK_STD] * struck])
         self._string_prior = np.diag(1 / stds**2)
         self._keys: dict[tuple[float, float | None, bool], tuple[Floats, Floats, float]] = {}

@@ -45,10 +45,16 @@ class Growth:
     """s, standard uncertainty; not evaluated for a further growth."""
     release_std: float = 0.0
     """s, the same."""
+    force_std: float = 0.0
+    """N, the same, of the force."""
     noise: float = 0.0
     """Variance of the residuals around it, of sums over a third of it, over that of `NOISE`."""
     exchange_std: float = 0.0
     """s, further standard uncertainty of a contact that may belong to another string's release."""
+    exchange_force: float = 0.0
+    """N, the same of the force."""
+    exchange_odds: float = 0.0
+    """As `Contact.exchange_odds`."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +82,9 @@ class HeldString:
     None where the data do not show it."""
     string_probability: float | None = None
     """Probability of this string, or of the likeliest one; None where it was not evaluated."""
+    force_drop_std: float | None = None
+    """N, standard uncertainty by noise and the fit, without that of the sensor's gain; None if the
+    instants were set by hand."""
     force_rise: float = math.nan
     """N, rise of the finger force from contact to release, by `growth`."""
 
@@ -98,6 +107,10 @@ class Fit:
     residual: float = 0.0
     """N, rms of the load that is not explained: of the smoothed load on a compliant key, of the
     load on a rigid key without a pluck, otherwise 0."""
+    inertia: float | None = None
+    """Inertia of key and jacks over that of the rig; None where it was not evaluated."""
+    lag: float | None = None
+    """s, by which the force is late, compared with the velocity; None likewise."""
     negligible: bool = False
     """Whether the load that a rigid key does not explain shifts contacts by less than the least
     uncertainty of a contact on a compliant key."""
@@ -253,5 +266,6 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         # The fall was found with the rig's inertia.
         force_drop=release.fall - contact.inertia * release.slowed,
         force_slope=slope,
+        force_drop_std=release.fall_std or None,
         force_rise=rise,
     )

@@ -74,7 +74,8 @@ def with_strings(
         std = math.hypot(_own_std(contacts[k]), exchange)
         string = strings.numbers[row] if chance[row] >= LEAST_PROBABILITY else None
         contact = replace(contacts[k], std=std, exchange_std=exchange)
-        found.append((contact, release, string, chance[row]))
+        fall_std = math.hypot(release.fall_std, spread * contacts[k].exchange_force)
+        found.append((contact, replace(release, fall_std=fall_std), string, chance[row]))
     return found
 
 
@@ -98,6 +99,8 @@ def _ways(
             order[k] = other
         if any(contacts[k].time >= r.time for k, r in zip(order, releases, strict=True)):
             continue
+        moved = [contacts[k].exchange_odds for k in plucks if order[k] != k]
+        odds_of_order = sum(moved) / 2  # both contacts of an exchange have them
         seen, noise = _seen([contacts[k] for k in order], releases, signals)
         seen, noise = seen[:, :count], noise[:, :count, :count]
         alone = [-0.5 * (odds + np.linalg.slogdet(shared + one)[1]) for one in noise]
@@ -115,6 +118,7 @@ def _ways(
                     away = (seen[list(each)] - places[list(rows)]).ravel()
                     distance = away @ np.linalg.solve(covariance, away)
                     log = rest - 0.5 * (distance + np.linalg.slogdet(covariance)[1])
+                    log += odds_of_order
                     yield tuple(order), dict(zip(each, rows, strict=True)), float(log)
 
 

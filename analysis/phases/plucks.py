@@ -107,7 +107,7 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
     growths = searched.significant(DOUBTFUL)
     if 0.0 < searched.residual < min(FAIR, HIDING * float(strings.forces.min())):
         noise = (searched.residual / NOISE) ** 2
-        return Found([], Fit("compliant", noise, searched.compliance, searched.residual), growths)
+        return Found([], Fit("compliant", noise, *_of_key(searched)), growths)
     return Found([], Fit("rigid", left, 0.0, rms), growths or (missed,))
 
 
@@ -121,8 +121,13 @@ def _compliant(
     if not plucks or len(certain) < least:
         return None, searched
     noise = max(contact.noise for contact, _ in plucks)
-    fit = Fit("compliant", noise, searched.compliance, searched.residual)
+    fit = Fit("compliant", noise, *_of_key(searched))
     return Found(plucks, fit, tuple(g for g in growths if g not in searched.growths)), searched
+
+
+def _of_key(searched: Searched) -> tuple[float, float, float, float]:
+    """Return what a fit states of a compliant key."""
+    return searched.compliance, searched.residual, searched.inertia, searched.lag
 
 
 def _rigid_plucks(
@@ -161,15 +166,16 @@ def _explained(
     rings = any(r.noise > GOOD or c.noise > BENT for c, r in found)
     surplus = len(found) > len(strings.contacts) and rings
     typical = max if surplus else min
+    inertia = 1 + found[0][0].inertia if found else None
     if found and typical(c.noise for c, _ in found) < most:
         ends = float(signals.time[begin]), float(signals.time[end])
         sharp = [(c, _with_modes(signals, r, c.noise, ends)) for c, r in found]
         sharp = [_with_residual(c, r) if c.noise > GOOD else (c, r) for c, r in sharp]
-        return Found(sharp, Fit("rigid", _noise(sharp)))
+        return Found(sharp, Fit("rigid", _noise(sharp), inertia=inertia))
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
     exact = [_with_residual(contact, release) for contact, release in found]
     if found and not far and all(c.std < LEAST_STD and r.noise < RINGING for c, r in exact):
-        return Found(exact, Fit("rigid", _noise(found), negligible=True))
+        return Found(exact, Fit("rigid", _noise(found), 0.0, 0.0, inertia, negligible=True))
     return None
 
 

@@ -46,6 +46,7 @@ COMPARED = (
 OF_PLUCK = (
     *("string", "string_probability", "contact", "contact_std", "release", "release_std"),
     *COMPARED,
+    "force_drop_std",
 )
 """Columns of each pluck."""
 UNITS = {
@@ -59,7 +60,8 @@ UNITS = {
 """Unit of each column, in the order of the columns; those of later plucks have these units too.
 `sautereau.rig.quantities` defines the columns; times are in s after the trigger."""
 
-NEED_BOTH = ("bottomed", "force_drop", "force_slope", "held_work", "press_work", "rest_force")
+NEED_BOTH = ("bottomed", "force_drop", "force_drop_std", "force_slope", "held_work", "press_work",
+             "rest_force")  # fmt: skip
 """Columns that need the force and the velocity."""
 NEED = {
     "force": ("contact_force", "release_force", "peak_force", *NEED_BOTH),
@@ -142,8 +144,9 @@ def gain_stds(rig: Rig) -> dict[str, float]:
 def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
     """Return the standard uncertainty of a column of one press, in its unit; None if unknown.
 
-    It is the fit's for instants and the pluck duration, and the calibration's for columns that are
-    proportional to a signal; the noise that remains in those shows in repeated presses.
+    It is the fit's for instants, the pluck duration and the force drop, and the calibration's for
+    columns that are proportional to a signal; the noise that remains in the others of those shows
+    in repeated presses.
 
     Args:
         row: Of `features`.
@@ -153,9 +156,10 @@ def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
     ends = ("contact", "release") if feature == "pluck_duration" else (feature,)
     known = (row.get(column(f"{end}_std", pluck)) for end in ends)
     stds = [std for std in known if isinstance(std, float)]
-    if len(stds) == len(ends):
-        return math.hypot(*stds)
-    return abs(value) * gains[feature] if isinstance(value, float) and feature in gains else None
+    parts = stds if len(stds) == len(ends) else []
+    if isinstance(value, float) and feature in gains:
+        parts = [*parts, abs(value) * gains[feature]]
+    return math.hypot(*parts) if parts else None
 
 
 def work_along(travel: Floats, force: Floats) -> float:

@@ -9,6 +9,10 @@ from sautereau.trajectory.motion import Floats
 
 EXCHANGE_TOLERANCE = 1.1
 """Ratio of two chi2 up to which the contacts of both fits count as equally good."""
+POSSIBLE = 1.25  # Ratio of two chi2 up to which the contacts of the larger one are possible
+INDEPENDENT = 20.0
+"""Number of independent residuals in chi2 while strings are held: rows within some widths of the
+smoothing have the same error."""
 LEAST_HELD = 2.5
 """Least distance of a contact from its release where a fit starts, in widths of the smoothing."""
 
@@ -38,29 +42,32 @@ def with_better_contacts(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple
 
 
 def exchange_stds(fit: SawTeeth, plucks: Floats, variance: float) -> Floats:
-    """Return the standard uncertainties of contacts that may belong to each other's release.
+    """Return the uncertainties of plucks whose contacts may belong to each other's release.
 
     Where strings are held at once and their contacts fit about as well when they are exchanged,
-    each contact is one of two instants, and the uncertainty is half their distance.
+    each contact is one of two instants, and the uncertainty is half their distance; so it is for
+    the forces.
 
     Args:
         plucks: s, refined contacts and releases in order of release, shape (plucks, 2).
         variance: N^2, as for `refined`.
 
     Returns:
-        s, shape (plucks,); 0 for contacts that belong to their release.
+        Of contacts [s] and of forces [N], and the logarithms of the odds of the exchange, shape
+        (plucks, 3); 0 for contacts that belong to their release.
     """
-    found = np.zeros(len(plucks))
-    limit = EXCHANGE_TOLERANCE * fit.refined(plucks, variance)[2]
+    found = np.zeros((len(plucks), 3))
+    _, solved, least = fit.refined(plucks, variance)
     for i, j in combinations(range(len(plucks)), 2):
         exchanged = plucks.copy()
         exchanged[[i, j], 0] = plucks[[j, i], 0]
         if (np.diff(exchanged) <= fit.slow.width).any():
             continue
-        other, _, chi2 = fit.refined(exchanged, variance)
-        if chi2 < limit:
-            half = np.abs(other[[i, j], 0] - plucks[[i, j], 0]) / 2
-            found[[i, j]] = np.maximum(found[[i, j]], half)
+        other, fitted, chi2 = fit.refined(exchanged, variance)
+        if chi2 < POSSIBLE * least:
+            away = np.stack([other[:, 0] - plucks[:, 0], fitted.forces - solved.forces], 1)
+            found[[i, j], :2] = np.maximum(found[[i, j], :2], np.abs(away[[i, j]]) / 2)
+            found[[i, j], 2] = -INDEPENDENT / 2 * np.log(chi2 / least)
     return found
 
 

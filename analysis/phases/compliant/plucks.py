@@ -36,8 +36,8 @@ NEAR = 2.0  # Standard uncertainty of a release before its refinement, over that
 LEAST_NEAR = 0.25e-3  # s, smallest value of this uncertainty
 MOST_NEAR = 1.0e-3  # s, largest value of this uncertainty
 LARGER = 1.6
-"""Standard uncertainty of a contact over that of its fit. This and the next five constants are from
-presses of the independent simulator, and were tested on others."""
+"""Standard uncertainty of a contact or a force over that of its fit. This and the next six
+constants are from presses of the independent simulator, and were tested on others."""
 LEAST_STD = 0.2e-3
 """s, standard uncertainty that is added to that of a contact (root sum of squares)."""
 CONTACT_PART = 1.2
@@ -45,12 +45,15 @@ CONTACT_PART = 1.2
 fraction of the force that the model of the key does not explain."""
 LEAST_RELEASE_STD = 0.05e-3  # s, standard uncertainty that is added to that of a release
 RELEASE_PART = 0.6  # The same as `CONTACT_PART` for a release
+FORCE_PART = 0.015
+"""Relative standard uncertainty of a force, added to those of the fit and of the load that is not
+explained."""
 MOST_RELEASE_STD = 10e-3, 0.05
 """Standard uncertainty of a release, in s and over the pluck's duration, above both of which a
 growth of the load is no pluck."""
-SEVERAL_RELEASES = 1.5
-"""Factor of the uncertainties where a press has several releases: the ringing after one release
-disturbs the fit of the next."""
+SEVERAL = 1.5
+"""Factor of the uncertainties of releases and forces where a press has several: the ringing after
+one release disturbs the fit of the next."""
 FOLLOWING = 3.5e-3, 1 / 3
 """Distance from the release before [s] below which a release may be earlier, since what rings after
 the other looks like it; and its further standard uncertainty over this distance."""
@@ -83,6 +86,7 @@ def compliant_plucks(
     growths = _with_releases(slow, strings, searched, releases)
     found: list[tuple[Contact, Release]] = []
     before = -math.inf
+    several = SEVERAL if len(growths) > 1 else 1.0
     for growth, release in zip(growths, releases, strict=True):
         if not growth.contact + SHORTEST <= release.time <= last:
             continue
@@ -95,16 +99,20 @@ def compliant_plucks(
             at_release=growth.force,
             noise=growth.noise,
             exchange_std=growth.exchange_std,
+            exchange_force=growth.exchange_force,
+            exchange_odds=growth.exchange_odds,
         )
         std = math.hypot(release.std, LEAST_RELEASE_STD, RELEASE_PART * wrong)
-        std *= SEVERAL_RELEASES if len(growths) > 1 else 1.0
+        std *= several
         within, part = FOLLOWING
         if release.time - before < within:
             std = math.hypot(std, part * (release.time - before))
         before = release.time
         limit, part = MOST_RELEASE_STD
         if std < max(limit, part * (release.time - growth.contact)):
-            found.append((contact, replace(release, std=std)))
+            parts = LARGER * growth.force_std, FORCE_PART * growth.force, searched.residual
+            release = replace(release, std=std, fall_std=several * math.hypot(*parts))
+            found.append((contact, release))
     return found, searched
 
 
@@ -172,7 +180,7 @@ def _with_releases(
     fit = SawTeeth(slow, searched.compliance, noise, strings, known)
     start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
     plucks, solved = with_better_contacts(fit, *fit.refined(start)[:2])
-    exchange, first = np.zeros(len(plucks)), plucks[:, 0]
+    exchange, first = np.zeros((len(plucks), 3)), plucks[:, 0]
     if (plucks[1:, 0] < plucks[:-1, 1]).any():
         exchange = exchange_stds(fit, plucks, max(fit.noises(plucks, solved)))
     if not exchange.any():
@@ -180,10 +188,10 @@ def _with_releases(
         error = UNEXPLAINED * np.sqrt(np.maximum(square, 0.0))
         fit = SawTeeth(slow, searched.compliance, noise, strings, known, error)
         plucks, solved, _ = fit.refined(plucks, noise**2)
-    stds = np.array(fit.stds(plucks, solved)[0])[:, 0]
-    stds = np.hypot(stds, CHANGE * (plucks[:, 0] - first))
-    contacts = zip(growths, plucks[:, 0].tolist(), stds.tolist(), exchange.tolist(), strict=True)
+    stds = np.hypot(fit.stds(plucks, solved)[:, 0], CHANGE * (plucks[:, 0] - first))
+    values = np.column_stack([plucks[:, 0], stds, exchange])
+    names = "contact", "contact_std", "exchange_std", "exchange_force", "exchange_odds"
     return tuple(
-        replace(g, contact=contact, contact_std=std, exchange_std=other)
-        for g, contact, std, other in contacts
+        replace(growth, **dict(zip(names, each, strict=True)))
+        for growth, each in zip(growths, values.tolist(), strict=True)
     )

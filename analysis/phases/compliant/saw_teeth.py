@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.phases.compliant.slow import TERMS, Slow
-from sautereau.analysis.phases.expected import Expected
+from sautereau.analysis.phases.expected import SHAPE_STD, Expected
 from sautereau.analysis.phases.fit import HUM_STD, hum_at
 from sautereau.analysis.phases.levenberg import minimise, orthonormal
 from sautereau.trajectory.motion import Floats
@@ -22,7 +22,6 @@ DRIFT_STD = 0.03
 damper."""
 DAMPER = 1e-3  # m, rise of the jack at which a damper leaves its string
 FULL_RISE = 10e-3  # m, rise over which the load changes by `DRIFT_STD`
-F2 = list(TERMS).index("F2")  # Place of the term of F'' among the columns of a key
 COLUMNS = 5
 """Columns of a string: its force, the first and second derivatives of its force, two deviations of
 its shape. The derivatives represent what lies between the laser and the jack."""
@@ -48,6 +47,8 @@ class Solved:
     """Of the columns of strings, shape (strings, COLUMNS)."""
     base: Floats
     """Orthonormal base of these columns, orthogonal to those of a key without a string."""
+    inverse: Floats
+    """What these columns must be multiplied by for that base."""
     risen: tuple[Floats, Floats, Floats]
     """As `SawTeeth._relative_rise` returns it."""
 
@@ -108,7 +109,7 @@ class SawTeeth:
         self._mixed = np.zeros((3, COLUMNS))
         """Of u, u(u - 1) and u(u - 1)(u - 1/2) in each column of a string, see `Expected.bends`."""
         self._mixed[:, 0] = FORCE_STD * self._bends
-        self._mixed[1:, 3:] = strings.shapes.T
+        self._mixed[1:, 3:] = float(strings.forces.mean()) * np.diag(SHAPE_STD)
         self._refined: dict[tuple[bytes, float | None], tuple[Floats, Solved, float]] = {}
         """What `refined` has returned: a search starts at the same instants several times."""
         self.row_rise = rise
@@ -177,13 +178,13 @@ class SawTeeth:
         of = base.T @ target
         factors = (inverse @ of).reshape(-1, COLUMNS)
         left = target - base @ of
-        return Solved(left[: len(columns)], left, factors, base, risen)
+        return Solved(left[: len(columns)], left, factors, base, inverse, risen)
 
-    def better_compliance(self, solved: Solved) -> float:
-        """Return the compliance [s^2] with which a fit needs no term of F''."""
+    def term(self, solved: Solved, name: str) -> float:
+        """Return a term of the key in a fit, in its unit (`TERMS`)."""
         # The residual of a prior is minus the factor of its column.
-        factor = -float(solved.residuals[len(self.load) + F2]) / self._noise
-        return self.compliance - factor * TERMS["F2"]
+        row = len(self.load) + list(TERMS).index(name)
+        return -float(solved.residuals[row]) / self._noise * TERMS[name]
 
     def rig_deviations(self, plucks: Floats) -> Floats:
         """Return the deviations of plucks from the rig (`Expected.deviations`).
@@ -205,8 +206,11 @@ class SawTeeth:
         time, std = self._releases.T
         return np.concatenate([deviations, (plucks[..., 1] - time) / std], -1)
 
-    def _slopes(self, plucks: Floats, solved: Solved) -> tuple[Floats, Floats]:
-        """Return the derivatives of residuals, and of `_deviations`, by contacts and releases."""
+    def _slopes(self, plucks: Floats, solved: Solved) -> tuple[Floats, Floats, Floats]:
+        """Return the derivatives by contacts and releases, shape (..., 2 plucks).
+
+        They are those of residuals, of `_deviations`, and of the forces of the strings.
+        """
         u, by_ends = self._relative_rise_slopes(plucks, solved.risen)
         steep = np.stack([np.ones_like(u), 2 * u - 1, 3 * u * (u - 1) + 0.5], -1)
         of_force = (steep * (solved.factors @ self._mixed.T)).sum(-1)
@@ -223,18 +227,30 @@ class SawTeeth:
         change[:known] -= self.base @ (self.base.T @ change[:known])
         off = SMALL * np.eye(plucks.size).reshape(-1, *plucks.shape)
         up, down = self._deviations(np.stack([plucks + off, plucks - off]))
-        return solved.base @ (solved.base.T @ change) - change, (up - down).T / (2 * SMALL)
+        of = solved.base.T @ change
+        forces = -FORCE_STD * (solved.inverse @ of)[::COLUMNS]
+        return solved.base @ of - change, (up - down).T / (2 * SMALL), forces
 
-    def stds(self, plucks: Floats, solved: Solved) -> tuple[list[list[float]], list[float]]:
-        """Return the standard uncertainties of plucks [s], and the noise around them."""
+    def stds(self, plucks: Floats, solved: Solved) -> Floats:
+        """Return the standard uncertainties of contacts [s], releases [s] and forces [N].
+
+        Returns:
+            Shape (plucks, 3).
+        """
         if not len(plucks):
-            return [], []
-        slopes, rig = self._slopes(plucks, solved)
-        noises = self.noises(plucks, solved)
-        inverse = np.linalg.pinv(slopes.T @ slopes / max(noises) + rig.T @ rig, hermitian=True)
-        return np.sqrt(np.maximum(np.diag(inverse), 0.0)).reshape(-1, 2).tolist(), [
-            n / self._noise**2 for n in noises
-        ]
+            return np.zeros((0, 3))
+        slopes, rig, by_instants = self._slopes(plucks, solved)
+        noise = max(self.noises(plucks, solved))
+        inverse = np.linalg.pinv(slopes.T @ slopes / noise + rig.T @ rig, hermitian=True)
+        instants = np.diag(inverse).reshape(-1, 2)
+        # Of the forces for given instants, and by the errors of these.
+        forces = noise * FORCE_STD**2 * (solved.inverse[::COLUMNS] ** 2).sum(1)
+        forces = forces + ((by_instants @ inverse) * by_instants).sum(1)
+        return np.sqrt(np.maximum(np.column_stack([instants, forces]), 0.0))
+
+    def relative_noises(self, plucks: Floats, solved: Solved) -> list[float]:
+        """Return `noises` over the variance of the assumed noise."""
+        return [noise / self._noise**2 for noise in self.noises(plucks, solved)]
 
     def noises(self, plucks: Floats, solved: Solved) -> list[float]:
         """Return the variance [N^2] of the residuals around each pluck."""
@@ -271,7 +287,7 @@ class SawTeeth:
             return bool(apart.all() and (tried.forces > 0).all())
 
         def slopes(state: Floats, tried: Solved) -> Floats:
-            load, rig = self._slopes(state.reshape(-1, 2), tried)
+            load, rig, _ = self._slopes(state.reshape(-1, 2), tried)
             return np.concatenate([load, weight * rig])
 
         def bounded(state: Floats) -> Floats:

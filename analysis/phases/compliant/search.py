@@ -29,14 +29,17 @@ CORRELATED = 2.0
 """This error in later rounds over the rms of the residuals, as adjacent rows are correlated."""
 SIGNIFICANCE = 6.0  # Least `Growth.significance` of a pluck
 SLOWEST = 0.1  # Least speed of the jack at a release, over its largest speed
-LEAST_FORCE = 3e-3  # N, least force of a pluck
+LEAST_FORCE = 0.05
+"""Least force of a pluck over the smallest that the rig expects: the error of the inertia leaves
+such growths where the jack stops."""
 LEAST_FRACTION = 0.15
 """Least force of a pluck over the largest one, if the rig has several strings: what the model of
 one does not explain may look like another."""
 SLIGHT = 0.01
 """Least force of a significant growth, over the range of the smoothed force on the way down, or of
 the inertia if larger."""
-STARTS = 2  # Best pairs of contact and release that are refined
+STARTS = 2
+"""Best pairs of contact and release that are refined; one where the rig has no further string."""
 BETWEEN = 4.0  # Least distance between the releases of these pairs, in widths
 ROUNDS = 3  # Largest number of rounds, each with the compliance of the round before
 QUICK = 1  # Pairs that are refined in the first round
@@ -56,6 +59,10 @@ class Searched:
     """N, rms of the load that is not explained."""
     moved: float = 0.0
     """N, range of the smoothed force, or of the inertia if that is larger."""
+    inertia: float = 1.0
+    """Inertia of key and jacks over that of the rig."""
+    lag: float = 0.0
+    """s, by which the force is late, compared with the velocity."""
 
     def significant(self, least: float) -> tuple[Growth, ...]:
         """Return the growths above a significance that have enough force, with the further one."""
@@ -136,16 +143,20 @@ class _Search:
         further = None
         while min(gains, default=1.0) == 0.0 or len(found) > strings:
             weakest = len(gains) - 1 - int(np.argmin(gains[::-1]))
+            others, refitted, _ = fit.refined(np.delete(found, weakest, 0))
             if gains[weakest] > 0:
-                contact, release = found[weakest].tolist()
-                further = Growth(contact, release, float(fitted.forces[weakest]), gains[weakest])
-            found, fitted, _ = fit.refined(np.delete(found, weakest, 0))
+                # Another one may have taken its place: then it is that one's which is left over.
+                moved = [np.abs(np.delete(found, i, 0) - others).sum() for i in range(len(found))]
+                left = int(np.argmin(moved))
+                contact, release = found[left].tolist()
+                further = Growth(contact, release, float(fitted.forces[left]), gains[weakest])
+            found, fitted = others, refitted
             gains = self._significances(found, fitted)
-        k = fit.better_compliance(fitted)
-        stds, noises = fit.stds(found, fitted)
+        k = fit.compliance - fit.term(fitted, "F2")  # with which there is no term of F''
+        stds, noises = fit.stds(found, fitted).tolist(), fit.relative_noises(found, fitted)
         each = zip(found.tolist(), fitted.forces.tolist(), gains, stds, noises, strict=True)
         growths = [
-            Growth(contact, release, force, gain, std[0], std[1], noise)
+            Growth(contact, release, force, gain, std[0], std[1], std[2], noise)
             for (contact, release), force, gain, std, noise in each
         ]
         searched = Searched(
@@ -154,6 +165,8 @@ class _Search:
             min(max(k, 0.0), MOST_COMPLIANT),
             float(np.sqrt(np.mean(fitted.row_residuals**2))),
             fit.slow.moved,
+            1 + fit.term(fitted, "v1"),
+            -fit.term(fitted, "F1") - fit.term(fitted, "v2") / fit.slow.inertial,
         )
         return searched, found
 
@@ -196,7 +209,8 @@ class _Search:
         near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
         moving = np.interp(pluck[1], slow.time, slow.speed()) > self._moving
         several = len(fit.strings.contacts) > 1
-        strong = forces[i] > max(LEAST_FORCE, several * LEAST_FRACTION * float(forces.max()))
+        least = LEAST_FORCE * float(fit.strings.forces.min())
+        strong = forces[i] > max(least, several * LEAST_FRACTION * float(forces.max()))
         enough = climbed > LEAST_RISE and gain > SIGNIFICANCE and strong and moving
         # Of a string that is held until the last row no collapse was seen.
         collapses = pluck[1] < slow.time[-1] - slow.width
@@ -212,11 +226,12 @@ class _Search:
         every = pair_gains(fit, found, solved)
         time, rise, gain = every.time, every.rise, every.gain.copy()
         pairs: list[tuple[int, int]] = []
-        for contact in strings.contacts if len(found) < len(strings.contacts) else ():
+        missing = len(found) < len(strings.contacts)
+        for contact in strings.contacts if missing else ():
             row = int(np.searchsorted(rise, contact))
             if row < len(rise) and gain[row].max() > 0:
                 pairs.append((row, int(np.argmax(gain[row]))))
-        for _ in range(STARTS):
+        for _ in range(STARTS if missing else 1):
             first, last = np.unravel_index(int(np.argmax(gain)), gain.shape)
             if not gain[first, last] > 0:
                 break
@@ -226,12 +241,13 @@ class _Search:
             np.vstack([found, [time[first], (time[last - 1] + time[last]) / 2]])
             for first, last in dict.fromkeys(pairs)
         ]
-        if starts and 0 < len(found) < len(strings.contacts):
+        if starts and len(found) and missing:
             placed = starts[0].copy()
             where = np.interp(strings.contacts, fit.rise, slow.hops)
             placed[np.argsort(placed[:, 1]), 0] = where[: len(placed)]
             if (placed[:, 1] > placed[:, 0] + 2 * slow.width).all():
                 starts.append(placed)
+        if starts and len(found):
             # Two strings that are released one after the other may look like one.
             strongest = int(np.argmax(solved.forces))
             split = np.vstack([found, found[strongest]])
