@@ -90,6 +90,26 @@ def by_name(found):
     return {e.name: e for e in found.estimates}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("softer", [1, 3])
+def test_the_plectrums_friction_is_found_by_a_finger_that_yields_along_the_key(softer):
+    rig = with_values(load_rig(), {"plectrum.contact": "surface", "plectrum.friction": 0.1})
+    rig = rig.model_copy(update={"assumed": {}})
+    scene = load_scene("paper")
+    servo = {
+        "stiffness": tuple(value / softer for value in scene.servo.stiffness),
+        "damping": tuple(value / softer**0.5 for value in scene.servo.damping),
+    }
+    scene = scene.model_copy(update={"servo": scene.servo.model_copy(update=servo)})
+    seen = observe(rig, scene)
+    presses = [sensed(rig, scene, seen, seed)[0] for seed in (1, 2)]
+    names = ["plectrum.youngs_modulus", "plectrum.friction", "plectrum.overlap"]
+    found = by_name(identify(presses, list(map(find_phases, presses)), names, starts=1))
+    for name in names:
+        assert abs(found[name].value - value_of(rig, name)) < 2.6 * found[name].std, name
+    assert found["plectrum.friction"].std < 0.03
+
+
 def test_plectrum_inertia_and_friction_are_identified_from_two_noisy_presses(found, true):
     assert [e.name for e in found.estimates] == list(FREE)
     assert found.quality.fits

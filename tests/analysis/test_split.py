@@ -108,7 +108,10 @@ def test_every_press_is_found_with_its_rests(one, record, without):
 
 
 def test_presses_without_a_pause_are_divided_where_the_key_is_highest(one, record, tmp_path):
-    """As in a trill; each part has the pluck of its press, and the division is said."""
+    """As in a trill; each part has the pluck of its press, and the division is said.
+
+    The free phase is short, so that the contact is uncertain.
+    """
     cut = 0.024
     fast = np.stack(one)[:, round(cut * RATE) : -round(0.049 * RATE)]  # all of it is motion
     signals, starts = joined([fast] * 6, [0.2, 0.06, 0.3, 0.02, 0.01, 0.005, 0.2])
@@ -121,7 +124,8 @@ def test_presses_without_a_pause_are_divided_where_the_key_is_highest(one, recor
     for file, start in zip(sorted((tmp_path / "presses").iterdir()), starts, strict=True):
         (pluck,) = analyse_file(file).phases.plucks
         offset = _start(file) - start / RATE + cut
-        assert pluck.contact + offset == pytest.approx(CONTACT, abs=0.2e-3)
+        assert 0.05e-3 < pluck.contact_std < 0.3e-3
+        assert pluck.contact + offset == pytest.approx(CONTACT, abs=2 * pluck.contact_std)
         assert pluck.release + offset == pytest.approx(RELEASE, abs=0.05e-3)
 
 

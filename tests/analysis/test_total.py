@@ -14,7 +14,7 @@ from sautereau.analysis.results.fit import Fit
 from sautereau.analysis.text import in_rig_units
 
 STATED = {"inertia": 7e-4, "coulomb": 1e-3}  # What the rigs say of the fitted numbers
-BENCHES = range(300, 324)  # Of 200 that the issue asks for: each takes 6 s
+BENCHES = range(300, 336)  # Of 200 that the issue asks for: each takes 6 s
 SLOW_RETURN = 0.04  # m/s, so that the finger keeps the key, and the friction shows on its way back
 
 
@@ -78,7 +78,7 @@ def test_all_columns_are_in_text_json_and_table():
 
 @pytest.mark.slow
 def test_total_intervals_hold_on_benches_with_drawn_fixed_numbers():
-    """24 benches: 0.9 and not 0.95 is required, of which 24 would miss 3 one time in ten."""
+    """36 benches, of which 28 fit: 0.9 and not 0.95 is required, as 28 miss 3 one time in six."""
     held, far = {name: [] for name in FREE}, []
     for number in BENCHES:
         made, values = bench(number)
