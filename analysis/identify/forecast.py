@@ -42,7 +42,7 @@ from sautereau.analysis.identify.parameters import (
 from sautereau.analysis.identify.problem import Problem
 from sautereau.analysis.loading.press import UNITS, Press, columns_of
 from sautereau.analysis.model.choirs import choirs, key_of
-from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.model.key import finger_force, moving_inertia
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
 from sautereau.rig.progress import tracked
@@ -96,21 +96,19 @@ def planned_press(
     angle = key_motion(key, law.at(np.clip(time, 0.0, law.duration)))
     every, made = choirs(truth), None if muted else predict(truth)
     arms = np.array([choir.jack_arm for choir in every])
-    inertia = key.inertia + sum(choir.jack.mass * choir.jack_arm**2 for choir in every)
     pushing, force = np.zeros((len(every), len(time))), np.zeros(len(time))
     bent, extra = np.zeros((3, len(time))), np.zeros(len(time))
     for _ in range(ITERATIONS if modes else 1):
+        # The same rise of the first jack has the same force.
+        rise = rise_of_angle(key, angle.position) + key.jack_arm * extra
         for k, (push, choir) in enumerate(zip(pushing, every, strict=True)):
-            lever = key_of(truth, choir)
-            # The same rise of the first jack has the same force.
-            rise = rise_of_angle(key, angle.position) + key.jack_arm * extra
             push[:] = 0.0
             if made is not None:
                 own = made.choirs[k].string_force
                 release = made.rise[np.flatnonzero(own > 0)[-1]]
                 push += np.interp(rise, made.rise, own) * (np.maximum.accumulate(rise) <= release)
             if (damper := choir.jack.damper) is not None:
-                height = rise_of_angle(lever, angle.position)
+                height = rise_of_angle(key_of(truth, choir), angle.position)
                 push -= damper.stiffness * np.maximum(damper.lift - height, 0.0)
         force = finger_force(truth, angle, pushing)
         bent, extra = np.zeros((3, len(time))), np.zeros(len(time))
@@ -119,7 +117,7 @@ def planned_press(
             by_finger, by_strings = (
                 oscillation(moment, m.frequency, m.damping, 1 / rate) for moment in moments
             )
-            stiffness = inertia * (2 * np.pi * m.frequency) ** 2
+            stiffness = moving_inertia(truth) * (2 * np.pi * m.frequency) ** 2
             own = (by_finger - m.jack_by_finger * by_strings) * (m.weight / stiffness)
             bent, extra = bent + own, extra + m.jack_by_laser * own[0]
     random = np.random.default_rng(0)
@@ -176,10 +174,7 @@ def forecast(
         truth = with_parameters(rig, dict(zip(drawn_of.names, values.tolist(), strict=True)))
         try:
             made = [_informed(rig, truth, names, kind, priors, noise, level) for kind in kinds]
-        except (
-            AnalysisError,
-            ModelError,
-        ) as error:  # the model has no solution, or the press is of no use
+        except (AnalysisError, ModelError) as error:  # of no use, or without a solution
             failures.append(str(error))
             continue
         yield made[0][0], [data for _, data in made]

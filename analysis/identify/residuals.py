@@ -26,7 +26,7 @@ from sautereau.analysis.identify.parameter_names import (
 )
 from sautereau.analysis.identify.parameters import Parameter, with_parameters
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
-from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.model.key import finger_force, moving_inertia
 from sautereau.rig.instrument import Choir, Key
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle
@@ -160,8 +160,7 @@ class InverseDynamics:
 
 def _inertia_over_arm(rig: Rig) -> float:
     """Return the inertia [kg m] of key and jacks, divided by the finger's lever arm."""
-    jacks = sum(choir.jack.mass * choir.jack_arm**2 for choir in choirs(rig))
-    return (rig.key.inertia + jacks) / rig.key.press_arm
+    return moving_inertia(rig) / rig.key.press_arm
 
 
 @dataclass(frozen=True)
@@ -256,7 +255,7 @@ def _state(
     lasts = np.zeros(len(strings), int)
     lasts[press.strings] = np.searchsorted(press.substep_time, releases)
     arms = np.array([choir.jack_arm for choir in choirs(rig)])
-    inertia, gain = _inertia_over_arm(rig) * key.press_arm, values.get(FORCE_GAIN, 1.0)
+    inertia, gain = moving_inertia(rig), values.get(FORCE_GAIN, 1.0)
     bending = Bending(modes, press, lag, gain, key.press_arm, inertia)
     bent, rise = np.zeros((3, len(angle))), np.zeros(len(angle))
     before = pushing = np.zeros((len(strings), len(angle)))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.drift import departure
 from sautereau.analysis.loading.press import UNITS, Press, Signal, columns_of
-from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.model.key import moving_inertia
 from sautereau.analysis.phases.low_pass import LowPass, slow_low_pass
 from sautereau.daq.signals.calibration import white_noise
 from sautereau.rig.schema import Rig
@@ -109,8 +109,7 @@ def signals_of(press: Press) -> Signals:
         good = ~no_velocity
         velocity = np.interp(time, time[good], velocity[good])
         _, _, _, deflection, rise, speed = columns_of(key, velocity, force, rate)
-    inertia = key.inertia + sum(c.jack.mass * c.jack_arm**2 for c in choirs(press.rig))
-    inertial = inertia / key.laser_arm / key.press_arm
+    inertial = moving_inertia(press.rig) / key.laser_arm / key.press_arm
     force_noise = max(force_noise, FORCE_FLOOR)
     velocity_noise = max(velocity_noise, VELOCITY_FLOOR)
     if press.missing == "velocity":

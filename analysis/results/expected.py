@@ -168,12 +168,12 @@ class Expected(Result):
 def expected(
     rig: Rig,
     names: Sequence[str],
-    priors: Sequence[str] = (),
+    priors: Sequence[str],
     *,
-    presses: int = 3,
-    speeds: Sequence[str] = (),
-    force_noise: str = "5 mN",
-    velocity_noise: str = "0.05 mm/s",
+    presses: int,
+    speeds: Sequence[str],
+    force_noise: str,
+    velocity_noise: str,
 ) -> Expected:
     """Return the uncertainties that presses of a rig's plan would reach; see `Plan.expected`."""
     names = list(map(canonical, names))

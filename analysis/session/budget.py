@@ -7,7 +7,7 @@ import numpy as np
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.batch import VARIABLES
-from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.model.key import moving_inertia
 from sautereau.analysis.phases import Phases
 from sautereau.rig.ranges import Deviation, deviations, drawn
 from sautereau.rig.schema import Rig
@@ -137,9 +137,8 @@ def bending_of(rig: Rig, phases: Sequence[Phases]) -> float:
         for pluck, speed, fit in held
         if fit and speed
     ]
-    key = rig.key
-    inertia = key.inertia + sum(c.jack.mass * c.jack_arm**2 for c in choirs(rig))
-    return BENT * key.jack_arm * key.press_arm / inertia * max(0.0, float(np.mean(parts or [0.0])))
+    key, bent = rig.key, float(np.mean(parts or [0.0]))
+    return BENT * key.jack_arm * key.press_arm / moving_inertia(rig) * max(0.0, bent)
 
 
 def _named(names: list[str], values: Floats) -> dict[str, float]:

@@ -52,7 +52,6 @@ def plan(
     velocity_noise
         The same of the velocity.
     """
-    from sautereau.analysis.results.rig import Rig
     from sautereau.rig.disk import write_durably
     from sautereau.trajectory.segments import segments_document
 
@@ -64,17 +63,13 @@ def plan(
             )
         names = [name.strip() for name in identify.split(",") if name.strip()]
         with output.progress("predicting"):
-            expected = (
-                Rig(rig)
-                .plan()
-                .expected(
-                    names,
-                    prior or (),
-                    presses=presses,
-                    speeds=speed or (),
-                    force_noise=force_noise,
-                    velocity_noise=velocity_noise,
-                )
+            expected = _made(rig, None).expected(
+                names,
+                prior or (),
+                presses=presses,
+                speeds=speed or (),
+                force_noise=force_noise,
+                velocity_noise=velocity_noise,
             )
         if plot:
             save_plot(plot, expected.plot())

@@ -297,6 +297,6 @@ class Equilibria:
 @lru_cache(maxsize=8)
 def between(points: int, some: tuple[int, ...]) -> Floats:
     """Return the matrix from values at some of evenly spaced points to those at all of them."""
-    at = np.array(some) / (points - 1)
-    to_powers = np.linalg.inv(np.vander(at, increasing=True))
-    return (np.vander(np.linspace(0.0, 1.0, points), len(some), increasing=True) @ to_powers).T
+    from scipy.interpolate import barycentric_interpolate
+
+    return barycentric_interpolate(np.array(some), np.eye(len(some)), np.arange(points)).T
