@@ -7,13 +7,15 @@ if it reduces the sum of squares.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.trajectory.motion import Floats
 
-Found = TypeVar("Found")
+Evaluated = tuple[NDArray[Any], ...]
+"""Residuals of states, shape (m, n), and what else their slopes need, arrays of shape (m, ...)."""
 STEPS = 12  # Largest number of steps
 TRIALS = 4  # Largest number of dampings that are tried for a step
 STIFFER = 5.0  # Factor between these dampings
@@ -23,65 +25,76 @@ RIDGE = 1e-12  # Added to the normal equations
 
 
 @dataclass(frozen=True)
-class Minimum(Generic[Found]):
-    """The end of a search."""
+class Minima:
+    """The ends of several searches."""
 
-    state: Floats
-    """Shape (k,)."""
-    residuals: Floats
-    """Residuals, shape (n,)."""
-    found: Found
-    """What else `evaluate` returned."""
+    states: Floats
+    """Shape (m, k)."""
+    found: Evaluated
+    """What `evaluate` returned for each."""
+    chi2: Floats
+    """Sums of squared residuals, shape (m,)."""
     normal: Floats
-    """Normal equations before the last step, shape (k, k)."""
-
-    @property
-    def chi2(self) -> float:
-        """Sum of squared residuals."""
-        return float(self.residuals @ self.residuals)
+    """Normal equations before the last step of each, shape (m, k, k)."""
 
 
 def minimise(
-    state: Floats,
-    evaluate: Callable[[Floats], tuple[Floats, Found]],
-    slopes: Callable[[Floats, Found], Floats],
-    permitted: Callable[[Floats, Found], bool],
+    states: Floats,
+    evaluate: Callable[[Floats], Evaluated],
+    slopes: Callable[[Floats, Evaluated], Floats],
+    permitted: Callable[[Floats, Evaluated], NDArray[np.bool_]],
     bounded: Callable[[Floats], Floats],
     longest: Floats | float,
     converged: float,
-) -> Minimum[Found]:
-    """Return a state with smaller residuals.
+) -> Minima:
+    """Return states with smaller residuals, of searches that do not depend on each other.
+
+    They advance together, since the arrays of one are so small that most time would be spent
+    between the operations.
 
     Args:
-        state: The start, shape (k,).
-        evaluate: Returns residuals, shape (n,), and what `slopes` needs.
-        slopes: Returns the derivatives of the residuals, shape (n, k).
-        permitted: Returns whether a state may be the result.
-        bounded: Returns the nearest state within bounds.
-        longest: Largest change of the state by one step, in its unit; shape (k,) or a number.
-        converged: Dimensionless, relative decrease of the sum of squares at which it ends.
+        states: The starts, shape (m, k).
+        evaluate: Evaluates as many states as it is given.
+        slopes: Returns the derivatives of the residuals, shape (m, n, k).
+        permitted: Returns which states may be a result, shape (m,).
+        bounded: Returns the nearest states within bounds.
+        longest: Largest change of a state by one step, in its unit; shape (k,) or a number.
+        converged: Dimensionless, relative decrease of the sum of squares at which a search ends.
     """
-    left, found = evaluate(state)
-    normal = diagonal = np.eye(len(state))
-    total, stiff = float(left @ left), FIRST_STIFFNESS
+    states = states.copy()
+    found = evaluate(states)
+    m, k = states.shape
+    total, stiff = (found[0] ** 2).sum(1), np.full(m, FIRST_STIFFNESS)
+    diagonal = np.eye(k)
+    normal, active = np.tile(diagonal, (m, 1, 1)), np.arange(m)
     for _ in range(STEPS):
-        jacobian = slopes(state, found)
-        normal, right = jacobian.T @ jacobian, jacobian.T @ left
-        before = total
+        at = tuple(each[active] for each in found)
+        jacobian = slopes(states[active], at)
+        normal[active] = jacobian.swapaxes(1, 2) @ jacobian
+        right = np.zeros((m, k))
+        right[active] = (at[0][:, None] @ jacobian)[:, 0]
+        before, trying = total.copy(), active
         for _ in range(TRIALS):
-            damped = normal + (stiff * normal + RIDGE) * diagonal
-            step = np.linalg.solve(damped, right)
-            step = np.minimum(np.maximum(step, -longest), longest)
-            trial = bounded(state - step)
-            tried, made = evaluate(trial)
-            if (chi2 := float(tried @ tried)) < total and permitted(trial, made):
-                state, left, found, total = trial, tried, made, chi2
-                stiff = max(stiff / STIFFER, LEAST_STIFFNESS)
+            of = normal[trying]
+            damped = of + (stiff[trying, None, None] * of + RIDGE) * diagonal
+            step = np.linalg.solve(damped, right[trying][..., None])[..., 0]
+            trials = bounded(states[trying] - np.clip(step, -longest, longest))
+            made = evaluate(trials)
+            chi2 = (made[0] ** 2).sum(1)
+            good = (chi2 < total[trying]) & permitted(trials, made)
+            better = trying[good]
+            states[better], total[better] = trials[good], chi2[good]
+            for kept, each in zip(found, made, strict=True):
+                kept[better] = each[good]
+            stiff[better] = np.maximum(stiff[better] / STIFFER, LEAST_STIFFNESS)
+            trying = trying[~good]
+            stiff[trying] *= STIFFER
+            if not len(trying):
                 break
-            stiff *= STIFFER
-        if before - total <= converged * before:
+        active = active[before[active] - total[active] > converged * before[active]]
+        if not len(active):
             break
-    return Minimum(state, left, found, normal)
+    return Minima(states, found, total, normal)
 
 
 def orthonormal(columns: Floats) -> tuple[Floats, Floats]:

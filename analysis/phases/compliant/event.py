@@ -1,7 +1,8 @@
 """The release of a string on a compliant key: a sudden event in force and velocity."""
 
 import math
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -55,8 +56,9 @@ def refine_event(
     """Return the instant of a release, fitted to the samples around it.
 
     Where modes do not explain them, and no other string rings, fewer samples after the release are
-    fitted if they are explained much better. The instant is the mean of fits with each of the
-    `DEGREES`, whose spread is part of its uncertainty.
+    fitted if they are explained much better. The search has the first of the `DEGREES`, and its
+    fits are refined with each other one. The instant is the mean over the degrees; their spread is
+    part of its uncertainty.
 
     Args:
         near: s after the trigger, approximate instant.
@@ -66,96 +68,98 @@ def refine_event(
         until: s after the trigger, after which nothing is used.
         others: s after the trigger, approximate instants of other releases.
     """
-    begin = max(after, near - BEFORE)
+    begin, samples = max(after, near - BEFORE), max(1, round(ROW * signals.rate))
     window, short = ((begin, min(until, near + side)) for side in (AFTER, SHORT))
+
+    def fit_of(window: tuple[float, float], degree: int) -> EventFit | None:
+        begin, end = window
+        stretch = max(0, signals.sample(begin)), min(len(signals.time), signals.sample(end))
+        if (stretch[1] - stretch[0]) // samples < LEAST_ROWS:
+            return None
+        events = np.array([near, *(t for t in others if begin < t < end)])
+        return EventFit(signals, stretch, samples, events, np.full(len(events), std), degree)
+
     lowest, *higher = DEGREES
-    found, excess = _fitted(signals, near, std, force, window, others, lowest)
-    if excess >= EXCESS and not others:
-        sooner, left = _fitted(signals, near, std, force, short, (), lowest)
-        if EXCESS_FACTOR * left < excess:
-            found, window = sooner, short
-    each = [found]
-    each += [_fitted(signals, near, std, force, window, others, degree)[0] for degree in higher]
-    times = np.array([fitted.time for fitted in each])
-    stds = np.array([fitted.std for fitted in each])
-    std = math.hypot(float(stds.mean()), float(times.std()))
-    return replace(found, time=float(times.mean()), std=std)
-
-
-def _fitted(
-    signals: Signals,
-    near: float,
-    std: float,
-    force: float,
-    window: tuple[float, float],
-    others: Sequence[float],
-    degree: int,
-) -> tuple[Release, float]:
-    """Return the release fitted to a window [s], and the `excess`.
-
-    Chi2 has several minima, so searches start from several instants. Each search adds one mode
-    after the other: it selects the mode of a table that reduces the residuals most, and then
-    refines all modes. Those that the mode makes best are continued. The instants of all fits are
-    averaged with the weights of the Bayesian information criterion.
-    """
-    samples = max(1, round(ROW * signals.rate))
-    begin, end = window
-    stretch = max(0, signals.sample(begin)), min(len(signals.time), signals.sample(end))
-    if (stretch[1] - stretch[0]) // samples < LEAST_ROWS:
-        return Release(near, std, force, FALL_STD * force, 0.0, 0.0, math.inf), math.inf
-    events = np.array([near, *(t for t in others if begin < t < end)])
-    fit = EventFit(signals, stretch, samples, events, np.full(len(events), std), degree)
-    tried = np.tile(events - near, (TRIED, 1))
-    tried[:, 0] = np.linspace(-REACH, REACH, TRIED) * std
-
-    def penalty(fitted: Fitted) -> float:
-        return fitted.parameters * math.log(fit.load.size)
-
-    def score(fitted: Fitted) -> float:
-        return fit.chi2(fitted) + penalty(fitted)
-
-    chains: list[Fitted] = []
-    for orders in BEGINS:
-        chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
-        best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(TRIED), STARTS)]
-        chains += _distinct([fit.refine(tried[i], poles[i : i + 1], orders) for i in best])
-    fits = [*chains]
-    for _ in range(MOST_MODES - 1):
-        fit.weigh(min(chains, key=fit.chi2))
-        further = [(f, *fit.scan(f.instants[None], f.poles, f.orders)) for f in chains]
-        further.sort(key=lambda each: each[1][0] + penalty(each[0]))
-        chains = _distinct(
-            [
-                fit.refine(f.instants, np.append(f.poles, pole), f.orders)
-                for f, _, pole in further[:STARTS]
-            ]
-        )
-        fits += chains
-    fit.weigh(min(chains, key=fit.chi2))
-
-    least = min(map(score, fits)) + UNLIKELY
-    fits = [
-        fit.refine(f.instants, f.poles, f.orders)
-        for f in sorted(fits, key=score)
-        if score(f) < least
-    ]
-    scores = np.array([score(f) for f in fits])
-    chance = np.exp((scores.min() - scores) / 2)
-    chance /= chance.sum()
-    times = np.array([f.instants[0] for f in fits])
-    mean = float(times @ chance)
-    spread = np.minimum([f.variance for f in fits], LARGEST_VARIANCE)
-    variance = float(chance @ ((times - mean) ** 2 + spread))
-    found = Release(
-        time=near + mean,
-        std=math.hypot(LARGER * math.sqrt(variance), signals.instant_std),
+    fit = fit_of(window, lowest)
+    if fit is None:
+        return Release(near, std, force, FALL_STD * force, 0.0, 0.0, math.inf)
+    fits = _search(fit, std)
+    if fit.excess >= EXCESS and not others and (sooner := fit_of(short, lowest)):
+        found = _search(sooner, std)
+        if EXCESS_FACTOR * sooner.excess < fit.excess:
+            fit, fits, window = sooner, found, short
+    each = [_mean(fit, fits)]
+    for again in filter(None, (fit_of(window, degree) for degree in higher)):
+        again.weigh_as(fit)
+        refined = _refined(again, fits)
+        again.weigh(min(refined, key=again.chi2))
+        each.append(_mean(again, refined))
+    times, variances = np.array(each).T
+    stds = np.hypot(LARGER * np.sqrt(variances), signals.instant_std)
+    return Release(
+        time=near + float(times.mean()),
+        std=math.hypot(float(stds.mean()), float(times.std())),
         fall=force,
         fall_std=FALL_STD * force,
         slowed=0.0,
         gain=0.0,
         noise=fit.noise,
     )
-    return found, fit.excess
+
+
+def _search(fit: EventFit, std: float) -> list[Fitted]:
+    """Return the fits of a search, after which the noise is that of the best of them.
+
+    Chi2 has several minima, so searches start from several instants. Each search adds one mode
+    after the other: it selects the mode of a table that reduces the residuals most, and then
+    refines all modes. Those that the mode makes best are continued.
+    """
+    tried = np.tile(fit.expected, (TRIED, 1))
+    tried[:, 0] = np.linspace(-REACH, REACH, TRIED) * std
+    chains: list[Fitted] = []
+    for orders in BEGINS:
+        chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
+        best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(TRIED), STARTS)]
+        chains += _distinct(fit.refine([(tried[i], poles[i : i + 1]) for i in best], orders))
+    fits = [*chains]
+    for _ in range(MOST_MODES - 1):
+        fit.weigh(min(chains, key=fit.chi2))
+        further = [(f, *fit.scan(f.instants[None], f.poles, f.orders)) for f in chains]
+        further.sort(key=lambda each: each[1][0] + fit.penalty(each[0]))
+        chains = _distinct(
+            _refined(fit, [replace(f, poles=np.append(f.poles, p)) for f, _, p in further[:STARTS]])
+        )
+        fits += chains
+    fit.weigh(min(chains, key=fit.chi2))
+    return fits
+
+
+def _refined(fit: EventFit, fits: Iterable[Fitted]) -> list[Fitted]:
+    """Return fits refined from the instants and poles of others, those of one kind together."""
+    found: list[Fitted] = []
+    kinds = defaultdict(list)
+    for fitted in fits:
+        kinds[fitted.orders, len(fitted.poles)].append((fitted.instants, fitted.poles))
+    for (orders, _), starts in kinds.items():
+        found += fit.refine(starts, orders)
+    return found
+
+
+def _mean(fit: EventFit, fits: list[Fitted]) -> tuple[float, float]:
+    """Return the mean instant of the plausible fits, refined with the present noise, in s.
+
+    Returns:
+        The mean, weighted by the Bayesian information criterion, and its variance.
+    """
+    least = min(map(fit.score, fits)) + UNLIKELY
+    fits = _refined(fit, (f for f in sorted(fits, key=fit.score) if fit.score(f) < least))
+    scores = np.array([fit.score(f) for f in fits])
+    chance = np.exp((scores.min() - scores) / 2)
+    chance /= chance.sum()
+    times = np.array([f.instants[0] for f in fits])
+    mean = float(times @ chance)
+    spread = np.minimum([f.variance for f in fits], LARGEST_VARIANCE)
+    return mean, float(chance @ ((times - mean) ** 2 + spread))
 
 
 def resolved(signals: Signals, near: float) -> bool:

@@ -6,6 +6,7 @@ all other parameters; these are eliminated, and instants and poles are refined (
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -63,18 +64,6 @@ class Fitted:
     """Number of parameters."""
 
 
-@dataclass(frozen=True)
-class _Solved:
-    """Fits with given instants and poles, of both signals."""
-
-    residuals: Floats
-    """Residuals with those of the priors, in units of the noise; shape (..., 2, n + columns)."""
-    factors: Floats
-    """Of the columns, shape (..., 2, columns)."""
-    base: Floats
-    """Orthonormal base of the columns, shape (..., 2, n + columns, columns)."""
-
-
 class EventFit:
     """Fits of events to the signals around the first of them.
 
@@ -100,7 +89,7 @@ class EventFit:
         def means(signal: Floats) -> Floats:
             return signal[first : first + n * samples].reshape(n, samples) @ weights
 
-        self._expected, self._stds = near - near[0], stds
+        self.expected, self._stds = near - near[0], stds
         at = means(signals.time) - near[0]
         self._response = Response(at, samples / signals.rate, degree, signals.low_passes)
         starts = [0]
@@ -135,6 +124,18 @@ class EventFit:
     def chi2(self, fitted: Fitted) -> float:
         """Return the sum of squared residuals and deviations of a fit, in units of the noise."""
         return float(((fitted.residuals * self._good / self._noise) ** 2).sum()) + fitted.deviations
+
+    def score(self, fitted: Fitted) -> float:
+        """Return the Bayesian information criterion of a fit."""
+        return self.chi2(fitted) + self.penalty(fitted)
+
+    def penalty(self, fitted: Fitted) -> float:
+        """Return what the criterion adds to chi2 for the number of parameters."""
+        return fitted.parameters * math.log(self.load.size)
+
+    def weigh_as(self, other: "EventFit") -> None:
+        """Set the noise to that of another fit to the same samples."""
+        self._set_noise(other._noise)
 
     def weigh(self, fitted: Fitted) -> None:
         """Set the noise to the residuals of a fit, and their sums if those are larger."""
@@ -178,74 +179,98 @@ class EventFit:
         Returns:
             Both of shape (k,).
         """
-        n = self.load.shape[1]
-        solved = self._solved(instants, poles, orders)
-        base = solved.base[..., :n, :]
-        white = self._weight[..., None] * self._columns(instants, self._table, orders)
-        white = white.reshape(*white.shape[:3], instants.shape[1], -1)[..., 0, curves(orders) :]
-        white = white - base @ (base.swapaxes(-1, -2) @ white)
-        a, b = np.split(white, 2, axis=-1)
-        left = solved.residuals[..., :n, None]
-        of_a, of_b = (left * a).sum(-2), (left * b).sum(-2)
-        aa, bb, ab = ((x * y).sum(-2) + RIDGE for x, y in ((a, a), (b, b), (a, b)))
+        n, curve = self.load.shape[1], curves(orders)
+        many = np.tile(poles, (len(instants), 1))
+        residuals, _, base = self._solved(instants, many, orders)
+        # A mode's rows of priors are 0, and residuals are orthogonal to the base: products with
+        # what the base leaves of a mode need no more than the mode itself and its part in the base.
+        modes = self._columns(instants[:, :1], self._table, orders)[..., curve:]
+        modes = self._weight[..., None] * modes
+        a, b = np.split(modes, 2, axis=-1)
+        of_a, of_b = np.split((residuals[..., None, :n] @ modes)[..., 0, :], 2, axis=-1)
+        known = base[..., :n, :].swapaxes(-1, -2) @ modes
+        in_a, in_b = np.split(known, 2, axis=-1)
+        aa, bb, ab = (
+            np.einsum("...nm,...nm->...m", *both) - np.einsum("...nm,...nm->...m", *of) + RIDGE
+            for both, of in (((a, a), (in_a, in_a)), ((b, b), (in_b, in_b)), ((a, b), (in_a, in_b)))
+        )
         gain = (bb * of_a**2 - 2 * ab * of_a * of_b + aa * of_b**2) / np.maximum(
             aa * bb - ab**2, 1e-6 * aa * bb
         )
         gain = gain.sum(1)
-        far = ((instants - self._expected) / self._stds) ** 2
-        chi2 = (solved.residuals**2).sum((1, 2)) + far.sum(1) - gain.max(1)
+        far = ((instants - self.expected) / self._stds) ** 2
+        chi2 = (residuals**2).sum((1, 2)) + far.sum(1) - gain.max(1)
         return chi2, self._table[np.argmax(gain, 1)]
 
-    def refine(self, instants: Floats, poles: Poles, orders: Orders) -> Fitted:
-        """Return the best fit near instants [s] and poles [1/s], with the orders of `scan`."""
-        events, modes, turn = len(instants), len(poles), np.abs(poles)
-        state = np.concatenate([instants, np.log(turn), np.log(-poles.real / turn)])
+    def refine(self, starts: Sequence[tuple[Floats, Poles]], orders: Orders) -> list[Fitted]:
+        """Return the best fits near instants [s] and poles [1/s], with the orders of `scan`.
+
+        Args:
+            starts: All with the same number of poles.
+        """
+        events, modes = len(starts[0][0]), len(starts[0][1])
+        instants = np.array([start[0] for start in starts])
+        poles: Poles = np.array([start[1] for start in starts])
+        turn = np.abs(poles)
+        states = np.concatenate([instants, np.log(turn), np.log(-poles.real / turn)], 1)
         highest = 2 * math.pi * HIGHEST_REFINED / self._response.step
         low = np.repeat(np.log([2 * math.pi * LOWEST, LEAST_DAMPING]), modes)
         high = np.repeat(np.log([highest, LARGEST_DAMPING]), modes)
 
-        def evaluate(state: Floats) -> tuple[Floats, _Solved]:
-            instants, poles = self._split(state)
-            solved = self._solved(instants, poles, orders)
-            far = (instants - self._expected) / self._stds
-            return np.concatenate([solved.residuals.ravel(), far]), solved
+        def evaluate(states: Floats) -> tuple[Floats, ...]:
+            instants, poles = self._split(states)
+            left, factors, base = self._solved(instants, poles, orders)
+            far = (instants - self.expected) / self._stds
+            return np.concatenate([left.reshape(len(left), -1), far], 1), left, factors, base
 
-        def bounded(state: Floats) -> Floats:
-            return np.append(state[:events], np.clip(state[events:], low, high))
+        def bounded(states: Floats) -> Floats:
+            return np.concatenate([states[:, :events], np.clip(states[:, events:], low, high)], 1)
 
         longest = np.repeat(LONGEST, [events, modes, modes])
-        slopes = partial(self._slopes, orders)
-        found = minimise(state, evaluate, slopes, lambda *_: True, bounded, longest, CONVERGED)
-        normal = found.normal
-        inverse = np.linalg.inv(normal + np.diag(RIDGE * np.diag(normal) + RIDGE))
-        left = found.found.residuals[:, : self.load.shape[1]]
-        return Fitted(
-            *self._split(found.state),
-            orders,
-            left * self._noise,
-            found.chi2 - float((left**2).sum()),
-            float(inverse[0, 0]),
-            len(state) + found.found.factors.size,
-        )
+        slopes, always = partial(self._slopes, orders), np.ones(1, dtype=bool)
+        found = minimise(states, evaluate, slopes, lambda *_: always, bounded, longest, CONVERGED)
+        _, residuals, factors, _ = found.found
+        diagonal = np.diagonal(found.normal, axis1=1, axis2=2) * RIDGE + RIDGE
+        inverse = np.linalg.inv(found.normal + diagonal[:, None] * np.eye(len(low) + events))
+        left = residuals[:, :, : self.load.shape[1]]
+        deviations = found.chi2 - (left**2).sum((1, 2))
+        parameters = states.shape[1] + factors[0].size
+        return [
+            Fitted(*self._split(state), orders, rows * self._noise, far, variance, parameters)
+            for state, rows, far, variance in zip(
+                found.states, left, deviations.tolist(), inverse[:, 0, 0].tolist(), strict=True
+            )
+        ]
 
     def _split(self, state: Floats) -> tuple[Floats, Poles]:
-        """Return the instants and poles of a state; it has logarithms of frequency and damping."""
-        events = len(self._expected)
-        turn, damping = np.exp(state[events:]).reshape(2, -1)
-        return state[:events], turn * (-damping + 1j * np.sqrt(1 - damping**2))
+        """Return the instants and poles of states, shape (..., k); it has logarithms of these."""
+        events = len(self.expected)
+        turn, damping = np.moveaxis(
+            np.exp(state[..., events:]).reshape(*state.shape[:-1], 2, -1), -2, 0
+        )
+        return state[..., :events], turn * (-damping + 1j * np.sqrt(1 - damping**2))
 
     def _columns(self, instants: Floats, poles: Poles, orders: Orders) -> Floats:
         """Return the columns of all events, shape (..., orders, n, events (curves + 2 modes))."""
         event = np.moveaxis(self._response.event(instants, poles, orders), -4, -2)
         return event.reshape(*event.shape[:-2], -1)
 
-    def _solved(self, instants: Floats, poles: Poles, orders: Orders) -> _Solved:
-        """Return the fits with instants [s], shape (..., events), and poles [1/s]."""
+    def _solved(
+        self, instants: Floats, poles: Poles, orders: Orders
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return the fits with instants [s], shape (m, events), and poles [1/s], (m, modes).
+
+        Returns:
+            Residuals with those of the priors, in units of the noise, shape (m, 2, n + columns);
+            the factors of the columns, (m, 2, columns); the columns' orthonormal base, (m, 2, n +
+            columns, columns).
+        """
         event, before = self._columns(instants, poles, orders), self._response.before(poles)
-        sizes = instants.shape[-1], len(poles), curves(orders), self._response.degree
-        n, known, rows = *before.shape, _prior(*sizes)
-        columns = np.empty((*event.shape[:-3], len(self.load), n + len(rows), len(rows)))
-        columns[..., :n, :known] = before
+        sizes = instants.shape[-1], poles.shape[-1], curves(orders), self._response.degree
+        n, known = before.shape[-2:]
+        rows = _prior(*sizes)
+        columns = np.empty((len(instants), len(self.load), n + len(rows), len(rows)))
+        columns[..., :n, :known] = before[..., None, :, :]
         columns[..., :n, known:] = event
         columns[..., :n, :] *= self._weight[..., None]
         columns[..., n:, :] = rows
@@ -254,31 +279,35 @@ class EventFit:
         base, inverse = orthonormal(columns)
         of = base.swapaxes(-1, -2) @ target[..., None]
         left = target - (base @ of)[..., 0]
-        return _Solved(left, (inverse @ of)[..., 0], base)
+        return left, (inverse @ of)[..., 0], base
 
-    def _slopes(self, orders: Orders, state: Floats, solved: _Solved) -> Floats:
-        """Return the derivatives of the residuals by the state (Kaufman's approximation)."""
-        instants, poles = self._split(state)
-        events, m, curve = len(instants), len(poles), curves(orders)
+    def _slopes(self, orders: Orders, states: Floats, solved: tuple[Floats, ...]) -> Floats:
+        """Return the derivatives of the residuals by the states (Kaufman's approximation)."""
+        _, residuals, factors, base = solved
+        instants, poles = self._split(states)
+        events, m, curve = instants.shape[1], poles.shape[1], curves(orders)
         by_instant, by_pole, early = self._response.slopes(instants, poles, orders)
         ringing = self._response.degree + 1
-        before, event = np.split(solved.factors[:, ringing:], [2 * m], axis=1)
-        event = event.reshape(2, events, -1)
-        of_instants = (by_instant @ event.swapaxes(0, 1)[..., None])[..., 0].transpose(1, 2, 0)
+        before, event = np.split(factors[..., ringing:], [2 * m], axis=-1)
+        event = event.reshape(len(states), 2, events, -1).swapaxes(1, 2)
+        of_instants = np.moveaxis((by_instant @ event[..., None])[..., 0], 1, -1)
         modes = event[..., curve : curve + m] - 1j * event[..., curve + m :]
-        change = (by_pole * modes.swapaxes(0, 1)[:, :, None]).sum(0)
-        change = change + early * (before[:, None, :m] - 1j * before[:, None, m:])
+        change = (by_pole * modes[..., None, :]).sum(1)
+        rung = before[..., :m] - 1j * before[..., m:]
+        change = change + early[:, None] * rung[:, :, None]
+        poles = poles[:, None, None]
         turn = np.abs(poles)
         damping = -poles.real / turn
         by_damping = -turn * damping * (1 + 1j * damping / np.sqrt(1 - damping**2))
         columns = np.concatenate(
             [of_instants, (change * poles).real, (change * by_damping).real], -1
         )
-        white = np.zeros((*solved.residuals.shape, len(state)))
-        white[:, : self.load.shape[1]] = self._weight[..., None] * columns
-        white = solved.base @ (solved.base.swapaxes(-1, -2) @ white) - white
-        far = np.eye(events, len(state)) / self._stds[:, None]
-        return np.concatenate([white.reshape(-1, len(state)), far])
+        white = np.zeros((*residuals.shape, states.shape[1]))
+        white[:, :, : self.load.shape[1]] = self._weight[..., None] * columns
+        white = base @ (base.swapaxes(-1, -2) @ white) - white
+        far = np.eye(events, states.shape[1]) / self._stds[:, None]
+        far = np.broadcast_to(far, (len(states), *far.shape))
+        return np.concatenate([white.reshape(len(states), -1, states.shape[1]), far], 1)
 
 
 @lru_cache

@@ -72,9 +72,17 @@ class Response:
         return np.where(later, np.exp(self._ends[:, None] * poles) * start, 1.0)
 
     def before(self, poles: Poles) -> Floats:
-        """Return a polynomial, and ringing from before; shape (n, degree + 1 + 2 modes)."""
-        waves = np.exp((self.time - self.time[0])[:, None] * poles)
-        return np.concatenate([self._polynomial, waves.real, waves.imag], 1)
+        """Return a polynomial, and ringing from before.
+
+        Args:
+            poles: 1/s, shape (..., modes).
+
+        Returns:
+            Shape (..., n, degree + 1 + 2 modes).
+        """
+        waves = np.exp((self.time - self.time[0])[:, None] * poles[..., None, :])
+        known = np.broadcast_to(self._polynomial, (*waves.shape[:-1], self.degree + 1))
+        return np.concatenate([known, waves.real, waves.imag], -1)
 
     def event(self, instants: Floats, poles: Poles, orders: Orders) -> Floats:
         """Return the curves and the modes from each instant on, which grow as a power of time.
@@ -83,13 +91,13 @@ class Response:
         holds the real, another the imaginary part.
 
         Args:
-            instants: s, any shape.
-            poles: 1/s, shape (modes,).
+            instants: s, shape (..., events).
+            poles: 1/s, shape (..., modes) or (modes,).
 
         Returns:
-            Shape (..., orders, n, curves + 2 modes), curves as of `curves`.
+            Shape (..., events, orders, n, curves + 2 modes), curves as of `curves`.
         """
-        t = self._since(instants)[..., None]
+        t, poles = self._since(instants)[..., None], poles[..., None, None, :]
         waves, powers = self._waves(instants, poles), _powers(orders)
         each = []
         for order in orders:
@@ -102,16 +110,18 @@ class Response:
         """Return the derivatives of the columns of events, and of ringing from before.
 
         Args:
-            instants: s, shape (events,).
-            poles: 1/s, shape (modes,).
+            instants: s, shape (..., events).
+            poles: 1/s, shape (..., modes).
             orders: As of `event`.
 
         Returns:
-            Of each event by its instant, shape (events, orders, n, curves + 2 modes); of its
-            complex modes by their poles, shape (events, orders, n, modes); of those from before,
-            shape (n, modes).
+            Of each event by its instant, shape (..., events, orders, n, curves + 2 modes); of its
+            complex modes by their poles, shape (..., events, orders, n, modes); of those from
+            before, shape (..., n, modes).
         """
-        t = self._since(instants)[..., None]
+        early = (self.time - self.time[0])[:, None]
+        waves_before = early * np.exp(early * poles[..., None, :])
+        t, poles = self._since(instants)[..., None], poles[..., None, None, :]
         waves, powers = self._waves(instants, poles), _powers(orders)
         by_instant, by_pole = [], []
         for order in orders:
@@ -119,12 +129,8 @@ class Response:
             mode = _without(order, waves, poles * t)
             by_instant.append(np.concatenate([curve, _pairs(mode)], -1))
             by_pole.append((t * mode - _without(order + 1, waves, poles * t) / poles) / poles)
-        early = (self.time - self.time[0])[:, None]
-        return (
-            -self._means(np.stack(by_instant, -3)),
-            self._means(np.stack(by_pole, -3)),
-            early * np.exp(early * poles),
-        )
+        columns, modes = (self._means(np.stack(each, -3)) for each in (by_instant, by_pole))
+        return -columns, modes, waves_before
 
     def _means(self, ends: NDArray[Any]) -> NDArray[Any]:
         """Return filtered means over the blocks of columns whose integrals are given at the ends.

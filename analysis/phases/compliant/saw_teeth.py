@@ -7,8 +7,10 @@ rig.
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.analysis.phases.compliant.slow import TERMS, Slow
 from sautereau.analysis.phases.expected import SHAPE_STD, Expected
@@ -275,27 +277,37 @@ class SawTeeth:
             return plucks, solved, solved.chi2
         if variance is None:
             variance = self.noises(plucks[-1:], solved)[0]
-        weight, start = math.sqrt(variance), plucks.ravel()
+        weight = math.sqrt(variance)
+        before = plucks.tobytes()
 
-        def evaluate(state: Floats) -> tuple[Floats, Solved]:
-            trial = state.reshape(-1, 2)
-            tried = solved if state is start else self.solved(trial)
-            return np.concatenate([tried.residuals, weight * self._deviations(trial)]), tried
+        def evaluate(states: Floats) -> tuple[NDArray[Any], ...]:
+            rows, fits = [], np.empty(len(states), dtype=object)
+            for i, state in enumerate(states):
+                trial = state.reshape(-1, 2)
+                fits[i] = solved if state.tobytes() == before else self.solved(trial)
+                rows.append(np.append(fits[i].residuals, weight * self._deviations(trial)))
+            return np.array(rows), fits
 
-        def permitted(state: Floats, tried: Solved) -> bool:
-            apart = np.diff(state.reshape(-1, 2)) > self.slow.width
-            return bool(apart.all() and (tried.forces > 0).all())
+        def permitted(states: Floats, found: tuple[NDArray[Any], ...]) -> NDArray[np.bool_]:
+            apart = np.diff(states.reshape(len(states), -1, 2)) > self.slow.width
+            positive = np.array([(fit.forces > 0).all() for fit in found[1]])
+            return np.logical_and(apart.all((1, 2)), positive)
 
-        def slopes(state: Floats, tried: Solved) -> Floats:
-            load, rig, _ = self._slopes(state.reshape(-1, 2), tried)
-            return np.concatenate([load, weight * rig])
+        def slopes(states: Floats, found: tuple[NDArray[Any], ...]) -> Floats:
+            each = []
+            for state, fit in zip(states, found[1], strict=True):
+                load, rig, _ = self._slopes(state.reshape(-1, 2), fit)
+                each.append(np.concatenate([load, weight * rig]))
+            return np.array(each)
 
-        def bounded(state: Floats) -> Floats:
-            return np.clip(state, self.slow.hops[0], self.slow.hops[-1])
+        def bounded(states: Floats) -> Floats:
+            return np.clip(states, self.slow.hops[0], self.slow.hops[-1])
 
+        start = plucks.reshape(1, -1)
         found = minimise(start, evaluate, slopes, permitted, bounded, LONGEST, CONVERGED)
-        self._refined[key] = found.state.reshape(-1, 2), found.found, found.chi2
-        return self._refined[key]
+        better = found.states.reshape(-1, 2), found.found[1][0], float(found.chi2[0])
+        self._refined[key] = better
+        return better
 
 
 def noise_around(left: Floats, first: int, last: int) -> float:
