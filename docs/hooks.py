@@ -164,11 +164,11 @@ def _page(module: str) -> str:
 
 def commands_page() -> str:
     """Return the help texts of all commands."""
-    from sautereau.commands.app import app
+    from sautereau.commands.app import GROUPS, app
 
     text = app.generate_docs(output_format="markdown", flatten_commands=True)
     title, _, rest = text.partition("## Table of Contents")
-    commands = rest.partition("**Commands**:")[2]
+    commands = rest[rest.index(f"**{next(iter(GROUPS))}**:") :]
     page = f"# Commands\n{title.partition(chr(10))[2]}{commands}"
     return re.sub(r"(?m)^# sautereau ", "## sautereau ", page)
 

@@ -19,7 +19,14 @@ from typing import Literal, get_args, get_origin
 # and slow a loaded machine down. A value set by the user stays.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
+from cyclopts import (
+    App,
+    CycloptsError,
+    Group,
+    MissingArgumentError,
+    Parameter,
+    UnusedCliTokensError,
+)
 from cyclopts.argument import Argument
 
 from sautereau import __version__
@@ -55,39 +62,44 @@ app = App(
     version=__version__,
     help="Press a harpsichord key with a robot finger, record it, compare it with a model.",
     default_parameter=Parameter(negative=(), show_default=_default_shown),  # no --no-flag
+    group_commands=Group("General options", sort_key=100),  # --help and --version
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-for command in (
-    setup.init,
-    setup.setup,
-    plan.plan,
-    plan.mount,
-    press.press,
-    press.replay,
-    acquire.acquire,
-    press.learn,
-    fit.phases,
-    plan.predict,
-    fit.compare,
-    fit.identify,
-    fit.transient,
-    animate.animate,
-    animate.listen,
-    campaign.campaign,
-    campaign.touch,
-    folder.watch,
-    folder.report,
-    recordings.info,
-    recordings.recover,
-    recordings.split,
-    recordings.export,
-    recordings.import_,
-    simulate.stand_in,
-    simulate.trade,
-    setup.doctor,
-):
-    app.command(running.run(command))
+GROUPS = {
+    "Bench": (setup.init, plan.mount, setup.setup, setup.doctor, simulate.stand_in),
+    "Press": (
+        plan.plan,
+        press.press,
+        press.learn,
+        press.replay,
+        acquire.acquire,
+        folder.watch,
+    ),
+    "Analyse": (
+        fit.phases,
+        plan.predict,
+        fit.compare,
+        fit.identify,
+        fit.transient,
+        animate.animate,
+        animate.listen,
+        folder.report,
+    ),
+    "Files": (
+        recordings.info,
+        recordings.recover,
+        recordings.split,
+        recordings.export,
+        recordings.import_,
+    ),
+    "Study": (campaign.campaign, campaign.touch, simulate.trade),
+}
+"""Commands as the help shows them, each group in the order of use."""
+for place, (title, commands) in enumerate(GROUPS.items()):
+    group = Group(title, sort_key=place)
+    for order, command in enumerate(commands):
+        app.command(running.run(command), group=group, sort_key=order)
 app.register_install_completion_command()
 
 
