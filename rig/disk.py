@@ -293,6 +293,26 @@ def read_limited(path: Path, most: int = TEXT_LIMIT) -> bytes:
     return content
 
 
+_KINDS = {
+    (".toml",): "a rig or scene file",
+    (".mcap", ".part"): "a recording",
+    (".json",): "a JSON file",
+    (".csv", ".tdms", ".wav", ".mat", ".h5", ".hdf5", ".npz", ".parquet"): (
+        "a table or another program's file, which `sautereau import` reads"
+    ),
+    (".png", ".svg", ".pdf", ".jpg", ".webp", ".html"): "a picture or page",
+}
+"""What files with these extensions are."""
+
+
+def kind_of(path: Path) -> str:
+    """Return what a path is, by its name alone, as messages say it; empty if that says nothing."""
+    if path.is_dir():
+        return "a folder"
+    ending = path.suffix.lower()
+    return next((kind for endings, kind in _KINDS.items() if ending in endings), "")
+
+
 def named_text(
     name: str | Path, package: str, what: str, error_type: type[Exception]
 ) -> tuple[str, str, Path]:
@@ -306,7 +326,8 @@ def named_text(
     """
     path = Path(name)
     try:
-        if path.suffix == ".toml" or path.is_file():
+        other = kind_of(path) if path.suffix != ".toml" and path.exists() else ""
+        if path.suffix == ".toml" or (path.is_file() and not other):
             return read_text(path), str(path), path.parent
     except (OSError, ValueError) as error:  # not UTF-8, or an impossible file name
         raise error_type(
@@ -315,6 +336,8 @@ def named_text(
         ) from error
     packaged = resources.files(package).joinpath(f"{name}.toml")
     if not packaged.is_file():
+        if other:
+            raise error_type(f"{what} {str(name)!r} is {other}; give the path of a .toml file")
         known = packaged_names(package)
         close = difflib.get_close_matches(str(name), known, n=1)
         meant = f"did you mean {close[0]!r}? If not, " if close else ""

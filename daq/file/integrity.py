@@ -25,7 +25,7 @@ from sautereau.daq.file.container.records import (
     text_within,
 )
 from sautereau.daq.file.provenance import HEAD, PROFILE
-from sautereau.rig.disk import open_regular
+from sautereau.rig.disk import kind_of, open_regular
 
 _FOOTER = struct.Struct("<BQQQI")  # prefix, summary start, summary offset start, CRC
 _DATA_END = struct.Struct("<BQI")  # prefix, CRC of all before
@@ -71,7 +71,7 @@ def opened(path: Path, *, damaged: bool = False) -> Iterator[BufferedReader]:
                 raise RecordingError("it is a folder; give one of the .mcap files in it")
             with open_regular(path) as file:
                 if not damaged:
-                    check_header(file)
+                    check_header(file, kind_of(path))
                 yield file
         except FileNotFoundError as error:
             raise RecordingError("no such file; check its name and folder") from error
@@ -316,8 +316,12 @@ def head(file: BufferedReader, end: int) -> tuple[list[Record], bool]:
     return found, late
 
 
-def check_header(file: BufferedReader) -> None:
-    """Refuse a file that does not start with MCAP's magic bytes and sautereau's header."""
+def check_header(file: BufferedReader, kind: str = "") -> None:
+    """Refuse a file that does not start with MCAP's magic bytes and sautereau's header.
+
+    Args:
+        kind: What its name says that it is (`sautereau.rig.disk.kind_of`).
+    """
     file.seek(0)
     head = file.read(len(MAGIC) + PREFIX.size + _CRC_SIZE + len(PROFILE))
     if not head:
@@ -325,6 +329,10 @@ def check_header(file: BufferedReader) -> None:
     if not head.startswith(MAGIC):
         if MAGIC.startswith(head):
             raise DamageError(_truncated(len(head)))
+        if kind and kind != "a recording":
+            raise RecordingError(
+                f"it is {kind}; give a recording made by sautereau, or a folder of them"
+            )
         raise RecordingError(
             "it is not an MCAP file; give a recording made by sautereau, or search the file for"
             " one with `sautereau recover`"

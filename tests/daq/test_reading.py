@@ -48,6 +48,8 @@ def test_what_is_no_recording_is_refused(tmp_path):
     assert "it is empty" in refused(write(tmp_path / "empty.mcap", b""))
     for data in (b"RIFF....WAVEfmt ", b"\x00" * 100, b"\x89MCAQ0\r\n"):
         assert "it is not an MCAP file" in refused(write(tmp_path / "other.mcap", data))
+    for name, kind in (("my.toml", "rig or scene"), ("a.png", "picture"), ("a.CSV", "import")):
+        assert kind in refused(write(tmp_path / name, b"name = 1 "))
 
 
 def test_an_mcap_of_another_program(tmp_path):

@@ -141,3 +141,14 @@ def test_very_many_unknown_keys_are_refused_at_once():
     with pytest.raises(RigError, match="more faults") as caught:
         parse_rig(text)
     assert str(caught.value).count("\n") < 100
+
+
+def test_what_is_no_rig_file_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("paper").mkdir()
+    assert load_rig("paper").name == load_rig().name  # a folder hides no packaged rig
+    Path("session").mkdir()
+    Path("press-0001.mcap").write_bytes(b"\x89MCAP0\r\n\xff")
+    for name, kind in (("session", "a folder"), ("press-0001.mcap", "a recording")):
+        with pytest.raises(RigError, match=rf"'{name}' is {kind}; give the path of a \.toml file"):
+            load_rig(name)
