@@ -2,7 +2,7 @@
 
 import copy
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from numbers import Real
 from typing import Any
@@ -11,7 +11,9 @@ from pydantic import BaseModel, ValidationError
 
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import (
+    Place,
     fault_list,
+    in_text,
     model_keys,
     near_miss,
     submodel,
@@ -53,12 +55,21 @@ def _plain(value: Any, unit: str | None) -> Any:
     return str(value)
 
 
-def validated(values: Any, origin: str, faults: Sequence[str] = (), text: str = "") -> Rig:
-    """Return the rig of a document, or raise its faults together with those already found."""
+def validated(
+    values: Any,
+    origin: str,
+    faults: Sequence[str] = (),
+    place: Callable[[str], Place] | None = None,
+) -> Rig:
+    """Return the rig of a document, or raise its faults together with those already found.
+
+    Args:
+        place: Of the value of a dotted key; None if there is no text.
+    """
     try:
         rig = Rig.model_validate(values)
     except ValidationError as error:
-        found = [*validation_faults(error, Rig, text), *faults]
+        found = [*validation_faults(error, Rig, place or in_text("")), *faults]
         raise RigError(fault_list(origin, found)) from error
     if faults:
         raise RigError(fault_list(origin, list(faults)))
