@@ -208,6 +208,21 @@ def full_key(name: str) -> str:
     raise RigError(f"{name}: unknown quantity{near_miss(name, list(keys))}")
 
 
+def typed_value(key: str, text: str) -> Any:
+    """Return a cell of a table as TOML would hold it: quantities are texts, bare numbers are not.
+
+    Args:
+        key: Dotted key of the value.
+    """
+    if unit_of(Rig, key.split(".")) is None:
+        for kind in (int, float):
+            try:
+                return kind(text)
+            except ValueError:
+                continue
+    return text
+
+
 def values_of(rig: Rig) -> dict[str, Any]:
     """Return the values of a rig by dotted key, without those that may change within a session."""
     return flat(comparable(rig_document(rig)))

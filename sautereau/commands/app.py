@@ -76,6 +76,7 @@ for command in (
     animate.listen,
     campaign.campaign,
     campaign.touch,
+    campaign.survey,
     folder.watch,
     folder.report,
     recordings.info,
