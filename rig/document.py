@@ -2,7 +2,7 @@
 
 import copy
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from numbers import Real
 from typing import Any
@@ -11,7 +11,9 @@ from pydantic import BaseModel, ValidationError
 
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import (
+    Place,
     fault_list,
+    in_text,
     model_keys,
     near_miss,
     submodel,
@@ -53,12 +55,21 @@ def _plain(value: Any, unit: str | None) -> Any:
     return str(value)
 
 
-def validated(values: Any, origin: str, faults: Sequence[str] = (), text: str = "") -> Rig:
-    """Return the rig of a document, or raise its faults together with those already found."""
+def validated(
+    values: Any,
+    origin: str,
+    faults: Sequence[str] = (),
+    place: Callable[[str], Place] | None = None,
+) -> Rig:
+    """Return the rig of a document, or raise its faults together with those already found.
+
+    Args:
+        place: Of the value of a dotted key; None if there is no text.
+    """
     try:
         rig = Rig.model_validate(values)
     except ValidationError as error:
-        found = [*validation_faults(error, Rig, text), *faults]
+        found = [*validation_faults(error, Rig, place or in_text("")), *faults]
         raise RigError(fault_list(origin, found)) from error
     if faults:
         raise RigError(fault_list(origin, list(faults)))
@@ -195,6 +206,21 @@ def full_key(name: str) -> str:
     if found:
         raise RigError(f"{name}: it may be {' or '.join(found)}; give the dotted key")
     raise RigError(f"{name}: unknown quantity{near_miss(name, list(keys))}")
+
+
+def typed_value(key: str, text: str) -> Any:
+    """Return a cell of a table as TOML would hold it: quantities are texts, bare numbers are not.
+
+    Args:
+        key: Dotted key of the value.
+    """
+    if unit_of(Rig, key.split(".")) is None:
+        for kind in (int, float):
+            try:
+                return kind(text)
+            except ValueError:
+                continue
+    return text
 
 
 def values_of(rig: Rig) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from tomlkit.items import Array
 from sautereau.rig.disk import read_text, why_unreadable, write_durably
 from sautereau.rig.document import current_key, rename_keys
 from sautereau.rig.errors import RigError
-from sautereau.rig.faults import fault_list, model_keys, near_miss
+from sautereau.rig.faults import bare_key, fault_list, model_keys, near_miss
 from sautereau.rig.load import parse_rig
 from sautereau.rig.schema import Rig
 
@@ -63,7 +63,8 @@ def edit_rig(
 ) -> Edit:
     """Put values into the text of a rig file.
 
-    A value written as a table keeps its table without the assumed range, since it is now known.
+    A value of its base is written as a difference, and the base is left as it is. A value written
+    as a table keeps its table without the assumed range, since it is now known.
     A file with the old name of a renamed key keeps that name.
 
     Args:
@@ -100,13 +101,15 @@ def edited_text(
     Raises:
         RigError: A key does not exist, or the new rig is not valid.
     """
-    parse_rig(text, origin, folder)
+    known = parse_rig(text, origin, folder)
+    with_origin = {*known.assumed, *known.sources}
     document = tomlkit.parse(text)
     in_file = {current_key(old): old for old in rename_keys(document.unwrap())}
     faults = []
     for dotted, value in values.items():
         try:
-            _put(document, in_file.get(dotted, dotted).split("."), value, source, every)
+            keys = in_file.get(dotted, dotted).split(".")
+            _put(document, keys, value, source, every or dotted in with_origin)
         except (KeyError, IndexError, TypeError, ValueError):
             faults.append(f"{dotted}: unknown quantity{near_miss(dotted, list(model_keys(Rig)))}")
     if faults:
@@ -117,9 +120,12 @@ def edited_text(
 
 
 def _put(node: Any, keys: list[str], value: TomlValue, source: str, every: bool) -> None:
-    """Set the value at a key of the document; only the last part of the key may be new."""
+    """Set the value at a key of the document; only its last part may be new, or what a base has."""
     *parents, last = keys
-    for key in parents:
+    inherits = "base" in node and bare_key(".".join(keys)) in model_keys(Rig)
+    for number, key in enumerate(parents):
+        if inherits and isinstance(node, dict) and key not in node:
+            node[key] = tomlkit.table(is_super_table=number < len(parents) - 1)
         node = node[int(key)] if isinstance(node, list) else node[key]
     index: Any = int(last) if isinstance(node, list) else last
     old = node.get(last) if isinstance(node, dict) else node[index]

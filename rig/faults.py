@@ -2,9 +2,9 @@
 
 import difflib
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -12,6 +12,28 @@ from sautereau.rig.units import Unit, UnitBy, shown
 
 MOST_FAULTS = 50
 """Faults that are listed one by one; the time for finding each line grows with the file."""
+
+
+class Place(NamedTuple):
+    """Where a value stands, ordered as faults are listed."""
+
+    order: int = 0
+    """Of the file: 0 for the one that the message names first."""
+    line: int = 0
+    """Line of the text; 0 if it has none."""
+    file: str = ""
+    """Name of the file; empty for the one that the message names first."""
+
+    def said(self, fault: str) -> str:
+        """Return a fault after its place, if that is known."""
+        parts = [self.file, f"line {self.line}" if self.line else ""]
+        where = ", ".join(filter(None, parts))
+        return f"{where}: {fault}" if where else fault
+
+
+def in_text(text: str) -> Callable[[str], Place]:
+    """Return a function that finds the place of a dotted key in a text."""
+    return lambda key: Place(line=line_of(text, key) or 0)
 
 
 def fault_list(origin: str, faults: list[str]) -> str:
@@ -27,7 +49,9 @@ def first_fault(error: ValidationError) -> str:
     return f"{'.'.join(map(str, first['loc'])) or 'the file'}: {first['msg']}"
 
 
-def validation_faults(error: ValidationError, model: type[BaseModel], text: str) -> list[str]:
+def validation_faults(
+    error: ValidationError, model: type[BaseModel], place: Callable[[str], Place]
+) -> list[str]:
     """Turn pydantic's errors into lines: line of the file, key, value, limit, how to fix it."""
     faults = []
     errors = error.errors(include_url=False)
@@ -37,13 +61,13 @@ def validation_faults(error: ValidationError, model: type[BaseModel], text: str)
         if item["type"] == "value_error":
             for fault in str(item.get("ctx", {})["error"]).split("\n"):
                 named = ".".join(filter(None, (key, fault.partition(":")[0])))
-                between = "." if _bare(named) in model_keys(model) else ": "
-                faults.append((line_of(text, named), f"{key}{between * bool(key)}{fault}"))
+                between = "." if bare_key(named) in model_keys(model) else ": "
+                faults.append((place(named), f"{key}{between * bool(key)}{fault}"))
         else:
             message = _message(item, model, location)
-            faults.append((line_of(text, key), f"{key}: {message}" if key else message))
-    faults.sort(key=lambda fault: fault[0] or 0)
-    listed = [at_line(line, fault) for line, fault in faults]
+            faults.append((place(key), f"{key}: {message}" if key else message))
+    faults.sort(key=lambda fault: fault[0])
+    listed = [where.said(fault) for where, fault in faults]
     more = len(errors) - MOST_FAULTS
     return [*listed, f"and {more} more faults"] if more > 0 else listed
 
@@ -67,19 +91,14 @@ def _message(item: Any, model: type[BaseModel], location: list[int | str]) -> st
     return f"{shown(value)}{f' {unit}' * bool(unit)} is refused: {message}"
 
 
-def at_line(line: int | None, fault: str) -> str:
-    """Return a fault with its line number, if that is known."""
-    return f"line {line}: {fault}" if line else fault
-
-
-def _bare(key: str) -> str:
+def bare_key(key: str) -> str:
     """Return a dotted key without the indices of lists."""
     return re.sub(r"\.\d+(?=\.|$)", "", key)
 
 
 def near_miss(key: str, known: list[str]) -> str:
     """Return the end of a message that suggests the known key most similar to a wrong one."""
-    bare = _bare(key)
+    bare = bare_key(key)
     section, _, last = bare.rpartition(".")
     same_table = [k.rpartition(".")[2] for k in known if k.rpartition(".")[0] == section]
     if close := difflib.get_close_matches(last, same_table, n=1):

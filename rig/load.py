@@ -2,33 +2,21 @@
 
 import logging
 import re
-import sys
-import tomllib
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from sautereau.rig.csv_files import read_gesture
 from sautereau.rig.disk import named_text
-from sautereau.rig.document import RENAMED_KEYS, current_key, rename_keys, rig_document, validated
+from sautereau.rig.document import current_key, rig_document, validated
 from sautereau.rig.errors import RigError
-from sautereau.rig.faults import (
-    at_line,
-    line_of,
-    model_keys,
-    near_miss,
-    unit_of,
-)
+from sautereau.rig.faults import model_keys, near_miss, unit_of
+from sautereau.rig.layers import Layers, read_toml
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity, shown
 
 _LOG = logging.getLogger(__name__)
 MODULI = (0.1e9, 300e9)  # Pa, from soft quill to steel: others are asked to be confirmed
-DEEPEST = 20
-"""Limit of the depth of tables and arrays in a file; those of a rig or a scene are 6 deep."""
-_TOO_DEEP = f"its tables or arrays are nested more than {DEEPEST} deep; shorten it"
 
 
 def load_rig(name: str | Path = "paper") -> Rig:
@@ -65,7 +53,8 @@ def parse_rig(
 ) -> Rig:
     """Build a rig from the text of a TOML file.
 
-    A key that was renamed is accepted under its old name, with a note on standard error.
+    A key that was renamed is accepted under its old name, with a note on standard error. What the
+    text does not set is that of its `base`, if it names one; see `sautereau.rig.layers.Layers`.
 
     Args:
         folder: Folder of the files that it names; None for the working directory.
@@ -74,29 +63,30 @@ def parse_rig(
     Raises:
         RigError: Lists every fault.
     """
-    document = {**others, **read_toml(text, origin, RigError)}
-    for old in rename_keys(document):
-        name = RENAMED_KEYS[old].rpartition(".")[2]
-        _LOG.warning("%s: %s", origin, at_line(line_of(text, old), f"rename {old} to {name}"))
-    origins = Origins()
-    values = origins.split(document)
-    found = [*origins.faults, *read_files(values, folder or Path())]
-    ranges, range_faults = assumed_ranges(origins.assumed, values)
-    faults = [at_line(line_of(text, key), f"{key}: {fault}") for key, fault in found + range_faults]
-    rig = validated(values, origin, faults, text)
+    layers = Layers(text, origin, folder or Path(), others)
+    ranges, range_faults = assumed_ranges(layers.assumed, layers.values)
+    found = layers.faults + [(layers.place(key), f"{key}: {why}") for key, why in range_faults]
+    try:
+        faults = [place.said(fault) for place, fault in found]
+        rig = validated(layers.values, origin, faults, layers.place)
+    except RigError as error:
+        for key in layers.replaced:
+            error.add_note(
+                f"[[{key}]] replaces that of the base; [{key}.0] changes its first entry"
+            )
+        raise
     for key, modulus in _unusual_moduli(rig):
-        if key not in origins.assumed and key not in origins.sources:
+        if key not in layers.assumed and key not in layers.sources:
             _LOG.warning(
                 "%s: %s",
                 origin,
-                at_line(
-                    line_of(text, key),
+                layers.place(key).said(
                     f"{key}: {modulus / 1e9:.4g} GPa is not within {MODULI[0] / 1e9:g} to"
                     f" {MODULI[1] / 1e9:g} GPa, as those of plectra; correct its unit, or confirm"
                     " it with a source or an assumed range",
                 ),
             )
-    return rig.model_copy(update={"assumed": ranges, "sources": origins.sources})
+    return rig.model_copy(update={"assumed": ranges, "sources": layers.sources})
 
 
 def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
@@ -128,62 +118,6 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
     return changed.model_copy(update=kept)
 
 
-def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, Any]:
-    """Parse TOML; ``error_type`` is raised with the line of the fault.
-
-    Tables are nested at most `DEEPEST` deep, so that whoever uses them may recurse.
-    """
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise error_type(f"{origin}: not valid TOML: {error}; correct that line") from error
-    except ValueError as error:
-        most = sys.get_int_max_str_digits()
-        raise error_type(f"{origin}: a number has over {most} digits; shorten it") from error
-    except RecursionError as error:
-        raise error_type(f"{origin}: {_TOO_DEEP}") from error
-    level: list[Any] = [document]
-    for _ in range(DEEPEST):
-        level = [inner for node in level for inner in _inside(node)]
-    if level:
-        raise error_type(f"{origin}: {_TOO_DEEP}")
-    return document
-
-
-def _inside(node: Any) -> Iterable[Any]:
-    """Return what is directly inside a table or an array."""
-    return node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
-
-
-def read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
-    """Replace the names of files by their contents; return the faults in them."""
-    faults: list[tuple[str, str]] = []
-    press = values.get("press")
-    gesture = press.get("gesture") if isinstance(press, dict) else None
-    if isinstance(press, dict) and isinstance(gesture, dict) and set(gesture) == {"file"}:
-        try:
-            press["gesture"] = read_gesture(folder / str(gesture["file"]))
-        except RigError as error:
-            del press["gesture"]
-            faults.append(("press.gesture", str(error)))
-    choirs = values.get("more_choirs")
-    holders = [("", values)]
-    if isinstance(choirs, list):
-        holders += [(f"more_choirs.{i}.", c) for i, c in enumerate(choirs) if isinstance(c, dict)]
-    for prefix, holder in holders:
-        plectrum = holder.get("plectrum")
-        outline = plectrum.get("outline") if isinstance(plectrum, dict) else None
-        if isinstance(plectrum, dict) and isinstance(outline, dict) and "file" in outline:
-            from sautereau.rig.outline import read_outline  # imports numpy; few rigs need it
-
-            try:
-                plectrum["outline"] = read_outline(outline, folder)
-            except RigError as error:
-                del plectrum["outline"]
-                faults.append((f"{prefix}plectrum.outline", str(error)))
-    return faults
-
-
 def _unusual_moduli(rig: Rig) -> Iterator[tuple[str, float]]:
     """Yield keys and values [Pa] of Young's moduli that no plectrum has."""
     plectra = {"plectrum": rig.plectrum}
@@ -191,53 +125,6 @@ def _unusual_moduli(rig: Rig) -> Iterator[tuple[str, float]]:
     for key, plectrum in plectra.items():
         if not MODULI[0] <= plectrum.youngs_modulus <= MODULI[1]:
             yield f"{key}.youngs_modulus", plectrum.youngs_modulus
-
-
-_ORIGIN = ("assumed", "source")
-_ORIGINS = {"assumed", "sources"}
-
-
-@dataclass(frozen=True)
-class Origins:
-    """What a rig file says about its values, by dotted key."""
-
-    assumed: dict[str, tuple[Any, Any]] = field(default_factory=dict)
-    """A value and its assumed range."""
-    sources: dict[str, str] = field(default_factory=dict)
-    faults: list[tuple[str, str]] = field(default_factory=list)
-    """Faults of these two, each after the key that it concerns."""
-
-    def split(self, document: dict[str, Any]) -> dict[str, Any]:
-        """Return the values of a document alone, and keep the rest here."""
-        values = self._values(document, ())
-        for name in _ORIGINS & set(values):
-            del values[name]
-            self.faults.append((name, "unknown key; write it into the table of each quantity"))
-        if "daq_only" in values:
-            fault = "unknown key; a recording of a rig with [daq] alone has it"
-            self.faults.append(("daq_only", fault))
-        return values
-
-    def _values(self, node: Any, path: tuple[str, ...]) -> Any:
-        if isinstance(node, list):
-            return [self._values(value, (*path, str(i))) for i, value in enumerate(node)]
-        if not isinstance(node, dict):
-            return node
-        if not path or "value" not in node:
-            return {key: self._values(value, (*path, key)) for key, value in node.items()}
-        self._keep(".".join(path), node)
-        return node["value"]
-
-    def _keep(self, key: str, table: dict[str, Any]) -> None:
-        for unknown in sorted(set(table) - {"value", *_ORIGIN}):
-            known = near_miss(unknown, ["value", *_ORIGIN]).replace("the top level", "a quantity")
-            self.faults.append((f"{key}.{unknown}", f"unknown key{known}"))
-        if "assumed" in table:
-            self.assumed[key] = (table["value"], table["assumed"])
-        if "source" in table:
-            source = self.sources[key] = table["source"]
-            if not isinstance(source, str):
-                self.faults.append((f"{key}.source", f"{shown(source)} is refused: give a text"))
 
 
 def assumed_ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):

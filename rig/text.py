@@ -201,6 +201,11 @@ def _prose(docstring: str) -> str:
 
 _WIDTH = 88
 _ALIKE = "more_choirs"  # Table with the same inner tables as the first choir
+PARTS = {
+    "instrument": ("key", "jack", "plectrum", "string"),
+    "bench": ("press", "arm", "controller", "daq"),
+}
+"""Tables of the two parts of a rig, which may stand in files of their own."""
 
 
 def rig_text(rig: Rig) -> str:
@@ -253,25 +258,41 @@ def _with_origin(value: Any, rig: Rig, dotted: str) -> InlineTable:
     return table
 
 
-def commented_rig() -> str:
+def commented_rig(part: str = "", name: str = "paper", base: str = "") -> str:
     """Return the text of a rig file to start from, with a comment above every key.
 
     Values and their sources are those of the packaged rig `paper`; keys that it does not set are
     comments with their defaults, and so are optional tables.
+
+    Args:
+        part: One of `PARTS`, for its tables alone; empty for all tables.
+        name: Name of the rig.
+        base: The rig that has the other tables; its optional ones and those values that are
+            defaults are comments.
     """
     document = tomlkit.parse(named_text("paper", "sautereau.rig", "rig", RigError)[0])
+    whose = f"the {part} of a rig" if part else "all quantities of a bench"
     lines = [
         *_comment(
-            "A rig file: all quantities of a bench. Lengths on the key are measured from the"
+            f"A rig file: {whose}. Lengths on the key are measured from the"
             " balance pin. A value is a quantity in any unit of its dimension, or a table with the"
             " value and its origin: its source, or its assumed range. The values are those of the"
             " packaged rig paper; replace them by your own."
         ),
         "",
     ]
+    if base:
+        about = "What this file does not set is that of its base: a packaged rig or other rig files"
+        lines += [*_comment(about), f"base = {json.dumps(base)}"]
+        document["name"] = name
     for table in describe():
-        if table.name.partition(".")[0] != _ALIKE:
+        head = table.name.partition(".")[0]
+        if head in PARTS[part] if part else head != _ALIKE:
+            lines += _commented(table, document, inherits=bool(base))
+        elif base and not head:
             lines += _commented(table, document)
+    if part == "bench":
+        return "\n".join(lines).replace("\n\n\n", "\n\n") + "\n"
     lines += [
         "",
         *_comment(
@@ -282,18 +303,20 @@ def commented_rig() -> str:
     return "\n".join(lines) + "\n"
 
 
-def _commented(table: TableDescription, document: Any) -> Iterator[str]:
-    found = _at(document, table.name)
+def _commented(table: TableDescription, document: Any, *, inherits: bool = False) -> Iterator[str]:
+    found = None if inherits and not table.needed else _at(document, table.name)
     header = f"[[{table.name}]]" if table.repeated else f"[{table.name}]"
     for values in found if isinstance(found, list) else [found]:
         absent = "# " if values is None else ""
         if table.name:
             yield ""
-            yield from _comment(table.meaning + (" Optional." if absent else ""))
+            of_base = " Without it, that of the base." if inherits else ""
+            yield from _comment(table.meaning + (f" Optional.{of_base}" if absent else ""))
             yield absent + header
         for entry in table.entries:
             yield from _comment(_about(entry))
-            yield _line(entry, values, absent)
+            is_default = inherits and values is not None and _is_default(entry, values)
+            yield _line(entry, {} if is_default else values, absent)
 
 
 def _at(document: Any, dotted: str) -> Any:
@@ -318,6 +341,12 @@ def _line(entry: KeyDescription, values: Any, absent: str) -> str:
     if values is not None and entry.name in values:
         return f"{entry.name} = {values[entry.name].as_string()}"
     return f"# {entry.name} = {entry.default or '...'}" if not absent else f"# {entry.name} = ..."
+
+
+def _is_default(entry: KeyDescription, values: Any) -> bool:
+    """Return whether the value of a key is its default."""
+    value = values.get(entry.name)
+    return entry.default == json.dumps(value.get("value") if isinstance(value, dict) else value)
 
 
 def _comment(text: str) -> list[str]:

@@ -9,9 +9,10 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, mo
 from pydantic_core import to_jsonable_python
 
 from sautereau.rig.disk import named_text, packaged_names
-from sautereau.rig.faults import fault_list, validation_faults
+from sautereau.rig.faults import fault_list, in_text, validation_faults
 from sautereau.rig.instrument import Choir
-from sautereau.rig.load import read_toml, with_values
+from sautereau.rig.layers import read_toml
+from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY, Angle, Section, Time
 from sautereau.sim_backend.device_types import DEVICE_TYPES, IDEAL
@@ -324,4 +325,6 @@ def parse_scene(text: str, origin: str = "scene") -> Scene:
     try:
         return Scene.model_validate(document)
     except ValidationError as error:
-        raise SceneError(fault_list(origin, validation_faults(error, Scene, text))) from error
+        raise SceneError(
+            fault_list(origin, validation_faults(error, Scene, in_text(text)))
+        ) from error

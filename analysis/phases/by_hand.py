@@ -12,7 +12,7 @@ from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.signals import Signals
 from sautereau.rig.disk import read_text, why_unreadable, write_durably
-from sautereau.rig.load import read_toml
+from sautereau.rig.layers import read_toml
 from sautereau.rig.units import parse_quantity
 
 NAMES = ("contact", "contact_std", "release", "release_std")

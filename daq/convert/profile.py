@@ -11,8 +11,8 @@ from pydantic import ConfigDict, Field, ValidationError, create_model
 from sautereau.daq.convert.options import MODIFIED, ImportOptions
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.disk import read_text, why_unreadable, write_durably
-from sautereau.rig.faults import fault_list, validation_faults
-from sautereau.rig.load import read_toml
+from sautereau.rig.faults import fault_list, in_text, validation_faults
+from sautereau.rig.layers import read_toml
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,9 @@ def load_profile(path: Path) -> Profile:
     try:
         table = _TABLE.model_validate(read_toml(text, origin, RecordingError))
     except ValidationError as error:
-        raise RecordingError(fault_list(origin, validation_faults(error, _TABLE, text))) from error
+        raise RecordingError(
+            fault_list(origin, validation_faults(error, _TABLE, in_text(text)))
+        ) from error
     profile = Profile(**dict(table))
     try:
         if profile.rig is not None and (near := path.parent / profile.rig).is_file():

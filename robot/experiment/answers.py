@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sautereau.rig.disk import read_text, why_unreadable
 from sautereau.rig.faults import fault_list
-from sautereau.rig.load import read_toml
+from sautereau.rig.layers import read_toml
 from sautereau.robot.errors import RobotError
 
 Given = Mapping[str, str | Sequence[str]] | str | Path

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.rig.csv_files import read_rows
-from sautereau.rig.document import current_key
+from sautereau.rig.document import current_key, typed_value
 from sautereau.rig.errors import RigError
-from sautereau.rig.faults import fault_list, model_keys, near_miss, unit_of
+from sautereau.rig.faults import fault_list, model_keys, near_miss
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
@@ -109,7 +109,9 @@ class _Table:
             limit = f"give an integer from 1 to {MOST_PRESSES}"
             faults.append(f"repeats: {count!r} is refused: {limit}")
         notes = "; ".join(filter(None, (self.notes, given.pop("notes", ""))))
-        values = {key: _value(key, text.replace(self.decimal, ".")) for key, text in given.items()}
+        values = {
+            key: typed_value(key, text.replace(self.decimal, ".")) for key, text in given.items()
+        }
         bench = self._bench(values)
         faults += [] if isinstance(bench, Rig) else bench
         self.faults += [f"line {line}: {fault}" for fault in faults]
@@ -142,17 +144,6 @@ def _column_faults(columns: list[str]) -> Iterator[str]:
             yield f"line 1: column {name} occurs twice; remove one"
         elif name not in known | {"repeats", "notes"}:
             yield f"line 1: {name}: no such quantity in a rig{near_miss(name, sorted(known))}"
-
-
-def _value(key: str, text: str) -> Any:
-    """Return a cell as TOML would hold it: quantities are texts, bare numbers are not."""
-    if unit_of(Rig, key.split(".")) is None:
-        for kind in (int, float):
-            try:
-                return kind(text)
-            except ValueError:
-                continue
-    return text
 
 
 def _single(message: str, rig: Rig) -> list[str]:

@@ -93,7 +93,7 @@ GROUPS = {
         recordings.export,
         recordings.import_,
     ),
-    "Study": (campaign.campaign, campaign.touch, simulate.trade),
+    "Study": (campaign.survey, campaign.campaign, campaign.touch, simulate.trade),
 }
 """Commands as the help shows them, each group in the order of use."""
 for place, (title, commands) in enumerate(GROUPS.items()):

@@ -1,5 +1,6 @@
-"""Features of thousands of recordings, and the force at the key that they give."""
+"""Many recordings: their features, the touch that they show, and the keys of an instrument."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,11 @@ from sautereau.analysis.text import SOME_SIMULATED, counted
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output, make_folders, save_plot
 
+Processes = Annotated[
+    common.Count | None,
+    Parameter(help="Number of processes. Default: one per core, fewer for little work."),
+]
+Cluster = Annotated[str | None, Parameter(help="Address of a Dask scheduler.")]
 SHOWN = 20  # Faulty recordings that the text lists; JSON lists all
 
 
@@ -18,11 +24,8 @@ def campaign(
     /,
     *,
     out: Annotated[Path, "FILE", common.written_as(".parquet")],
-    processes: Annotated[
-        common.Count | None,
-        Parameter(help="Number of processes. Default: one per core, fewer for few recordings."),
-    ] = None,
-    cluster: Annotated[str | None, Parameter(help="Address of a Dask scheduler.")] = None,
+    processes: Processes = None,
+    cluster: Cluster = None,
     output: Output = Output(),
 ) -> int:
     """Write one table of the features of all recordings in a folder.
@@ -98,3 +101,50 @@ def touch(
     if plot:
         save_plot(plot, found.plot())
     return output.answer(found.document, found.lines(), plot)
+
+
+def survey(
+    file: Path,
+    rig: Annotated[str | None, "RIG"] = None,
+    /,
+    *,
+    level: common.Level = "auto",
+    processes: Processes = None,
+    cluster: Cluster = None,
+    plot: common.Picture = None,
+    output: FileOutput = FileOutput(),
+) -> int:
+    """Predict every key of an instrument, read its recordings, and show how even the keys are.
+
+    Parameters
+    ----------
+    file
+        Table of the keys (.csv or .toml): their names, and values that differ from the rig.
+    rig
+        Rig of all other values, by path or packaged name. Default: the table's `base`, or paper.
+    """
+    import os
+
+    from sautereau.analysis.model.choirs import choirs
+    from sautereau.analysis.results.survey import survey
+    from sautereau.entrance.found import recordings_of
+    from sautereau.rig.keys import read_keys
+
+    if processes is not None and cluster is not None:
+        return output.fail("--processes and --cluster exclude each other; give one of them", 2)
+    keys = read_keys(file, rig)
+    recordings, warnings = {}, []
+    for key in keys:
+        found = [recordings_of(what, None) for what in key.recordings]
+        recordings[key.name] = [path for paths, _ in found for path in paths]
+        warnings += [f"{key.name}: {warning}" for _, more in found for warning in more]
+    # Maps of elements may be new, and a recording takes 0.1 s; else a process takes longer to start
+    heavy = sum(any(c.plectrum.described for c in choirs(key.rig)) for key in keys)
+    heavy += sum(map(len, recordings.values()))
+    where = processes or (min(os.cpu_count() or 1, 1 + heavy // 8))
+    with output.progress("predicting and reading"):
+        made = survey(keys, recordings, level, cluster or where)
+    made = replace(made, warnings=(*made.warnings, *warnings))
+    if plot:
+        save_plot(plot, made.plot())
+    return output.answer(made.document, made.lines(), plot)

@@ -16,18 +16,44 @@ if TYPE_CHECKING:
 
 
 def info(file: Path, /, *, output: Output = Output()) -> int:
-    """Describe a recording, complete or damaged.
+    """Describe a recording, complete or damaged; or show in what a rig file differs from its base.
 
     Parameters
     ----------
     file
-        Recording.
+        Recording, or rig file (.toml).
     """
+    if file.suffix == ".toml":
+        return _rig_info(file, output)
     from sautereau.analysis.results.recording import recording_lines
     from sautereau.daq.file.survey import describe
 
     found = describe(file)
     return output.answer(dict(found), recording_lines(found))
+
+
+def _rig_info(file: Path, output: Output) -> int:
+    from sautereau.rig.disk import named_text
+    from sautereau.rig.document import flat
+    from sautereau.rig.errors import RigError
+    from sautereau.rig.layers import Layers
+    from sautereau.rig.load import parse_rig
+    from sautereau.rig.units import shown
+
+    text, origin, folder = named_text(file, "sautereau.rig", "rig", RigError)
+    rig = parse_rig(text, origin, folder)
+    layers = Layers(text, origin, folder)
+    changes, count = layers.differences, len(flat(layers.values))
+    origins = [layer.origin for layer in layers.bases]
+    lines = [f"rig: {rig.name}", f"base: {', '.join(origins) or 'none'}"]
+    if origins:
+        lines += [f"{len(changes)} of {count} values differ from the base:"]
+        for key, (before, now) in changes.items():
+            was = "new" if before is None else f"base: {shown(before)}"
+            lines.append(f"  {key}: {'removed' if now is None else shown(now)} ({was})")
+    values = [{"key": key, "value": now, "base": before} for key, (before, now) in changes.items()]
+    result = {"path": str(file), "rig": rig.name, "bases": origins, "values": count}
+    return output.answer(result | {"differences": values if origins else []}, lines)
 
 
 def recover(

@@ -46,7 +46,13 @@ StepName = Literal[
 
 
 def init(
-    file: common.OutFile = Path("my-rig.toml"), /, *, output: FileOutput = FileOutput()
+    file: common.OutFile = Path("my-rig.toml"),
+    /,
+    *,
+    instrument: bool = False,
+    bench: bool = False,
+    base: str = "",
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Write a new rig file that explains every key: its meaning, unit and limits.
 
@@ -54,18 +60,36 @@ def init(
     ----------
     file
         New file.
+    instrument
+        Only key, jack, plectrum and string: one key of an instrument. All else is that of --base.
+    bench
+        Only press, arm, controller and acquisition, to be the base of instrument files.
+    base
+        Rig of which an instrument file has all else: a packaged one, or a rig or bench file, seen
+        from the folder of the new file. Default: paper.
     """
     from sautereau.rig.disk import write_durably
+    from sautereau.rig.load import parse_rig
     from sautereau.rig.text import commented_rig
 
-    write_durably(file, commented_rig())
+    if bench and instrument:
+        return output.fail("--bench and --instrument exclude each other; write two files", 2)
+    if base and not instrument:
+        return output.fail("--base: only an instrument file has one; add --instrument", 2)
     named = f"./{file}" if str(file).startswith("-") else str(file)  # not to read as an option
+    check = f"check it with: sautereau plan {quote(named)}"
+    if instrument:
+        text = commented_rig("instrument", file.stem, base or "paper")
+        parse_rig(text, str(file), file.parent)
+    elif bench:
+        text = commented_rig("bench")
+        check = f"use it with: sautereau init KEY.toml --instrument --base {quote(file.name)}"
+    else:
+        text = commented_rig()
+    write_durably(file, text)
     return output.answer(
         {"path": str(file)},
-        [
-            f"rig file: {file}, with the numbers of the packaged rig `paper`",
-            f"check it with: sautereau plan {quote(named)}",
-        ],
+        [f"rig file: {file}, with the numbers of the packaged rig `paper`", check],
     )
 
 

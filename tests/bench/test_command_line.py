@@ -75,6 +75,23 @@ def test_mount_locates_the_base_from_touches(sautereau, tmp_path):
     refused(sautereau("mount", "--touches", "touches.csv"), "joint2", "touches.csv")
 
 
+def test_one_key_more_needs_a_bench_and_an_instrument(sautereau, tmp_path):
+    assert sautereau("init", "bench.toml", "--bench").returncode == 0
+    done = sautereau("init", "a4.toml", "--instrument", "--base", "bench.toml")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(sautereau("info", "a4.toml", "--json").stdout)
+    assert found["bases"] == ["bench.toml"]
+    assert {"key": "name", "value": "a4", "base": None} in found["differences"]
+    assert not any(each["key"].startswith("arm.") for each in found["differences"])
+    assert load_rig(tmp_path / "a4.toml").arm == load_rig().arm
+    refused(
+        sautereau("info", "bench.toml"), "bench.toml: 5 faults", "key: missing", "name: missing"
+    )
+    assert sautereau("init", "b.toml", "--base", "paper").returncode == 2
+    refused(sautereau("init", "b.toml", "--instrument", "--base", "x.toml"), "x.toml")
+    assert not (tmp_path / "b.toml").exists()
+
+
 def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path):
     words = ("--scene", "ideal", "-n", 2, "--seed", 3, "--out", "out", "--json")
     made = sautereau("press", rig_file(), *words)

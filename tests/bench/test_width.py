@@ -15,6 +15,7 @@ QUICK = {
     "animate": "{0} --slow 1 --until 80ms --out a.gif",
     "info": "{0}",
     "campaign": "session --out t.parquet", "touch": "t.parquet",
+    "survey": "keys.csv",
     "recover": "{0}.part --out new.mcap", "export": "{0} --to csv --out a.csv",
     "import": "a.csv --out i.mcap",
     "acquire": "--sim --dry-run", "doctor": "", "watch": "session -n 1",
@@ -33,6 +34,8 @@ def too_wide(tmp_path, monkeypatch, capfd):
     """Return a function that runs a command and returns the lines that are too wide."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(ROOT / "tests/data/written_by_0.1/session", "session")
+    rows = "".join(f"k{k},{0.2 + 0.01 * k}\n" for k in range(8))
+    (tmp_path / "keys.csv").write_text(f"key,overlap [mm],recordings\n{rows}last,0.3,session\n")
     files = [f"session/press-000{n}.mcap" for n in (1, 2)]
     (tmp_path / f"{files[0]}.part").write_bytes((tmp_path / files[0]).read_bytes()[:100_000])
 

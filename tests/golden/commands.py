@@ -42,6 +42,7 @@ AT_DESK = {
     "listen": 'listen paper --duration "0.1 s" --out {o}.wav',
     "campaign": "campaign {presses} --processes 1 --out {o}.parquet",
     "touch": "touch {old_table}",
+    "survey": "survey {keys}",
     "watch": "watch {old} -n 2",
     "report": "report {press_two} --out {o}.html",
     "report old": "report {old} --out {o}.html",

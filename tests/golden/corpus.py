@@ -154,10 +154,15 @@ def _text(text: str) -> Callable[[Corpus, Path], object]:
     return lambda corpus, path: path.write_text(text, encoding="utf-8")
 
 
+KEYS = "key,overlap [mm],string.tension [N],recordings\n" + "".join(
+    f"k{k},{0.3 - 0.004 * k + 0.04 * (k == 4)},{60 + k},{'presses' * (k == 2)}\n" for k in range(7)
+)
+"""Table of seven keys, of which one is uneven and one has recordings."""
 INPUTS: dict[str, tuple[str, Callable[[Corpus, Path], object]]] = {
     "rig": ("my-rig.toml", _text(QUICK_TEXT)),
     "carved": ("carved.toml", lambda _, path: path.write_text(rig_text(carved_rig()), "utf-8")),
     "mute": ("mute.toml", _text(f'{MUTE_TEXT}truth = {{ "arm.base_z" = "171.12 mm" }}\n')),
+    "keys": ("keys.csv", _text(KEYS)),
     "presses": ("presses", lambda corpus, path: corpus.write_presses(path, session="one")),
     "others": ("others", lambda corpus, path: corpus.write_presses(path, scale=0.9, first=4)),
     "old": ("old", lambda _, path: shutil.copytree(DATA / "written_by_0.1" / "session", path)),

@@ -1,0 +1,305 @@
+"""The layers of a rig file: the rigs that its `base` names, and its own differences over them."""
+
+import logging
+import re
+import sys
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from sautereau.rig.csv_files import read_gesture
+from sautereau.rig.disk import named_text
+from sautereau.rig.document import RENAMED_KEYS, flat, rename_keys
+from sautereau.rig.errors import RigError
+from sautereau.rig.faults import Place, fault_list, line_of, near_miss
+from sautereau.rig.units import shown
+
+_LOG = logging.getLogger(__name__)
+DEEPEST = 20
+"""Limit of the depth of tables and arrays in a file; those of a rig or a scene are 6 deep."""
+_TOO_DEEP = f"its tables or arrays are nested more than {DEEPEST} deep; shorten it"
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One file of a rig."""
+
+    origin: str
+    """Its name in messages."""
+    text: str
+    values: dict[str, Any]
+    """What it sets, as TOML holds it, with the contents of the files that it names."""
+    origins: "Origins"
+    """Ranges and sources of these values, and all faults found so far."""
+
+    def sets(self, key: str) -> bool:
+        """Return whether it gives a dotted key its value, or a value to what the key is inside."""
+        node: Any = self.values
+        for part in key.split("."):
+            if not isinstance(node, dict):
+                return True
+            if part not in node:
+                return False
+            node = node[part]
+        return True
+
+
+class Layers:
+    """The files of a rig; each overrides those before it, the last one is the rig's own.
+
+    A table is merged with that of the base; a value, with its range and source, and a list replace
+    those of the base. A table of numbers, `[more_choirs.0.plectrum]`, changes entries of a list;
+    `false` removes an optional table or value.
+
+    Args:
+        text: The rig file.
+        origin: Its name in messages.
+        folder: Folder of the files that it names.
+        others: Tables for those that the text lacks, as read from TOML.
+
+    Raises:
+        RigError: A text is not valid TOML, or a base cannot be read or has itself as base.
+    """
+
+    def __init__(
+        self, text: str, origin: str, folder: Path, others: Mapping[str, Any] = MappingProxyType({})
+    ):
+        self._inside: list[str] = []
+        self._layers: dict[str, Layer] = {}
+        self._read(text, origin, folder, others, str(Path(origin).resolve()))
+        *self.bases, self.own = self._layers.values()
+        self.faults: list[tuple[Place, str]] = []
+        """Faults found so far, each with its place and after its key."""
+        self.base: dict[str, Any] = {}
+        """Values of all bases together, without their names."""
+        self.replaced: list[str] = []
+        """Keys of lists of tables that replace those of a base."""
+        for layer in self.bases:
+            self.base = self._merged(self.base, layer.values, "", layer)
+        self.base.pop("name", None)
+        self.values: dict[str, Any] = self._merged(self.base, self.own.values, "", self.own)
+        """Values of the rig, as TOML holds them."""
+        self.assumed: dict[str, tuple[Any, Any]] = {}
+        self.sources: dict[str, str] = {}
+        for layer in self._layers.values():
+            origins = layer.origins
+            self.assumed = _kept(self.assumed, layer) | origins.assumed
+            self.sources = _kept(self.sources, layer) | origins.sources
+            place = self._place_in(layer)
+            self.faults += [(place(key), f"{key}: {why}") for key, why in origins.faults]
+
+    @property
+    def differences(self) -> dict[str, tuple[Any, Any]]:
+        """Value of the base and own value, as TOML holds them, by dotted key; None for no value."""
+        base, values = flat(self.base), flat(self.values)
+        return {
+            key: (base.get(key), values.get(key))
+            for key in {**values, **base}
+            if base.get(key) != values.get(key)
+        }
+
+    def place(self, key: str) -> Place:
+        """Return the place of a dotted key's value; without one, of the own table that lacks it."""
+        layers = reversed([layer for layer in self._layers.values() if layer.sets(key)])
+        return self._place_in(next(layers, self.own))(key)
+
+    def _place_in(self, layer: Layer):
+        order = list(self._layers.values())[::-1].index(layer)
+        origin = "" if layer is self.own else layer.origin
+        return lambda key: Place(order, line_of(layer.text, key) or 0, origin)
+
+    def _read(
+        self, text: str, origin: str, folder: Path, others: Mapping[str, Any], identity: str
+    ) -> None:
+        """Read a file after its bases; one that is inherited twice counts where it comes first."""
+        document = {**others, **read_toml(text, origin, RigError)}
+        bases = document.pop("base", [])
+        faults = []
+        self._inside.append(identity)
+        for name in bases if isinstance(bases, list) else [bases]:
+            try:
+                self._read_base(name, folder)
+            except RigError as error:
+                faults.append(Place(0, line_of(text, "base") or 0).said(f"base: {error}"))
+        self._inside.pop()
+        if faults:
+            raise RigError(fault_list(origin, faults))
+        for old in rename_keys(document):
+            name = RENAMED_KEYS[old].rpartition(".")[2]
+            place = Place(0, line_of(text, old) or 0)
+            _LOG.warning("%s: %s", origin, place.said(f"rename {old} to {name}"))
+        origins = Origins()
+        values = origins.split(document)
+        origins.faults.extend(_read_files(values, folder))
+        self._layers[identity] = Layer(origin, text, values, origins)
+
+    def _read_base(self, name: Any, folder: Path) -> None:
+        if not isinstance(name, str) or not name:
+            raise RigError(
+                f"{shown(name)} is refused; give the name of a packaged rig, the path of a rig"
+                " file, or a list of them"
+            )
+        beside = folder / name
+        is_file = beside.suffix == ".toml" or beside.is_file()
+        text, origin, inside = named_text(
+            beside if is_file else name, "sautereau.rig", "rig", RigError
+        )
+        identity = str(beside.resolve()) if is_file else origin
+        if identity in self._inside:
+            raise RigError(f"{origin} has itself as base; remove one of these lines")
+        if identity not in self._layers:
+            self._read(text, origin, inside, {}, identity)
+
+    def _merged(self, base: Any, own: Any, at: str, layer: Layer) -> Any:
+        """Return a value of the bases with the differences of a layer."""
+        dot = f"{at}." if at else ""
+        if base and isinstance(base, list) and isinstance(own, dict) and _indices(own):
+            result = list(base)
+            for index, value in own.items():
+                if int(index) < len(base):
+                    entry = self._merged(base[int(index)], value, f"{dot}{index}", layer)
+                    result[int(index)] = entry
+                else:
+                    layer.origins.faults.append(
+                        (
+                            f"{dot}{index}",
+                            f"the base has {len(base)} entries, 0 to {len(base) - 1}; write all as"
+                            f" [[{at}]] to have more",
+                        )
+                    )
+            return result
+        if not (isinstance(base, dict) and isinstance(own, dict)):
+            if _entries(base) and _entries(own):
+                self.replaced.append(at)
+            return own
+        result = dict(base)
+        for name, value in own.items():
+            if value is False and name in base and not isinstance(base[name], bool):
+                del result[name]
+            else:
+                known = name in base
+                result[name] = (
+                    self._merged(base[name], value, f"{dot}{name}", layer) if known else value
+                )
+        return result
+
+
+def _kept(origins: dict[str, Any], layer: Layer) -> dict[str, Any]:
+    """Return the origins of values that a layer does not replace."""
+    return {key: about for key, about in origins.items() if not layer.sets(key)}
+
+
+def _indices(table: dict[str, Any]) -> bool:
+    """Return whether a table has entries of a list by their indices, and nothing else."""
+    return bool(table) and all(re.fullmatch("[0-9]{1,6}", key) for key in table)
+
+
+def _entries(value: Any) -> bool:
+    """Return whether a value is a list of tables."""
+    return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
+
+
+def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, Any]:
+    """Parse TOML; ``error_type`` is raised with the line of the fault.
+
+    Tables are nested at most `DEEPEST` deep, so that whoever uses them may recurse.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise error_type(f"{origin}: not valid TOML: {error}; correct that line") from error
+    except ValueError as error:
+        most = sys.get_int_max_str_digits()
+        raise error_type(f"{origin}: a number has over {most} digits; shorten it") from error
+    except RecursionError as error:
+        raise error_type(f"{origin}: {_TOO_DEEP}") from error
+    level: list[Any] = [document]
+    for _ in range(DEEPEST):
+        level = [inner for node in level for inner in _inside(node)]
+    if level:
+        raise error_type(f"{origin}: {_TOO_DEEP}")
+    return document
+
+
+def _inside(node: Any) -> Iterable[Any]:
+    """Return what is directly inside a table or an array."""
+    return node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+
+
+def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
+    """Replace the names of files by their contents; return the faults in them."""
+    faults: list[tuple[str, str]] = []
+    press = values.get("press")
+    gesture = press.get("gesture") if isinstance(press, dict) else None
+    if isinstance(press, dict) and isinstance(gesture, dict) and set(gesture) == {"file"}:
+        try:
+            press["gesture"] = read_gesture(folder / str(gesture["file"]))
+        except RigError as error:
+            del press["gesture"]
+            faults.append(("press.gesture", str(error)))
+    choirs = values.get("more_choirs")
+    holders = [("", values)]
+    if isinstance(choirs, list):
+        holders += [(f"more_choirs.{i}.", c) for i, c in enumerate(choirs) if isinstance(c, dict)]
+    for prefix, holder in holders:
+        plectrum = holder.get("plectrum")
+        outline = plectrum.get("outline") if isinstance(plectrum, dict) else None
+        if isinstance(plectrum, dict) and isinstance(outline, dict) and "file" in outline:
+            from sautereau.rig.outline import read_outline  # imports numpy; few rigs need it
+
+            try:
+                plectrum["outline"] = read_outline(outline, folder)
+            except RigError as error:
+                del plectrum["outline"]
+                faults.append((f"{prefix}plectrum.outline", str(error)))
+    return faults
+
+
+_ORIGIN = ("assumed", "source")
+_ORIGINS = {"assumed", "sources"}
+
+
+@dataclass(frozen=True)
+class Origins:
+    """What a rig file says about its values, by dotted key."""
+
+    assumed: dict[str, tuple[Any, Any]] = field(default_factory=dict)
+    """A value and its assumed range."""
+    sources: dict[str, str] = field(default_factory=dict)
+    faults: list[tuple[str, str]] = field(default_factory=list)
+    """Faults of these two, each after the key that it concerns."""
+
+    def split(self, document: dict[str, Any]) -> dict[str, Any]:
+        """Return the values of a document alone, and keep the rest here."""
+        values = self._values(document, ())
+        for name in _ORIGINS & set(values):
+            del values[name]
+            self.faults.append((name, "unknown key; write it into the table of each quantity"))
+        if "daq_only" in values:
+            fault = "unknown key; a recording of a rig with [daq] alone has it"
+            self.faults.append(("daq_only", fault))
+        return values
+
+    def _values(self, node: Any, path: tuple[str, ...]) -> Any:
+        if isinstance(node, list):
+            return [self._values(value, (*path, str(i))) for i, value in enumerate(node)]
+        if not isinstance(node, dict):
+            return node
+        if not path or "value" not in node:
+            return {key: self._values(value, (*path, key)) for key, value in node.items()}
+        self._keep(".".join(path), node)
+        return node["value"]
+
+    def _keep(self, key: str, table: dict[str, Any]) -> None:
+        for unknown in sorted(set(table) - {"value", *_ORIGIN}):
+            known = near_miss(unknown, ["value", *_ORIGIN]).replace("the top level", "a quantity")
+            self.faults.append((f"{key}.{unknown}", f"unknown key{known}"))
+        if "assumed" in table:
+            self.assumed[key] = (table["value"], table["assumed"])
+        if "source" in table:
+            source = self.sources[key] = table["source"]
+            if not isinstance(source, str):
+                self.faults.append((f"{key}.source", f"{shown(source)} is refused: give a text"))
