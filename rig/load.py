@@ -177,7 +177,10 @@ def read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
             from sautereau.rig.outline import read_outline  # imports numpy; few rigs need it
 
             try:
-                plectrum["outline"] = read_outline(outline, folder)
+                read = plectrum["outline"] = read_outline(outline, folder)
+                depth = parse_quantity(read["top"][0], "m") - parse_quantity(read["bottom"][0], "m")
+                plectrum.setdefault("length", read["x"][-1])
+                plectrum.setdefault("thickness", f"{depth!r} m")
             except RigError as error:
                 del plectrum["outline"]
                 faults.append((f"{prefix}plectrum.outline", str(error)))

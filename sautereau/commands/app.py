@@ -35,6 +35,7 @@ from sautereau.commands import (
     running,
     setup,
     simulate,
+    voicing,
 )
 from sautereau.commands.output import end_output, fail, printable
 
@@ -69,6 +70,7 @@ for command in (
     press.learn,
     fit.phases,
     plan.predict,
+    voicing.outline,
     fit.compare,
     fit.identify,
     fit.transient,
