@@ -165,7 +165,7 @@ def _light(image: Floats) -> tuple[Floats, Floats]:
     y, x = (2 * (factor * np.arange(n) + (factor - 1) / 2) / m - 1
             for n, m in zip(small.shape, image.shape, strict=True))  # fmt: skip
     terms = np.stack([y[:, None] ** i * x**j for i, j in _POWERS])
-    object_ = small > threshold_otsu(small)
+    object_ = np.asarray(small > threshold_otsu(small), bool)
     edge = np.concatenate([object_[0], object_[-1], object_[:, 0], object_[:, -1]])
     if edge.mean() > 0.5:
         object_ = ~object_
@@ -179,7 +179,7 @@ def _light(image: Floats) -> tuple[Floats, Floats]:
                 raise AnalysisError(
                     "no plectrum: nothing stands out from the background; raise the contrast"
                 )
-            fits.append(_fitted(terms[:count], small, core))
+            fits.append(_fitted(terms[:count], small, np.asarray(core, bool)))
         inside, outside = (np.tensordot(fit, terms[: len(fit)], 1) for fit in fits)
         new = np.abs(small - inside) < np.abs(small - outside)
         if np.array_equal(new, object_):
