@@ -37,7 +37,7 @@ LEAST = 0.9  # Fraction of the draws that must have a pluck, so that the interva
 QUICK = 0.2  # s, of one prediction, below which further processes take longer than they save
 NAMES = ("release_force", "force_drop", "work", "pluck_duration", "peak_force", "v_osc")
 """Quantities of the press that a fit predicts."""
-OF_OUTLINE = ("release_force", "force_drop", "force_slope", "work", "pluck_duration",
+OF_OUTLINE: tuple[str, ...] = ("release_force", "force_drop", "force_slope", "work", "pluck_duration",
               "plectrum_force", "release_angle", "release_lift", "v_osc")  # fmt: skip
 """Quantities of the press of a photographed plectrum."""
 MATERIAL = ("youngs_modulus", "poisson_ratio", "width", "friction")
@@ -152,7 +152,7 @@ def predicted(
     rows = []
     for draw in fitted.drawn(DRAWS):
         try:
-            rows.append(_quantities(*press(draw)))
+            rows.append(quantities(*press(draw)))
         except (ModelError, RigError):
             continue
     if len(rows) < LEAST * DRAWS:
@@ -164,7 +164,7 @@ def predicted(
     draws: Floats = np.array(rows)
     lows, highs = np.quantile(draws, (0.025, 0.975), axis=0)
     stds = draws.std(axis=0, ddof=1)
-    table_of = zip(NAMES, _quantities(made, best), stds, lows, highs, strict=True)
+    table_of = zip(NAMES, quantities(made, best), stds, lows, highs, strict=True)
     return Predicted(
         made,
         best.level,
@@ -203,7 +203,7 @@ def of_outline(rig: Rig, level: str = "auto") -> Predicted:
         for end in own or ()
     ]
     best = predict(rig, level)
-    value = _quantities(rig, best, OF_OUTLINE)
+    value = quantities(rig, best, OF_OUTLINE)
     found = quantities_over([*outlines, *ends], level)
     drawn, of_material = (
         np.array([row for row in part if row is not None]).reshape(-1, len(value))
@@ -261,24 +261,24 @@ def quantities_over(rigs: Sequence[Rig], level: str) -> list[Floats | None]:
     show = tracked(range(len(rigs)))
     next(show)
     start = time.process_time()
-    found[0] = quantities_of(level, rigs[0])
+    found[0] = _row(level, rigs[0])
     slow = time.process_time() - start > QUICK
     processes = min(os.cpu_count() or 1, len(rigs) - 1) if slow else 1
-    for i, row in run_over(partial(quantities_of, level), rigs[1:], max(processes, 1)):
+    for i, row in run_over(partial(_row, level), rigs[1:], max(processes, 1)):
         found[i + 1] = row
         next(show, None)
     return found
 
 
-def quantities_of(level: str, rig: Rig) -> Floats | None:
+def _row(level: str, rig: Rig) -> Floats | None:
     """Return `OF_OUTLINE` of a rig's press [SI]; None without a pluck."""
     try:
-        return _quantities(rig, predict(rig, level), OF_OUTLINE)
+        return quantities(rig, predict(rig, level), OF_OUTLINE)
     except ModelError:
         return None
 
 
-def _quantities(rig: Rig, press: Prediction, names: Sequence[str] = NAMES) -> Floats:
+def quantities(rig: Rig, press: Prediction, names: Sequence[str] = NAMES) -> Floats:
     """Return quantities of a press [SI], of its first string."""
     own = pluck_features(rig, press, press.choirs[0])
     return np.array([own[n] if n in own else getattr(press, n) for n in names])

@@ -71,6 +71,7 @@ for command in (
     fit.phases,
     plan.predict,
     voicing.outline,
+    voicing.voice,
     fit.compare,
     fit.identify,
     fit.transient,

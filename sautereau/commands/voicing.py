@@ -1,4 +1,4 @@
-"""From a photograph of a plectrum to its outline."""
+"""From a photograph of a plectrum to its outline, and to a proposal how to carve it."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -64,6 +64,68 @@ def outline(
             tilt=tilt,
             upper=upper,
         )
+    lines = found.lines()
+    if out:
+        found.write(out)
+        lines.append(f"outline: {out}")
+    if plot:
+        save_plot(plot, found.plot())
+    return output.answer(found.document, lines, plot)
+
+
+def voice(
+    rig: common.RigName = "paper",
+    *,
+    target: list[str] | None = None,
+    like: Annotated[str | None, "RIG"] = None,
+    curve: Path | None = None,
+    least: str = "0.12 mm",
+    most: str = "0.25 mm",
+    stroke: str = "1 mm",
+    out: Annotated[common.OutFile | None, common.written_as(".csv")] = None,
+    plot: common.Picture = None,
+    output: FileOutput = FileOutput(),
+) -> int:
+    """Propose where and how much to take from a plectrum's underside.
+
+    Material is only taken away, as smoothly as a knife's strokes. Of all cuts that reach what is
+    requested, the gentlest is proposed, and the press after it is predicted anew. The plot shows
+    plectrum, finger force, string and bridge force before and after.
+
+    Parameters
+    ----------
+    target
+        Quantity with its value: "force_drop 0.45 N". Repeat it for several. Quantities:
+        release_force, force_drop, force_slope, work, pluck_duration, plectrum_force,
+        release_angle, release_lift, v_osc.
+    like
+        Rig of another key, whose force drop and work are requested.
+    curve
+        CSV file of a requested finger force: deflection [mm] since contact, force [N].
+    least
+        Least thickness that remains.
+    most
+        Largest depth of the cut.
+    stroke
+        Length over which a stroke of the knife changes its depth.
+    out
+        File for the carved outline.
+    """
+    from sautereau.analysis.outline.carve import Knife
+    from sautereau.analysis.results.voiced import voice as voiced
+    from sautereau.rig.errors import UsageError
+    from sautereau.rig.units import parse_quantity
+
+    sizes = {"least": least, "most": most, "stroke": stroke}
+    try:
+        knife = Knife(**{name: parse_quantity(text, "m") for name, text in sizes.items()})
+        if min(knife.least, knife.most, knife.stroke) <= 0:
+            raise ValueError("all three must be above 0 mm")
+    except ValueError as error:
+        raise UsageError(f"--least, --most, --stroke: {error}") from error
+    other = common.load_rig(like) if like else None
+    with output.progress("carving"):
+        found = voiced(common.load_rig(rig), target or (), like=other, curve=curve, knife=knife)
     lines = found.lines()
     if out:
         found.write(out)
