@@ -113,8 +113,8 @@ class Jack(Section):
     """Scenes with `damper = true` require it."""
 
 
-class Outline(Section):
-    """Outline of a carved plectrum in the bending plane, undeformed."""
+class OutlineMember(Section):
+    """One of the outlines between which a photograph cannot decide."""
 
     x: tuple[Length, ...] = Field(min_length=2)
     """m, positions from the clamp at 0 to the tip, increasing."""
@@ -144,6 +144,14 @@ class Outline(Section):
         if faults:
             raise ValueError("\n".join(faults))
         return self
+
+
+class Outline(OutlineMember):
+    """Outline of a carved plectrum in the bending plane, undeformed."""
+
+    ensemble: tuple[OutlineMember, ...] = ()
+    """Outlines drawn from the uncertainty of a photograph, written by `sautereau outline`;
+    `predict` gives the intervals that they cause."""
 
 
 class Plectrum(Section):
@@ -176,7 +184,8 @@ class Plectrum(Section):
     """m, length of the section at the tip. Default: half the length."""
     outline: Outline | None = None
     """Shape of a carved plectrum; without it the section is that of the thicknesses. It can be read
-    from a file: ``outline = { file = "contour.csv" }``."""
+    from a file: ``outline = { file = "contour.csv" }``, which also gives `length` and `thickness`
+    where they are omitted."""
 
     @model_validator(mode="after")
     def _overlap_on_the_plectrum(self):
@@ -208,6 +217,18 @@ class Plectrum(Section):
         """m, thickness at the clamp: of the outline, if there is one."""
         outline = self.outline
         return self.thickness if outline is None else outline.top[0] - outline.bottom[0]
+
+    @property
+    def ensemble(self) -> tuple["Plectrum", ...]:
+        """The plectrum with each outline of its outline's ensemble; none without one."""
+        members = self.outline.ensemble if self.outline else ()
+        return tuple(self.outlined(Outline.model_construct(**vars(own))) for own in members)
+
+    def outlined(self, outline: Outline) -> "Plectrum":
+        """Return the plectrum with another outline, as long and as thick at the clamp as that."""
+        length, thickness = outline.x[-1], outline.top[0] - outline.bottom[0]
+        sizes = {"length": length, "thickness": thickness, "tip_thickness": None}
+        return self.model_copy(update=sizes | {"outline": outline})
 
     @property
     def bending_stiffness(self) -> float:

@@ -15,7 +15,7 @@ from sautereau.rig.disk import named_text
 from sautereau.rig.document import RENAMED_KEYS, flat, rename_keys
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import Place, fault_list, line_of, near_miss
-from sautereau.rig.units import shown
+from sautereau.rig.units import parse_quantity, shown
 
 _LOG = logging.getLogger(__name__)
 DEEPEST = 20
@@ -251,7 +251,10 @@ def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
             from sautereau.rig.outline import read_outline  # imports numpy; few rigs need it
 
             try:
-                plectrum["outline"] = read_outline(outline, folder)
+                read = plectrum["outline"] = read_outline(outline, folder)
+                depth = parse_quantity(read["top"][0], "m") - parse_quantity(read["bottom"][0], "m")
+                plectrum.setdefault("length", read["x"][-1])
+                plectrum.setdefault("thickness", f"{depth!r} m")
             except RigError as error:
                 del plectrum["outline"]
                 faults.append((f"{prefix}plectrum.outline", str(error)))

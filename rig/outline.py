@@ -5,17 +5,20 @@ the tip at the largest x. A photograph's contour is one with the columns x and y
 counted downwards as in image programs; the rig file gives their size and the clamp:
 ``outline = { file = "photo.csv", scale = "0.01 mm", clamp = [212, 640] }``. Its tip may point
 either way. Everything behind the clamp is cut off.
+
+`sautereau outline` writes a tracing with a third column, member: 0 is the outline, and each number
+from 1 is one of the ensemble between which the photograph cannot decide.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.rig.csv_files import read_columns
+from sautereau.rig.csv_files import read_columns, read_rows
 from sautereau.rig.errors import RigError
 from sautereau.rig.units import parse_quantity, shown
 
@@ -34,7 +37,7 @@ as blunt ends do."""
 LEAST_TIP = 0.05  # Dimensionless, smallest thickness of the tip as a fraction of that at the clamp
 
 
-def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, list[str]]:
+def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Return the outline of a contour's file, as a rig file would hold it.
 
     Args:
@@ -49,13 +52,29 @@ def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, list[str]]
             f"outline file {path}: {', '.join(unknown)}: unknown key; the keys are file, and for"
             " the contour of a photograph scale and clamp"
         )
-    points = _pixels(path, table) if "scale" in table or "clamp" in table else _lengths(path)
+    pixels = "scale" in table or "clamp" in table
+    points, *ensemble = [_pixels(path, table)] if pixels else _lengths(path)
+    found = _document(path, points)
+    if ensemble:
+        found["ensemble"] = [_document(path, own, n) for n, own in enumerate(ensemble, 1)]
+    return found
+
+
+def _document(path: Path, points: Floats, member: int = 0) -> dict[str, Any]:
     try:
-        x, top, bottom = split(points)
+        edges = zip(("x", "top", "bottom"), split(points), strict=True)
     except ValueError as error:
-        raise RigError(f"outline file {path}: {error}") from error
-    edges = {"x": x, "top": top, "bottom": bottom}
-    return {name: [f"{value!r} m" for value in edge.tolist()] for name, edge in edges.items()}
+        of = f" member {member}:" * bool(member)
+        raise RigError(f"outline file {path}:{of} {error}") from error
+    return {name: [f"{value!r} m" for value in edge.tolist()] for name, edge in edges}
+
+
+def outline_text(contours: Sequence[Floats]) -> str:
+    """Return an outline file of a contour [m] and those of its ensemble, each of shape (n, 2)."""
+    rows = ["member,x [um],z [um]"]
+    for number, contour in enumerate(contours):
+        rows += [f"{number},{1e6 * x:.4f},{1e6 * z:.4f}" for x, z in contour.tolist()]
+    return "\n".join(rows) + "\n"
 
 
 def split(contour: Floats) -> tuple[Floats, Floats, Floats]:
@@ -164,14 +183,26 @@ def _crossing(contour: Floats) -> Floats | None:
     return None
 
 
-def _lengths(path: Path) -> Floats:
-    """Read a tracing [m]."""
+def _lengths(path: Path) -> list[Floats]:
+    """Read a tracing [m], and those of its ensemble."""
 
-    def read(_: str, text: str) -> float:
-        return parse_quantity(text, "m")
+    def read(name: str, text: str) -> float:
+        return parse_quantity(text, units[name])
 
-    table = read_columns(path, "outline file", {"x": "m", "z": "m"}, "x [mm], z [mm]", read)
-    return np.column_stack([table["x"], table["z"]])
+    units, example = {"x": "m", "z": "m"}, "x [mm], z [mm]"
+    rows, _ = read_rows(path, f"outline file {path}", RigError)
+    if rows and any(cell.strip() == "member" for cell in rows[0]):
+        units, example = {"member": "", **units}, f"member, {example}"
+    table = read_columns(path, "outline file", units, example, read)
+    points = np.column_stack([table["x"], table["z"]])
+    member = np.array(table.get("member", np.zeros(len(points))))
+    numbers = np.unique(member)
+    if not np.array_equal(numbers, np.arange(len(numbers))):
+        raise RigError(
+            f"outline file {path}: member: the numbers are not 0, 1, 2 and so on; 0 is the outline,"
+            " the others are its ensemble"
+        )
+    return [points[member == number] for number in numbers] or [points]
 
 
 def _pixels(path: Path, table: Mapping[str, Any]) -> Floats:

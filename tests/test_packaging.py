@@ -161,7 +161,7 @@ def test_what_is_imported_is_required():
     """Every imported package is a requirement, or one of an extra."""
     brought_by = {
         "google": "protobuf", "PIL": "pillow", "serial": "pyserial", "skfem": "scikit-fem",
-        "grpc": "nidaqmx", "session_pb2": "nidaqmx",
+        "skimage": "scikit-image", "grpc": "nidaqmx", "session_pb2": "nidaqmx",
         "pydantic_core": "pydantic", "markupsafe": "jinja2",
     }  # fmt: skip
     texts = [*PROJECT["dependencies"], *(text for extra in EXTRAS.values() for text in extra)]
@@ -178,6 +178,7 @@ MISSING = {
     "report": "st.Session([]).report('page.html')",
     "tdms": "from sautereau.daq.convert.from_loggers import open_tdms; open_tdms('a.tdms')",
     "xarray": "st.Rig().sweep(overlap=...).to_xarray()",
+    "photo": "from sautereau.analysis.results.outlined import outline; outline('a.png')",
 }
 """What a user of each extra does."""
 
@@ -186,7 +187,7 @@ MISSING = {
 def test_missing_extras_are_reported_with_their_command():
     """In one process, in which none of their packages can be imported."""
     texts = [text for extra in MISSING for text in EXTRAS[extra]]
-    names = {"npTDMS": "nptdms"}
+    names = {"npTDMS": "nptdms", "scikit-image": "skimage"}
     blocked = [re.split(r"[^\w-]", text)[0] for text in texts]
     program = (
         f"import sys\nsys.modules |= dict.fromkeys({[names.get(n, n) for n in blocked]})\n"

@@ -1,5 +1,6 @@
 """The model's prediction of a complete press with the jack at a given speed."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,7 +116,13 @@ def predict(rig: Rig, level: str = "auto", *, speed: JackSpeed | None = None) ->
     Raises:
         ModelError: The level has no solution for this rig, or the press ends before release.
     """
-    held = hold(rig, level)
+    return pressed(rig, hold(rig, level), level, speed)
+
+
+def pressed(
+    rig: Rig, held: Sequence[PlacedPluck], level: str = "auto", speed: JackSpeed | None = None
+) -> Prediction:
+    """Return the press in which a rig's strings are plucked as given; see `predict`."""
     speed = speed or JackSpeed.constant(rig.press.jack_speed)
     # The plucks' own points are instants of the time base, release with the string still held.
     plucks = [at for h in held for at in (_rises(rig, h), [h.release * (1 + 1e-12)])]

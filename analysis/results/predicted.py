@@ -1,13 +1,17 @@
-"""The press that a fit predicts: its distribution, through the model of the pluck."""
+"""The press with its intervals: from a fit's distribution, or from a photographed outline."""
 
+import os
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
+from sautereau.analysis.campaign.workers import run_over
 from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.identify.distribution import Distribution
 from sautereau.analysis.identify.parameter_names import ENDS, split_name
@@ -19,6 +23,7 @@ from sautereau.analysis.text import counted, table
 from sautereau.rig.disk import read_limited, why_unreadable
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import first_fault
+from sautereau.rig.progress import tracked
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
@@ -29,8 +34,14 @@ if TYPE_CHECKING:
 
 DRAWS = 256  # Of the fit's distribution: the ends of an interval are within 5 % of its width
 LEAST = 0.9  # Fraction of the draws that must have a pluck, so that the interval is one of plucks
+QUICK = 0.2  # s, of one prediction, below which further processes take longer than they save
 NAMES = ("release_force", "force_drop", "work", "pluck_duration", "peak_force", "v_osc")
-"""Quantities of the press."""
+"""Quantities of the press that a fit predicts."""
+OF_OUTLINE: tuple[str, ...] = ("release_force", "force_drop", "force_slope", "work", "pluck_duration",
+              "plectrum_force", "release_angle", "release_lift", "v_osc")  # fmt: skip
+"""Quantities of the press of a photographed plectrum."""
+MATERIAL = ("youngs_modulus", "poisson_ratio", "width", "friction")
+"""Values of a plectrum that its outline does not have, and whose assumed range counts."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +57,22 @@ class Interval:
     """Lower end of the 95 % interval."""
     high: float
     """Upper end of the 95 % interval."""
+    photograph: float | None = None
+    """Half of the 95 % interval that the photograph alone causes; None: there is none."""
 
 
 @dataclass(frozen=True, repr=False)
 class Predicted(Result):
-    """Quantities of a press with the intervals that the fitted values' uncertainties cause."""
+    """Quantities of a press with the intervals that uncertain values cause."""
 
     rig: Rig
-    """With the fitted values."""
+    """With the fitted values, or with the outline of the photograph."""
     level: str
     intervals: tuple[Interval, ...]
     draws: Floats
-    """SI, values of `NAMES` of each draw with a pluck; shape (draws, quantities)."""
+    """SI, the quantities in each draw with a pluck; shape (draws, quantities)."""
+    origin: str
+    """What the draws are from, as texts say it."""
 
     def __repr__(self) -> str:
         force = self.intervals[0]
@@ -75,9 +90,11 @@ class Predicted(Result):
     def lines(self) -> list[str]:
         """Return the prediction as text."""
         heads = ("", "value", "std", "95 % interval", "unit")
+        if any(own.photograph is not None for own in self.intervals):
+            heads = (*heads, "photograph alone, +-")
         return [
-            f"rig {self.rig.name} with the fitted values, plectrum model {self.level}; intervals"
-            f" from {counted(len(self.draws), 'draw')} of the fit's distribution:",
+            f"rig {self.rig.name}, plectrum model {self.level}; intervals from"
+            f" {counted(len(self.draws), 'draw')} {self.origin}:",
             *table([heads, *map(_cells, self.intervals)], left=(0, 4), indent=2),
         ]
 
@@ -91,7 +108,7 @@ class Predicted(Result):
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(12, 6), layout="constrained")
-        panels = figure.subplots(2, 3).ravel()
+        panels = figure.subplots(-(-len(self.intervals) // 3), 3).ravel()
         for axes, own, draws in zip(panels, self.intervals, self.draws.T, strict=True):
             scale, unit = QUANTITIES[own.name].displayed
             axes.hist(draws * scale, bins=24)
@@ -103,7 +120,8 @@ class Predicted(Result):
 def _cells(own: Interval) -> tuple[str, ...]:
     scale, unit = QUANTITIES[own.name].displayed
     value, std, low, high = (f"{x * scale:.4g}" for x in (own.value, own.std, own.low, own.high))
-    return QUANTITIES[own.name].label, value, std, f"{low} to {high}", unit
+    cells = QUANTITIES[own.name].label, value, std, f"{low} to {high}", unit
+    return cells if own.photograph is None else (*cells, f"{own.photograph * scale:.2g}")
 
 
 def predicted(
@@ -134,7 +152,7 @@ def predicted(
     rows = []
     for draw in fitted.drawn(DRAWS):
         try:
-            rows.append(_quantities(*press(draw)))
+            rows.append(quantities(*press(draw)))
         except (ModelError, RigError):
             continue
     if len(rows) < LEAST * DRAWS:
@@ -143,22 +161,127 @@ def predicted(
             f" {LEAST * DRAWS:.0f} are needed: the values are too uncertain; record more presses,"
             " or give priors"
         )
-    draws = np.array(rows)
+    draws: Floats = np.array(rows)
     lows, highs = np.quantile(draws, (0.025, 0.975), axis=0)
     stds = draws.std(axis=0, ddof=1)
-    table_of = zip(NAMES, _quantities(made, best), stds, lows, highs, strict=True)
+    table_of = zip(NAMES, quantities(made, best), stds, lows, highs, strict=True)
     return Predicted(
         made,
         best.level,
         tuple(Interval(n, QUANTITIES[n].unit, *map(float, own)) for n, *own in table_of),
         draws,
+        "of the fit's distribution",
     )
 
 
-def _quantities(rig: Rig, press: Prediction) -> Floats:
-    """Return `NAMES` of a press [SI], of its first string."""
+def of_outline(rig: Rig, level: str = "auto") -> Predicted:
+    """Return the press of a photographed plectrum with the intervals of its quantities.
+
+    The half of an interval has two independent parts: of the photograph, Student's t times the
+    standard deviation over the outline's ensemble; of the material, the change at the end of each
+    assumed range of `MATERIAL`.
+
+    Args:
+        rig: Quantities are those of its first string.
+
+    Raises:
+        AnalysisError: No outline has an ensemble, or less than nine of ten have a pluck.
+        ModelError: The model has no solution for the outline.
+    """
+    from scipy.special import stdtrit
+
+    outlines = members(rig)
+    if not outlines:
+        raise AnalysisError(
+            "predict: plectrum.outline has no ensemble, so that the press has no interval; write"
+            " the outline's file with `sautereau outline`"
+        )
+    ranges = [rig.assumed.get(f"plectrum.{name}") for name in MATERIAL]
+    ends = [
+        rig.replaced({f"plectrum.{name}": end})
+        for name, own in zip(MATERIAL, ranges, strict=True)
+        for end in own or ()
+    ]
+    best = predict(rig, level)
+    value = quantities(rig, best, OF_OUTLINE)
+    found = quantities_over([*outlines, *ends], level)
+    drawn, of_material = (
+        np.array([row for row in part if row is not None]).reshape(-1, len(value))
+        for part in (found[: len(outlines)], found[len(outlines) :])
+    )
+    if len(drawn) < LEAST * len(outlines):
+        raise AnalysisError(
+            f"predict: {len(drawn)} of {len(outlines)} outlines of the ensemble have a pluck;"
+            " photograph the plectrum more sharply"
+        )
+    std = drawn.std(axis=0, ddof=1)
+    photograph = stdtrit(len(drawn) - 1, 0.975) * std
+    change = of_material - value
+    lower, upper = (np.sqrt(np.sum(f(change, 0) ** 2, axis=0)) for f in (np.minimum, np.maximum))
+    rows = zip(
+        OF_OUTLINE,
+        value,
+        std,
+        value - np.hypot(photograph, lower),
+        value + np.hypot(photograph, upper),
+        photograph,
+        strict=True,
+    )
+    intervals = tuple(Interval(n, QUANTITIES[n].unit, *map(float, own)) for n, *own in rows)
+    origin = "of the photographed outline" + ", and from the material's range" * bool(ends)
+    return Predicted(rig, best.level, intervals, drawn, origin)
+
+
+def members(rig: Rig) -> list[Rig]:
+    """Return the rig with each outline of its plectra's ensembles; none if no plectrum has one."""
+    plectra = [rig.plectrum, *(choir.plectrum for choir in rig.more_choirs)]
+    ensembles = [plectrum.ensemble or (plectrum,) for plectrum in plectra]
+    count = max(map(len, ensembles))
+    if count == 1:
+        return []
+    found = []
+    for number in range(count):
+        first, *others = (own[number % len(own)] for own in ensembles)
+        choirs = tuple(
+            choir.model_copy(update={"plectrum": plectrum})
+            for choir, plectrum in zip(rig.more_choirs, others, strict=True)
+        )
+        found.append(rig.model_copy(update={"plectrum": first, "more_choirs": choirs}))
+    return found
+
+
+def quantities_over(rigs: Sequence[Rig], level: str) -> list[Floats | None]:
+    """Return `OF_OUTLINE` of each rig's press [SI]; None for one without a pluck.
+
+    Every core predicts some of them, unless one takes less time than to start a process.
+    """
+    found: list[Floats | None] = [None] * len(rigs)
+    if not rigs:
+        return found
+    show = tracked(range(len(rigs)))
+    next(show)
+    start = time.process_time()
+    found[0] = _row(level, rigs[0])
+    slow = time.process_time() - start > QUICK
+    processes = min(os.cpu_count() or 1, len(rigs) - 1) if slow else 1
+    for i, row in run_over(partial(_row, level), rigs[1:], max(processes, 1)):
+        found[i + 1] = row
+        next(show, None)
+    return found
+
+
+def _row(level: str, rig: Rig) -> Floats | None:
+    """Return `OF_OUTLINE` of a rig's press [SI]; None without a pluck."""
+    try:
+        return quantities(rig, predict(rig, level), OF_OUTLINE)
+    except ModelError:
+        return None
+
+
+def quantities(rig: Rig, press: Prediction, names: Sequence[str] = NAMES) -> Floats:
+    """Return quantities of a press [SI], of its first string."""
     own = pluck_features(rig, press, press.choirs[0])
-    return np.array([own[n] if n in own else getattr(press, n) for n in NAMES])
+    return np.array([own[n] if n in own else getattr(press, n) for n in names])
 
 
 class _Distribution(BaseModel):

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from sautereau.analysis.results.predicted import Predicted
+
 COLUMNS = {"rise": "m", "deflection": "m", "finger_force": "N", "string_force": "N"}
 """Columns of the table and their units."""
 
@@ -95,6 +97,19 @@ class Prediction(Result):
             f" largest velocity of the first mode alone: {first_mode:.3g} m/s",
             *(f"warning: {warning}" for warning in found.warnings),
         ]
+
+    def intervals(self, *, level: str = "auto") -> "Predicted | None":
+        """Return the press with the intervals that a photographed outline causes; None without one.
+
+        Args:
+            level: Of the plectra, as in the prediction.
+
+        Raises:
+            AnalysisError: Less than nine of ten outlines of the ensemble have a pluck.
+        """
+        from sautereau.analysis.results.predicted import members, of_outline
+
+        return of_outline(self.rig, level) if members(self.rig) else None
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the motion and the forces over the time in s after the jack leaves rest."""

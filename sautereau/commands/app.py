@@ -42,6 +42,7 @@ from sautereau.commands import (
     running,
     setup,
     simulate,
+    voicing,
 )
 from sautereau.commands.output import end_output, fail, printable
 
@@ -93,7 +94,7 @@ GROUPS = {
         recordings.export,
         recordings.import_,
     ),
-    "Study": (campaign.survey, campaign.campaign, campaign.touch, simulate.trade),
+    "Study": (voicing.outline, campaign.survey, campaign.campaign, campaign.touch, simulate.trade),
 }
 """Commands as the help shows them, each group in the order of use."""
 for place, (title, commands) in enumerate(GROUPS.items()):

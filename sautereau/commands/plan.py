@@ -166,6 +166,9 @@ def predict(
 ) -> int:
     """Predict a press by the model alone; the plot shows all plectrum models.
 
+    With an outline that `sautereau outline` has written, the quantities have the 95 % intervals
+    that the photograph and the assumed ranges of the plectrum's material leave.
+
     Parameters
     ----------
     fit
@@ -183,7 +186,11 @@ def predict(
         return output.answer(own.document, own.lines(), plot)
     with output.progress("predicting"):
         found = Rig(rig).predict(level=level)
+    document, lines = found.document, found.lines()
+    with output.progress("predicting the ensemble of outlines"):
+        if own := found.intervals(level=level):
+            document, lines = {**document, "intervals": own.document}, [*lines, *own.lines()]
     if plot:
         with output.progress("predicting by all plectrum models"):
             save_plot(plot, found.plot())
-    return output.answer(found.document, found.lines(), plot)
+    return output.answer(document, lines, plot)

@@ -41,7 +41,7 @@ REACHES = ((0.1, 0.85), (0.2, 0.7), (0.4, 0.5), (0.7, 0.2))
 class Elastica(Cantilever):
     """The plectrum without stretch and shear, of a uniform section or of any outline."""
 
-    represents = ("outline", "tip_thickness")
+    represents: tuple[str, ...] = ("outline", "tip_thickness")
 
     def __init__(self, plectrum: Plectrum):
         """Read and check the plectrum's parameters; compute the table of its shape.

@@ -1,14 +1,22 @@
-"""Compute the table of one plectrum shape by finite elements."""
+"""Compute the table of one plectrum shape by finite elements, and its derivatives by cuts.
 
-from dataclasses import replace
+A cut takes material from the underside: it raises the bottom edge in proportion to its depth. At an
+equilibrium u, where the load F f(u) is the internal force R(u), a cut by p changes u by
+du/dp = K^-1 (F df/dp - dR/dp), with the tangent K of the load and the body at that u. The right
+side is the difference of the out-of-balance forces at the same u on two meshes, so that a further
+cut takes one more right side and no iteration.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.cantilever import FRICTION_MAX
-from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
-from sautereau.analysis.model.plectrum.fe.mesh import plectrum_grid
-from sautereau.analysis.model.plectrum.fe.solve import Body, newton, rate, solve_loads
+from sautereau.analysis.model.plectrum.fe.load import Patch, patch_at, section_at
+from sautereau.analysis.model.plectrum.fe.mesh import grid_between, plectrum_grid
+from sautereau.analysis.model.plectrum.fe.solve import Body, newton, rate, responses, solve_loads
 from sautereau.analysis.model.plectrum.profile import Profile
 from sautereau.analysis.model.plectrum.table import Samples, nodes, through
 from sautereau.analysis.model.plectrum.tapered import laws, load_range, samples
@@ -26,12 +34,24 @@ STRAIN_LIMIT = 0.2
 """Largest strain of the edges at the clamp, which limits the load of thick plectra."""
 
 
-class Solver:
-    """The contact's displacement at any position and load, directly by finite elements."""
+DEPTH = 1e-7
+"""In lengths, depth of a cut between whose meshes differences are taken. The tangent is that of the
+uncut mesh: bending is so much softer than stretching that at 1e-5 this is 6 % of a derivative."""
 
-    def __init__(self, profile: Profile, poisson_ratio: float):
+
+class Solver:
+    """The contact's displacement at any position and load, directly by finite elements.
+
+    Args:
+        cuts: Profiles of the same top and clamp whose undersides are cut by `DEPTH`.
+    """
+
+    def __init__(self, profile: Profile, poisson_ratio: float, cuts: Sequence[Profile] = ()):
         self.profile = profile
-        self.body = Body(plectrum_grid(profile), poisson_ratio)
+        grid = plectrum_grid(profile)
+        self.body = Body(grid, poisson_ratio)
+        # On the columns of the uncut one: nodes only move up.
+        self.cuts = [Body(grid_between(cut, grid.x, grid.layers), poisson_ratio) for cut in cuts]
         frictionless = patch_at(self.body.grid, 1.0, profile.patch)
         bent = rate(self.body, frictionless, 0.0, np.zeros(self.body.size))
         # The rotation under a small load F at the tip is F L^2 / 2 EI, which is f / 2. The moment
@@ -49,34 +69,86 @@ class Solver:
         Raises:
             ModelError: No equilibrium is found.
         """
-        found = np.empty((3, len(drags), len(loads), len(places)))
+        return self.laws_and_rates(places, loads, drags)[0]
+
+    def laws_and_rates(self, places: Floats, loads: Floats, drags: Floats) -> Floats:
+        """Return the laws, and after them their derivatives by the depth [lengths] of each cut.
+
+        Returns:
+            Shape (1 + cuts, 3, drags, loads, places).
+
+        Raises:
+            ModelError: No equilibrium is found.
+        """
+        found = np.empty((1 + len(self.cuts), 3, len(drags), len(loads), len(places)))
         for number, s in enumerate(tracked(places.tolist())):
             found[..., number] = self._laws_at(s, loads, drags)
         return found
 
     def _laws_at(self, s: float, loads: Floats, drags: Floats) -> Floats:
-        patch = patch_at(self.body.grid, s, self.profile.patch)
-        section, forces = patch.section, self.unit * loads / s**2
-        height, slope, _ = self.profile.contact_line(s)
+        patches = [patch_at(b.grid, s, self.profile.patch) for b in (self.body, *self.cuts)]
+        patch, forces = patches[0], self.unit * loads / s**2
+        _, slope, _ = self.profile.contact_line(s)
         tilt = float(np.arctan(slope))
-        # Of the mesh, which is straight between the edges of its columns; the outline may not be.
-        middle = section.mean @ self.body.grid.nodes[section.nodes, 1]
-        arm = float(height) - middle + self.profile.clamp_middle
         straight = solve_loads(self.body, patch, forces)
-        found = np.empty((3, len(drags), len(loads)))
+        found = np.empty((1 + len(self.cuts), 3, len(drags), len(loads)))
         for row, drag in enumerate(drags.tolist()):
             # Of a load on a sloping top, the parts along the normal and the tangent of the section.
-            dragged = replace(patch, drag=float(np.tan(tilt + np.arctan(drag))))
+            across = float(np.tan(tilt + np.arctan(drag)))
+            dragged, *cut = (replace(one, drag=across) for one in patches)
             pressed = forces * (np.cos(tilt) - drag * np.sin(tilt))
             for column, (q, force) in enumerate(zip(loads, pressed.tolist(), strict=True)):
                 u = newton(self.body, dragged, force, straight[column])
                 if u is None:
                     u = solve_loads(self.body, dragged, pressed[: column + 1])[-1]
-                x, z = section.displacement(u)
-                turned = section.rotation(u)
-                x, z = x - arm * np.sin(turned), z + arm * (np.cos(turned) - 1)
-                found[:, row, column] = 1 + x / s, z / (s * q), turned / q
+                values = [self._law(s, q, self.body, dragged, u)]
+                lacking = [
+                    force * own.unit_load(u) - body.forces(u)
+                    for body, own in zip(self.cuts, cut, strict=True)
+                ]
+                moved = responses(self.body, dragged, force, u, lacking)
+                for body, own, step in zip(self.cuts, cut, moved, strict=True):
+                    values.append((self._law(s, q, body, own, u + step) - values[0]) / DEPTH)
+                found[:, :, row, column] = values
         return found
+
+    def _law(self, s: float, q: float, body: Body, patch: Patch, u: Floats) -> Floats:
+        """Return x/s, z/(s q) and theta/q of displacements, shape (3,)."""
+        section, height = patch.section, float(self.profile.contact_line(s)[0])
+        # Of the mesh, which is straight between the edges of its columns; the outline may not be.
+        middle = section.mean @ body.grid.nodes[section.nodes, 1]
+        arm = height - middle + self.profile.clamp_middle
+        x, z = section.displacement(u)
+        turned = section.rotation(u)
+        x, z = x - arm * np.sin(turned), z + arm * (np.cos(turned) - 1)
+        return np.array([1 + x / s, z / (s * q), turned / q])
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Derivatives of a table's laws by the depth of each cut, at Chebyshev's nodes."""
+
+    laws: Floats
+    """Shape (cuts, 3, drags, loads, positions)."""
+
+    def moved(self, base: Samples, depths: Floats) -> Samples:
+        """Return a table after cuts of small depths [lengths], shape (cuts,)."""
+        return replace(base, laws=base.laws + _spread(np.tensordot(depths, self.laws, 1), base))
+
+
+def build_with_rates(
+    profile: Profile, poisson_ratio: float, nearest: float, cuts: Sequence[Floats]
+) -> tuple[Samples, Rates]:
+    """Return the table of `build`, and its derivatives by cuts of the underside.
+
+    Args:
+        cuts: Depth of each at the profile's vertices per unit, 0 at the clamp.
+
+    Raises:
+        ModelError: The elements find no equilibrium.
+    """
+    cut = [replace(profile, bottom=profile.bottom + DEPTH * depth) for depth in cuts]
+    return _build(profile, poisson_ratio, nearest, cut)
 
 
 def build(profile: Profile, poisson_ratio: float, nearest: float) -> Samples:
@@ -88,25 +160,47 @@ def build(profile: Profile, poisson_ratio: float, nearest: float) -> Samples:
     Raises:
         ModelError: The elements find no equilibrium.
     """
-    solver = Solver(profile, poisson_ratio)
+    return _build(profile, poisson_ratio, nearest, ())[0]
+
+
+def _build(
+    profile: Profile, poisson_ratio: float, nearest: float, cuts: Sequence[Profile]
+) -> tuple[Samples, Rates]:
+    solver = Solver(profile, poisson_ratio, cuts)
     elastica = samples(profile, nearest, min(solver.limit, load_range(profile)), True)
-    *others, places = elastica.nodes
-    targets = (*others, places.ravel())
     ends = ((-FRICTION_MAX, FRICTION_MAX), (0.0, elastica.q_max), (nearest, 1.0))
-    found, exact = elastica, solver.laws(*elastica.probes)
+    found, exact, rates = elastica, None, Rates(np.empty(0))
     for size in _SIZES:
         drags, loads, positions = (nodes(n, *end) for n, end in zip(size, ends, strict=True))
         at = positions, loads, drags
-        added = solver.laws(*at) - laws(profile, *at, at_surface=True)
-        added[0] /= loads[:, None]  # without load there is no shortening
-        spread = (
-            through(count, target, *end)
-            for count, target, end in zip(size, targets, ends, strict=True)
-        )
-        added = np.einsum("lgnk,dg,qn,pk->ldqp", added, *spread, optimize=True)
-        added[0] *= targets[1][:, None]
-        found = replace(elastica, laws=elastica.laws + added.reshape(elastica.laws.shape))
+        solved = solver.laws_and_rates(*at)
+        if exact is None:  # the derivatives are smooth enough for the fewest nodes
+            rates, solver.cuts = Rates(solved[1:]), []
+            exact = solver.laws(*elastica.probes)
+        added = solved[0] - laws(profile, *at, at_surface=True)
+        found = replace(elastica, laws=elastica.laws + _spread(added, elastica))
         found = found.checked(exact)
         if found.error <= ACCURACY:
             break
-    return found
+    return found, rates
+
+
+def _spread(added: Floats, base: Samples) -> Floats:
+    """Return changes of the laws at the nodes of a table.
+
+    Args:
+        added: The changes at Chebyshev's nodes, shape (3, drags, loads, positions).
+    """
+    *others, places = base.nodes
+    ends = ((-FRICTION_MAX, FRICTION_MAX), (0.0, base.q_max), (base.nearest, 1.0))
+    added = added.copy()
+    loads = nodes(added.shape[2], *ends[1])
+    added[0] /= loads[:, None]  # without load there is no shortening
+    targets = (*others, places.ravel())
+    matrices = (
+        through(count, target, *end)
+        for count, target, end in zip(added.shape[1:], targets, ends, strict=True)
+    )
+    spread = np.einsum("lgnk,dg,qn,pk->ldqp", added, *matrices, optimize=True)
+    spread[0] *= others[1][:, None]
+    return spread.reshape(base.laws.shape)

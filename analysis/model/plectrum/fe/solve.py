@@ -178,16 +178,28 @@ def iterates(body: Body, patch: Patch, force: float, u: Floats):
 
 def rate(body: Body, patch: Patch, force: float, u: Floats) -> Floats:
     """Return du/dF, shape (size,), at an equilibrium."""
+    return responses(body, patch, force, u, [patch.unit_load(u)])[0]
+
+
+def responses(
+    body: Body, patch: Patch, force: float, u: Floats, loads: Sequence[Floats]
+) -> list[Floats]:
+    """Return the displacements that small loads add at an equilibrium, each of shape (size,)."""
     from scipy.linalg import solve_banded
 
+    if not loads:
+        return []
     free, width = slice(body.clamped, None), body.band
     _, band = body.linearised(u)
     g, p = (part[free] for part in patch.turning(u))
-    right = np.column_stack([patch.unit_load(u)[free], g])
-    straight, turn = solve_banded((width, width), band[:, free], right).T
-    out = np.zeros(body.size)
-    out[free] = straight + turn * (force * (p @ straight) / (1 - force * (p @ turn)))
-    return out
+    right = np.column_stack([*(load[free] for load in loads), g])
+    *straight, turn = solve_banded((width, width), band[:, free], right).T
+    found = []
+    for own in straight:
+        out = np.zeros(body.size)
+        out[free] = own + turn * (force * (p @ own) / (1 - force * (p @ turn)))
+        found.append(out)
+    return found
 
 
 def _extrapolated(path: list[tuple[float, Floats]], force: float) -> Floats:

@@ -1,0 +1,217 @@
+"""Where to take material from a plectrum's underside, so that its press has requested values.
+
+The depth is a cubic spline over the length, whose knots are a knife's stroke apart: zero with its
+slope at the root, nowhere negative because its coefficients are not. Least squares of logarithms of
+the requested quantities, with little weight on bends and amount of the depth, choose among the
+carvings that reach them. Derivatives are those of the finite elements' table by each coefficient.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from sautereau.analysis.errors import AnalysisError, ModelError
+from sautereau.analysis.model.choirs import PlacedPluck, choirs
+from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.analysis.model.plectrum.elastica import nearest_of
+from sautereau.analysis.model.plectrum.fe.level import FE
+from sautereau.analysis.model.plectrum.profile import profile_of
+from sautereau.analysis.model.plectrum.surface import StringCentre
+from sautereau.analysis.model.pluck.pluck import solve_pluck
+from sautereau.analysis.model.predict import Prediction, pressed
+from sautereau.rig.instrument import Outline, Plectrum
+from sautereau.rig.progress import tracked
+from sautereau.rig.schema import Rig
+
+ROOT = 0.1  # Fraction of the length from the clamp in which nothing is cut
+UNIT = 1e-4  # m, of the coefficients of the depth, and of the optimiser's first steps
+VERTICES = 41  # Least number of vertices of a carved outline
+TARGET_STD = 5e-4  # Relative deviation from a target that weighs as much as a bend of one `UNIT`
+AMOUNT = 0.1  # Weight of the depth itself relative to its bends
+STEP = 1e-6  # m, of the depth, for derivatives of the press by the table's derivatives
+MOST_STEPS = 20
+
+Observe = Callable[[Rig, Prediction], Floats]
+"""Returns what a press is compared by: logarithms of quantities, or relative deviations."""
+
+
+@dataclass(frozen=True)
+class Knife:
+    """What a maker can cut; m."""
+
+    least: float = 0.12e-3
+    """Least thickness that remains."""
+    most: float = 0.25e-3
+    """Largest depth of the cut."""
+    stroke: float = 1e-3
+    """Distance of the knots of the depth: the length over which a stroke changes it."""
+
+
+@dataclass(frozen=True)
+class Carving:
+    """A cut of the underside: depth = shapes @ depths at the places; m."""
+
+    places: Floats
+    """From the clamp to the tip, shape (n,)."""
+    shapes: Floats
+    """Dimensionless, shape (n, cuts)."""
+    most: Floats
+    """Largest depth of each, shape (cuts,)."""
+
+    def applied(self, plectrum: Plectrum, depths: Floats) -> Plectrum:
+        """Return a plectrum after the cut, without its ensemble."""
+        x, top, bottom = _edges(plectrum, self.places)
+        cut = np.interp(x * self.places[-1] / x[-1], self.places, self.shapes @ depths)
+        edges = (tuple(edge.tolist()) for edge in (x, top, bottom + cut))
+        named = dict(zip(("x", "top", "bottom"), edges, strict=True))
+        return plectrum.outlined(Outline.model_construct(**named))
+
+
+def carving(plectrum: Plectrum, knife: Knife) -> Carving:
+    """Return the cuts that a knife can make.
+
+    Raises:
+        AnalysisError: It can make none.
+    """
+    from scipy.interpolate import BSpline
+
+    length = plectrum.outline.x[-1] if plectrum.outline else plectrum.length
+    places = np.linspace(0.0, length, VERTICES)
+    parts = max(2, round((1 - ROOT) * length / knife.stroke))
+    inner = np.linspace(ROOT * length, length, parts + 1)
+    knots = np.r_[[inner[0]] * 3, inner, [inner[-1]] * 3]
+    own = np.clip(places, inner[0], None)
+    basis = BSpline.design_matrix(own, knots, 3).toarray()[:, 2:]
+    x, top, bottom = _edges(plectrum, places)
+    thick = np.interp(places, x, top - bottom)
+    most = np.array([float((thick[shape > 0] - knife.least).min()) for shape in basis.T])
+    most = np.clip(most, 0.0, knife.most)
+    if not most.any():
+        raise AnalysisError(
+            f"voice: the plectrum is {thick.min() * 1e3:.3g} mm thick at its thinnest, and"
+            f" {knife.least * 1e3:.3g} mm must remain, so that nothing can be cut; lower --least"
+        )
+    return Carving(places, basis[:, most > 0], most[most > 0])
+
+
+def _edges(plectrum: Plectrum, places: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return x, top and bottom [m] at an outline's own vertices and at further places."""
+    profile = profile_of(plectrum)
+    length = plectrum.length
+    x = np.unique(np.round(np.r_[profile.x, places / places[-1]], 9))
+    top, bottom = (np.interp(x, profile.x, edge) for edge in (profile.top, profile.bottom))
+    return x * length, top * length, bottom * length
+
+
+def observed(
+    rig: Rig, cut: Carving, depths: Floats, observe: Observe
+) -> tuple[Prediction, Floats, Floats]:
+    """Return the press after a cut, what is observed of it, and its derivatives by the depths.
+
+    Args:
+        depths: m, shape (cuts,).
+
+    Returns:
+        The press; shape (values,); and shape (values, cuts), per m.
+
+    Raises:
+        ModelError: The model has no pluck for the carved plectrum.
+    """
+    carved = rig.model_copy(update={"plectrum": cut.applied(rig.plectrum, depths)})
+    base, rates = _tables(carved, cut)
+    press = _pressed(carved, base.table())
+    rows = []
+    for number in range(len(depths)):
+        step = np.zeros(len(depths))
+        step[number] = STEP / carved.plectrum.length
+        ends = [
+            observe(carved, _pressed(carved, rates.moved(base, sign * step).table()))
+            for sign in (1, -1)
+        ]
+        rows.append((ends[0] - ends[1]) / (2 * STEP))
+    return press, observe(carved, press), np.array(rows).T
+
+
+def _tables(carved: Rig, cut: Carving):
+    from sautereau.analysis.model.plectrum.fe.build import build_with_rates
+
+    plectrum = carved.plectrum
+    profile = profile_of(plectrum)
+    cuts = [np.interp(profile.x, cut.places / cut.places[-1], shape) for shape in cut.shapes.T]
+    return build_with_rates(profile, plectrum.poisson_ratio, nearest_of(plectrum), cuts)
+
+
+def _pressed(rig: Rig, table) -> Prediction:
+    """Return the press of a rig whose plectrum has a table."""
+    plectrum, string = rig.plectrum, rig.string
+    level = _Tabled(plectrum, table)
+    on_surface = plectrum.contact == "surface"
+    half, radius = (level.clamp_thickness / 2, string.diameter / 2) if on_surface else (0.0, 0.0)
+    centre = StringCentre(level, plectrum.overlap, half, radius)
+    pluck = solve_pluck(centre, string.static_stiffness, plectrum.overlap)
+    clearance = rig.jack.string_clearance
+    release = clearance + pluck.release_height
+    if release >= rig.press.jack_rise:
+        raise ModelError("press.jack_rise: it ends before the string is released; raise jack_rise")
+    return pressed(rig, [PlacedPluck(choirs(rig)[0], pluck, clearance, release)], "fe")
+
+
+class _Tabled(FE):
+    """The level `fe` with a given table."""
+
+    def __init__(self, plectrum: Plectrum, table):
+        self._table = table
+        super().__init__(plectrum)
+
+    def _table_of(self, plectrum, profile):
+        return self._table
+
+
+def carve(rig: Rig, cut: Carving, observe: Observe, target: Floats) -> Floats:
+    """Return the depths [m] that bring what is observed closest to a target.
+
+    Args:
+        rig: Its first string is voiced.
+        target: Shape (values,), as `observe` returns them.
+
+    Raises:
+        ModelError: The plectrum has no pluck before it is cut.
+    """
+    from scipy.optimize import least_squares
+
+    count = len(cut.most)
+    # Bends from the root, where the depth is zero, to the tip.
+    bends = np.diff(np.eye(count + 2, count, -2), 2, axis=0)
+    gentle = np.vstack([bends, AMOUNT * np.eye(count)])
+    steps = tracked(range(MOST_STEPS))
+    next(steps)
+
+    @lru_cache(maxsize=2)
+    def at(depths: tuple[float, ...]) -> tuple[Floats, Floats]:
+        next(steps, None)
+        _, values, rates = observed(rig, cut, UNIT * np.array(depths), observe)
+        return (values - target) / TARGET_STD, UNIT * rates / TARGET_STD
+
+    def residual(depths: Floats) -> Floats:
+        try:
+            return np.r_[at(tuple(depths.tolist()))[0], gentle @ depths]
+        except ModelError:
+            return np.full(len(target) + len(gentle), 1e6)  # refuses the step
+
+    def jacobian(depths: Floats) -> Floats:
+        return np.vstack([at(tuple(depths.tolist()))[1], gentle])
+
+    at((0.0,) * count)
+    found = least_squares(
+        residual,
+        np.zeros(count),
+        jacobian,  # pyright: ignore[reportArgumentType]  # scipy's stubs know only its methods
+        (np.zeros(count), cut.most / UNIT),
+        method="dogbox",
+        ftol=1e-6,
+        xtol=1e-4,
+        max_nfev=MOST_STEPS,
+    )
+    return UNIT * found.x
