@@ -209,8 +209,31 @@ def test_every_written_value_has_its_source_and_without_values_nothing_is_writte
         assert {"plectrum.overlap", "key.inertia"} <= set(fitted.values) <= set(sources)
         assert set(sources) == set(load_rig(path).assumed)
         assert all(text.startswith("identified from SIMULATED ") for text in sources.values())
+        overlap = next(e for e in found.estimates if e.name == "plectrum.overlap")
+        assert load_rig(path).plectrum.overlap == pytest.approx(overlap.value, abs=overlap.std / 20)
     replace(fitted, found=replace(found, estimates=())).write(none)
     assert not none.exists()
+
+
+def test_a_written_friction_has_no_range_and_quantities_have_units_and_digits_of_rig_files(
+    made, found, tmp_path
+):
+    """A rig file refuses a range of a number without a unit."""
+    overlap = next(e for e in found.estimates if e.name == "plectrum.overlap")
+    values = {"name": "plectrum.friction", "unit": ""}
+    rubbing = replace(overlap, value=0.09512345, std=0.004, **values)
+    overlap = replace(overlap, value=0.33412345e-3, std=4.2e-6)
+    free = [replace(p, low=0.0, high=0.5, **values) for p in made.problem.free[:1]]
+    dynamics = made.problem.dynamics.with_free([*made.problem.free, *free])
+    fitted = Fit(
+        *(found.rig, True, (), replace(made, problem=replace(made.problem, dynamics=dynamics))),
+        replace(found, estimates=(overlap, rubbing), also_fitted=()),
+    )
+    fitted.write(tmp_path / "rig.toml")
+    text = (tmp_path / "rig.toml").read_text()
+    assert 'overlap = {value = "0.3341 mm"' in text
+    assert 'assumed = ["0.3268 mm", "0.3414 mm"]' in text
+    assert "friction = {value = 0.0951, source" in text
 
 
 @pytest.mark.slow
