@@ -15,7 +15,9 @@ from sautereau.analysis.identify.excluded import clear_of_flags, landing, used_i
 from sautereau.analysis.identify.noise import WINDOW, Noise, noise_at_rest
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.trajectory.motion import Floats, Motion
+from sautereau.trajectory.arm import fingertip_place
+from sautereau.trajectory.key import surface_axes
+from sautereau.trajectory.motion import Floats, Motion, dot
 
 STEP = 0.5e-3  # Approximate time between fitted instants (s)
 SUBSTEPS = 4  # Evaluations of the string's force per step, before smoothing
@@ -63,6 +65,9 @@ class Observed:
     """N, smoothed finger force at the sampling rate; shape (m,)."""
     lagged_force: Floats
     """N, `smooth_force` after a first-order lag of `ARM_LAG`; shape (n,)."""
+    slide: Floats
+    """m, by which the captured joints say that the finger has slid along the key towards the pin
+    since the motion started; 0 where the joints were not captured; shape (n,)."""
     substep_time: Floats
     """s, `SUBSTEPS` values per step; starts before `time` and ends after it by half a smoothing
     window."""
@@ -105,6 +110,7 @@ class Observed:
             release_stds=self.release_stds[:1],
             release_speeds=self.release_speeds[:1],
             lagged_force=self.lagged_force[:count],
+            slide=self.slide[:count],
             substep_time=self.substep_time[:parts],
             substep_angle=self.substep_angle[:parts],
             phase=self.phase[:count],
@@ -182,6 +188,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         smooth_time=time,
         smooth_force=pushed,
         lagged_force=_lagged(pushed, press.rate)[at],
+        slide=_slide(press, time[at], motion.position),
         substep_time=press.time[rows],
         substep_angle=angle[rows],
         net_time=press.time,
@@ -213,6 +220,18 @@ def _lagged(force: Floats, rate: float) -> Floats:
 
     kept = np.exp(-1 / (rate * ARM_LAG))
     return force[0] + np.asarray(lfilter([1 - kept], [1, -kept], force - force[0]), float)
+
+
+def _slide(press: Press, time: Floats, angle: Floats) -> Floats:
+    """Return `Observed.slide`: the change of the fingertip's place along the key's tangent."""
+    joints = press.joints
+    if joints is None:
+        return np.zeros(len(time))
+    at = np.append(joints.t[0], time)
+    angles = np.stack([np.interp(at, joints.t, q) for q in (joints.q1, joints.q2)], axis=-1)
+    tangent, _ = surface_axes(np.append(angle[0], angle))
+    along = dot(fingertip_place(press.rig.arm, angles), tangent)
+    return along[1:] - along[0]
 
 
 def _lift_off(time: Floats, angle: Floats) -> float:

@@ -189,23 +189,28 @@ def unit_of_parameter(name: str) -> str:
 
 
 def rig_values(rig: Rig, values: Mapping[str, float]) -> dict[str, str | float]:
-    """Return TOML values by the rig file's dotted key for parameters [SI].
+    """Return TOML values by the rig file's dotted key for parameters [SI]; see `rig_numbers`."""
+    found = rig_numbers(rig, values).items()
+    return {key: format_quantity(own, unit) if unit else own for key, (own, unit) in found}
 
-    The bending stiffness is written as Young's modulus. The delay of the force after the motion is
+
+def rig_numbers(rig: Rig, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
+    """Return numbers and their SI units by the rig file's dotted key for parameters [SI].
+
+    The bending stiffness becomes Young's modulus. The delay of the force after the motion is
     subtracted from the vibrometer's delay, which is the less certain of the two.
     """
-    found: dict[str, str | float] = {}
+    found: dict[str, tuple[float, str]] = {}
     for name, value in values.items():
         name, value = of_rig(rig, name, value)
         if name == TIME:
             at, channel = next(
                 (i, c) for i, c in enumerate(rig.daq.channels) if c.quantity == "velocity"
             )
-            found[f"daq.channels.{at}.delay"] = format_quantity(channel.delay - value, "s")
+            found[f"daq.channels.{at}.delay"] = channel.delay - value, "s"
         elif name != FORCE:
             unit = unit_of_parameter(name)
-            for key, own in _with_shared(rig, name, value):
-                found[key] = format_quantity(own, unit) if unit else own
+            found |= {key: (own, unit) for key, own in _with_shared(rig, name, value)}
     return found
 
 

@@ -71,8 +71,8 @@ class InverseDynamics:
         self.unusable = tuple(unusable)
         self._states: dict[tuple[float, ...], _State] = {}
         self._nominal, self._record = _inertia_over_arm(rig), shortest_record(presses)
-        rows = [np.stack([*p.motion, p.lagged_force])[:, p.used] for p in self.presses]
-        *motion, self._lagged = np.concatenate(rows, axis=1)
+        rows = [np.stack([*p.motion, p.lagged_force, p.slide])[:, p.used] for p in self.presses]
+        *motion, self._lagged, self._slide = np.concatenate(rows, axis=1)
         self._motion = Motion(*motion)
         released = [
             np.stack([p.release_angles, p.release_speeds, p.release_stds]) for p in self.presses
@@ -132,8 +132,8 @@ class InverseDynamics:
         motion = Motion(*(gain * np.stack(self._motion) - state.bending))
         # Compare in units of the measured force: its noise does not depend on the gain.
         force, required = state.measured, finger_force(rig, motion, state.strings)
-        slid = force * (sliding[0] * force + sliding[1] * self._lagged)
-        residual = force + slid - required / force_gain
+        slid = sliding[0] * force + sliding[1] * self._lagged - self._slide / rig.key.press_arm
+        residual = force * (1 + slid) - required / force_gain
         forces = np.split(residual, self._starts)
         for press, own in zip(self.presses, forces, strict=True):
             if modes and press.noise is not None:

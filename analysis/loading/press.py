@@ -37,7 +37,7 @@ from sautereau.trajectory.motion import Floats
 if TYPE_CHECKING:
     import pandas as pd
 
-    from sautereau.daq.file.recorded import Event, Recorded
+    from sautereau.daq.file.recorded import Event, Joints, Recorded
 
 Signal = Literal["force", "velocity"]  # A signal of a press
 SIGNALS: tuple[Signal, ...] = ("velocity", "force")  # Those that a press has
@@ -84,6 +84,8 @@ class Press:
     """Corrections from the rests before and after the press."""
     motion: "Event | None" = None
     """Start of the arm's motion, with its uncertainty; None where no arm was recorded."""
+    joints: "Joints | None" = None
+    """What the controller captured, with times as in `time`; None where it captured nothing."""
     warnings: tuple[str, ...] = ()
     """About lost samples, calibrations and drift."""
     missing: Signal | None = None
@@ -230,6 +232,7 @@ def partial_press_of(recorded: "Recorded") -> Press:
         tuple(marks),
         drift,
         recorded.motion and replace(recorded.motion, time=recorded.motion.time - recorded.origin),
+        recorded.joints and replace(recorded.joints, t=recorded.joints.t - recorded.origin),
         warnings,
         missing,
         remarks,

@@ -13,7 +13,7 @@ from sautereau.analysis.identify.fixed import Suggestion
 from sautereau.analysis.identify.identified import Estimate, FittedMode, Identified
 from sautereau.analysis.identify.information import IDENTIFIABLE
 from sautereau.analysis.identify.parameter_names import CONTACT
-from sautereau.analysis.identify.parameters import rig_values
+from sautereau.analysis.identify.parameters import rig_numbers, rig_values
 from sautereau.analysis.identify.profile import Profile, profile
 from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.results.predicted import Predicted, predicted
@@ -192,10 +192,9 @@ class Fit(Result):
         """
         if not self.values:
             return
-        if path.exists():
-            edit_rig(path, self._written, self._source, every=True).save()
-        else:
-            self.rig.save(path)
+        if not path.exists():
+            Rig(self.nominal).save(path)
+        edit_rig(path, self._written, self._source, every=True).save()
 
     @property
     def _written(self) -> dict[str, Any]:
@@ -215,13 +214,16 @@ class Fit(Result):
             each = e.value, max(low, e.value - reach), min(high, e.value + reach)
             for own, value in zip(ends, each, strict=True):
                 own[e.name] = value
-        values, lows, highs = (rig_values(self.nominal, own) for own in ends)
-        return {
-            key: value
-            if key.startswith("daq.")  # their uncertainties have keys of their own
-            else {"value": value, "assumed": [lows[key], highs[key]]}
-            for key, value in values.items()
-        }
+        values, *limits = (rig_numbers(self.nominal, own) for own in ends)
+        written: dict[str, Any] = {}
+        for key, (value, unit) in values.items():
+            low, high = sorted(own[key][0] for own in limits)
+            std = (high - low) / 12**0.5
+            stated, *assumed = (_rounded(x, std, unit) for x in (value, low, high))
+            # Uncertainties of [daq] have keys of their own, and a number without unit has no range.
+            plain = not unit or key.startswith("daq.")
+            written[key] = stated if plain else {"value": stated, "assumed": assumed}
+        return written
 
     @property
     def _source(self) -> str:
@@ -255,6 +257,12 @@ class Fit(Result):
         from sautereau.analysis.figures.fit import fit_figure
 
         return shown(fit_figure(self.made, self.found, self.simulated))
+
+
+def _rounded(value: float, std: float, unit: str) -> str | float:
+    """Return an SI value as a rig file states it, with the digits that its uncertainty leaves."""
+    text, _, name = in_rig_units(value, std, unit)
+    return f"{text} {name}" if unit else float(text)
 
 
 def _mode_line(mode: FittedMode) -> str:

@@ -55,12 +55,13 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
     }  # fmt: skip
     assert picture.stat().st_size > 1000
     written = load_rig(rig)
-    assert written.plectrum.overlap == found["parameters"]["plectrum.overlap"]["value"]
+    overlap = found["parameters"]["plectrum.overlap"]
+    assert written.plectrum.overlap == pytest.approx(overlap["value"], abs=overlap["std"] / 20)
     assert written.key.gravity_moment == load_rig().key.gravity_moment
     assert written.sources["key.inertia"].startswith("identified from SIMULATED press-")
     low, high = written.assumed["key.inertia"]
     inertia = found["parameters"]["key.inertia"]
-    assert high - low == pytest.approx(2 * 3**0.5 * inertia["std"])
+    assert high - low == pytest.approx(2 * 3**0.5 * inertia["std"], abs=inertia["std"] / 10)
     errors = []
     for extra in ((), ("--rig", rig)):
         _, out = run(capsys, "compare", *recordings, "--json", *extra)

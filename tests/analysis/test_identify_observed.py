@@ -15,8 +15,11 @@ from sautereau.analysis.identify.parameters import parameters
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.phases import find_phases
+from sautereau.daq.file.recorded import Joints
 from sautereau.daq.signals.quality_flags import QualityFlag
 from sautereau.rig.load import load_rig
+from sautereau.trajectory.arm import joints_holding_point
+from sautereau.trajectory.key import surface_axes
 from sautereau.trajectory.motion import Motion
 
 
@@ -71,6 +74,29 @@ def test_the_residual_of_an_oscillating_key_is_zero(press, rate):
     (residual,), rises = dynamics.residuals(np.array([swinging.rig.key.inertia]))
     assert len(rises) == 0
     assert np.abs(residual).max() < 1e-4 * np.abs(force).max()
+
+
+def test_captured_joints_give_the_lever_of_a_finger_that_slides(press):
+    swinging, force = oscillating(press, 51.2e3)
+    key, arm = swinging.rig.key, swinging.rig.arm
+    slide = 1e-3 * np.sin(2 * np.pi * 5 * swinging.time) ** 2  # m, from 0
+    tangent, normal = surface_axes(swinging.samples["angle"])
+    along, above = slide - key.press_arm, key.surface_height + arm.fingertip_radius
+    centre = along[:, None] * tangent + above * normal
+    still = np.zeros_like(centre)
+    angles = joints_holding_point(arm, Motion(centre, still, still)).position
+    lever = 1 - slide / key.press_arm
+    samples = {**swinging.samples, "force": force / lever}
+    slid = replace(swinging, samples=samples, joints=Joints(swinging.time, *angles.T))
+    phases, free = replace(find_phases(press), plucks=()), parameters(press.rig, ["key.inertia"])
+
+    def left(pressed):
+        dynamics = InverseDynamics(pressed.rig, free, [observed(pressed, phases)], "elastica")
+        (residual,), _ = dynamics.residuals(np.array([pressed.rig.key.inertia]))
+        return np.abs(residual).max() / np.abs(force).max()
+
+    assert left(slid) < 1e-4
+    assert left(replace(slid, joints=None)) > 4e-3
 
 
 def test_instants_outside_the_model_are_excluded(press, taken):
