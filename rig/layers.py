@@ -229,6 +229,9 @@ def _inside(node: Any) -> Iterable[Any]:
     return node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
 
 
+_SIZES = ("x", -1), ("top", 0), ("bottom", 0)  # Points of an outline with its length and thickness
+
+
 def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
     """Replace the names of files by their contents; return the faults in them."""
     faults: list[tuple[str, str]] = []
@@ -252,9 +255,9 @@ def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
 
             try:
                 read = plectrum["outline"] = read_outline(outline, folder)
-                depth = parse_quantity(read["top"][0], "m") - parse_quantity(read["bottom"][0], "m")
-                plectrum.setdefault("length", read["x"][-1])
-                plectrum.setdefault("thickness", f"{depth!r} m")
+                end, top, bottom = (parse_quantity(read[n][i], "m") for n, i in _SIZES)
+                plectrum.setdefault("length", f"{end * 1e3:.10g} mm")
+                plectrum.setdefault("thickness", f"{(top - bottom) * 1e3:.10g} mm")
             except RigError as error:
                 del plectrum["outline"]
                 faults.append((f"{prefix}plectrum.outline", str(error)))

@@ -48,7 +48,11 @@ def _rig_info(file: Path, output: Output) -> int:
     lines = [f"rig: {rig.name}", f"base: {', '.join(origins) or 'none'}"]
     if origins:
         lines += [f"{len(changes)} of {count} values differ from the base:"]
+        tables = {key.partition(".outline.")[0] for key in changes if ".outline." in key}
+        lines += [f"  {table}.outline: the points of an outline" for table in sorted(tables)]
         for key, (before, now) in changes.items():
+            if ".outline." in key:
+                continue
             was = "new" if before is None else f"base: {shown(before)}"
             lines.append(f"  {key}: {'removed' if now is None else shown(now)} ({was})")
     values = [{"key": key, "value": now, "base": before} for key, (before, now) in changes.items()]
