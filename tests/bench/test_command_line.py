@@ -206,6 +206,7 @@ def test_wrong_usage_ends_with_two(sautereau, tmp_path, words, message):
 TOO_LONG = "none" * 99  # as the name of a file
 ERRORS = (
     f"init {TOO_LONG}", "setup all none --yes", "plan none", "mount none", "predict none",
+    "survey none.csv",
     "press none --out out", "learn none --out out", "acquire none --out a.mcap",
     "phases none.mcap", "compare none.mcap", "identify none.mcap --free key.inertia",
     "animate none.mcap --out a.gif", "listen none --out a.wav", "report none",
