@@ -25,7 +25,7 @@ def member(factor, kind=OutlineMember, **more):
 def rig():
     values = Rig().values
     factors = 1 + 0.01 * np.random.default_rng(1).standard_normal(12)
-    outline = member(1.0, Outline, ensemble=tuple(map(member, factors)))
+    outline = member(1.0, Outline, ensemble=tuple(map(member, factors.tolist())))
     return values.model_copy(update={"plectrum": values.plectrum.outlined(outline), "assumed": {}})
 
 
