@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sautereau.analysis.campaign.labels import TOUCH, touch_in
+from sautereau.analysis.campaign.shape import DESCRIPTORS, PLECTRUM, numbers_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.press.features import UNITS as FEATURE_UNITS
@@ -20,16 +21,6 @@ from sautereau.rig.schema import Rig
 if TYPE_CHECKING:
     import pyarrow as pa
 
-PLECTRUM = {
-    "length": "m",
-    "width": "m",
-    "thickness": "m",
-    "overlap": "m",
-    "youngs_modulus": "Pa",
-    "bending_stiffness": "N m^2",
-    "friction": "1",
-}
-"""Values of the rig's plectrum that become columns, with their units."""
 OF_STRING = (
     "plectrum",
     *(f"plectrum_{name}" for name in PLECTRUM),
@@ -69,7 +60,7 @@ KINDS = {
 """Kinds of the columns that hold no numbers."""
 ALWAYS = (
     "path", "size", "mtime", "session", "warm_up", "simulated", "rig", "plectrum",
-    *(f"plectrum_{name}" for name in PLECTRUM if name != "friction"),
+    *(f"plectrum_{name}" for name in PLECTRUM if name not in ("friction", *DESCRIPTORS)),
     "string_stiffness", "jack_speed",
 )  # fmt: skip
 """Columns in which every press has a value."""
@@ -177,7 +168,7 @@ def _of_string(rig: Rig, string: int) -> Row:
     choir = choirs(rig)[string - 1]
     return {
         "plectrum": plectrum_id(rig, string),
-        **{f"plectrum_{name}": getattr(choir.plectrum, name) for name in PLECTRUM},
+        **{f"plectrum_{name}": value for name, value in numbers_of(choir.plectrum).items()},
         "string_stiffness": choir.string.static_stiffness,
         "string_clearance": choir.jack.string_clearance,
     }
