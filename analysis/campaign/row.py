@@ -64,7 +64,10 @@ ALWAYS = (
     "string_stiffness", "jack_speed",
 )  # fmt: skip
 """Columns in which every press has a value."""
-POSITIVE = ALWAYS[8:]  # Those of them whose values are above 0
+DESCRIBED = tuple(f"plectrum_{name}" for name in DESCRIPTORS)
+"""Columns in which every press has a value, if the table has them at all."""
+POSITIVE = (*ALWAYS[8:], *(n for n in DESCRIBED if n != "plectrum_taper"))
+"""Those of them whose values are above 0."""
 LARGEST = 1e30  # Largest magnitude of a number, in SI units. It prevents an overflow of products.
 
 
@@ -197,6 +200,7 @@ def column_faults(table: "pa.Table") -> list[str]:
     required = [name for name in ALWAYS if name in names or len(table)]
     if missing := [name for name in required if name not in names]:
         return [f"no column {', '.join(missing)}"]
+    required += [name for name in DESCRIBED if name in names]
     faults = [f"{n}: a press has no value" for n in required if table.column(n).null_count]
     for name, values in zip(names, table.columns, strict=True):
         kind, column_type = KINDS.get(split_column(name)[0], "number"), values.type

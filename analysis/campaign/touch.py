@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.campaign.labels import LEVELS
+from sautereau.analysis.campaign.row import DESCRIBED
 from sautereau.analysis.campaign.shape import (
     CONDITIONS,
-    DESCRIPTORS,
     LEAST_RANGE,
     SHAPE,
     collinear,
@@ -340,7 +340,7 @@ def _plectrum(own: "pd.DataFrame", means: dict[str, dict[str, Spread]]) -> Plect
     )
     if "plectrum_tip_compliance" in own:  # which a table of an earlier version lacks
         stiffness = 1 / float(first["plectrum_tip_compliance"])
-    columns = [*SHAPE, *(f"plectrum_{name}" for name in DESCRIPTORS)]
+    columns = [*SHAPE, *DESCRIBED]
     return Plectrum(
         name=name,
         rig=str(first["rig"]),

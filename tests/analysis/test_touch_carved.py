@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import kendalltau
 
 from benchmarks.campaign import write_session
+from sautereau.analysis.campaign.row import column_faults
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.shape import PLECTRUM, numbers_of
 from sautereau.analysis.campaign.touch import FELT, find_touch
@@ -111,6 +112,15 @@ def test_a_speed_of_each_plectrum_alone_costs_a_degree_of_freedom():
         assert {e.degrees for e in felt.exponents.values()} == {7 - 1 - 3}
     alone = find_touch(campaign_of([r for r in rows if int(r["plectrum"][1:]) < 4]))
     assert any("too few" in note for note in alone.notes)
+
+
+def test_a_table_with_wrong_numbers_of_a_shape_is_refused():
+    rows = [row | {"plectrum_tip_compliance": 1e-3} for row in rows_of(3, 1, 2)]
+    assert column_faults(campaign_of(rows).table) == []
+    for value, said in ((0.0, "not numbers from"), (None, "a press has no value")):
+        bad = [*rows[1:], rows[0] | {"plectrum_tip_compliance": value}]
+        (fault,) = column_faults(campaign_of(bad).table)
+        assert fault.startswith(f"plectrum_tip_compliance: {said}")
 
 
 def test_thirds_of_the_plectra_are_ordered_by_their_force():
