@@ -89,12 +89,12 @@ def write_presses(folder: Path, plectra: int, sessions: int, presses: int) -> li
             place = folder / f"plectrum-{plectrum + 1:02}-session-{session + 1}"
             place.mkdir(parents=True)
             set_up = scene.model_copy(update={"truth": truth})
-            paths += _write_session(place, rig, set_up, presses, int(random.integers(2**31)))
+            paths += write_session(place, rig, set_up, presses, int(random.integers(2**31)))
     return paths
 
 
-def _write_session(folder: Path, rig: Rig, scene: Scene, presses: int, seed: int) -> Iterator[Path]:
-    """Record presses of one set-up, which differ by their noise."""
+def write_session(folder: Path, rig: Rig, scene: Scene, presses: int, seed: int) -> Iterator[Path]:
+    """Record presses of one set-up, which differ by their noise; yield their paths."""
     seen = observe(rig, scene)
     for press in range(1, presses + 1):
         recorded, _ = acquired(rig, scene, seen, seed + press)

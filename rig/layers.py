@@ -88,8 +88,7 @@ class Layers:
             origins = layer.origins
             self.assumed = _kept(self.assumed, layer) | origins.assumed
             self.sources = _kept(self.sources, layer) | origins.sources
-            place = self._place_in(layer)
-            self.faults += [(place(key), f"{key}: {why}") for key, why in origins.faults]
+            self.faults += [(self._at(layer, k), f"{k}: {why}") for k, why in origins.faults]
 
     @property
     def differences(self) -> dict[str, tuple[Any, Any]]:
@@ -104,12 +103,12 @@ class Layers:
     def place(self, key: str) -> Place:
         """Return the place of a dotted key's value; without one, of the own table that lacks it."""
         layers = reversed([layer for layer in self._layers.values() if layer.sets(key)])
-        return self._place_in(next(layers, self.own))(key)
+        return self._at(next(layers, self.own), key)
 
-    def _place_in(self, layer: Layer):
+    def _at(self, layer: Layer, key: str) -> Place:
         order = list(self._layers.values())[::-1].index(layer)
         origin = "" if layer is self.own else layer.origin
-        return lambda key: Place(order, line_of(layer.text, key) or 0, origin)
+        return Place(order, line_of(layer.text, key) or 0, origin)
 
     def _read(
         self, text: str, origin: str, folder: Path, others: Mapping[str, Any], identity: str
@@ -150,6 +149,8 @@ class Layers:
         identity = str(beside.resolve()) if is_file else origin
         if identity in self._inside:
             raise RigError(f"{origin} has itself as base; remove one of these lines")
+        if len(self._inside) > DEEPEST:
+            raise RigError(f"{origin}: it is the base of a base more than {DEEPEST} times")
         if identity not in self._layers:
             self._read(text, origin, inside, {}, identity)
 
@@ -163,13 +164,11 @@ class Layers:
                     entry = self._merged(base[int(index)], value, f"{dot}{index}", layer)
                     result[int(index)] = entry
                 else:
-                    layer.origins.faults.append(
-                        (
-                            f"{dot}{index}",
-                            f"the base has {len(base)} entries, 0 to {len(base) - 1}; write all as"
-                            f" [[{at}]] to have more",
-                        )
+                    fault = (
+                        f"the base has {len(base)} entries, 0 to {len(base) - 1}; write all as"
+                        f" [[{at}]] to have more"
                     )
+                    layer.origins.faults.append((f"{dot}{index}", fault))
             return result
         if not (isinstance(base, dict) and isinstance(own, dict)):
             if _entries(base) and _entries(own):
@@ -179,11 +178,10 @@ class Layers:
         for name, value in own.items():
             if value is False and name in base and not isinstance(base[name], bool):
                 del result[name]
+            elif name in base:
+                result[name] = self._merged(base[name], value, f"{dot}{name}", layer)
             else:
-                known = name in base
-                result[name] = (
-                    self._merged(base[name], value, f"{dot}{name}", layer) if known else value
-                )
+                result[name] = value
         return result
 
 

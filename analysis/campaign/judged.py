@@ -22,6 +22,7 @@ from scipy.stats import false_discovery_control, norm
 
 from sautereau.analysis.campaign.judgements import judgements
 from sautereau.analysis.campaign.labels import LEVELS, TOUCH
+from sautereau.analysis.campaign.shape import SHAPE
 from sautereau.analysis.campaign.table import Campaign
 from sautereau.analysis.session.repeatability import COVERAGE, Spread
 from sautereau.trajectory.motion import Floats
@@ -39,6 +40,8 @@ MEASURED = (
     "release_rise",
 )
 """Columns that are compared with the judgements; `sautereau.rig.quantities` defines them."""
+DESCRIBED = ("jack_speed", *SHAPE, "plectrum_tip_compliance", "plectrum_contact_compliance")
+"""Columns of the rig that are compared with them where they vary."""
 FEW = 10  # Number of judgements below which intervals are not reliable
 FEW_OF_A_LEVEL = 3  # Number of judgements of one level below which intervals are not reliable
 LEAST = 4  # Number of judgements below which nothing is compared
@@ -75,7 +78,7 @@ class Judged:
     judgements: dict[str, int]
     """Number of judgements of each level. A session with one judgement counts once."""
     quantities: dict[str, Association]
-    """By the names of `MEASURED`, the strongest association first."""
+    """By the names of `MEASURED` and `DESCRIBED`, the strongest association first."""
     notes: tuple[str, ...]
     """Limitations of the result, and how to remove them."""
 
@@ -92,7 +95,8 @@ def find_judged(campaign: Campaign) -> Judged | None:
     data = campaign.plucks
     if "string" in data:
         data = data.sort_values("string", kind="stable").drop_duplicates("path").sort_index()
-    columns = [name for name in MEASURED if name in data]
+    varying = [n for n in DESCRIBED if n in data and len(set(data[n])) > 1]
+    columns = [*(name for name in MEASURED if name in data), *varying]
     codes, values = judgements(data, columns)
     counts = {level: int(np.count_nonzero(codes == k)) for k, level in enumerate(LEVELS)}
     shown = ", ".join(f"{count} {level}" for level, count in counts.items())

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sautereau.analysis.campaign.labels import TOUCH, touch_in
+from sautereau.analysis.campaign.shape import DESCRIPTORS, PLECTRUM, numbers_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.press.features import UNITS as FEATURE_UNITS
@@ -20,16 +21,6 @@ from sautereau.rig.schema import Rig
 if TYPE_CHECKING:
     import pyarrow as pa
 
-PLECTRUM = {
-    "length": "m",
-    "width": "m",
-    "thickness": "m",
-    "overlap": "m",
-    "youngs_modulus": "Pa",
-    "bending_stiffness": "N m^2",
-    "friction": "1",
-}
-"""Values of the rig's plectrum that become columns, with their units."""
 OF_STRING = (
     "plectrum",
     *(f"plectrum_{name}" for name in PLECTRUM),
@@ -69,11 +60,14 @@ KINDS = {
 """Kinds of the columns that hold no numbers."""
 ALWAYS = (
     "path", "size", "mtime", "session", "warm_up", "simulated", "rig", "plectrum",
-    *(f"plectrum_{name}" for name in PLECTRUM if name != "friction"),
+    *(f"plectrum_{name}" for name in PLECTRUM if name not in ("friction", *DESCRIPTORS)),
     "string_stiffness", "jack_speed",
 )  # fmt: skip
 """Columns in which every press has a value."""
-POSITIVE = ALWAYS[8:]  # Those of them whose values are above 0
+DESCRIBED = tuple(f"plectrum_{name}" for name in DESCRIPTORS)
+"""Columns in which every press has a value, if the table has them at all."""
+POSITIVE = (*ALWAYS[8:], *(n for n in DESCRIBED if n != "plectrum_taper"))
+"""Those of them whose values are above 0."""
 LARGEST = 1e30  # Largest magnitude of a number, in SI units. It prevents an overflow of products.
 
 
@@ -177,7 +171,7 @@ def _of_string(rig: Rig, string: int) -> Row:
     choir = choirs(rig)[string - 1]
     return {
         "plectrum": plectrum_id(rig, string),
-        **{f"plectrum_{name}": getattr(choir.plectrum, name) for name in PLECTRUM},
+        **{f"plectrum_{name}": value for name, value in numbers_of(choir.plectrum).items()},
         "string_stiffness": choir.string.static_stiffness,
         "string_clearance": choir.jack.string_clearance,
     }
@@ -206,6 +200,7 @@ def column_faults(table: "pa.Table") -> list[str]:
     required = [name for name in ALWAYS if name in names or len(table)]
     if missing := [name for name in required if name not in names]:
         return [f"no column {', '.join(missing)}"]
+    required += [name for name in DESCRIBED if name in names]
     faults = [f"{n}: a press has no value" for n in required if table.column(n).null_count]
     for name, values in zip(names, table.columns, strict=True):
         kind, column_type = KINDS.get(split_column(name)[0], "number"), values.type

@@ -37,10 +37,10 @@ from sautereau.rig.faults import fault_list
 KEY = b"sautereau"  # Key of the file's metadata
 MOST_ROWS = 1_000_000  # Largest number of presses in a table
 MOST_BYTES = 2**29  # Largest unpacked size of a table's columns (byte)
-SCHEMA = 4
+SCHEMA = 5
 """Version of the columns. Tables of sautereau 0.1 have no version number and count as version 1.
 Version 2 has no column `TOUCH`. Up to version 3 there is no column `string`, and the plectrum is
-always that of the rig's first string."""
+always that of the rig's first string. Up to version 4 there are no `DESCRIPTORS` of a shape."""
 RENAMED = {
     "contact_duration": "pluck_duration",
     "peak_force": "release_force",

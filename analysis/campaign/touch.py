@@ -3,9 +3,10 @@
 The model is linear in the logarithms, because ratios of forces are what is perceived and what
 varies:
 
-    ln y = a + sum e_i ln(shape_i) + conditions + plectrum + session + press.
+    ln y = a + sum e_i ln(x_i) + plectrum + session + press.
 
-y increases by e_i per cent if a dimension of the shape increases by one per cent. Plectrum, session
+x are the dimensions of the shape, the jack's speed and the string's stiffness; y increases by e_i
+per cent if one of them increases by one per cent. Plectrum, session
 and press are independent normal deviations (mixed model). The standard deviation of presses is the
 repeatability within a session, and that of sessions is the effect of a new set-up. That of plectra
 is estimated twice: without the shape, and with it.
@@ -17,6 +18,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.analysis.campaign.labels import LEVELS
+from sautereau.analysis.campaign.row import DESCRIBED
+from sautereau.analysis.campaign.shape import (
+    CONDITIONS,
+    LEAST_RANGE,
+    SHAPE,
+    collinear,
+    logs,
+    not_identifiable,
+)
 from sautereau.analysis.campaign.table import Campaign
 from sautereau.analysis.campaign.variance import Components, Nested, fit_nested
 from sautereau.analysis.errors import AnalysisError
@@ -29,6 +40,7 @@ if TYPE_CHECKING:
 
 FELT = ("release_force", "force_slope", "force_drop")
 """Columns of a campaign that describe touch; `sautereau.rig.quantities` defines them."""
+PLECTRA = 2  # Number of the stratum of what varies between plectra only; see `_stratum`
 MOST_OMITTED = 0.05
 """Largest fraction of a plectrum's presses without a quantity for which exponents are estimated."""
 
@@ -42,13 +54,15 @@ class Plectrum:
     rig: str
     presses: int
     sessions: int
+    string: int
+    """Number of the string that it plucks; 1 if the campaign does not know it."""
     shape: dict[str, float]
-    """By the columns of `SHAPE`, SI units."""
+    """By the columns of a plectrum's numbers, SI units; those that the campaign has."""
     tip_stiffness: float
-    """N/m, 3 EI / length^3 for a uniform section."""
+    """N/m, force over displacement at the tip: 3 EI / length^3 for a uniform section."""
     felt: dict[str, Spread]
-    """By the names of `FELT` that its presses have, SI units; all its presses are used, under any
-    conditions."""
+    """By the names of `FELT` that its presses have, SI units; at the campaign's geometric mean of
+    the jack's speed, if that varies."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +71,9 @@ class Exponent(Spread):
 
     std: float
     """Standard uncertainty."""
+    degrees: int
+    """Degrees of freedom of the interval: of presses, sessions or plectra, wherever the other
+    quantity varies (containment)."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +94,7 @@ class Felt:
     unexplained: Spread | None
     """Standard deviation of plectra that their shape does not explain; None without exponents."""
     exponents: dict[str, Exponent]
-    """By the columns of `SHAPE` that vary; empty if they are not identifiable."""
+    """By the columns of `CONDITIONS` and `SHAPE` that vary; without those not identifiable."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +110,9 @@ class Touch:
     """Ordered by the stiffness of their tips."""
     felt: dict[str, Felt]
     """By the names of `FELT` that presses have."""
+    hardness: dict[str, tuple[str, ...]]
+    """Thirds of the plectra by `LEVELS`, each softest first, by the first of `felt`; empty for
+    fewer than three."""
     notes: tuple[str, ...]
     """Excluded presses, and what is not identifiable and how to change that."""
 
@@ -137,7 +157,16 @@ def find_touch(campaign: Campaign) -> Touch:
         notes.append("this campaign mixes presses of the stand-in and of an instrument")
     sessions = sum(plectrum.sessions for plectrum in each)
     count = len(set(presses["path"]))
-    return Touch(bool(simulated.any()), count, sessions, tuple(each), felt, tuple(notes))
+    hard = _thirds({p.name: p.felt[n].value for p in each for n in [*felt][:1] if n in p.felt})
+    return Touch(bool(simulated.any()), count, sessions, tuple(each), felt, hard, tuple(notes))
+
+
+def _thirds(values: dict[str, float]) -> dict[str, tuple[str, ...]]:
+    """Return names by the levels of touch, in thirds of their values."""
+    if len(values) < len(LEVELS):
+        return {}
+    parts = np.array_split(np.array(sorted(values, key=lambda name: values[name])), len(LEVELS))
+    return {level: tuple(part.tolist()) for level, part in zip(LEVELS, parts, strict=True)}
 
 
 def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
@@ -198,7 +227,9 @@ def _fit(
     if collinear(conditions):
         conditions = {name: conditions[name] for name in CONDITIONS[:1]}
     shape = logs(presses, SHAPE)
-    reason = not_identifiable(shape, conditions, plectra) or _selective(presses, omitted)
+    between = [v for v in conditions.values() if _stratum(v, groups, subgroups) == PLECTRA]
+    selective = _selective(presses, omitted)
+    reason = not_identifiable(shape, conditions, plectra - len(between)) or selective
     if reason:
         shape = {}
         notes.append(reason)
@@ -212,10 +243,20 @@ def _fit(
     data = Nested(values - values.mean(), regressors, groups, subgroups)
     found = fit_nested(data, subgroups=by_session, groups=plectra > 1)
     names = sorted(presses["plectrum"].unique())  # in the order of the groups' numbers
-    spreads = _means(values, found, groups, subgroups)
+    at_mean = values
+    if "jack_speed" in conditions:  # the others belong to a plectrum's string
+        place = 1 + list(conditions).index("jack_speed")
+        at_mean = values - found.coefficients[place] * regressors[:, place]
+    spreads = _means(at_mean, found, groups, subgroups)
     parts = found.residual, found.subgroup, found.group
-    unexplained = _exponents(data, shape, by_session, plectra)
-    felt = Felt(len(set(presses["path"])), sum(omitted.values()), *parts, *unexplained)
+    shaped = found
+    if shape:
+        columns = np.column_stack([regressors, *shape.values()])
+        shaped = fit_nested(replace(data, columns=columns), subgroups=by_session, groups=True)
+    exponents = {} if selective else _exponents(shaped, conditions | shape)
+    unexplained = shaped.group if shape else None
+    count = len(set(presses["path"]))
+    felt = Felt(count, sum(omitted.values()), *parts, unexplained, exponents)
     return felt, dict(zip(names, spreads, strict=True)), notes
 
 
@@ -237,23 +278,33 @@ def _numbers(presses: "pd.DataFrame", columns: list[str]) -> NDArray[np.intp]:
     return presses.groupby(columns).ngroup().to_numpy(np.intp)
 
 
-def _exponents(
-    data: Nested, shape: dict[str, Floats], by_session: bool, plectra: int
-) -> tuple[Spread | None, dict[str, Exponent]]:
-    """Return the spread of plectra that their shape does not explain, and the exponents."""
+def _stratum(column: Floats, groups: NDArray[np.intp], subgroups: NDArray[np.intp]) -> int:
+    """Return where a column varies: between the presses of a session, sessions, or plectra."""
+    for stratum, numbers in enumerate((subgroups, groups)):
+        low, high = np.full(numbers.max() + 1, np.inf), np.full(numbers.max() + 1, -np.inf)
+        np.minimum.at(low, numbers, column)
+        np.maximum.at(high, numbers, column)
+        if (high - low).max() > LEAST_RANGE:
+            return stratum
+    return PLECTRA
+
+
+def _exponents(fitted: Components, columns: dict[str, Floats]) -> dict[str, Exponent]:
+    """Return the exponents of regressors, which stand in the fit behind its column of ones."""
     from scipy.stats import t
 
-    if not shape:
-        return None, {}
-    columns = np.column_stack([data.columns, *shape.values()])
-    shaped = fit_nested(replace(data, columns=columns), subgroups=by_session, groups=True)
-    values = shaped.coefficients[-len(shape) :].tolist()
-    stds = np.sqrt(np.diag(shaped.covariance))[-len(shape) :].tolist()
-    reach = float(t.ppf((1 + COVERAGE) / 2, plectra - len(shape) - 1))
-    return shaped.group, {
-        name: Exponent(value, value - reach * std, value + reach * std, std)
-        for name, value, std in zip(shape, values, stds, strict=True)
-    }
+    groups, subgroups = fitted.data.groups, fitted.data.subgroups
+    strata = [_stratum(column, groups, subgroups) for column in columns.values()]
+    counts = [len(groups), int(subgroups.max()) + 1, int(groups.max()) + 1, 1]
+    values, stds = fitted.coefficients[1:], np.sqrt(np.diag(fitted.covariance))[1:]
+    found = {}
+    for name, stratum, value, std in zip(columns, strata, values, stds, strict=True):
+        degrees = counts[stratum] - counts[stratum + 1] - strata.count(stratum)
+        if degrees > 0:
+            reach = float(t.ppf((1 + COVERAGE) / 2, degrees)) * std
+            ends = float(value), float(value - reach), float(value + reach)
+            found[name] = Exponent(*ends, float(std), degrees)
+    return found
 
 
 def _means(
@@ -284,67 +335,19 @@ def _plectrum(own: "pd.DataFrame", means: dict[str, dict[str, Spread]]) -> Plect
     """Return one plectrum from its presses and the means of each quantity by plectrum."""
     first = own.iloc[0]
     name = str(first["plectrum"])
-    stiffness = float(first["plectrum_bending_stiffness"])
+    stiffness = (
+        3 * float(first["plectrum_bending_stiffness"]) / float(first["plectrum_length"]) ** 3
+    )
+    if "plectrum_tip_compliance" in own:  # which a table of an earlier version lacks
+        stiffness = 1 / float(first["plectrum_tip_compliance"])
+    columns = [*SHAPE, *DESCRIBED]
     return Plectrum(
         name=name,
         rig=str(first["rig"]),
         presses=len(own),
         sessions=len(set(own["session"])),
-        shape={column: float(first[column]) for column in SHAPE},
-        tip_stiffness=3 * stiffness / float(first["plectrum_length"]) ** 3,
+        string=int(first.get("string") or 1),
+        shape={c: float(first[c]) for c in dict.fromkeys(columns) if c in own},
+        tip_stiffness=stiffness,
         felt={felt: spreads[name] for felt, spreads in means.items() if name in spreads},
     )
-
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-SHAPE = (
-    "plectrum_length",
-    "plectrum_width",
-    "plectrum_thickness",
-    "plectrum_overlap",
-    "plectrum_youngs_modulus",
-)
-"""Columns of a plectrum's shape and material. Those that vary get an exponent."""
-CONDITIONS = ("jack_speed", "string_stiffness")
-"""Columns that change the touch of a given plectrum. Those that vary are regressors."""
-LEAST_RANGE = 1e-6  # Range of a column's logarithm below which the column counts as constant
-LEAST_SINGULAR = 1e-3
-"""Ratio of the smallest to the largest singular value of the normalised regressors below which they
-are collinear. Their exponents are not identifiable then."""
-
-
-def logs(presses: "pd.DataFrame", columns: tuple[str, ...]) -> dict[str, Floats]:
-    """Return the logarithms of the columns that vary, each minus its mean."""
-    found = {name: np.log(presses[name].to_numpy(float)) for name in columns}
-    return {name: v - v.mean() for name, v in found.items() if np.ptp(v) > LEAST_RANGE}
-
-
-def not_identifiable(shape: dict[str, Floats], conditions: dict[str, Floats], plectra: int) -> str:
-    """Return why exponents of the shape are not identifiable; empty if they are."""
-    if not shape:
-        return (
-            "all plectra have the same shape, so its exponents are not identifiable; press plectra"
-            " of other shapes"
-        )
-    if plectra < len(shape) + 2:
-        return (
-            f"{plectra} plectra that differ in {', '.join(shape)} are too few for exponents, which"
-            f" need {len(shape) + 2}; press more plectra"
-        )
-    if collinear(shape | conditions):
-        return (
-            f"{', '.join(shape | conditions)} vary together, so their exponents are not"
-            " identifiable; press plectra that differ in one of them alone"
-        )
-    return ""
-
-
-def collinear(columns: dict[str, Floats]) -> bool:
-    """Return whether columns are linearly dependent."""
-    if not columns:
-        return False
-    matrix = np.column_stack(list(columns.values()))
-    singular = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0), compute_uv=False)
-    return bool(singular[-1] <= LEAST_SINGULAR * singular[0])

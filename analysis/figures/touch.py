@@ -53,7 +53,7 @@ def _felt_over_stiffness(axes: Axes, found: Touch, name: str, felt: Felt) -> Non
     forces = [scale * spread.value for spread in spreads]
     axes.errorbar(stiffness, forces, _bars(spreads, scale), **STYLES[name])
     axes.set_ylabel(QUANTITIES[name].title(unit))
-    axes.set_xlabel("plectrum stiffness at the tip, 3 EI/L^3 (N/m)")
+    axes.set_xlabel("plectrum stiffness at the tip (N/m)")
     exponents = ", ".join(
         f"{column.removeprefix('plectrum_')}^{e.value:.2f} ({e.low:.2f} to {e.high:.2f})"
         for column, e in felt.exponents.items()

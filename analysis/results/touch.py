@@ -46,11 +46,18 @@ class JudgedTouch(Result):
         for name, felt in found.felt.items():
             quantity = QUANTITIES[name]
             scale, unit = quantity.displayed
-            heads = ("plectrum", "3EI/L^3 (N/m)", "presses", quantity.title(unit))
+            heads = ("plectrum", "tip (N/m)", "presses", quantity.title(unit))
             cells = [_cells(plectrum, name, scale) for plectrum in found.plectra]
             lines += table([heads, *cells], left=(0, 3))
             label = f"{quantity.label}, {counted(felt.presses, 'press')}"
             lines += [f"{label}, standard deviations:", *_felt_lines(felt)]
+        if found.hardness:
+            names = (f"{level}: {', '.join(own)}" for level, own in found.hardness.items())
+            by = QUANTITIES[next(iter(found.felt))].label
+            lines += [
+                f"thirds of the plectra by their {by}, softest first:",
+                *(f"  {n}" for n in names),
+            ]
         lines += [f"note: {note}" for note in found.notes]
         return [*lines, *(judged_lines(self.judged) if self.judged else ())]
 

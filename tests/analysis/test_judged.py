@@ -64,6 +64,18 @@ def test_known_odds_and_what_does_not_matter():
     assert max(map(len, lines)) <= 80
 
 
+def test_judgements_are_compared_with_the_shape_that_varies():
+    rows = rows_of(60)
+    for row in rows:
+        row["plectrum_tip_thickness"] = 3e-4 * row["release_force"] ** 0.7
+        row["plectrum_length"] = 4.5e-3
+    found = find_judged(campaign_of(rows))
+    force, tip = (found.quantities[n] for n in ("release_force", "plectrum_tip_thickness"))
+    assert tip.somers_d == force.somers_d
+    assert "plectrum_length" not in found.quantities
+    assert any(line.startswith("thickness of the tip (mm)") for line in judged_lines(found))
+
+
 def test_levels_that_do_not_overlap_and_few_judgements():
     found = find_judged(campaign_of(rows_of(9, noise=0.0)))
     force = found.quantities["release_force"]

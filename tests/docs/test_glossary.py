@@ -20,7 +20,7 @@ def test_every_quantity_is_defined_once_and_completely():
         assert quantity.name == name
         assert quantity.label
         assert quantity.definition.endswith(".")
-        assert quantity.unit in {"", "1", "s", "m", "N", "J", "N/m", "m/s", "rad"}
+        assert quantity.unit in {"", "1", "s", "m", "N", "J", "N/m", "m/s", "m/N", "Pa", "rad"}
     labels = [quantity.label for quantity in SECTIONS["Phases and features of a press"].values()]
     assert len(set(labels)) == len(labels)
 

@@ -39,6 +39,8 @@ def rows() -> dict[str, list[Any]]:
         "plectrum_length": [(7e-3, 8e-3)[k // 12] for k in number],
         "plectrum_width": [3e-3] * PRESSES,
         "plectrum_thickness": [(3e-4, 4e-4)[k // 12] for k in number],
+        "plectrum_tip_thickness": [(3e-4, 2e-4)[k // 12] for k in number],
+        "plectrum_tip_compliance": [(3e-3, 2e-3)[k // 12] for k in number],
         "plectrum_overlap": [6e-4] * PRESSES,
         "plectrum_youngs_modulus": [2.9e9] * PRESSES,
         "plectrum_bending_stiffness": [2e-5] * PRESSES,

@@ -151,6 +151,11 @@ def test_bases_that_cannot_be(rigs, base, said):
     assert said in str(caught.value)
 
 
+def test_a_chain_of_bases_has_an_end(rigs):
+    with pytest.raises(RigError, match=r"k21\.toml: it is the base of a base"):
+        rigs(**{f"k{n}": f'base = "k{n + 1}.toml"\n' for n in range(30, -1, -1)})
+
+
 def test_the_name_is_not_inherited(rigs):
     with pytest.raises(RigError, match="name: missing"):
         rigs(a='base = "paper"\n')

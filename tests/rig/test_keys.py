@@ -62,6 +62,7 @@ def test_decimal_commas_and_the_packaged_rig(keys, paper):
     ("text", "said"),
     [
         ("", ["no column `key`"]),
+        ("\nkey,overlap\n", ["no column `key`"]),
         ("key,overlap\n", ["no key"]),
         ("key,length [mm]\nc,3\n", ["length: it may be"]),
         ("key,plectrum.lenght [mm],overlap,overlap\n", ["did you mean 'length'", "occurs twice"]),
