@@ -169,12 +169,15 @@ class _Tabled(FE):
         return self._table
 
 
-def carve(rig: Rig, cut: Carving, observe: Observe, target: Floats) -> Floats:
+def carve(rig: Rig, cut: Carving, observe: Observe, target: Floats) -> tuple[Floats, Floats]:
     """Return the depths [m] that bring what is observed closest to a target.
 
     Args:
         rig: Its first string is voiced.
-        target: Shape (values,), as `observe` returns them.
+        target: Shape (values,), as `observe` returns them; NaN where nothing is requested.
+
+    Returns:
+        The depths, shape (cuts,), and the derivatives before the cut, shape (values, cuts), per m.
 
     Raises:
         ModelError: The plectrum has no pluck before it is cut.
@@ -188,30 +191,33 @@ def carve(rig: Rig, cut: Carving, observe: Observe, target: Floats) -> Floats:
     steps = tracked(range(MOST_STEPS))
     next(steps)
 
+    requested = np.isfinite(target)
+
     @lru_cache(maxsize=2)
     def at(depths: tuple[float, ...]) -> tuple[Floats, Floats]:
         next(steps, None)
-        _, values, rates = observed(rig, cut, UNIT * np.array(depths), observe)
-        return (values - target) / TARGET_STD, UNIT * rates / TARGET_STD
+        return observed(rig, cut, UNIT * np.array(depths), observe)[1:]
 
     def residual(depths: Floats) -> Floats:
         try:
-            return np.r_[at(tuple(depths.tolist()))[0], gentle @ depths]
+            off = (at(tuple(depths.tolist()))[0] - target)[requested]
         except ModelError:
-            return np.full(len(target) + len(gentle), 1e6)  # refuses the step
+            off = np.full(requested.sum(), 1e6)  # refuses the step
+        return np.r_[off / TARGET_STD, gentle @ depths]
 
     def jacobian(depths: Floats) -> Floats:
-        return np.vstack([at(tuple(depths.tolist()))[1], gentle])
+        rates = at(tuple(depths.tolist()))[1][requested]
+        return np.vstack([UNIT * rates / TARGET_STD, gentle])
 
-    at((0.0,) * count)
+    _, rates = at((0.0,) * count)
     found = least_squares(
         residual,
         np.zeros(count),
         jacobian,  # pyright: ignore[reportArgumentType]  # scipy's stubs know only its methods
         (np.zeros(count), cut.most / UNIT),
         method="dogbox",
-        ftol=1e-6,
-        xtol=1e-4,
+        ftol=1e-3,
+        xtol=1e-3,
         max_nfev=MOST_STEPS,
     )
-    return UNIT * found.x
+    return UNIT * found.x, rates
