@@ -194,7 +194,8 @@ ERRORS = (
     "animate none.mcap --out a.gif", "listen none --out a.wav", "report none",
     "campaign none --out a.parquet", "touch none.parquet", "info none.mcap", "recover none.mcap",
     "export none.mcap --to csv", "import none.csv --rig paper --out a.mcap", "stand-in none",
-    "outline none.png", "voice none", "trade none", "doctor none", "transient none.mcap", "split none.mcap --out out",
+    "outline none.png", "voice none", "trade none", "doctor none", "transient none.mcap",
+    "split none.mcap --out out",
     "replay none.mcap --sim --out out", "watch none",
 )  # fmt: skip
 
