@@ -1,4 +1,4 @@
-"""Carving: what is proposed reaches its target when it is solved anew, and adds no material."""
+"""Carving: what is proposed reaches its target when it is solved again, and adds no material."""
 
 import json
 import shutil
@@ -122,7 +122,7 @@ def drawn_target(rng):
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 def test_twenty_targets_are_reached():
-    """Solved anew by `fe`: force to 1 %, work to 2 %."""
+    """Solved again by `fe`: force to 1 %, work to 2 %."""
     rng = np.random.default_rng(20)
     for _ in range(20):
         rig, name, target, text = drawn_target(rng)
