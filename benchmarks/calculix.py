@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ def run() -> list[Figure]:
         return [Figure("CalculiX is not installed: comparison skipped", 0.0, "", "limit", 1.0)]
     plectrum = load_rig().plectrum
     s = plectrum.length * (LOADED[0] + LOADED[1]) / 2 / COLUMNS
-    spent, peer = timed(_solve, ccx, plectrum)
+    spent, peer = timed(solve, ccx, plectrum)
     shape = (profile_of(plectrum), plectrum.poisson_ratio, REACHES[0][1])
     built, _ = timed(build, *shape)
     level = FE(plectrum)
@@ -59,9 +60,11 @@ def run() -> list[Figure]:
     ]
 
 
-def _solve(ccx: str, plectrum: Plectrum) -> list[tuple[float, float, float]]:
-    """Return the loaded section's mean displacement [m] and rotation [rad] at each force."""
-    deck, section = _deck(plectrum)
+def solve(
+    ccx: str, plectrum: Plectrum, forces: Sequence[float] = FORCES
+) -> list[tuple[float, float, float]]:
+    """Return the loaded section's mean displacement [m] and rotation [rad] at each force [N]."""
+    deck, section = _deck(plectrum, forces)
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "plectrum.inp").write_text(deck, encoding="utf-8")
         done = subprocess.run(
@@ -70,7 +73,7 @@ def _solve(ccx: str, plectrum: Plectrum) -> list[tuple[float, float, float]]:
         check(done.returncode == 0, f"CalculiX: {done.stdout[-2000:]}")
         printed = (Path(folder) / "plectrum.dat").read_text(encoding="utf-8")
     blocks = re.split(r"displacements.*\n", printed)[1:]
-    check(len(blocks) == len(FORCES), f"CalculiX printed {len(blocks)} steps, not {len(FORCES)}")
+    check(len(blocks) == len(forces), f"CalculiX printed {len(blocks)} steps, not {len(forces)}")
     found = []
     for block in blocks:
         rows = np.array([line.split() for line in block.split("\n") if line.strip()], float)
@@ -83,9 +86,10 @@ def _solve(ccx: str, plectrum: Plectrum) -> list[tuple[float, float, float]]:
     return found
 
 
-def _deck(plectrum: Plectrum) -> tuple[str, list[tuple[int, float]]]:
+def _deck(plectrum: Plectrum, forces: Sequence[float]) -> tuple[str, list[tuple[int, float]]]:
     """Return CalculiX's input, in mm, N and MPa, and the section's nodes with their z [mm]."""
-    size = np.array([plectrum.length, plectrum.width, plectrum.thickness]) * 1e3
+    profile, length = profile_of(plectrum), plectrum.length * 1e3
+    size = np.array([length, plectrum.width * 1e3])
     counts = np.array([COLUMNS, ACROSS, LAYERS])
     places: dict[tuple[int, ...], int] = {}
 
@@ -101,15 +105,19 @@ def _deck(plectrum: Plectrum) -> tuple[str, list[tuple[int, float]]]:
             loaded.append(len(elements))
     lines = ["*NODE, NSET=ALL"]
     for place, number in places.items():
-        x, y, z = np.array(place) / (2 * counts) * size - [0, size[1] / 2, size[2] / 2]
+        along, across, up = np.array(place) / (2 * counts)
+        top, bottom = (length * float(edge[0]) for edge in profile.edges(np.array([along])))
+        x, y, z = along * size[0], (across - 0.5) * size[1], bottom + up * (top - bottom)
         lines.append(f"{number}, {x:.9g}, {y:.9g}, {z:.9g}")
     lines.append("*ELEMENT, TYPE=C3D20R, ELSET=BODY")
     for number, nodes in enumerate(elements, 1):
         lines += [f"{number}, {', '.join(map(str, nodes[:10]))},", ", ".join(map(str, nodes[10:]))]
     clamp = [(place, number) for place, number in places.items() if place[0] == 0]
     middle = (LOADED[0] + LOADED[1], ACROSS)
+    top, bottom = profile.edges(np.array([(LOADED[0] + LOADED[1]) / 2 / COLUMNS]))
+    depth = length * float(top[0] - bottom[0])
     section = [
-        (places[*middle, k], (k / (2 * LAYERS) - 0.5) * size[2]) for k in range(2 * LAYERS + 1)
+        (places[*middle, k], (k / (2 * LAYERS) - 0.5) * depth) for k in range(2 * LAYERS + 1)
     ]
     lines += ["*NSET, NSET=SECTION", *(f"{number}," for number, _ in section), "*BOUNDARY"]
     for place, number in clamp:  # free to narrow, as in plane stress
@@ -118,7 +126,7 @@ def _deck(plectrum: Plectrum) -> tuple[str, list[tuple[int, float]]]:
     lines.append(f"{plectrum.youngs_modulus * 1e-6}, {plectrum.poisson_ratio}")
     lines.append("*SOLID SECTION, ELSET=BODY, MATERIAL=ACETAL")
     area = (LOADED[1] - LOADED[0]) / COLUMNS * size[0] * size[1]
-    for force in FORCES:
+    for force in forces:
         lines += ["*STEP, NLGEOM, INC=200", "*STATIC", "0.1, 1.", "*DLOAD"]
         lines += [f"{number}, P2, {force / area:.9g}" for number in loaded]
         lines += ["*NODE PRINT, NSET=SECTION, FREQUENCY=1000", "U", "*END STEP"]

@@ -27,7 +27,8 @@ def pictures() -> dict[str, Callable[[Path], None]]:
     return {
         "session.png": lambda path: session.study(picture=path),
         "levels.png": lambda path: levels.plot(path, rig),
-        "voicing.png": lambda path: voicing.plot(path, voicing.study(rig)),
+        "outline.png": lambda path: voicing.photographed().plot().savefig(path, dpi=100),
+        "voicing.png": lambda path: voicing.study().plot().savefig(path, dpi=100),
         "fast_keys.png": lambda path: fast_keys.plot(path, fast_keys.study(rig)),
         "string_waves.png": lambda path: string_waves.plot(path, string_waves.study(rig)),
         "clamping.png": lambda path: clamping.plot(path, rig, clamping.study(rig)),

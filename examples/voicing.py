@@ -1,150 +1,65 @@
-"""Voicing: how cutting a plectrum changes the touch.
+"""Voicing: from a photograph of a plectrum to what to carve from it.
 
-A maker voices an instrument by shaving its plectra: thinner all over, thinner towards the tip,
-or cut and set with a longer free part. Each cut changes the force on the finger, its work until
-release, the height of release and the loudness. Players use three words for it, which are derived
-here from the largest force: `medium` is within 20 % of the unchanged rig at the same level, `soft`
-below, `hard` above. The overlap is the same throughout, so a longer plectrum needs a jack further
-from the string. `two-beam` neglects shortening and releases late: compare its rows with each other.
+The micrograph is drawn by `benchmarks.micrographs`, 6 um a pixel, tilted, noisy and unevenly lit.
+`sautereau outline` finds the plectrum in it; `sautereau voice` proposes what to take from its
+underside, so that the force drops by a quarter less.
 
-python -m examples.voicing [picture.png]
+python -m examples.voicing [outline.png [voicing.png]]
 """
 
+import math
 import sys
-from dataclasses import dataclass
+import tempfile
 from pathlib import Path
 
-from matplotlib.figure import Figure
+import numpy as np
 
-from sautereau.analysis.figures.palette import DASHES, GRID, MARKERS, SERIES
-from sautereau.analysis.model.pluck.pluck import Pluck
-from sautereau.analysis.model.predict import rig_pluck
-from sautereau.analysis.model.string.string import release_speed
+from benchmarks.micrographs import Camera, carved, draw
+from sautereau.analysis.model.predict import predict
+from sautereau.analysis.outline.carve import Knife
+from sautereau.analysis.results.outlined import Outlined, outline
+from sautereau.analysis.results.predicted import quantities
+from sautereau.analysis.results.voiced import Voiced, voice
+from sautereau.rig.instrument import Outline
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 
-MEDIUM = 0.2
-"""Largest relative difference of the force from the reference for `medium`."""
-_WORDS = enumerate(("medium", "hard", "soft"))
-STYLES = {word: (SERIES[i], DASHES[i], MARKERS[i]) for i, word in _WORDS}
-"""Colour, dashes and marker of each word."""
-THICKNESS = (0.40e-3, 0.44e-3, 0.48e-3, 0.52e-3, 0.56e-3)
-"""m, of a uniform section."""
-TIP_THICKNESS = (0.28e-3, 0.34e-3, 0.40e-3, 0.44e-3, 0.48e-3)
-"""m, of the outer half."""
-LENGTH = (3.7e-3, 4.1e-3, 4.5e-3, 4.9e-3, 5.3e-3)
-"""m, of the free part."""
-CUTS = (
-    ("thickness", THICKNESS, "elastica"),
-    ("tip_thickness", TIP_THICKNESS, "two-beam"),
-    ("length", LENGTH, "elastica"),
-)
+CAMERA = Camera(pixel=6e-3, tilt=math.radians(4), light=(0.3, -0.2, 0.2), noise=0.03)
+SOFTER = 0.75  # Requested force drop over the present one
 
 
-@dataclass(frozen=True)
-class Voice:
-    """One cut of the plectrum, and its touch."""
-
-    field: str
-    """Of the plectrum, that was cut."""
-    value: float
-    """m, of that field."""
-    level: str
-    """At which it was solved."""
-    finger_force: float
-    """N, largest finger force due to the string alone."""
-    work: float
-    """J, of the jack until the string is released."""
-    release_height: float
-    """m, of the jack above first contact."""
-    v_osc: float
-    """m/s, of the released string."""
-    word: str
-    """`soft`, `medium` or `hard`."""
-    pluck: Pluck
-
-    def __str__(self) -> str:
-        return (
-            f"{self.field:<14} {self.value * 1e3:5.2f} {self.finger_force:9.3f}"
-            f" {self.work * 1e6:9.1f} {self.release_height * 1e3:9.3f} {self.v_osc:9.2f}"
-            f"  {self.word}"
-        )
+def photographed() -> Outlined:
+    """Return the outline in a micrograph; the scale is known to 0.1 %."""
+    drawn = draw(carved(np.random.default_rng(6)), CAMERA)
+    with tempfile.TemporaryDirectory() as folder:
+        photo = drawn.save(Path(folder) / "plectrum.png")
+        return outline(photo, pixels_per_mm=f"{1 / CAMERA.pixel} +/- {1e-3 / CAMERA.pixel}")
 
 
-HEADER = "cut               mm    finger      work   release      Vosc\n" + (
-    "                             N        uJ        mm       m/s"
-)
+def rig_of(found: Outlined) -> Rig:
+    """Return the paper's rig with the photographed plectrum, without its ensemble."""
+    rig, edges = load_rig(), found.found.edges
+    named = {name: tuple(getattr(edges, name).tolist()) for name in ("x", "top", "bottom")}
+    plectrum = rig.plectrum.outlined(Outline.model_construct(**named))
+    return rig.model_copy(update={"plectrum": plectrum.replaced({"contact": "surface"})})
 
 
-def voice(rig: Rig, field: str, values: tuple[float, ...], level: str) -> list[Voice]:
-    """Return the touch for every value [m] of a field of the plectrum, in their order."""
-    reference = _finger_force(rig, rig_pluck(rig, level))
-    voices = []
-    for value in values:
-        cut = rig.replaced({f"plectrum.{field}": value})
-        pluck = rig_pluck(cut, level)
-        force = _finger_force(cut, pluck)
-        v_osc = release_speed(rig.string, float(pluck.lift[-1]))
-        word = _word(force / reference)
-        height = pluck.release_height
-        voices.append(Voice(field, value, level, force, pluck.work, height, v_osc, word, pluck))
-    return voices
-
-
-def study(rig: Rig) -> list[list[Voice]]:
-    """Return the touch for every cut of `CUTS`."""
-    return [voice(rig, *cut) for cut in CUTS]
-
-
-def plot(path: str | Path, studied: list[list[Voice]]) -> None:
-    """Draw the force on the jack over its height for every cut into a file."""
-    figure = Figure(figsize=(13, 4.8), layout="constrained")
-    for axes, voices in zip(
-        figure.subplots(1, len(studied), sharex=True, sharey=True), studied, strict=True
-    ):
-        for v in voices:
-            height, force = v.pluck.height * 1e3, v.pluck.vertical_force
-            colour, dashes, marker = STYLES[v.word]
-            axes.plot(height, force, color=colour, ls=dashes)
-            axes.plot(height[-1], force[-1], marker, color=colour)
-            axes.annotate(
-                f"{v.value * 1e3:.2f}",
-                (height[-1], force[-1]),
-                (7, -3),
-                textcoords="offset points",
-                fontsize=9,
-            )
-        axes.set_title(f"{voices[0].field.replace('_', ' ')} (mm), as {voices[0].level}")
-        axes.set_xlabel("jack's height above first contact (mm)")
-        axes.grid(color=GRID)
-    highest = max(v.release_height for voices in studied for v in voices)
-    figure.axes[0].set_xlim(0, highest * 1.15e3)
-    figure.axes[0].set_ylim(bottom=0)
-    figure.axes[0].set_ylabel("string's force on the jack (N)")
-    for word, (colour, dashes, marker) in STYLES.items():
-        figure.axes[0].plot([], [], color=colour, ls=dashes, marker=marker, label=word)
-    figure.axes[0].legend(loc="upper left", frameon=False)
-    figure.savefig(path, dpi=120)
-
-
-def _finger_force(rig: Rig, pluck: Pluck) -> float:
-    """Return the largest force [N] at the pressing point that balances the string on the jack."""
-    return float(pluck.vertical_force.max()) * rig.key.jack_arm / rig.key.press_arm
-
-
-def _word(ratio: float) -> str:
-    if ratio < 1 - MEDIUM:
-        return "soft"
-    return "hard" if ratio > 1 + MEDIUM else "medium"
+def study() -> Voiced:
+    """Return what to carve for `SOFTER`."""
+    rig = rig_of(photographed())
+    (present,) = quantities(rig, predict(rig, "fe"), ("force_drop",))
+    return voice(rig, [f"force_drop {SOFTER * present} N"], knife=Knife(stroke=1.5e-3))
 
 
 def main() -> None:
-    studied = study(load_rig())
-    print(HEADER)
-    for voices in studied:
-        print("\n".join([f"as {voices[0].level}", *map(str, voices)]))
+    found = photographed()
+    print(found)
     if len(sys.argv) > 1:
-        plot(sys.argv[1], studied)
+        found.plot().savefig(sys.argv[1], dpi=100)
+    carved_for = study()
+    print(carved_for)
+    if len(sys.argv) > 2:
+        carved_for.plot().savefig(sys.argv[2], dpi=100)
 
 
 if __name__ == "__main__":

@@ -13,12 +13,13 @@ from functools import lru_cache
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError, ModelError
-from sautereau.analysis.model.choirs import PlacedPluck, choirs
+from sautereau.analysis.model.choirs import PlacedPluck, choirs, hold
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.elastica import nearest_of
 from sautereau.analysis.model.plectrum.fe.level import FE
-from sautereau.analysis.model.plectrum.profile import profile_of
+from sautereau.analysis.model.plectrum.profile import Profile, profile_of
 from sautereau.analysis.model.plectrum.surface import StringCentre
+from sautereau.analysis.model.plectrum.table import Table
 from sautereau.analysis.model.pluck.pluck import solve_pluck
 from sautereau.analysis.model.predict import Prediction, pressed
 from sautereau.rig.instrument import Outline, Plectrum
@@ -120,14 +121,15 @@ def observed(
         ModelError: The model has no pluck for the carved plectrum.
     """
     carved = rig.model_copy(update={"plectrum": cut.applied(rig.plectrum, depths)})
+    others = hold(rig, "fe")[1:] if rig.more_choirs else []
     base, rates = _tables(carved, cut)
-    press = _pressed(carved, base.table())
+    press = _pressed(carved, base.table(), others)
     rows = []
     for number in range(len(depths)):
         step = np.zeros(len(depths))
         step[number] = STEP / carved.plectrum.length
         ends = [
-            observe(carved, _pressed(carved, rates.moved(base, sign * step).table()))
+            observe(carved, _pressed(carved, rates.moved(base, sign * step).table(), others))
             for sign in (1, -1)
         ]
         rows.append((ends[0] - ends[1]) / (2 * STEP))
@@ -143,8 +145,8 @@ def _tables(carved: Rig, cut: Carving):
     return build_with_rates(profile, plectrum.poisson_ratio, nearest_of(plectrum), cuts)
 
 
-def _pressed(rig: Rig, table) -> Prediction:
-    """Return the press of a rig whose plectrum has a table."""
+def _pressed(rig: Rig, table: Table, others: list[PlacedPluck]) -> Prediction:
+    """Return the press of a rig whose first plectrum has a table."""
     plectrum, string = rig.plectrum, rig.string
     level = _Tabled(plectrum, table)
     on_surface = plectrum.contact == "surface"
@@ -155,26 +157,29 @@ def _pressed(rig: Rig, table) -> Prediction:
     release = clearance + pluck.release_height
     if release >= rig.press.jack_rise:
         raise ModelError("press.jack_rise: it ends before the string is released; raise jack_rise")
-    return pressed(rig, [PlacedPluck(choirs(rig)[0], pluck, clearance, release)], "fe")
+    return pressed(rig, [PlacedPluck(choirs(rig)[0], pluck, clearance, release), *others], "fe")
 
 
 class _Tabled(FE):
     """The level `fe` with a given table."""
 
-    def __init__(self, plectrum: Plectrum, table):
+    def __init__(self, plectrum: Plectrum, table: Table):
         self._table = table
         super().__init__(plectrum)
 
-    def _table_of(self, plectrum, profile):
+    def _table_of(self, plectrum: Plectrum, profile: Profile) -> Table:
         return self._table
 
 
-def carve(rig: Rig, cut: Carving, observe: Observe, target: Floats) -> Floats:
+def carve(rig: Rig, cut: Carving, observe: Observe, target: Floats) -> tuple[Floats, Floats]:
     """Return the depths [m] that bring what is observed closest to a target.
 
     Args:
         rig: Its first string is voiced.
-        target: Shape (values,), as `observe` returns them.
+        target: Shape (values,), as `observe` returns them; NaN where nothing is requested.
+
+    Returns:
+        The depths, shape (cuts,), and the derivatives before the cut, shape (values, cuts), per m.
 
     Raises:
         ModelError: The plectrum has no pluck before it is cut.
@@ -188,30 +193,33 @@ def carve(rig: Rig, cut: Carving, observe: Observe, target: Floats) -> Floats:
     steps = tracked(range(MOST_STEPS))
     next(steps)
 
+    requested = np.isfinite(target)
+
     @lru_cache(maxsize=2)
     def at(depths: tuple[float, ...]) -> tuple[Floats, Floats]:
         next(steps, None)
-        _, values, rates = observed(rig, cut, UNIT * np.array(depths), observe)
-        return (values - target) / TARGET_STD, UNIT * rates / TARGET_STD
+        return observed(rig, cut, UNIT * np.array(depths), observe)[1:]
 
     def residual(depths: Floats) -> Floats:
         try:
-            return np.r_[at(tuple(depths.tolist()))[0], gentle @ depths]
+            off = (at(tuple(depths.tolist()))[0] - target)[requested]
         except ModelError:
-            return np.full(len(target) + len(gentle), 1e6)  # refuses the step
+            off = np.full(requested.sum(), 1e6)  # refuses the step
+        return np.r_[off / TARGET_STD, gentle @ depths]
 
     def jacobian(depths: Floats) -> Floats:
-        return np.vstack([at(tuple(depths.tolist()))[1], gentle])
+        rates = at(tuple(depths.tolist()))[1][requested]
+        return np.vstack([UNIT * rates / TARGET_STD, gentle])
 
-    at((0.0,) * count)
+    _, rates = at((0.0,) * count)
     found = least_squares(
         residual,
         np.zeros(count),
         jacobian,  # pyright: ignore[reportArgumentType]  # scipy's stubs know only its methods
         (np.zeros(count), cut.most / UNIT),
         method="dogbox",
-        ftol=1e-6,
-        xtol=1e-4,
+        ftol=1e-3,
+        xtol=1e-3,
         max_nfev=MOST_STEPS,
     )
-    return UNIT * found.x
+    return UNIT * found.x, rates

@@ -37,9 +37,10 @@ LEAST = 0.9  # Fraction of the draws that must have a pluck, so that the interva
 QUICK = 0.2  # s, of one prediction, below which further processes take longer than they save
 NAMES = ("release_force", "force_drop", "work", "pluck_duration", "peak_force", "v_osc")
 """Quantities of the press that a fit predicts."""
-OF_OUTLINE: tuple[str, ...] = ("release_force", "force_drop", "force_slope", "work",
-              "pluck_duration", "plectrum_force", "release_angle", "release_lift",
-              "v_osc")  # fmt: skip
+OF_OUTLINE: tuple[str, ...] = (
+    "release_force", "force_drop", "force_slope", "work", "pluck_duration", "plectrum_force",
+    "release_angle", "release_lift", "v_osc",
+)  # fmt: skip
 """Quantities of the press of a photographed plectrum."""
 MATERIAL = ("youngs_modulus", "poisson_ratio", "width", "friction")
 """Values of a plectrum that its outline does not have, and whose assumed range counts."""

@@ -11,7 +11,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.analysis.model.predict import Prediction, predict
-from sautereau.analysis.outline.carve import Carving, Knife, carve, carving, observed
+from sautereau.analysis.outline.carve import Carving, Knife, carve, carving
 from sautereau.analysis.results.predicted import OF_OUTLINE, Predicted, members, of_outline
 from sautereau.analysis.results.predicted import quantities as quantities_of_press
 from sautereau.analysis.results.result import Result, frame_of, shown
@@ -259,25 +259,20 @@ def voice(
         raise AnalysisError('voice: nothing is requested; give --target "force_drop 0.45 N"')
     if len(wanted) == 1 and points is None:
         _check_below(wanted, present)
-    names = list(wanted)
+    force_unit = 1.0 if points is None else float(points[:, 1].max()) * len(points) ** 0.5
 
     def observe(own: Rig, press: Prediction) -> Floats:
-        values = np.log(quantities_of_press(own, press, names)) if names else np.empty(0)
+        values = np.log(quantities_of_press(own, press, OF_OUTLINE))
         if points is None:
             return values
         deflection, force = press.from_contact(0.0)
-        forces = np.interp(points[:, 0], deflection, force) / points[:, 1].max()
-        return np.r_[values, forces / len(points) ** 0.5]
+        return np.r_[values, np.interp(points[:, 0], deflection, force) / force_unit]
 
-    aim = np.log(np.array(list(wanted.values()), float))
+    aim = np.log([wanted.get(name, np.nan) for name in OF_OUTLINE])
     if points is not None:
-        aim = np.r_[aim, points[:, 1] / points[:, 1].max() / len(points) ** 0.5]
-    depths = carve(rig, cut, observe, aim)
-
-    def sensitive(own: Rig, press: Prediction) -> Floats:
-        return np.log(quantities_of_press(own, press, SENSITIVE))
-
-    rates = observed(rig, cut, np.zeros_like(depths), sensitive)[2]
+        aim = np.r_[aim, points[:, 1] / force_unit]
+    depths, rates = carve(rig, cut, observe, aim)
+    rates = rates[[OF_OUTLINE.index(name) for name in SENSITIVE]]
     carved = cut.applied(rig.plectrum, depths)
     others = [cut.applied(own, depths).outline for own in rig.plectrum.ensemble]
     if others and carved.outline:

@@ -89,7 +89,7 @@ def voice(
     """Propose where and how much to take from a plectrum's underside.
 
     Material is only taken away, as smoothly as a knife's strokes. Of all cuts that reach what is
-    requested, the gentlest is proposed, and the press after it is predicted anew. The plot shows
+    requested, the gentlest is proposed, and the press after it is predicted again. The plot shows
     plectrum, finger force, string and bridge force before and after.
 
     Parameters

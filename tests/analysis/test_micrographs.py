@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.micrographs import Camera, carved, draw
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.results.outlined import outline
 from sautereau.analysis.results.predicted import OF_OUTLINE, of_outline, quantities
 from sautereau.analysis.results.rig import Rig
 from sautereau.rig.instrument import Outline, OutlineMember
-from tests.micrographs import Camera, carved, draw
 
 LIMITS = {"plectrum_force": 0.01, "work": 0.02, "release_angle": 0.03}
 """Relative, up to `FINE`; three times that up to 10 um a pixel."""

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.micrographs import Camera, carved, draw
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.results.outlined import outline
 from sautereau.rig.disk import named_text
 from sautereau.rig.load import load_rig
-from tests.micrographs import Camera, carved, draw
 
 STRONG = (0.3, -0.25, 0.2)
 

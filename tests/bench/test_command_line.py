@@ -213,7 +213,8 @@ ERRORS = (
     "campaign none --out a.parquet", "touch none.parquet", "survey none.csv",
     "info none.mcap", "recover none.mcap",
     "export none.mcap --to csv", "import none.csv --rig paper --out a.mcap", "stand-in none",
-    "trade none", "doctor none", "transient none.mcap", "split none.mcap --out out",
+    "outline none.png", "voice none", "trade none", "doctor none", "transient none.mcap",
+    "split none.mcap --out out",
     "replay none.mcap --sim --out out", "watch none",
 )  # fmt: skip
 
