@@ -22,7 +22,7 @@ from sautereau.analysis.identify.information import (
     Information,
     Measurement,
 )
-from sautereau.analysis.identify.parameter_names import CONTACT, FINGERTIP, FRICTION
+from sautereau.analysis.identify.parameter_names import CONTACT, FRICTION
 from sautereau.analysis.identify.parameters import Prior, value_of, with_parameters
 from sautereau.analysis.identify.problem import AT_BOUND, Problem
 from sautereau.analysis.identify.quality import Quality, judged, quality
@@ -307,8 +307,7 @@ def _estimates(
 def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple[str, ...]:
     found = [f"not fitted: {reason}" for reason in dynamics.unusable]
     found += ignored(dynamics.rig, dynamics.level)
-    free, requested = dynamics.free, {e.name for e in estimates}
-    bounds = {p.name: p for p in free}
+    bounds = {p.name: p for p in dynamics.free}
     for estimate in estimates:
         if estimate.at_bound:
             p = bounds[estimate.name]
@@ -318,12 +317,6 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
                 f" {f'{p.low:.4g} to {p.high:.4g} {p.unit}'.strip()}; widen the range by a prior,"
                 " or look for other errors in the rig"
             )
-    if FINGERTIP in requested and any(p.hidden and p.name in dynamics.rig.assumed for p in free):
-        found.append(
-            f"{FINGERTIP}: found beside numbers with assumed ranges it was 0.23 too small on the"
-            " stand-in, four times its uncertainty; measure key and jack, and give them without"
-            " ranges"
-        )
     if thrown := sum(press.thrown for press in dynamics.presses):
         found.append(
             f"in {thrown} of {len(dynamics.presses)} presses the finger struck the key and threw"

@@ -27,15 +27,22 @@ class Noise:
     acceleration: float
     """rad/s^2, of the key's angular acceleration."""
 
-    def of_load(self, inertia: float, gain: float = 1.0) -> float:
-        """Return the RMS [N] of the force residual that this noise causes.
+    def of_load(self, inertia: float) -> float:
+        """Return the RMS [N] of the force residual of a rigid key that this noise causes.
 
         Args:
             inertia: kg m, inertia of the key with its jacks divided by the finger's lever arm.
+        """
+        return float(np.hypot(self.slow_force, self.fast_of_load(inertia)))
+
+    def fast_of_load(self, inertia: float, gain: float = 1.0) -> float:
+        """Return the RMS [N] of its fast part, which hum and offset do not explain.
+
+        Args:
+            inertia: As for `of_load`.
             gain: Amplification of the fast force by the elastic modes.
         """
-        parts = self.slow_force, gain * self.fast_force, inertia * self.acceleration
-        return float(np.linalg.norm(parts))
+        return float(np.hypot(gain * self.fast_force, inertia * self.acceleration))
 
 
 def noise_at_rest(

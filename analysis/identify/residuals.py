@@ -1,5 +1,6 @@
 """Inverse-dynamics residuals of presses: force at every instant, rise at every release."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -109,8 +110,8 @@ class InverseDynamics:
 
         Returns:
             Forces [N] at the fitted instants of each press; and the rises at all releases,
-            divided by their standard uncertainties. The forces of a compliant key are scaled so
-            that they have the noise of the rig's rigid key.
+            divided by their standard uncertainties. The forces are scaled so that they have the
+            noise of the rig's rigid key.
 
         Raises:
             ModelError: The model has no solution there.
@@ -124,7 +125,9 @@ class InverseDynamics:
         sliding = values.get(SLIDING, 0.0), values.get(LATE_SLIDING, 0.0)
         friction = rig.plectrum.friction - self.rig.plectrum.friction
         strings, modes = _strings(rig, self.level, values, friction), modes_of(values)
-        inertia, amplified = _inertia_over_arm(rig), noise_gain(modes, self._record)
+        # Of the measured acceleration on the measured force.
+        inertia = _inertia_over_arm(rig) * gain / force_gain
+        amplified = noise_gain(modes, self._record)
         state = self._state(rig, strings, values)
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
         measured = rise_of_angle(rig.key, gain * self._angles) - self._speeds * lag
@@ -136,11 +139,13 @@ class InverseDynamics:
         residual = force * (1 + slid) - required / force_gain
         forces = np.split(residual, self._starts)
         for press, own in zip(self.presses, forces, strict=True):
-            if modes and press.noise is not None:
-                # Otherwise a small inertia would fit best because it hides the noise.
-                noises = press.noise.of_load(self._nominal), press.noise.of_load(inertia, amplified)
-                stated, changed = np.hypot(noises, self.floor)
-                own *= stated / changed
+            if press.noise is not None:
+                # The measured acceleration is noisy: a small inertia would fit best because it
+                # hides the noise. What else is in the residuals hardly depends on the inertia.
+                stated = press.noise.fast_of_load(self._nominal)
+                changed = press.noise.fast_of_load(inertia, amplified)
+                rest = math.sqrt(max(0.0, self.floor**2 - stated**2))
+                own *= math.hypot(stated, rest) / math.hypot(changed, rest)
         return forces, rises
 
     def _state(

@@ -115,13 +115,14 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     start, bottom = float(-offset / slope), float(time[end])
     contacts = [contact for contact, *_ in known_plucks]
     cruise, top = float(np.quantile(speed[begin:end], CRUISE)), float(signals.rise.max())
+    unlike = [] if known else checks.about_rig(press, cruise, top, found.fit, plucks, strings)
     said = [
         *checks.about_end(signals, begin),
         *checks.about_instants(plucks, contacts, steady, signals.missing),
         *checks.about_flags(signals, press.quality_flags, plucks, (start, bottom)),
         *checks.about_exchange(contacts, plucks),
         *checks.about_strings(plucks, strings),
-        *([] if known else checks.about_rig(press, cruise, top, found.fit, plucks, strings)),
+        *unlike,
         *checks.about_fit(signals, found.fit, found.further, plucks, strings),
         *([] if known else checks.about_likeness(signals, plucks, strings)),
     ]
@@ -143,6 +144,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         fit=found.fit,
         missed=tuple((growth.contact, growth.release) for growth in found.further),
         remarks=remarks,
+        unlike_rig=divided(unlike)[0],
     )
 
 

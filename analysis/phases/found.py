@@ -155,6 +155,8 @@ class Phases:
     """s, start and end of stretches in which the load climbs and collapses without a pluck."""
     remarks: tuple[str, ...] = ()
     """For information: they make no result doubtful."""
+    unlike_rig: tuple[str, ...] = ()
+    """Those of the warnings that say what is not as the rig states it: scales, delays, inertia."""
 
     def of_string(self, string: int) -> HeldString | None:
         """Return the pluck of a string by its number in the rig; None without one."""

@@ -181,7 +181,8 @@ def _condition_document(found: Condition) -> dict[str, Any]:
             measured = json_of(getattr(compared, name), "interval")
             ends = compared.interval(name)
             result[name] = measured | {"ci95": ends, "ci95_measured": measured["ci95"]}
-        result["verdict"] = CONSISTENT if not compared.unexplained else UNEXPLAINED
+        result["verdict"] = CONSISTENT if compared.consistent else UNEXPLAINED
+        result["unlike_rig"] = list(compared.unlike_rig)
         every = compared.budget.contributions if compared.budget else ()
         result["budget"] = [asdict(each) for each in every]
     if found.features:
@@ -337,9 +338,10 @@ def error_cells(found: Compared, name: str) -> tuple[str, ...]:
 
 def verdict_line(found: Compared) -> str:
     """Return whether the ranges that the rig states explain the errors, as text."""
-    if not found.unexplained:
+    if found.consistent:
         return f"{CONSISTENT}: the intervals contain 0"
-    return f"{UNEXPLAINED}: {', '.join(QUANTITIES[name].label for name in found.unexplained)}"
+    errors = ", ".join(QUANTITIES[name].label for name in found.unexplained)
+    return f"{UNEXPLAINED}: {'; '.join([*([errors] if errors else []), *found.unlike_rig])}"
 
 
 def contribution_rows(found: Compared) -> list[tuple[str, ...]]:

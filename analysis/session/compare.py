@@ -66,6 +66,8 @@ class Comparison:
     """Standard uncertainty of each measured value, relative: of all presses together, or without
     the variation from press to press for a single one."""
     budget: Budget | None = None
+    unlike_rig: tuple[str, ...] = ()
+    """What in most presses is not as the rig states it, by factors that no range is to explain."""
 
     def interval(self, name: str) -> tuple[float, float] | None:
         """Return the 95 % interval of an error with the model's inputs.
@@ -82,6 +84,11 @@ class Comparison:
         """Names of the errors whose interval does not contain 0."""
         ends = {name: self.interval(name) for name in self.stds}
         return [name for name, each in ends.items() if each and not each[0] <= 0 <= each[1]]
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the ranges that the rig states explain the errors, and all else is as it says."""
+        return not (self.unexplained or self.unlike_rig)
 
 
 def compare(

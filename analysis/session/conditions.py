@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.model.speed import JackSpeed
+from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import gain_stds
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.budget import bending_of
@@ -230,8 +231,10 @@ def _condition(
         ] or [(one, predictions[0], None) for one, predictions in zip(found, each, strict=True)]
         compared, predictions, speeds = zip(*both, strict=True)
         prediction = predictions[0]
+        # Another rig may be the one that these presses are like.
+        unlike = () if rig else _unlike_rig(compared)
         comparison = with_budget(
-            compare(compared, predictions, gain_stds(own)),
+            replace(compare(compared, predictions, gain_stds(own)), unlike_rig=unlike),
             rig or own,
             lambda bench: _predicted(bench, own, level, speeds[0]),
             bending_of(own, compared),
@@ -273,6 +276,12 @@ def _predicted(rig: Rig, own: Rig, level: str, speed: JackSpeed | None) -> Predi
     """
     lever = (rig.key.jack_arm / rig.key.laser_arm) / (own.key.jack_arm / own.key.laser_arm)
     return predict(rig, level, speed=speed and speed.scaled(lever))
+
+
+def _unlike_rig(phases: Sequence[Phases]) -> tuple[str, ...]:
+    """Return what the first of these presses says of its rig, if most of them say something."""
+    said = [found.unlike_rig for found in phases if found.unlike_rig]
+    return said[0] if 2 * len(said) > len(phases) else ()
 
 
 def _omitted(presses: Sequence[AnalysedPress], reason: str) -> list[str]:

@@ -118,6 +118,23 @@ def test_the_plectrums_friction_is_found_by_a_finger_that_yields_along_the_key(
     assert found["plectrum.friction"].std < 0.01
 
 
+@pytest.mark.slow
+def test_the_noise_of_the_acceleration_does_not_make_a_slow_keys_inertia_small():
+    """An ideal finger accelerates it for 3 ms of run-up and 15 ms of run-down only."""
+    rig = SPINET.model_copy(update={"more_choirs": (), "assumed": {}})
+    scene = load_scene("paper").model_copy(update={"finger": "ideal", "servo": None})
+    seen = observe(rig, scene)
+    presses = [sensed(rig, scene, seen, seed)[0] for seed in range(8)]
+    phases = list(map(find_phases, presses))
+    names = ["key.inertia", "key.pivot_coulomb_friction", "key.pivot_viscous_friction"]
+    found = []
+    for pair in (slice(k, k + 2) for k in range(0, 8, 2)):
+        fitted = by_name(identify(presses[pair], phases[pair], names, starts=1))
+        found.append([(fitted[n].value - value_of(rig, n)) / fitted[n].std for n in names])
+    assert np.abs(np.mean(found, axis=0)).max() < 1.3  # 2.6 standard errors of the mean of four
+    assert np.abs(found).max() < 2.6
+
+
 def test_plectrum_inertia_and_friction_are_identified_from_two_noisy_presses(found, true):
     assert [e.name for e in found.estimates] == list(FREE)
     assert found.quality.fits
