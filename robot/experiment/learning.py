@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,7 +15,7 @@ from sautereau.analysis.loading.press import load_press
 from sautereau.rig.disk import read_limited, why_unreadable, write_durably
 from sautereau.rig.document import comparable, current_document, rig_document
 from sautereau.rig.faults import fault_list, validation_faults
-from sautereau.rig.schema import Rig
+from sautereau.rig.schema import Controller, Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
 from sautereau.robot.experiment.plan import MOST_LISTED, RigDocument, differences
@@ -32,6 +32,17 @@ frequency, beyond which a correction increases the error."""
 HALVINGS = 4  # Times that the change of a correction is halved where the press cannot be planned
 MOST_KNOTS = 10_000  # Limit of a correction's points; learning makes about one for each millisecond
 _PRESS = ("press", "arm", "controller")  # Another one needs another correction
+_INDEPENDENT = {
+    "press": {"approach_speed", "hover", "speed_tolerance"},
+    "arm": {
+        *("acceleration_limit", "approach_speed", "fixture_mass", "home_angles", "jerk_limit"),
+        *("lower_limits", "mount_x", "mount_z", "position_tolerance", "servo_stiffness"),
+        *("speed_limit", "tilt_limit", "upper_limits", "fingertip_friction"),
+    },
+    "controller": {*Controller.model_fields} - {"kind", "sample_period", "full_torque"},
+}
+"""What alters neither the path of the joints nor their response to it: where and how fast the arm
+may move, what `plan` predicts, and the load."""
 _LOAD = ("key", "jack", "plectrum", "string", "more_choirs")  # On the finger
 
 
@@ -299,29 +310,45 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> LearnedCorrect
             f"learned correction {path}: cannot be read: {why_unreadable(error)}; give the file"
             " that `sautereau learn` wrote"
         ) from error
-    if faults := _changes(found.learned_for, _learned_for(rig, feed_forward)):
+    then, now = current_document(found.learned_for.model_dump()), _learned_for(rig, feed_forward)
+    if faults := [*differences(_motion(then, now), _motion(now, now))]:
         raise RobotError(
             f"learned correction {path}: it was learned for another press:\n  "
             + "\n  ".join(faults)
             + "\nlearn again, or press as it was learned"
         )
+    changes = None
+    if found.load is not None:
+        before = _load(current_document(found.load.model_dump()), then)
+        changes = tuple(differences(before, _load(rig_document(rig), now)))
     return LearnedCorrection(
         Correction(np.array(found.time), np.array(found.rise)),
         found.held_speed_error,
         found.peak_force,
         found.learned_on.date().isoformat() if found.learned_on else "",
-        None if found.load is None else _changes(found.load, _part(rig, _LOAD)),
+        changes,
     )
 
 
-def _changes(learned: RigDocument, asked: dict[str, Any]) -> tuple[str, ...]:
-    """Return the differences of a part of the present rig from the one learned with."""
-    then = comparable(current_document(learned.model_dump()))
-    return tuple(differences({name: then.get(name) for name in asked}, asked))
+def _motion(document: dict[str, Any], sections: Iterable[str]) -> dict[str, Any]:
+    """Return what a correction depends on, of a document with press, arm and controller."""
+    found = {}
+    for section in sections:
+        value, others = document.get(section), _INDEPENDENT.get(section, ())
+        if isinstance(value, dict):
+            value = {key: part for key, part in value.items() if key not in others}
+        found[section] = value
+    return found
+
+
+def _load(document: dict[str, Any], press: dict[str, Any]) -> dict[str, Any]:
+    """Return what loads the finger: key and choirs, and the friction on its tip."""
+    friction = (press.get("arm") or {}).get("fingertip_friction")
+    return {name: document.get(name) for name in _LOAD} | {"arm.fingertip_friction": friction}
 
 
 def _learned_for(rig: Rig, feed_forward: str) -> dict[str, Any]:
-    """Return what a correction depends on, as TOML would hold it."""
+    """Return the press of a correction, as TOML would hold it."""
     return _part(rig, _PRESS) | {"feed_forward": feed_forward}
 
 
