@@ -42,12 +42,13 @@ class Row:
     planned: float
     """By rounding of the plan to encoder counts, over the cruise."""
     predicted: float
-    """Of the first press by the stiffness of the position loops."""
+    """Of the first press by stiffness and damping of the position loops."""
     first: float
     learned: float
     pushed: float
     floor: float
-    """Of the better one, by rounding and by what differs from press to press."""
+    """Of the better one, by rounding, by what differs from press to press and by what is faster
+    than a correction."""
 
     @property
     def missed(self) -> bool:
@@ -106,8 +107,9 @@ def cases() -> dict[str, tuple[Rig, Scene, bool]]:
 
 def _row(what: str, rig: Rig, scene: Scene, paced: bool) -> Row:
     values: dict[str, Any] = dict(QUICK)
-    if scene.servo is not None:  # as `setup` and every press measure it
+    if scene.servo is not None:
         values["arm.servo_stiffness"] = [f"{k} N m/rad" for k in scene.servo.stiffness]
+        values["arm.servo_damping"] = [f"{c} N m s/rad" for c in scene.servo.damping]
     rig = with_values(rig, values)
     with tempfile.TemporaryDirectory() as folder:
         bare, pushed = (
@@ -127,5 +129,5 @@ def _row(what: str, rig: Rig, scene: Scene, paced: bool) -> Row:
 
 
 def _best(learned: Learned) -> float:
-    """Return the error while a string is held, of the press with the least error in the cruise."""
+    """Return the error while a string is held, of the best press as learning judges."""
     return learned.held[learned.errors.index(min(learned.errors))]

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import AwareDatetime, BaseModel, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.loading.press import load_press
+from sautereau.analysis.phases import find_phases
 from sautereau.rig.disk import read_limited, why_unreadable, write_durably
 from sautereau.rig.document import comparable, current_document, rig_document
 from sautereau.rig.faults import fault_list, validation_faults
@@ -36,8 +37,8 @@ _INDEPENDENT = {
     "press": {"approach_speed", "hover", "speed_tolerance"},
     "arm": {
         *("acceleration_limit", "approach_speed", "fixture_mass", "home_angles", "jerk_limit"),
-        *("lower_limits", "mount_x", "mount_z", "position_tolerance", "servo_stiffness"),
-        *("speed_limit", "tilt_limit", "upper_limits", "fingertip_friction"),
+        *("lower_limits", "mount_x", "mount_z", "position_tolerance", "servo_damping"),
+        *("servo_stiffness", "speed_limit", "tilt_limit", "upper_limits", "fingertip_friction"),
     },
     "controller": {*Controller.model_fields} - {"kind", "sample_period", "full_torque"},
 }
@@ -165,7 +166,8 @@ class IterativeLearning:
 
     @property
     def errors(self) -> list[float]:
-        """RMS relative error of the jack speed over the cruise, of every press so far."""
+        """RMS relative error of the jack speed while a string is held, of every press so far; over
+        the cruise without a pluck."""
         return self._learner.errors
 
     @property
@@ -184,9 +186,15 @@ class IterativeLearning:
         return self._learner.scatter
 
     @property
+    def fast(self) -> float:
+        """RMS relative error of the best press's speed above the frequencies of corrections."""
+        return self._learner.fast
+
+    @property
     def floor(self) -> float:
-        """RMS relative error of the speed that no correction removes: rounding and scatter."""
-        return math.hypot(self.rounding, self.scatter or 0.0)
+        """RMS relative error of the speed that no correction removes: rounding, and the larger one
+        of scatter and fast part, since both have the noise in them."""
+        return math.hypot(self.rounding, max(self.scatter or 0.0, self.fast))
 
     @property
     def best(self) -> Correction | None:
@@ -225,7 +233,9 @@ class IterativeLearning:
         segments = item.trajectory.segments
         ticks = np.clip(time / self._rig.controller.sample_period, 0, segments.total_samples)
         sent = sent_motion(self._rig, segments, ticks).velocity
-        correction = self._learner.learn(self._used, time, sent, speed)
+        held = [(held.contact, held.release) for held in find_phases(press).plucks]
+        strings = np.array(held).reshape(-1, 2) - start.time
+        correction = self._learner.learn(self._used, time, sent, speed, strings)
         self._rounding.append(item.trajectory.cruise.rms_error)
         self._trajectory = None
         if correction is not None:
