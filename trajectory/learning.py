@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
@@ -140,6 +141,10 @@ class Residual:
     """s, last planned release; without a string, end of the cruise."""
     plucked: bool
 
+    def inside(self, law: PressLaw) -> NDArray[np.bool_]:
+        """Return at which times the speed must be right: in the cruise, until the last release."""
+        return (self.time >= law.cruise_start) & (self.time <= self.until)
+
 
 def residual(
     law: PressLaw,
@@ -213,7 +218,7 @@ def corrected(law: PressLaw, residuals: Sequence[Residual], period: float) -> Co
     from scipy.integrate import cumulative_trapezoid
 
     last = residuals[-1]
-    inside = (last.time >= law.cruise_start) & (last.time <= last.until)
+    inside = last.inside(law)
     steps = [np.stack([last.needed - r.needed, last.lacking - r.lacking]) for r in residuals[:-1]]
     rate = last.needed
     if steps:
@@ -249,13 +254,12 @@ class Learner:
     stopped: str = ""
     """Reason why learning has stopped; empty while it continues."""
     scatter: float | None = None
-    """Dimensionless, RMS of what differs from press to press and no correction removes: noise, the
-    reading of the encoders, the instrument; None after one press."""
+    """Dimensionless, RMS up to `CUTOFF` of what differs from press to press and no correction
+    removes: noise, the reading of the encoders, the instrument; None after one press."""
     fast: float = 0.0
     """Dimensionless, RMS of the part above `CUTOFF` of the best press's deviation from the sent
     speed, which no correction removes: after the release of one of two strings, noise."""
     _residuals: list[Residual] = field(default_factory=list)
-    _deviation: tuple[Floats, Floats] | None = None
 
     def learn(
         self,
@@ -275,7 +279,8 @@ class Learner:
             held: As in `speed_error`.
         """
         error = speed_error(self.law, time, speed, held)
-        self._compare(time, speed - sent, held)
+        found = residual(self.law, time, sent, speed, self.period, held)
+        self._compare(found)
         least = min(self.errors, default=np.inf)
         self.errors.append(error)
         if error < least:
@@ -294,20 +299,20 @@ class Learner:
             if min(self.errors[-PATIENCE:]) > (1 - IMPROVEMENT) * earlier:
                 self.stopped = f"no improvement over the last {PATIENCE} presses"
                 return None
-        self._residuals.append(residual(self.law, time, sent, speed, self.period, held))
         return corrected(self.law, self._residuals, self.period)
 
-    def _compare(self, time: Floats, deviation: Floats, held: Floats) -> None:
-        """Update the scatter from the deviation [m/s] from the sent speed, by the press before.
+    def _compare(self, found: Residual) -> None:
+        """Update the scatter by the press before.
 
-        While corrections change much, so do deviations: the least difference is taken.
+        While corrections change much, so may what is needed: the least difference is taken.
         """
-        if self._deviation is not None:
-            change = deviation - np.interp(time, *self._deviation)
-            planned = self.law.law.at(time).velocity
-            least = speed_error(self.law, time, planned + change, held) / np.sqrt(2)
+        if self._residuals:
+            inside = found.inside(self.law)
+            change = found.needed[inside] - self._residuals[-1].needed[inside]
+            planned = np.abs(self.law.law.at(found.time[inside]).velocity).max()
+            least = float(np.sqrt(np.mean(change**2) / 2) / planned)
             self.scatter = least if self.scatter is None else min(least, self.scatter)
-        self._deviation = time, deviation
+        self._residuals.append(found)
 
 
 def _low_pass(values: Floats, cutoff: float, time: Floats) -> Floats:

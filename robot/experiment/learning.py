@@ -192,9 +192,9 @@ class IterativeLearning:
 
     @property
     def floor(self) -> float:
-        """RMS relative error of the speed that no correction removes: rounding, and the larger one
-        of scatter and fast part, since both have the noise in them."""
-        return math.hypot(self.rounding, max(self.scatter or 0.0, self.fast))
+        """RMS relative error of the speed that no correction removes: rounding, scatter, and what
+        is faster than a correction."""
+        return math.hypot(self.rounding, self.scatter or 0.0, self.fast)
 
     @property
     def best(self) -> Correction | None:

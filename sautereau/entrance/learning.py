@@ -55,8 +55,8 @@ class Learned(Shown):
     reached: bool
     """Whether `held_speed_error` is within it."""
     floor: float
-    """RMS relative error of the jack speed that no correction removes: `rounding`, and the larger
-    one of `scatter` and `fast`, which both contain the noise."""
+    """RMS relative error of the jack speed that no correction removes: `rounding`, `scatter` and
+    `fast`."""
     rounding: float
     """Its part from the rounding of the plan to encoder counts."""
     scatter: float | None
@@ -90,12 +90,15 @@ class Learned(Shown):
         fixes = "learn with --feed-forward, lower press.jack_speed, or stiffen the position loops"
         if not self.stopped:
             fixes = f"request more presses with -n, {fixes}"
-        if self.floor > self.tolerance:
+        # What is fast in a press far from its plan may disappear with the rest.
+        if self.tolerance < self.floor and self.held_speed_error < 2 * self.floor:
             fixes = (
-                "no correction reaches the tolerance: use encoders with more counts"
-                " (arm.counts_per_revolution), reduce the damping gain of the position loops, which"
-                " amplifies the steps of the encoders, or raise press.speed_tolerance"
+                "use encoders with more counts (arm.counts_per_revolution), reduce the damping gain"
+                " of the position loops, which amplifies the steps of the encoders,"
             )
+            if self.fast > max(self.rounding, self.scatter or 0.0):
+                fixes = "learn with --feed-forward, stiffen the position loops,"
+            fixes = f"no correction reaches the tolerance: {fixes} or raise press.speed_tolerance"
         return f"not {found}; {fixes}"
 
     def __repr__(self) -> str:

@@ -9,6 +9,7 @@ from scipy.signal import butter, sosfilt
 from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.learning import (
+    CUTOFF,
     NEVER,
     Correction,
     Learner,
@@ -162,7 +163,7 @@ def test_the_scatter_is_that_of_the_presses():
     random, rms = np.random.default_rng(3), 1e-3
     learner = run(lambda speed, _: speed + DIP + rms * random.normal(size=len(TIME)), 6)
     # Butterworth's gain of order 2, forwards and backwards: the integral of 1 / (1 + x^4)^2.
-    band = 3 * np.pi / (8 * np.sqrt(2)) * 1000 / (RATE / 2)
+    band = 3 * np.pi / (8 * np.sqrt(2)) * CUTOFF / (RATE / 2)
     assert learner.scatter == pytest.approx(rms * np.sqrt(band) / 0.072, rel=0.2)
 
 
