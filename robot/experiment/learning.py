@@ -74,26 +74,8 @@ class LearnedCorrection:
     """N, largest force of the finger on the key; None if unknown."""
     learned_on: str = ""
     """Date, ISO 8601; empty in files of version 0.1."""
-    changes: tuple[str, ...] | None = ()
-    """Values of key and choirs that have changed since, as then and now; None if unknown."""
-
-    def doubts(self, path: Path) -> list[str]:
-        """Return why the correction of a file may not fit the present load; empty if it may."""
-        origin = f"learned correction {path}:"
-        if self.changes is None:
-            return [
-                f"{origin} its date and load are not known, because version 0.1 wrote it; learn"
-                " again if the jack's load may have changed"
-            ]
-        if not self.changes:
-            return []
-        listed = [*self.changes[:MOST_LISTED]]
-        if more := len(self.changes) - len(listed):
-            listed.append(f"and {more} more")
-        return [
-            f"{origin} it was learned on {self.learned_on} under another load"
-            f" ({'; '.join(listed)}); learn again"
-        ]
+    doubts: tuple[str, ...] = ()
+    """Why it may not fit the present load."""
 
     def stale(self, errors: Sequence[float], forces: Sequence[float], tolerance: float) -> str:
         """Return how presses contradict a correction that reached its speed; empty if they do not.
@@ -327,16 +309,28 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> LearnedCorrect
             + "\n  ".join(faults)
             + "\nlearn again, or press as it was learned"
         )
-    changes = None
-    if found.load is not None:
+    learned_on = found.learned_on.date().isoformat() if found.learned_on else ""
+    doubt = ""
+    if found.load is None:
+        doubt = (
+            "its date and load are not known, because version 0.1 wrote it; learn again if the"
+            " jack's load may have changed"
+        )
+    else:
         before = _load(current_document(found.load.model_dump()), then)
-        changes = tuple(differences(before, _load(rig_document(rig), now)))
+        changes = [*differences(before, _load(rig_document(rig), now))]
+        listed = changes[:MOST_LISTED]
+        if more := len(changes) - len(listed):
+            listed.append(f"and {more} more")
+        if changes:
+            load = f"under another load ({'; '.join(listed)})"
+            doubt = f"it was learned on {learned_on} {load}; learn again"
     return LearnedCorrection(
         Correction(np.array(found.time), np.array(found.rise)),
         found.held_speed_error,
         found.peak_force,
-        found.learned_on.date().isoformat() if found.learned_on else "",
-        changes,
+        learned_on,
+        (f"learned correction {path}: {doubt}",) if doubt else (),
     )
 
 
