@@ -268,7 +268,7 @@ def write_learned(
         "rms_speed_error": errors,
         "held_speed_error": learned.held_speed_error,
         "peak_force": learned.peak_force,
-        "learned_on": datetime.now(UTC).isoformat(timespec="seconds"),
+        "learned_on": learned.learned_on or datetime.now(UTC).isoformat(timespec="seconds"),
         "learned_for": _learned_for(rig, feed_forward),
         "load": _part(rig, _LOAD),
     }

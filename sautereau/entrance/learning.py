@@ -157,16 +157,17 @@ class Learning:
         simulated = any(read_session(path).simulated for path in recordings)
         of_session = simulated, folder.seed, self.warnings
         session = Session(map(self._open, recordings), folder=self._out)
-        best = session[int(np.argmin(made.errors))].analysed.features
+        press = session[int(np.argmin(made.errors))]
+        best = press.analysed.features
         held, peak = best["held_speed_error"], best["peak_force"]
         error = held if isinstance(held, float) else min(made.errors)
         file = None
         if made.best is not None:
             load = error, peak if isinstance(peak, float) else None
+            # The date of the press, so that the same presses give the same file again.
+            learned = LearnedCorrection(made.best, *load, read_session(press.path).started)
             file = self._file
-            write_learned(
-                file, self._nominal, LearnedCorrection(made.best, *load), made.errors, self._pushed
-            )
+            write_learned(file, self._nominal, learned, made.errors, self._pushed)
         limit = self._nominal.press.speed_tolerance
         verdict = error, limit, error <= limit, made.floor, made.rounding, made.scatter, made.fast
         return Learned(session, tuple(made.errors), made.stopped, *verdict, file, *of_session)
