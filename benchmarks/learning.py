@@ -60,7 +60,7 @@ class Learned:
     trajectory: Trajectory
     """Of the first press, without a correction."""
     errors: list[float]
-    """Over the cruise, of each press."""
+    """By which learning judges, of each press."""
     held: list[float]
     """While a string is held, of each press; NaN without a pluck."""
     floor: float
@@ -90,7 +90,7 @@ def learned_on(
     from sautereau.robot.drivers.galil.driver import GalilController
     from sautereau.robot.experiment.feedforward import force_of
     from sautereau.robot.experiment.learning import IterativeLearning
-    from sautereau.robot.experiment.session import Item, make_presses
+    from sautereau.robot.experiment.session import Item, make_presses, with_warm_ups
     from sautereau.sim_backend.bench import StandIn
     from sautereau.trajectory.press import plan_press
 
@@ -102,8 +102,14 @@ def learned_on(
             (path,) = make_presses(GalilController(bench), out / "first", [Item(bench, trajectory)])
             measured = force_of(path)
         learning = IterativeLearning(rig, expected, presses, measured=measured)
-        items = learning.presses_on(bench)
-        made = make_presses(GalilController(bench), out, items, on_press=learning.update)
+        items, made = with_warm_ups(learning.presses_on(bench), 1), []
+
+        def pressed(item: Item, path: Path) -> None:
+            if not item.warm_up:
+                made.append(path)
+                learning.update(item, path)
+
+        make_presses(GalilController(bench), out, items, on_press=pressed)
     features = (PressFile(path).analysed.features["held_speed_error"] for path in made)
     held = [error if isinstance(error, float) else math.nan for error in features]
     return Learned(trajectory, learning.errors, held, learning.floor)

@@ -20,6 +20,7 @@ from sautereau.rig.units import GRAVITY, Angle, Length, Mass, Moment, Section, T
 
 RotorInertia = Annotated[float, Unit("kg*m**2", "1e-6 kg m^2"), Field(ge=0)]
 Stiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad"), Field(gt=0)]
+Damping = Annotated[float, Unit("N*m*s/rad", "0.25 N m s/rad"), Field(ge=0)]
 GearRatio = Annotated[float, Field(gt=0)]
 Fraction = Annotated[float, Field(strict=True, gt=0, le=1)]
 LEAST_INTERVAL = 0.999e-6  # s, between the points of a gesture
@@ -163,6 +164,9 @@ class Arm(Section):
     """N m/rad, torque of the two position loops per angle by which their joints are off. `plan`
     predicts from it how the jack slows down under the string's force; without it that is
     unknown."""
+    servo_damping: tuple[Damping, Damping] | None = None
+    """N m s/rad, torque of the two position loops per rate of that angle. Without it, `plan`
+    assumes 0.7 of the critical damping."""
     mount_x: tuple[Length, Length]
     """m, minimum and maximum base_x at which the robot can be clamped."""
     mount_z: tuple[Length, Length]

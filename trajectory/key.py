@@ -8,8 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sautereau.rig.instrument import Key
+from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats, Motion, dot
+
+
+def moving_inertia(rig: Rig) -> float:
+    """Return the moment of inertia [kg m^2] of the key and all its jacks about the pin."""
+    own = rig.key.inertia + rig.jack.mass * rig.key.jack_arm**2
+    return own + sum(c.jack.mass * c.jack_arm**2 for c in rig.more_choirs)
 
 
 def jack_law(key: Key, angle: ArrayLike) -> tuple[Floats, Floats]:

@@ -1,25 +1,32 @@
-"""Iterative learning control: the next press's correction from the measured speed of this one.
+"""Iterative learning control: the next press's correction from the measured speed of those before.
 
-The jack slows down while the string is held, because the arm is compliant. The error of the speed,
-low-pass filtered with zero phase and integrated to a rise, is added to the next plan:
+The jack slows down while the string is held, because the arm is compliant. What press k lacked
+becomes the correction of the next one:
 
-    c[k+1]' = Q (sent speed - planned speed + gain (planned speed - measured speed)).
+    c[k+1]' = Q (sent speed - measured speed).
 
 The sent speed is that of press k as rounded to encoder counts: its rounding errors, which the next
 press does not repeat, are not learned. The filter Q limits learning to frequencies at which the arm
 follows its plan, so that noise and errors that the arm cannot correct do not accumulate.
+
+A string is touched and released at a certain rise, and not at a certain time: what was measured
+between these events is shifted in time to where the plan has the same rise. Where the arm follows
+a correction only in part or late, this fixed-point iteration is accelerated: the next correction is
+the combination of c[1] ... c[k+1] whose combined residuals c[j+1]' - c[j]' are least (D. G.
+Anderson, J. ACM 12 (1965) 547). Where the residuals are noise, that is their average.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import JerkLaw, PressLaw, spline_law
 
 CUTOFF = 200.0  # Cut-off frequency of Q (Hz)
-GAIN = 1.0  # Dimensionless, fraction of the error that is corrected in one press
 BANDWIDTH = 1000.0  # Bandwidth of the speed error (Hz). Above it the vibrometer's noise dominates.
 KNOT = 2  # Controller samples between knots of a correction, the grain of PVT segments
 FADE_IN = 4e-3  # s, over which learning is faded in from the start of the run-up
@@ -30,6 +37,8 @@ DIVERGENCE = 1.5  # Dimensionless, error relative to the best one above which le
 
 LEAST_INTERVAL = 0.999e-6  # s, between the knots of a correction
 LARGEST_RISE = 1.0  # m, that a correction may add
+LEAST_APART = 1e-4  # s, between two events that are shifted on their own
+NEVER: Floats = np.empty((0, 2))  # Contact and release of no string
 
 
 @dataclass(frozen=True)
@@ -97,57 +106,131 @@ def _sum(law: JerkLaw, added: JerkLaw) -> JerkLaw:
     return JerkLaw(times, states, jerks)
 
 
-def speed_error(law: PressLaw, time: Floats, speed: Floats) -> float:
-    """Return the RMS error of the jack's speed in the cruise, relative to the planned speed.
+def speed_error(law: PressLaw, time: Floats, speed: Floats, held: Floats = NEVER) -> float:
+    """Return the RMS error of the jack's speed while a string is held, relative to the plan.
 
     Args:
         time: s from the start of motion, equidistant; shape (n,).
         speed: m/s, of the jack as measured; shape (n,).
+        held: s from the start of motion, contact and release of each string; shape (k, 2). Without
+            any, the error is that over the cruise.
 
     Raises:
         TrajectoryError: The times do not cover the cruise, or a speed is not finite.
     """
     _check(law, time, speed)
     filtered = _low_pass(speed, BANDWIDTH, time)
-    cruise = (time >= law.cruise_start) & (time <= law.cruise_end)
-    planned = law.law.at(time[cruise]).velocity
-    error = filtered[cruise] - planned
+    spans = held if len(held) else [(law.cruise_start, law.cruise_end)]
+    inside = np.any([(time >= first) & (time <= last) for first, last in spans], axis=0)
+    planned = law.law.at(time[inside]).velocity
+    error = filtered[inside] - planned
     return float(np.sqrt(np.mean(error**2)) / np.abs(planned).max())
 
 
-def corrected(
+@dataclass(frozen=True)
+class Residual:
+    """What one press lacked, on the samples of the controller from run-up to return."""
+
+    time: Floats
+    """s from the start of motion; shape (n,)."""
+    needed: Floats
+    """m/s, speed of the correction that would replace it; shape (n,)."""
+    lacking: Floats
+    """m/s, the same less the speed of the correction that the press had; shape (n,)."""
+    until: float
+    """s, last planned release; without a string, end of the cruise."""
+    plucked: bool
+
+    def inside(self, law: PressLaw) -> NDArray[np.bool_]:
+        """Return at which times the speed must be right: in the cruise, until the last release."""
+        return (self.time >= law.cruise_start) & (self.time <= self.until)
+
+
+def residual(
     law: PressLaw,
     time: Floats,
     sent: Floats,
     speed: Floats,
     period: float,
-    *,
-    gain: float = GAIN,
-) -> Correction:
-    """Return the next press's correction.
+    held: Floats = NEVER,
+) -> Residual:
+    """Return what a press lacked.
 
     Args:
         time: s from the start of motion, equidistant; shape (n,).
         sent: m/s, of the jack as sent to the controller, with the correction; shape (n,).
         speed: m/s, of the jack as measured; shape (n,).
         period: s, of the controller's samples.
-        gain: Dimensionless, fraction of the error that is corrected in one press.
+        held: As in `speed_error`.
 
     Raises:
         TrajectoryError: As `speed_error`.
     """
     _check(law, time, speed)
-    planned = law.law.at(time).velocity
-    deficit = sent - planned + gain * (planned - speed)
-    deficit = deficit * np.clip((time - law.start) / FADE_IN, 0.0, 1.0) * (time < law.bottom)
-    rate = _low_pass(deficit, CUTOFF, time)
-    step = np.diff(time, prepend=time[0])
-    added = np.cumsum(rate * step)
-    knots = np.arange(law.start, law.return_start, KNOT * period)
-    rise = np.interp(knots, time, added) - np.interp(law.start, time, added)
-    # The added rise is removed after the stroke, while the key rests at the bottom.
-    rest = max(law.return_start - law.bottom, KNOT * period)
-    back = np.clip((knots - law.bottom) / (0.8 * rest), 0.0, 1.0)
+    planned, measured = _events(law, time, speed, held)
+    until = float(planned[-1]) if len(held) else law.cruise_end
+    # Outside the events both times run alike.
+    ends = np.array([-1.0, 1.0]) * time[-1]
+    planned, measured = (
+        np.concatenate([x[:1] + ends[:1], x, x[-1:] + ends[1:]]) for x in (planned, measured)
+    )
+    pace = np.diff(measured) / np.diff(planned)
+    at = pace[np.searchsorted(planned[1:-1], time, "right")]
+    lacked = np.interp(np.interp(time, planned, measured), time, sent - speed) * at
+    if len(held):
+        # The string may be released later than planned; until then the jack must keep its speed.
+        # What follows is the jump of a soft arm: learned, it would pull the jack back too early.
+        before = (time <= until) & (time > until - FADE_IN)
+        lacked = np.where(time <= until, lacked, lacked[before].mean())
+    within = np.clip((time - law.start) / FADE_IN, 0.0, 1.0) * (time < law.bottom)
+    had = (sent - law.law.at(time).velocity) * within
+    grid = np.arange(law.start, law.return_start, period)
+    needed, had = (
+        np.interp(grid, time, _low_pass(x, CUTOFF, time)) for x in (lacked * within, had)
+    )
+    return Residual(grid, needed, needed - had, until, len(held) > 0)
+
+
+def _events(law: PressLaw, time: Floats, speed: Floats, held: Floats) -> tuple[Floats, Floats]:
+    """Return times [s] of contacts and releases as planned, and as measured, with a start before.
+
+    The string is touched and released at the same rise in both.
+    """
+    measured = np.concatenate([[law.cruise_start], np.sort(held, axis=None)])
+    if not law.steady:  # a gesture may pass a rise twice
+        return measured, measured
+    rises = np.interp(measured, time, np.cumsum(speed) * (time[1] - time[0]))
+    down = time[(time >= law.cruise_start) & (time <= law.bottom)]
+    rise = law.law.at(down).position
+    planned = np.interp(rises - rises[0] + rise[0], rise, down)
+    later = np.concatenate([[True], np.diff(np.maximum.accumulate(planned)) > LEAST_APART])
+    later &= np.concatenate([[True], np.diff(measured) > LEAST_APART])
+    return planned[later], measured[later]
+
+
+def corrected(law: PressLaw, residuals: Sequence[Residual], period: float) -> Correction:
+    """Return the next press's correction.
+
+    Args:
+        residuals: Of the presses so far.
+        period: s, of the controller's samples.
+    """
+    from scipy.integrate import cumulative_trapezoid
+
+    last = residuals[-1]
+    inside = last.inside(law)
+    steps = [np.stack([last.needed - r.needed, last.lacking - r.lacking]) for r in residuals[:-1]]
+    rate = last.needed
+    if steps:
+        needed, lacking = np.stack(steps, -1)
+        parts, _, _, _ = np.linalg.lstsq(lacking[inside], last.lacking[inside], rcond=None)
+        rate = rate - needed @ parts
+    knots = last.time[::KNOT]
+    rise = cumulative_trapezoid(rate, dx=period, initial=0)[::KNOT]
+    # The added rise is removed after the last release, or while the key rests at the bottom.
+    end = law.bottom + 0.8 * max(law.return_start - law.bottom, KNOT * period)
+    begin = min(last.until if last.plucked else law.bottom, law.bottom)
+    back = np.clip((knots - begin) / (end - begin), 0.0, 1.0)
     rise = rise * (1 - back**3 * (10 - 15 * back + 6 * back**2))
     rise[0] = rise[-1] = 0.0
     return Correction(knots, rise)
@@ -157,9 +240,7 @@ def corrected(
 class Learner:
     """Decide after every press whether and how to continue.
 
-    The best correction so far is kept. After a press that is no better, the next correction is
-    computed from the best press again, with half the gain. Learning stops when the error no
-    longer improves or grows.
+    The best correction so far is kept. Learning stops when the error no longer improves or grows.
     """
 
     law: PressLaw
@@ -172,16 +253,21 @@ class Learner:
     """Correction with the least error; None for the uncorrected plan."""
     stopped: str = ""
     """Reason why learning has stopped; empty while it continues."""
-    gain: float = GAIN
-    """Dimensionless, fraction of the error that is corrected in one press."""
     scatter: float | None = None
-    """Dimensionless, RMS of what differs from press to press in the cruise and no correction
+    """Dimensionless, RMS up to `CUTOFF` of what differs from press to press and no correction
     removes: noise, the reading of the encoders, the instrument; None after one press."""
-    _best: tuple[Floats, Floats, Floats] | None = None
-    _deviation: tuple[Floats, Floats] | None = None
+    fast: float = 0.0
+    """Dimensionless, RMS of the part above `CUTOFF` of the best press's deviation from the sent
+    speed, which no correction removes: after the release of one of two strings, noise."""
+    _residuals: list[Residual] = field(default_factory=list)
 
     def learn(
-        self, used: Correction | None, time: Floats, sent: Floats, speed: Floats
+        self,
+        used: Correction | None,
+        time: Floats,
+        sent: Floats,
+        speed: Floats,
+        held: Floats = NEVER,
     ) -> Correction | None:
         """Evaluate one press's measured speed; return the next correction, or None at the end.
 
@@ -190,15 +276,18 @@ class Learner:
             time: s from the start of motion, equidistant; shape (n,).
             sent: m/s, of the jack as sent to the controller; shape (n,).
             speed: m/s, of the jack as measured; shape (n,).
+            held: As in `speed_error`.
         """
-        error = speed_error(self.law, time, speed)
-        self._compare(time, speed - sent)
+        error = speed_error(self.law, time, speed, held)
+        found = residual(self.law, time, sent, speed, self.period, held)
+        self._compare(found)
         least = min(self.errors, default=np.inf)
         self.errors.append(error)
         if error < least:
-            self.best, self._best = used, (time, sent, speed)
-        else:
-            self.gain /= 2
+            self.best, deviation = used, speed - sent
+            fast = deviation - _low_pass(deviation, CUTOFF, time)
+            planned = self.law.law.at(time).velocity
+            self.fast = speed_error(self.law, time, planned + fast, held)
         if error > DIVERGENCE * least:
             self.stopped = (
                 f"the error grew to {error * 100:.3g} % from {least * 100:.3g} %; the best"
@@ -210,20 +299,20 @@ class Learner:
             if min(self.errors[-PATIENCE:]) > (1 - IMPROVEMENT) * earlier:
                 self.stopped = f"no improvement over the last {PATIENCE} presses"
                 return None
-        best = self._best or (time, sent, speed)
-        return corrected(self.law, *best, self.period, gain=self.gain)
+        return corrected(self.law, self._residuals, self.period)
 
-    def _compare(self, time: Floats, deviation: Floats) -> None:
-        """Update the scatter from the deviation [m/s] from the sent speed, by the press before.
+    def _compare(self, found: Residual) -> None:
+        """Update the scatter by the press before.
 
-        While corrections change much, so do deviations: the least difference is taken.
+        While corrections change much, so may what is needed: the least difference is taken.
         """
-        if self._deviation is not None:
-            change = deviation - np.interp(time, *self._deviation)
-            planned = self.law.law.at(time).velocity
-            least = speed_error(self.law, time, planned + change) / np.sqrt(2)
+        if self._residuals:
+            inside = found.inside(self.law)
+            change = found.needed[inside] - self._residuals[-1].needed[inside]
+            planned = np.abs(self.law.law.at(found.time[inside]).velocity).max()
+            least = float(np.sqrt(np.mean(change**2) / 2) / planned)
             self.scatter = least if self.scatter is None else min(least, self.scatter)
-        self._deviation = time, deviation
+        self._residuals.append(found)
 
 
 def _low_pass(values: Floats, cutoff: float, time: Floats) -> Floats:

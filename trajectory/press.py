@@ -7,10 +7,10 @@ import numpy as np
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import Path, follow_down, follow_key, jack_under_finger, tilt
 from sautereau.trajectory.checks import Check
-from sautereau.trajectory.dynamics import joint_torques, tip_torque
+from sautereau.trajectory.dynamics import joint_torques, mass_matrix, tip_torque
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.key import jack_law, surface_axes
+from sautereau.trajectory.key import jack_law, moving_inertia, surface_axes
 from sautereau.trajectory.learning import Correction
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.quantise import quantise, sample_times
@@ -26,6 +26,9 @@ from sautereau.trajectory.verify import verify
 
 FINE = np.linspace(0.0, 1.0, 65)
 """Points in each segment of the cruise at which its speed is evaluated."""
+USUAL_DAMPING = 0.7  # Of the critical one, of position loops without `arm.servo_damping`
+SUBSTEPS = 4  # Steps of a loaded motion in a sample of the controller
+PROBE = 1e-6  # m, rise over which the slope of the expected force is taken
 LOWEST_RISE = -1e-5  # m, rise of a gesture below which there is a warning
 
 
@@ -138,7 +141,9 @@ def draft_press(
         approach=approach,
         retreat=retreat,
         cruise=cruise,
-        loaded_speed_error=_loaded_speed_error(rig, path, plain.law.at(time).position, expected),
+        loaded_speed_error=_loaded_speed_error(
+            rig, path, time, plain.law.at(time).position, expected
+        ),
         home=to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution),
         checks=verify(rig, (approach, segments, retreat), cruise.error, permitted, expected),
         warnings=_warnings(law, cruise, float(path.rise.position.min()), expected),
@@ -197,36 +202,57 @@ def _cruise(rig: Rig, law: PressLaw, segments: Segments) -> Cruise:
 
 
 def _loaded_speed_error(
-    rig: Rig, path: Path, plain: Floats, expected: Expectation | None
+    rig: Rig, path: Path, time: Floats, plain: Floats, expected: Expectation | None
 ) -> float | None:
     """Return `Trajectory.loaded_speed_error` of a finger that the string's force deflects.
 
-    The planned rise is the actual rise r plus the deflection C F(r) of the position loops, so that
-    the jack's speed is the planned one over 1 + C dF/dr. Where that is negative, as at a release,
-    the jack jumps; jumps, and the oscillation after them, are omitted. So is the damping of the
-    loops, which makes the error smaller in a fast press.
+    The deflections d of the joints from their planned angles follow from the force F at the actual
+    rise r = planned rise - (J^T n) d: M d'' + C d' + K d = (J^T n) (F(r) - F(0)), with stiffness K
+    and damping C of the position loops, and in M the links, rotors and the key with its jacks.
+    Implicit Euler steps, in each of which F is linear, except where it falls.
 
     Args:
+        time: s, of the path, equidistant; shape (n,).
         plain: m, rise without a learned correction at the times of the path, shape (n,); its speed
             is the one to keep.
     """
-    stiffness = rig.arm.servo_stiffness
+    stiffness, damping = rig.arm.servo_stiffness, rig.arm.servo_damping
     if expected is None or stiffness is None:
         return None
     down = slice(0, int(np.argmax(path.rise.position)) + 1)
-    angle = path.angle.position[down]
-    _, normal = surface_axes(angle)
-    levers = tip_torque(rig.arm, path.joints.position[down], normal)
-    per_angle = jack_law(rig.key, angle)[1]
-    compliance = (levers**2 / stiffness).sum(-1) * per_angle / rig.key.press_arm
-    inside = (expected.rise >= expected.contact) & (expected.rise <= expected.release)
-    rise = expected.rise[inside]
-    planned = rise + np.interp(rise, path.rise.position[down], compliance) * expected.force[inside]
-    without = np.interp(planned, path.rise.position[down], plain[down])
-    step, planned_step = np.diff(rise), np.diff(without)
-    moves = planned_step > 0
-    error = step[moves] / planned_step[moves] - 1
-    return float(np.sqrt(np.average(error**2, weights=planned_step[moves])))
+    angle, joints = path.angle.position[down], path.joints.position[down]
+    levers = tip_torque(rig.arm, joints, surface_axes(angle)[1])
+    per_tip = jack_law(rig.key, angle)[1] / rig.key.press_arm
+    carried = moving_inertia(rig) / rig.key.press_arm**2
+    masses = mass_matrix(rig.arm, joints) + carried * levers[:, :, None] * levers[:, None, :]
+    if damping is None:
+        own = np.diagonal(masses, axis1=1, axis2=2).mean(0)
+        damping = 2 * USUAL_DAMPING * np.sqrt(own * stiffness)
+    steps = np.arange(time[0], time[down][-1], (time[1] - time[0]) / SUBSTEPS)
+    columns = np.column_stack([path.rise.position[down], levers, per_tip, masses.reshape(-1, 4)])
+    rows = np.stack([np.interp(steps, time[down], column) for column in columns.T], 1)
+    h, at_rest = steps[1] - steps[0], float(expected.force_at(path.rise.position[:1])[0])
+    loops = np.diag(damping) * h + np.diag(stiffness) * h**2
+    off, rate, rises = np.zeros(2), np.zeros(2), [float(rows[0, 0])]
+    for planned, *lever, ratio, m11, m12, m21, m22 in rows[1:].tolist():
+        pull, mass = np.array(lever), np.array([[m11, m12], [m21, m22]])
+        rise = planned - ratio * float(pull @ off)
+        here, on = expected.force_at(np.array([rise, rise + PROBE]))
+        slope = max(0.0, float(on - here) / PROBE) * ratio
+        forces = pull * (here - at_rest) - np.array(stiffness) * off
+        yielding = mass + loops + h**2 * slope * np.outer(pull, pull)
+        rate = np.linalg.solve(yielding, mass @ rate + h * forces)
+        off = off + h * rate
+        rises.append(planned - ratio * float(pull @ off))
+        if rises[-1] > expected.release:
+            break
+    rise = np.array(rises)
+    held = (rise[1:] > expected.contact) & (rise[1:] <= expected.release)
+    if not held.any():
+        return None
+    wanted = np.diff(np.interp(steps[: len(rise)], time, plain))[held]
+    error = np.diff(rise)[held] - wanted
+    return float(np.sqrt(np.mean(error**2)) / np.abs(wanted).max())
 
 
 def _too_short(law: PressLaw, period: float) -> str:

@@ -42,12 +42,12 @@ from sautereau.analysis.identify.parameters import (
 from sautereau.analysis.identify.problem import Problem
 from sautereau.analysis.loading.press import UNITS, Press, columns_of
 from sautereau.analysis.model.choirs import choirs, key_of
-from sautereau.analysis.model.key import finger_force, moving_inertia
+from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
 from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.key import key_motion, rise_of_angle
+from sautereau.trajectory.key import key_motion, moving_inertia, rise_of_angle
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import press_law
 

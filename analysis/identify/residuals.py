@@ -27,10 +27,10 @@ from sautereau.analysis.identify.parameter_names import (
 )
 from sautereau.analysis.identify.parameters import Parameter, with_parameters
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
-from sautereau.analysis.model.key import finger_force, moving_inertia
+from sautereau.analysis.model.key import finger_force
 from sautereau.rig.instrument import Choir, Key
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.key import angle_of_rise, rise_of_angle
+from sautereau.trajectory.key import angle_of_rise, moving_inertia, rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
 
 MODEL_STD = 5e-4

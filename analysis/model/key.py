@@ -14,11 +14,6 @@ from sautereau.trajectory.key import rise_curvature, rise_slope
 from sautereau.trajectory.motion import Motion
 
 
-def moving_inertia(rig: Rig) -> float:
-    """Return the moment of inertia [kg m^2] of the key and all its jacks about the pin."""
-    return rig.key.inertia + sum(c.jack.mass * c.jack_arm**2 for c in choirs(rig))
-
-
 def jack_load(jack: Jack, velocity: Floats, acceleration: Floats, string_force: Floats) -> Floats:
     """Return the force [N] of a jack on the key; negative where the jack would lift off.
 

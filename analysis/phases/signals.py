@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.drift import departure
 from sautereau.analysis.loading.press import UNITS, Press, Signal, columns_of
-from sautereau.analysis.model.key import moving_inertia
 from sautereau.analysis.phases.low_pass import LowPass, slow_low_pass
 from sautereau.daq.signals.calibration import white_noise
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.key import key_motion
+from sautereau.trajectory.key import key_motion, moving_inertia
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import press_law
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.batch import VARIABLES
-from sautereau.analysis.model.key import moving_inertia
 from sautereau.analysis.phases import Phases
 from sautereau.rig.ranges import Deviation, deviations, drawn
 from sautereau.rig.schema import Rig
+from sautereau.trajectory.key import moving_inertia
 from sautereau.trajectory.motion import Floats
 
 INPUTS = (

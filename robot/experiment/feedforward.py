@@ -18,6 +18,7 @@ from sautereau.trajectory.dynamics import joint_torques
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.key import surface_axes
 from sautereau.trajectory.press import Trajectory
+from sautereau.trajectory.timing import press_law
 
 BIN = 25e-6  # m of jack rise, over which the force is averaged
 SETTLED = 1e-3  # s after the last release, when the finger's oscillation has decayed
@@ -70,8 +71,9 @@ def measured_force(press: Press, phases: Phases) -> Expectation:
 def torque_table(rig: Rig, trajectory: Trajectory, measured: Expectation) -> TorqueTable:
     """Return the torques that balance a measured force; they are 0 at the start and the end.
 
-    They follow the planned depression down to its deepest point, are constant there, and fall
-    in proportion to the rise on the way back, where the key returns by itself.
+    They follow the depression of the press, without a learned correction, down to its deepest
+    point, are constant there, and fall in proportion to the rise on the way back, where the key
+    returns by itself.
 
     Args:
         measured: As `measured_force` returns it.
@@ -85,7 +87,8 @@ def torque_table(rig: Rig, trajectory: Trajectory, measured: Expectation) -> Tor
             f"feed-forward: a controller of kind {rig.controller.kind} adds no torques; press"
             " without, or with another controller"
         )
-    rise = trajectory.rise.position
+    # The correction makes the jack follow this rise, not the one that is sent.
+    rise = press_law(rig.press).law.at(trajectory.time).position
     force = measured.force_at(rise)
     back = trajectory.time > trajectory.law.return_start
     if rise.max() > 0:

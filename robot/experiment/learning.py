@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,10 +12,11 @@ import numpy as np
 from pydantic import AwareDatetime, BaseModel, Field, FiniteFloat, ValidationError
 
 from sautereau.analysis.loading.press import load_press
+from sautereau.analysis.phases import find_phases
 from sautereau.rig.disk import read_limited, why_unreadable, write_durably
 from sautereau.rig.document import comparable, current_document, rig_document
 from sautereau.rig.faults import fault_list, in_text, validation_faults
-from sautereau.rig.schema import Rig
+from sautereau.rig.schema import Controller, Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
 from sautereau.robot.experiment.plan import MOST_LISTED, RigDocument, differences
@@ -32,6 +33,17 @@ frequency, beyond which a correction increases the error."""
 HALVINGS = 4  # Times that the change of a correction is halved where the press cannot be planned
 MOST_KNOTS = 10_000  # Limit of a correction's points; learning makes about one for each millisecond
 _PRESS = ("press", "arm", "controller")  # Another one needs another correction
+_INDEPENDENT = {
+    "press": {"approach_speed", "hover", "speed_tolerance"},
+    "arm": {
+        *("acceleration_limit", "approach_speed", "fixture_mass", "home_angles", "jerk_limit"),
+        *("lower_limits", "mount_x", "mount_z", "position_tolerance", "servo_damping"),
+        *("servo_stiffness", "speed_limit", "tilt_limit", "upper_limits", "fingertip_friction"),
+    },
+    "controller": {*Controller.model_fields} - {"kind", "sample_period", "full_torque"},
+}
+"""What alters neither the path of the joints nor their response to it: where and how fast the arm
+may move, what `plan` predicts, and the load."""
 _LOAD = ("key", "jack", "plectrum", "string", "more_choirs")  # On the finger
 
 
@@ -62,26 +74,8 @@ class LearnedCorrection:
     """N, largest force of the finger on the key; None if unknown."""
     learned_on: str = ""
     """Date, ISO 8601; empty in files of version 0.1."""
-    changes: tuple[str, ...] | None = ()
-    """Values of key and choirs that have changed since, as then and now; None if unknown."""
-
-    def doubts(self, path: Path) -> list[str]:
-        """Return why the correction of a file may not fit the present load; empty if it may."""
-        origin = f"learned correction {path}:"
-        if self.changes is None:
-            return [
-                f"{origin} its date and load are not known, because version 0.1 wrote it; learn"
-                " again if the jack's load may have changed"
-            ]
-        if not self.changes:
-            return []
-        listed = [*self.changes[:MOST_LISTED]]
-        if more := len(self.changes) - len(listed):
-            listed.append(f"and {more} more")
-        return [
-            f"{origin} it was learned on {self.learned_on} under another load"
-            f" ({'; '.join(listed)}); learn again"
-        ]
+    doubts: tuple[str, ...] = ()
+    """Why it may not fit the present load."""
 
     def stale(self, errors: Sequence[float], forces: Sequence[float], tolerance: float) -> str:
         """Return how presses contradict a correction that reached its speed; empty if they do not.
@@ -154,7 +148,8 @@ class IterativeLearning:
 
     @property
     def errors(self) -> list[float]:
-        """RMS relative error of the jack speed over the cruise, of every press so far."""
+        """RMS relative error of the jack speed while a string is held, of every press so far; over
+        the cruise without a pluck."""
         return self._learner.errors
 
     @property
@@ -173,9 +168,15 @@ class IterativeLearning:
         return self._learner.scatter
 
     @property
+    def fast(self) -> float:
+        """RMS relative error of the best press's speed above the frequencies of corrections."""
+        return self._learner.fast
+
+    @property
     def floor(self) -> float:
-        """RMS relative error of the speed that no correction removes: rounding and scatter."""
-        return math.hypot(self.rounding, self.scatter or 0.0)
+        """RMS relative error of the speed that no correction removes: rounding, scatter, and what
+        is faster than a correction."""
+        return math.hypot(self.rounding, self.scatter or 0.0, self.fast)
 
     @property
     def best(self) -> Correction | None:
@@ -214,7 +215,9 @@ class IterativeLearning:
         segments = item.trajectory.segments
         ticks = np.clip(time / self._rig.controller.sample_period, 0, segments.total_samples)
         sent = sent_motion(self._rig, segments, ticks).velocity
-        correction = self._learner.learn(self._used, time, sent, speed)
+        held = [(held.contact, held.release) for held in find_phases(press).plucks]
+        strings = np.array(held).reshape(-1, 2) - start.time
+        correction = self._learner.learn(self._used, time, sent, speed, strings)
         self._rounding.append(item.trajectory.cruise.rms_error)
         self._trajectory = None
         if correction is not None:
@@ -265,7 +268,7 @@ def write_learned(
         "rms_speed_error": errors,
         "held_speed_error": learned.held_speed_error,
         "peak_force": learned.peak_force,
-        "learned_on": datetime.now(UTC).isoformat(timespec="seconds"),
+        "learned_on": learned.learned_on or datetime.now(UTC).isoformat(timespec="seconds"),
         "learned_for": _learned_for(rig, feed_forward),
         "load": _part(rig, _LOAD),
     }
@@ -299,29 +302,57 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> LearnedCorrect
             f"learned correction {path}: cannot be read: {why_unreadable(error)}; give the file"
             " that `sautereau learn` wrote"
         ) from error
-    if faults := _changes(found.learned_for, _learned_for(rig, feed_forward)):
+    then, now = current_document(found.learned_for.model_dump()), _learned_for(rig, feed_forward)
+    if faults := [*differences(_motion(then, now), _motion(now, now))]:
         raise RobotError(
             f"learned correction {path}: it was learned for another press:\n  "
             + "\n  ".join(faults)
             + "\nlearn again, or press as it was learned"
         )
+    learned_on = found.learned_on.date().isoformat() if found.learned_on else ""
+    doubt = ""
+    if found.load is None:
+        doubt = (
+            "its date and load are not known, because version 0.1 wrote it; learn again if the"
+            " jack's load may have changed"
+        )
+    else:
+        before = _load(current_document(found.load.model_dump()), then)
+        changes = [*differences(before, _load(rig_document(rig), now))]
+        listed = changes[:MOST_LISTED]
+        if more := len(changes) - len(listed):
+            listed.append(f"and {more} more")
+        if changes:
+            load = f"under another load ({'; '.join(listed)})"
+            doubt = f"it was learned on {learned_on} {load}; learn again"
     return LearnedCorrection(
         Correction(np.array(found.time), np.array(found.rise)),
         found.held_speed_error,
         found.peak_force,
-        found.learned_on.date().isoformat() if found.learned_on else "",
-        None if found.load is None else _changes(found.load, _part(rig, _LOAD)),
+        learned_on,
+        (f"learned correction {path}: {doubt}",) if doubt else (),
     )
 
 
-def _changes(learned: RigDocument, asked: dict[str, Any]) -> tuple[str, ...]:
-    """Return the differences of a part of the present rig from the one learned with."""
-    then = comparable(current_document(learned.model_dump()))
-    return tuple(differences({name: then.get(name) for name in asked}, asked))
+def _motion(document: dict[str, Any], sections: Iterable[str]) -> dict[str, Any]:
+    """Return what a correction depends on, of a document with press, arm and controller."""
+    found = {}
+    for section in sections:
+        value, others = document.get(section), _INDEPENDENT.get(section, ())
+        if isinstance(value, dict):
+            value = {key: part for key, part in value.items() if key not in others}
+        found[section] = value
+    return found
+
+
+def _load(document: dict[str, Any], press: dict[str, Any]) -> dict[str, Any]:
+    """Return what loads the finger: key and choirs, and the friction on its tip."""
+    friction = (press.get("arm") or {}).get("fingertip_friction")
+    return {name: document.get(name) for name in _LOAD} | {"arm.fingertip_friction": friction}
 
 
 def _learned_for(rig: Rig, feed_forward: str) -> dict[str, Any]:
-    """Return what a correction depends on, as TOML would hold it."""
+    """Return the press of a correction, as TOML would hold it."""
     return _part(rig, _PRESS) | {"feed_forward": feed_forward}
 
 

@@ -74,7 +74,7 @@ class Planner:
         pushed = self.files.get("feed_forward", "")
         if self._path:
             self.learned = read_learned(self._path, rig, pushed)
-            doubts = [*doubts, *self.learned.doubts(self._path)]
+            doubts = [*doubts, *self.learned.doubts]
         trajectory = plan_press(rig, expected, self.learned and self.learned.correction)
         torques = torque_table(rig, trajectory, self._measured) if self._measured else None
         self._made.append((rig, (trajectory, torques)))

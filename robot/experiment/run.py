@@ -19,7 +19,7 @@ from sautereau.robot.experiment.health import Health
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.plan import instrument_of, to_set
 from sautereau.robot.experiment.plan_table import MOST_PRESSES, Row
-from sautereau.robot.experiment.session import Item, Origin, is_lifted, make_presses
+from sautereau.robot.experiment.session import Item, Origin, make_presses, with_warm_ups
 from sautereau.robot.experiment.session_folder import SessionFolder
 from sautereau.robot.experiment.steps import Ask, Plan, Step
 from sautereau.trajectory.press import Trajectory
@@ -184,19 +184,13 @@ class PlanRun:
         return answer is not None
 
     def _press(self, first: Place) -> None:
-        """Make presses until the instrument changes, the operator is needed, or it pauses.
-
-        Warm-up presses precede each press that starts from a lift: the approach ends within the
-        following error of the position loops, so that the run-up hits the key or pushes it early.
-        """
+        """Make presses until the instrument changes, the operator is needed, or it pauses."""
         folder, crew = self._folder, self._crew
         current: list[Place] = []
         made: list[tuple[Row, Rig, Planned]] = []
         instrument = instrument_of(first.row.rig)
 
         def items(bench: Bench) -> Iterator[Item]:
-            last: Trajectory | None = None
-            warm_ups = 0
             while not self.fault and isinstance(place := self._next(), Place):
                 another = instrument_of(place.row.rig) != instrument
                 if another or (current and self._control.paused):
@@ -204,23 +198,13 @@ class PlanRun:
                 if not made or made[0][0] is not place.row:
                     made[:] = [(place.row, place.row.on(bench.rig), crew.planned(place.row))]
                 _, rig, (trajectory, torques) = made[0]
-                warm_ups = folder.plan.warm_up if is_lifted(trajectory, last) else warm_ups
-                warm_up, last = warm_ups > 0, trajectory
-                warm_ups -= warm_up
-                current[:] = [replace(place, warm_up=warm_up)]
-                yield Item(
-                    rig,
-                    trajectory,
-                    None if warm_up else place.number,
-                    warm_up=warm_up,
-                    notes=place.row.notes,
-                    torques=torques,
-                )
+                current[:] = [place]
+                yield Item(rig, trajectory, place.number, notes=place.row.notes, torques=torques)
 
         def done(item: Item, path: Path) -> None:
             if item.warm_up:
                 folder.warm_ups.append(path)
-            crew.on_press(current[0], path)
+            crew.on_press(replace(current[0], warm_up=item.warm_up), path)
             health = crew.examine(path, self._first_with(current[0].row))
             self.fault = health.reason and f"{path.name}: {health.reason}"
             if item.warm_up:
@@ -239,7 +223,11 @@ class PlanRun:
             make_presses(
                 controller,
                 folder.path,
-                items(bench),
+                with_warm_ups(
+                    items(bench),
+                    folder.plan.warm_up,
+                    lambda: not (self.fault or self._control.paused),
+                ),
                 Origin(folder.session, bench.scene, bench.seed),
                 rest=folder.plan.rest,
                 on_ready=folder.start,

@@ -5,7 +5,7 @@ import re
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import chain, count
 from pathlib import Path
@@ -124,6 +124,28 @@ def make_presses(
                 controller.check_home()
         watch(Stage("motors off", "idle"))
     return made
+
+
+def with_warm_ups(
+    items: Iterable[Item], presses: int, goes_on: Callable[[], bool] = lambda: True
+) -> Iterator[Item]:
+    """Yield presses, and warm-up presses before each that starts from a lift.
+
+    The approach ends within the following error of the position loops, so that the run-up hits the
+    key or pushes it early.
+
+    Args:
+        presses: Number of warm-up presses.
+        goes_on: Returns whether to continue after a warm-up press.
+    """
+    last: Trajectory | None = None
+    for item in items:
+        for _ in range(presses if is_lifted(item.trajectory, last) else 0):
+            yield replace(item, number=None, warm_up=True)
+            if not goes_on():
+                return
+        last = item.trajectory
+        yield item
 
 
 @contextmanager

@@ -104,12 +104,12 @@ def _made(rig: str, learned: Path | None) -> "Plan":
     from sautereau.analysis.results.plan import plan as planned
     from sautereau.analysis.results.rig import Rig
 
-    nominal, correction, doubts = Rig(rig).values, None, []
+    nominal, correction, doubts = Rig(rig).values, None, ()
     if learned:
         from sautereau.robot.experiment.learning import read_learned
 
         found = read_learned(learned, nominal)
-        correction, doubts = found.correction, found.doubts(learned)
+        correction, doubts = found.correction, found.doubts
     made = planned(nominal, correction)
     return replace(made, warnings=(*made.warnings, *doubts))
 

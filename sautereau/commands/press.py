@@ -136,9 +136,8 @@ def learn(
     )
     result = {
         "rms_speed_error": found.errors,
-        **part_of(
-            found, "held_speed_error", "tolerance", "reached", "floor", "rounding", "scatter"
-        ),
+        **part_of(found, "held_speed_error", "tolerance", "reached"),
+        **part_of(found, "floor", "rounding", "scatter", "fast"),
         "learned": found.path,
         "recordings": [press.path for press in found.session],
         **part_of(found, "stopped", "simulated", "seed", "warnings"),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -115,8 +116,13 @@ class SessionReport(Observer):
             compared = session.compare()
             drawn = _pictures(compared, folder.path)
             result = compared.document | {"pictures": list(map(str, drawn))} | result
+            loops = session.position_loops
+            result |= {"position_loops": loops and asdict(loops)}
             result |= {"picture": str(drawn[0])} if drawn else {}
-            lines += [*compared.lines(features=False), *(f"picture:    {p}" for p in drawn)]
+            lines += compared.lines(features=False)
+            if loops and self._pressing.plan.rig.arm.servo_stiffness is None:
+                lines.append(f"for plan, to predict the speed error: {loops}")
+            lines += [f"picture:    {path}" for path in drawn]
         lines += [f"recording:  {press.path}" for press in session]
         lines += [f"warm-up:    {path}" for path in folder.warm_ups]
         if to_set or run.unanswered:

@@ -26,9 +26,10 @@ from sautereau.robot.experiment.learning import (
 from sautereau.robot.experiment.plan import LEARNING, Plan, digest
 from sautereau.robot.experiment.plan_table import Row
 from sautereau.robot.experiment.run import seed_from
-from sautereau.robot.experiment.session import Item, Origin, make_presses
+from sautereau.robot.experiment.session import Item, Origin, make_presses, with_warm_ups
 from sautereau.robot.experiment.session_folder import Manifest, SessionFolder, only_session
 from sautereau.sim_backend.scene import current_scene
+from sautereau.trajectory.learning import CUTOFF
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +43,8 @@ class Learned(Shown):
 
     session: Session
     errors: tuple[float, ...]
-    """RMS relative error of the jack speed over the cruise, of each press; dimensionless."""
+    """RMS relative error of the jack speed while a string is held, of each press; over the cruise
+    without a pluck; dimensionless."""
     stopped: str
     """Why learning has ended before the last press; empty if it has not."""
     held_speed_error: float
@@ -53,13 +55,16 @@ class Learned(Shown):
     reached: bool
     """Whether `held_speed_error` is within it."""
     floor: float
-    """RMS relative error of the jack speed over the cruise that no correction removes: `rounding`
-    and `scatter`."""
+    """RMS relative error of the jack speed that no correction removes: `rounding`, `scatter` and
+    `fast`."""
     rounding: float
     """Its part from the rounding of the plan to encoder counts."""
     scatter: float | None
     """Its part that differs from press to press: noise, the reading of the encoders by the position
     loops, the instrument; None after one press."""
+    fast: float
+    """Its part above the frequencies that are corrected, in the press with the smallest error: the
+    step of the force where one of two strings is released, noise."""
     path: Path | None
     """File of the correction, for `press(learned=...)`; None if none reduced the error."""
     simulated: bool
@@ -79,18 +84,21 @@ class Learned(Shown):
         )
         if self.scatter is not None:
             found += f", scatter from press to press {100 * self.scatter:.2g} %"
-        found += ")"
+        found += f", above {CUTOFF:g} Hz {100 * self.fast:.2g} %)"
         if self.reached:
             return found
         fixes = "learn with --feed-forward, lower press.jack_speed, or stiffen the position loops"
         if not self.stopped:
             fixes = f"request more presses with -n, {fixes}"
-        if self.floor > self.tolerance:
+        # What is fast in a press far from its plan may disappear with the rest.
+        if self.tolerance < self.floor and self.held_speed_error < 2 * self.floor:
             fixes = (
-                "no correction reaches the tolerance: use encoders with more counts"
-                " (arm.counts_per_revolution), reduce the damping gain of the position loops, which"
-                " amplifies the steps of the encoders, or raise press.speed_tolerance"
+                "use encoders with more counts (arm.counts_per_revolution), reduce the damping gain"
+                " of the position loops, which amplifies the steps of the encoders,"
             )
+            if self.fast > max(self.rounding, self.scatter or 0.0):
+                fixes = "learn with --feed-forward, stiffen the position loops,"
+            fixes = f"no correction reaches the tolerance: {fixes} or raise press.speed_tolerance"
         return f"not {found}; {fixes}"
 
     def __repr__(self) -> str:
@@ -121,7 +129,6 @@ class Learning:
         self._plan = Plan(
             self._nominal,
             (Row(self._nominal, n, notes=notes),),
-            warm_up=0,
             scene=bench.scene_text,
             files=files | ({"feed_forward": self._pushed} if feed_forward else {}),
         )
@@ -150,18 +157,19 @@ class Learning:
         simulated = any(read_session(path).simulated for path in recordings)
         of_session = simulated, folder.seed, self.warnings
         session = Session(map(self._open, recordings), folder=self._out)
-        best = session[int(np.argmin(made.errors))].analysed.features
+        press = session[int(np.argmin(made.errors))]
+        best = press.analysed.features
         held, peak = best["held_speed_error"], best["peak_force"]
         error = held if isinstance(held, float) else min(made.errors)
         file = None
         if made.best is not None:
             load = error, peak if isinstance(peak, float) else None
+            # The date of the press, so that the same presses give the same file again.
+            learned = LearnedCorrection(made.best, *load, read_session(press.path).started)
             file = self._file
-            write_learned(
-                file, self._nominal, LearnedCorrection(made.best, *load), made.errors, self._pushed
-            )
+            write_learned(file, self._nominal, learned, made.errors, self._pushed)
         limit = self._nominal.press.speed_tolerance
-        verdict = error, limit, error <= limit, made.floor, made.rounding, made.scatter
+        verdict = error, limit, error <= limit, made.floor, made.rounding, made.scatter, made.fast
         return Learned(session, tuple(made.errors), made.stopped, *verdict, file, *of_session)
 
     def _continued(self, started: Manifest | None) -> Plan:
@@ -195,14 +203,18 @@ class Learning:
 
             def done(item: Item, path: Path) -> None:
                 bench.keep_truth(path)
+                if item.warm_up:
+                    folder.warm_ups.append(path)
                 start = folder.done.get(1)
                 health = self._open(path).health(start and self._open(start))
-                if not health.valid:
+                if not health.valid and not item.warm_up:
                     folder.note_invalid(path)
                 if health.reason:
                     raise RobotError(
                         f"learning: {path.name}: {health.reason}; then run the same command again"
                     )
+                if item.warm_up:
+                    return
                 folder.done[item.number or 0] = path
                 made.update(item, path)
                 on_press(path, made.errors[-1])
@@ -210,7 +222,7 @@ class Learning:
             make_presses(
                 motion_controller(bench.rig),
                 self._out,
-                made.presses_on(bench.rig),
+                with_warm_ups(made.presses_on(bench.rig), self._plan.warm_up),
                 Origin(folder.session, bench.scene, bench.seed),
                 on_ready=folder.start,
                 on_press=done,

@@ -9,6 +9,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.identified import evaluate
 from sautereau.analysis.identify.parameters import read_prior
+from sautereau.analysis.press.loops import PositionLoops, position_loops
 from sautereau.analysis.results.comparison import Comparison
 from sautereau.analysis.results.fit import Fit
 from sautereau.analysis.results.result import Shown, shown
@@ -16,6 +17,7 @@ from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.session.conditions import analyse, differing, what_is_alike
 from sautereau.analysis.session.difference import side_by_side
 from sautereau.analysis.text import counted
+from sautereau.daq.file.reading import read_recording
 from sautereau.entrance.each import each, every
 from sautereau.entrance.found import recordings_of
 from sautereau.entrance.press_file import PressFile
@@ -99,6 +101,12 @@ class Session(Shown, Sequence[PressFile]):
     def simulated(self) -> bool:
         """Whether the stand-in made any of the presses."""
         return any(press.analysed.press.simulated for press in self)
+
+    @property
+    def position_loops(self) -> PositionLoops | None:
+        """Stiffness and damping of the position loops; None without feedback or with torques of a
+        feed-forward, which the controller records together with those of the loops."""
+        return position_loops(read_recording(press.path) for press in self)
 
     @property
     def features(self) -> "pd.DataFrame":

@@ -427,6 +427,7 @@ def test_learn_answers_the_keys_of_the_contract_and_its_correction_is_used(
     first, _, last = made = result["rms_speed_error"]
     assert last < 0.01 < 0.05 < first
     assert len(result["recordings"]) == 3
+    assert (tmp_path / "out" / "warm-up-01.mcap").exists()
     assert result["simulated"] is True
     assert Path(result["learned"]).name == "learned.json"
     refused(sautereau("learn", rig, *scene, "--out", "out"), "learned.json", "--force")
@@ -434,6 +435,7 @@ def test_learn_answers_the_keys_of_the_contract_and_its_correction_is_used(
     (tmp_path / "out" / "press-0003.mcap").unlink()
     continued = json.loads(sautereau(*command, "--force").stdout)
     assert continued["rms_speed_error"][:2] == made[:2]
+    assert (tmp_path / "out" / "warm-up-02.mcap").exists()  # the finger comes from above again
     assert [Path(path).name for path in continued["recordings"]] == [
         f"press-000{number}.mcap" for number in (1, 2, 3)
     ]

@@ -84,7 +84,8 @@ def test_learning_that_does_not_reach_the_speed_fails(sautereau, spinet, servo):
     assert done.returncode == 1
     message = " ".join(done.stderr.split())
     assert "learning: not reached: RMS speed error" in message
-    assert "after 2 presses, press.speed_tolerance 0.5 %; request more presses with -n" in message
+    assert "after 2 presses, press.speed_tolerance 0.5 %; floor " in message
+    assert "; request more presses with -n" in message
     assert "learned.json" in done.stdout
     done = sautereau(*words, "--out", "two", "--json")
     result = json.loads(done.stdout)

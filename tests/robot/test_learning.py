@@ -160,7 +160,7 @@ def test_what_was_learned_is_written_and_read_back(tmp_path):
     np.testing.assert_array_equal(found.correction.time, learned.correction.time)
     np.testing.assert_array_equal(found.correction.rise, learned.correction.rise)
     assert (found.held_speed_error, found.peak_force) == (0.003, 0.7)
-    assert (found.changes, found.doubts(path)) == ((), [])
+    assert found.doubts == ()
     written = json.loads(path.read_text())
     assert written["rms_speed_error"] == [0.07, 0.01]
     learned_on = datetime.fromisoformat(written["learned_on"])
@@ -176,7 +176,7 @@ def test_a_load_that_has_changed_since_is_listed(tmp_path):
     path = tmp_path / "learned.json"
     write_learned(path, RIG, LearnedCorrection(bump(1e-4)), [0.07])
     changes = {"jack.mass": "7 g", "plectrum.overlap": "0.3 mm", "daq.tail": "0.5 s"}
-    (doubt,) = read_learned(path, with_values(RIG, changes)).doubts(path)
+    (doubt,) = read_learned(path, with_values(RIG, changes)).doubts
     assert 'jack.mass: "0.006 kg" then, "0.007 kg" now' in doubt
     assert "plectrum.overlap" in doubt
     assert "daq" not in doubt  # it does not load the finger
@@ -184,7 +184,7 @@ def test_a_load_that_has_changed_since_is_listed(tmp_path):
     assert f"learned on {written['learned_on'][:10]}" in doubt
     old = {key: written[key] for key in ("time", "rise", "learned_for")}  # as version 0.1 wrote it
     path.write_text(json.dumps(old))
-    assert "date and load are not known" in read_learned(path, RIG).doubts(path)[0]
+    assert "date and load are not known" in read_learned(path, RIG).doubts[0]
 
 
 def test_a_correction_is_stale_where_most_presses_miss_what_it_reached():
@@ -203,18 +203,46 @@ def test_a_correction_is_stale_where_most_presses_miss_what_it_reached():
 def test_it_is_refused_for_another_press_arm_or_controller(tmp_path):
     path = tmp_path / "learned.json"
     write_learned(path, RIG, LearnedCorrection(bump(1e-4)), [0.07])
-    other = with_values(
-        RIG,
-        {
-            "press.jack_speed": "0.1 m/s",
-            "arm.lower_mass": "0.2 kg",
-            "controller.sample_period": "1 ms",
-        },
-    )
+    differ = {
+        "press.jack_speed": "0.1 m/s",
+        "arm.lower_mass": "0.2 kg",
+        "controller.sample_period": "1 ms",
+    }
     with pytest.raises(RobotError) as caught:
-        read_learned(path, other)
-    for key in ("press.jack_speed", "arm.lower_mass", "controller.sample_period", "learn again"):
+        read_learned(path, with_values(RIG, differ | INDEPENDENT))
+    for key in (*differ, "learn again"):
         assert key in str(caught.value)
+    for key in INDEPENDENT:
+        assert key not in str(caught.value)
+
+
+INDEPENDENT = {
+    "press.speed_tolerance": 0.01,
+    "press.hover": "24 mm",
+    "arm.servo_stiffness": ["20 N m/rad", "8 N m/rad"],
+    "arm.tilt_limit": "7 deg",
+    "arm.fixture_mass": "5 g",
+    "arm.upper_limits": ["179 deg", "179 deg"],
+    "controller.timeout": "7 s",
+    "controller.position_error_limit": 777,
+}
+"""Values that alter neither the path of the joints nor their response to it."""
+
+
+def test_it_is_used_whatever_has_changed_that_does_not_alter_the_motion(tmp_path):
+    """Where values alter the plan of a press, such as the encoders, they are in the comparison."""
+    path = tmp_path / "learned.json"
+    write_learned(path, RIG, LearnedCorrection(bump(1e-4)), [0.07])
+    other = with_values(RIG, INDEPENDENT)
+    found = read_learned(path, other)
+    assert found.doubts == ()
+    plans = [plan_press(rig, None, found.correction) for rig in (RIG, other)]
+    np.testing.assert_array_equal(plans[0].segments.steps, plans[1].segments.steps)
+    np.testing.assert_array_equal(plans[0].torques, plans[1].torques)
+    with pytest.raises(RobotError, match=r'arm.base_x: "[^"]*" then, "0.08 m" now'):
+        read_learned(path, with_values(RIG, {"arm.base_x": "80 mm"}))
+    rubbed = read_learned(path, with_values(RIG, {"arm.fingertip_friction": 0.3}))
+    assert "arm.fingertip_friction" in rubbed.doubts[0]
 
 
 @pytest.mark.parametrize("text", ["", "{}", '{"time": [0], "rise": ["x"], "learned_for": {}}', "7"])

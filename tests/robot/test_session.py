@@ -18,7 +18,7 @@ from sautereau.robot.experiment.monitor import Samples
 from sautereau.robot.experiment.plan import Plan, check_same, to_set
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner, rows_of_recording
-from sautereau.robot.experiment.session import is_lifted
+from sautereau.robot.experiment.session import Item, is_lifted, with_warm_ups
 from sautereau.robot.experiment.session_folder import (
     MANIFEST,
     Manifest,
@@ -310,3 +310,14 @@ def test_the_session_is_read_from_the_head_alone(tmp_path):
     path.write_bytes(content[: end - 1])
     with pytest.raises(RecordingError, match="beyond its section"):
         read_session(path)
+
+
+def test_warm_up_presses_precede_every_press_from_a_lift():
+    low, high = (plan_press(with_values(RIG, {"press.hold": hold})) for hold in ("point", "normal"))
+    items = [Item(RIG, plan, n) for n, plan in enumerate((low, low, high), 1)]
+    made = [(item.number, item.trajectory is low) for item in with_warm_ups(items, 2)]
+    first = [(None, True), (None, True), (1, True), (2, True)]
+    assert made == [*first, (None, False), (None, False), (3, False)]
+    assert [item.warm_up for item in with_warm_ups(items[:1], 2)] == [True, True, False]
+    assert [item.number for item in with_warm_ups(items[:2], 0)] == [1, 2]
+    assert len(list(with_warm_ups(items, 2, lambda: False))) == 1

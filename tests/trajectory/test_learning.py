@@ -8,7 +8,15 @@ from scipy.signal import butter, sosfilt
 
 from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.errors import TrajectoryError
-from sautereau.trajectory.learning import Correction, Learner, corrected, speed_error
+from sautereau.trajectory.learning import (
+    CUTOFF,
+    NEVER,
+    Correction,
+    Learner,
+    corrected,
+    residual,
+    speed_error,
+)
 from sautereau.trajectory.press import draft_press, plan_press, sent_motion
 from sautereau.trajectory.timing import press_law
 
@@ -50,16 +58,65 @@ def test_the_error_is_the_rms_over_the_cruise():
     assert speed_error(LAW, TIME, speed) == pytest.approx(1e-3 / 0.072, rel=0.02)
 
 
+def test_the_error_is_that_while_a_string_is_held():
+    held = np.array([[0.05, 0.06], [0.055, 0.08]])
+    inside = (TIME > 0.045) & (TIME < 0.085)  # beyond the edges of the filter
+    speed = commanded(None) + np.where(inside, 1e-3, 20e-3) * CRUISE
+    assert speed_error(LAW, TIME, speed, held) == pytest.approx(1e-3 / 0.072, rel=0.02)
+    assert speed_error(LAW, TIME, speed) > 0.2
+
+
+def after(speed, held=NEVER):
+    """Return the correction after a press with a speed."""
+    return corrected(LAW, [residual(LAW, TIME, commanded(None), speed, PERIOD, held)], PERIOD)
+
+
 def test_a_slow_disturbance_is_learned_at_once():
-    second = corrected(LAW, TIME, commanded(None), commanded(None) + DIP, PERIOD)
+    second = after(commanded(None) + DIP)
     left = (commanded(second) + DIP - commanded(None))[CRUISE]
     assert np.abs(left).max() < 0.02 * np.abs(DIP).max()
 
 
 def test_the_correction_vanishes_before_the_return():
-    found = corrected(LAW, TIME, commanded(None), commanded(None) + DIP, PERIOD)
+    found = after(commanded(None) + DIP)
     assert found.rise[0] == found.rise[-1] == 0
     assert found.rise.max() == pytest.approx(np.sqrt(np.pi) * 0.01 * 0.01, rel=0.02)
+
+
+def test_a_string_is_touched_at_its_rise_and_not_at_its_time():
+    """A spring holds the jack of a soft arm back in proportion to the rise above its contact: the
+    rise is known in closed form. One correction removes it, although the release comes earlier."""
+    contact, release, share = 2e-3, 3.4e-3, 0.4
+
+    def press(used):
+        law = LAW if used is None else used.onto(LAW)
+        sent, _, _ = law.law.at(TIME)
+        off = int(np.argmax(sent > contact + (release - contact) * (1 + share)))
+        rise = sent - np.clip(sent - contact, 0, None) * share / (1 + share)
+        rise[off:] = sent[off:] - (sent - rise)[off - 1] * np.exp(-(TIME[off:] - TIME[off]) / 3e-3)
+        rise[LAW.bottom < TIME] = sent[LAW.bottom < TIME]
+        held = TIME[[int(np.argmax(sent > contact)), off - 1]][None]
+        return law.law.at(TIME).velocity, np.gradient(rise, TIME), held
+
+    sent, speed, held = press(None)
+    first = corrected(LAW, [residual(LAW, TIME, sent, speed, PERIOD, held)], PERIOD)
+    _, again, then = press(first)
+    assert held[0, 1] - then[0, 1] > 0.006
+    inner = [then[0] + [5e-3, -5e-3]]  # the corners at contact and release are above the cut-off
+    assert speed_error(LAW, TIME, speed, np.array(inner)) > 0.25
+    assert speed_error(LAW, TIME, again, np.array(inner)) < 0.02
+
+
+def test_a_motion_that_follows_in_part_and_late_is_learned_in_three():
+    """The arm follows half of a correction, 3 ms late: each press alone would leave half of it."""
+
+    def arm(speed, _):
+        late = np.interp(TIME - 3e-3, TIME, speed - commanded(None))
+        return commanded(None) + 0.5 * late + DIP
+
+    errors = run(arm, 4).errors
+    assert errors[1] > 0.4 * errors[0]
+    assert errors[3] < 0.1 * errors[0]
 
 
 @given(gain=st.floats(0.3, 1.6), lag=st.floats(0, 1.5e-3), noise=st.floats(0, 2e-4))
@@ -106,7 +163,7 @@ def test_the_scatter_is_that_of_the_presses():
     random, rms = np.random.default_rng(3), 1e-3
     learner = run(lambda speed, _: speed + DIP + rms * random.normal(size=len(TIME)), 6)
     # Butterworth's gain of order 2, forwards and backwards: the integral of 1 / (1 + x^4)^2.
-    band = 3 * np.pi / (8 * np.sqrt(2)) * 1000 / (RATE / 2)
+    band = 3 * np.pi / (8 * np.sqrt(2)) * CUTOFF / (RATE / 2)
     assert learner.scatter == pytest.approx(rms * np.sqrt(band) / 0.072, rel=0.2)
 
 

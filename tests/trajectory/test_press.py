@@ -180,8 +180,11 @@ def test_the_way_down_is_checked_against_the_limits():
 def test_the_speed_error_under_load_is_that_of_springs_in_series(paper):
     """A string of stiffness K at the finger on a loop of compliance C: 1 / (1 + C K) - 1.
 
-    The elbow is all but rigid; the shoulder turns by the moment of the finger's force about it.
+    The elbow is all but rigid; the shoulder turns by the moment of the finger's force about it. The
+    press is slow, so that the deflection is static.
     """
+    slow = {"press.jack_speed": "5 mm/s", "arm.servo_damping": ["0.05 N m s/rad", "1 N m s/rad"]}
+    paper = with_values(paper, slow)
     rise, slope = np.linspace(0, 0.01, 2001), 400.0
     held = (rise > 2e-3) & (rise <= 4e-3)
     expected = Expectation(rise, 0.3 + np.where(held, slope * (rise - 2e-3), 0), 2e-3, 4e-3)
@@ -199,9 +202,31 @@ def test_the_speed_error_under_load_is_that_of_springs_in_series(paper):
         assert made.loaded_speed_error == pytest.approx(stretched / (1 + stretched), rel=0.03)
 
 
+def test_the_speed_error_under_load_falls_with_the_damping_of_the_loops(paper):
+    """A force F that grows by s a second deflects a damped loop at the rate
+    (s / K) (1 - exp(-K t / C)), where its masses are small against K and C."""
+    rise, slope = np.linspace(0, 0.01, 2001), 20.0
+    held = np.clip(rise, 2e-3, 4e-3) - 2e-3
+    expected = Expectation(rise, slope * held, 2e-3, 4e-3)
+    loops = {"arm.servo_stiffness": ["20 N m/rad", "1e9 N m/rad"]}
+    for damping in (4.0, 16.0):
+        values = loops | {"arm.servo_damping": [f"{damping} N m s/rad", "1e6 N m s/rad"]}
+        made = draft_press(with_values(paper, values), expected)
+        middle = int(np.searchsorted(made.rise.position, 3e-3))
+        tip, angle = made.fingertip.position[middle], made.angle.position[middle]
+        (x, z), normal = tip - [paper.arm.base_x, paper.arm.base_z], (-np.sin(angle), np.cos(angle))
+        per_angle = jack_law(paper.key, angle)[1]
+        rate = (x * normal[1] - z * normal[0]) ** 2 * slope * per_angle / paper.key.press_arm
+        time = np.linspace(0, 2e-3 / paper.press.jack_speed, 1000)
+        lost = rate / 20 * (1 - np.exp(-20 * time / damping))
+        assert made.loaded_speed_error == pytest.approx(np.sqrt(np.mean(lost**2)), rel=0.05)
+
+
 def test_a_correction_by_the_expected_deflection_leaves_little_speed_error(paper):
-    """It adds the compliance times the force that the plan without it meets at that time."""
-    rig = with_values(paper, {"arm.servo_stiffness": ["20 N m/rad", "1e9 N m/rad"]})
+    """It adds the compliance times the force that a slow plan without it meets at that time."""
+    loops = {"arm.servo_stiffness": ["20 N m/rad", "1e9 N m/rad"]}
+    slow = {"press.jack_speed": "5 mm/s", "arm.servo_damping": ["0.05 N m s/rad", "1 N m s/rad"]}
+    rig = with_values(paper, loops | slow)
     rise = np.linspace(0, 0.01, 2001)
     held = np.clip((rise - 2e-3) / 4e-3, 0, 1)
     expected = Expectation(rise, 0.3 * np.sin(np.pi * held) ** 2, 2e-3, 6e-3)

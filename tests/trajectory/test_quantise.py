@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies
 
-from sautereau.trajectory.learning import corrected
+from sautereau.trajectory.learning import corrected, residual
 from sautereau.trajectory.press import draft_press, plan_press, sent_motion
 from sautereau.trajectory.quantise import GRAIN, LONGEST_SEGMENT, _least, quantise
 from sautereau.trajectory.timing import press_law
@@ -176,7 +176,8 @@ def held_string(rig, depth):
     time = np.arange(0, law.law.duration, 1e-4)
     held = (time > law.cruise_start + 0.03) & (time < law.cruise_start + 0.05)
     sent = law.law.at(time).velocity
-    return corrected(law, time, sent, sent - depth * rig.press.jack_speed * held, period)
+    speed = sent - depth * rig.press.jack_speed * held
+    return corrected(law, [residual(law, time, sent, speed, period)], period)
 
 
 @given(counts=strategies.integers(4000, 2_000_000), depth=strategies.floats(0.05, 0.3))
