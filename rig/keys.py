@@ -111,8 +111,10 @@ def _is_table(value: Any) -> bool:
 def _of_csv(path: Path, origin: str) -> list[tuple[str, str, dict[str, Any]]]:
     """Return name, place and differences of each key."""
     rows, decimal = read_rows(path, origin, RigError, MOST_KEYS + 1, "divide it")
-    first = rows[0] if rows and rows[0] else [""]
-    heads = [cell.strip().removesuffix("]").partition("[") for cell in first]
+    heads = [
+        cell.strip().removesuffix("]").partition("[")
+        for cell in (rows[0] if rows and rows[0] else [""])
+    ]
     names, faults = zip(*(_column(head.strip()) for head, *_ in heads), strict=True)
     faults = [f"line 1: {fault}" for fault in faults if fault]
     faults += [f"line 1: column {name} occurs twice" for name in {*names} if names.count(name) > 1]
