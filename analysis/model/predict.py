@@ -1,7 +1,7 @@
 """The model's prediction of a complete press with the jack at a given speed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -116,13 +116,17 @@ def predict(rig: Rig, level: str = "auto", *, speed: JackSpeed | None = None) ->
     Raises:
         ModelError: The level has no solution for this rig, or the press ends before release.
     """
-    return pressed(rig, hold(rig, level), level, speed)
+    found = pressed(rig, hold(rig, level), level, speed)
+    return replace(found, warnings=tuple(ignored(rig, level)))
 
 
 def pressed(
     rig: Rig, held: Sequence[PlacedPluck], level: str = "auto", speed: JackSpeed | None = None
 ) -> Prediction:
-    """Return the press in which a rig's strings are plucked as given; see `predict`."""
+    """Return the press in which a rig's strings are plucked as given, without warnings.
+
+    `predict` adds them; at another level than `auto` they take that of `auto` to compare.
+    """
     speed = speed or JackSpeed.constant(rig.press.jack_speed)
     # The plucks' own points are instants of the time base, release with the string still held.
     plucks = [at for h in held for at in (_rises(rig, h), [h.release * (1 + 1e-12)])]
@@ -144,7 +148,7 @@ def pressed(
     return Prediction(
         **first,
         level=level_name(rig, level),
-        warnings=tuple(ignored(rig, level)),
+        warnings=(),
         time=time,
         rise=rise,
         deflection=rig.key.laser_arm * angle.position,

@@ -16,7 +16,8 @@ from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.identify.distribution import Distribution
 from sautereau.analysis.identify.parameter_names import ENDS, split_name
 from sautereau.analysis.identify.parameters import with_parameters
-from sautereau.analysis.model.predict import Prediction, predict
+from sautereau.analysis.model.choirs import hold
+from sautereau.analysis.model.predict import Prediction, predict, pressed
 from sautereau.analysis.results.result import Result, frame_of, json_of, shown
 from sautereau.analysis.session.compare import pluck_features
 from sautereau.analysis.text import counted, table
@@ -275,7 +276,7 @@ def quantities_over(rigs: Sequence[Rig], level: str) -> list[Floats | None]:
 def _row(level: str, rig: Rig) -> Floats | None:
     """Return `OF_OUTLINE` of a rig's press [SI]; None without a pluck."""
     try:
-        return quantities(rig, predict(rig, level), OF_OUTLINE)
+        return quantities(rig, pressed(rig, hold(rig, level), level), OF_OUTLINE)
     except ModelError:
         return None
 

@@ -24,8 +24,8 @@ def member(factor, kind=OutlineMember, **more):
 @pytest.fixture
 def rig():
     values = Rig().values
-    factors = 1 + 0.01 * np.random.default_rng(1).standard_normal(12)
-    outline = member(1.0, Outline, ensemble=tuple(map(member, factors.tolist())))
+    factors = (1 + 0.01 * np.random.default_rng(1).standard_normal(12)).tolist()
+    outline = member(1.0, Outline, ensemble=tuple(map(member, factors)))
     return values.model_copy(update={"plectrum": values.plectrum.outlined(outline), "assumed": {}})
 
 

@@ -89,18 +89,13 @@ def test_the_press_of_a_micrograph(tmp_path, number):
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 def test_sixty_micrographs(tmp_path):
-    """The intervals by the elastica, whose differences are those of `fe` within a few per cent."""
+    """Accuracy by `fe`, intervals by the elastica, which takes a tenth of the time."""
     within, covered, warned = [], [], 0
     for number in range(CASES):
         pixel, true, seen, warnings = case(number, tmp_path)
         warned += bool(warnings)
-        own, exact = errors(true, seen, "elastica")
-        if number % 5 == 0:
-            by_fe, _ = errors(true, seen, "fe")
-            np.testing.assert_allclose(
-                [by_fe[n] for n in LIMITS], [own[n] for n in LIMITS], atol=2e-3
-            )
-            own = by_fe
+        own, _ = errors(true, seen, "fe")
+        _, exact = errors(true, seen, "elastica")
         factor = 1 if pixel <= FINE else 3
         within.append([abs(own[name]) < factor * limit for name, limit in LIMITS.items()])
         spread = {i.name: i for i in of_outline(seen, "elastica").intervals}

@@ -73,6 +73,8 @@ VARIABLE = (
 """Keys of answers that measure the machine, or depend on the versions that a recording names."""
 WITHOUT_TEXT = {"trade": "its table lists times of this machine"}
 UNCOVERED = {
+    "outline": "its photographs are drawn by tests/analysis/test_outline_photo.py",
+    "voice": "its elements take a minute; tests/analysis/test_voice.py",
     "doctor": "it describes this machine and its packages",
     "stand-in": "it serves until it is interrupted; `press` and `setup` use the same bench",
     "--install-completion": "it changes the user's shell; cyclopts writes it",
