@@ -234,8 +234,9 @@ def extends(started: Sequence[Mapping[str, Any]], asked: Sequence[Mapping[str, A
     *first, final = asked[: len(started)]
     return (
         same == first
+        and last == {**final, "repeats": last.get("repeats")}
+        and isinstance(last["repeats"], int)  # of a damaged manifest it may be anything
         and last["repeats"] <= final["repeats"]
-        and last == {**final, "repeats": last["repeats"]}
     )
 
 

@@ -94,7 +94,14 @@ GROUPS = {
         recordings.export,
         recordings.import_,
     ),
-    "Study": (voicing.outline, campaign.survey, campaign.campaign, campaign.touch, simulate.trade),
+    "Study": (
+        voicing.outline,
+        voicing.voice,
+        campaign.survey,
+        campaign.campaign,
+        campaign.touch,
+        simulate.trade,
+    ),
 }
 """Commands as the help shows them, each group in the order of use."""
 for place, (title, commands) in enumerate(GROUPS.items()):

@@ -24,7 +24,9 @@ WRITES = {
     "acquire": "--sim --out a.mcap", "learn": "--sim --out s", "phases": "s --plot p.png",
     "predict": "--plot p.png", "compare": "s --plot p.png", "transient": "s --plot p.png",
     "identify": "s --free key.inertia --out r.toml", "animate": "s/press-0001.mcap --out p.gif",
-    "listen": "--out a.wav", "touch": "c.parquet --plot p.png", "report": "s",
+    "listen": "--out a.wav",
+    "outline": "a.png --plot p.png", "voice": "--target work=1 --plot p.png",
+    "survey": "keys.csv --plot p.png", "touch": "c.parquet --plot p.png", "report": "s",
     "recover": "s/press-0001.mcap", "export": "s/press-0001.mcap --to csv",
     "split": "a.mcap --out s", "import": "a.csv --rig paper --out a.mcap", "trade": "--plot p.png",
 }  # fmt: skip

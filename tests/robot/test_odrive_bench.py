@@ -68,7 +68,7 @@ def test_the_command_line_presses_with_the_same_bytes_for_the_same_seed(
     monkeypatch.chdir(tmp_path)
     options = "--scene ideal --seed 5 --out out --json"
     assert app(["press", "rig.toml", *options.split()]) == 0
-    (path,) = (tmp_path / "out").glob("*.mcap")
+    (path,) = (tmp_path / "out").glob("press-*.mcap")
     one, other = read_recording(path), read_recording(pressed[0])
     assert "ODrive" in one.session.controller
     for name in ("velocity", "force"):

@@ -10,6 +10,7 @@ from rich.panel import Panel
 from rich.text import Text
 
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
+from sautereau.robot.experiment.session import WARM_UPS
 
 HEIGHT = 5  # Height of a trace, in lines
 STRETCH = 32  # Number of samples of which the smallest and the largest are drawn
@@ -64,7 +65,7 @@ class TerminalView:
                     trace = thinned(volts, STRETCH) * channel.scale
                     self._traces.setdefault(label, []).append(trace)
             case Made():
-                self._made += 1
+                self._made += not one.path.match(WARM_UPS)
             case _:
                 self._arm, self._daq = "see below", "ended"
                 # The answer of a device must not contain control characters for the terminal.
