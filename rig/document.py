@@ -13,7 +13,6 @@ from sautereau.rig.errors import RigError
 from sautereau.rig.faults import (
     Place,
     fault_list,
-    in_text,
     model_keys,
     near_miss,
     submodel,
@@ -69,7 +68,7 @@ def validated(
     try:
         rig = Rig.model_validate(values)
     except ValidationError as error:
-        found = [*validation_faults(error, Rig, place or in_text("")), *faults]
+        found = [*validation_faults(error, Rig, place), *faults]
         raise RigError(fault_list(origin, found)) from error
     if faults:
         raise RigError(fault_list(origin, list(faults)))

@@ -50,10 +50,14 @@ def first_fault(error: ValidationError) -> str:
 
 
 def validation_faults(
-    error: ValidationError, model: type[BaseModel], place: Callable[[str], Place]
+    error: ValidationError, model: type[BaseModel], place: Callable[[str], Place] | None = None
 ) -> list[str]:
-    """Turn pydantic's errors into lines: line of the file, key, value, limit, how to fix it."""
-    faults = []
+    """Turn pydantic's errors into lines: line of the file, key, value, limit, how to fix it.
+
+    Args:
+        place: Of the value of a dotted key; None if there is no text.
+    """
+    place, faults = place or in_text(""), []
     errors = error.errors(include_url=False)
     for item in errors[:MOST_FAULTS]:
         location = list(item["loc"])

@@ -7,9 +7,8 @@ import numpy as np
 
 from sautereau.daq.file.recorded import Recorded
 
-EXPLAINED = (
-    0.5  # Largest residual of the torque, relative to its variation; feed-forward exceeds it
-)
+EXPLAINED = 0.5
+"""Largest residual of the torque, relative to its variation; feed-forward exceeds it."""
 
 
 @dataclass(frozen=True)

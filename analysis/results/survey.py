@@ -3,9 +3,8 @@
 A voiced instrument is even: from key to key its touch changes little, and smoothly. The trend of a
 quantity at a key is a straight line of its logarithm over the nearest keys, an octave of them, by
 the repeated medians of Siegel (1982), which a few uneven keys do not move. A key deviates by its
-ratio to that trend. It is an
-outlier if the modified z-score of its deviation, from the median absolute deviation, is above 3.5
-(Iglewicz and Hoaglin, 1993), and fingers can feel it.
+ratio to that trend. It is an outlier if the modified z-score of its deviation, from the median
+absolute deviation, is above 3.5 (Iglewicz and Hoaglin, 1993), and fingers can feel it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -12,6 +12,7 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.outline.carve import Carving, Knife, carve, carving
+from sautereau.analysis.outline.measure import Edges
 from sautereau.analysis.results.predicted import OF_OUTLINE, Predicted, members, of_outline
 from sautereau.analysis.results.predicted import quantities as quantities_of_press
 from sautereau.analysis.results.result import Result, frame_of, shown
@@ -158,7 +159,7 @@ class Voiced(Result):
         """Write the carved outline, and its ensemble, as a rig file names it."""
         own = self.after.plectrum
         contours = [
-            np.column_stack([[*o.x, *o.x[::-1]], [*o.top, *o.bottom[::-1]]])
+            Edges(*map(np.array, (o.x, o.top, o.bottom))).contour
             for o in (own.outline, *(e.outline for e in own.ensemble))
             if o
         ]

@@ -15,7 +15,7 @@ from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.phases import find_phases
 from sautereau.rig.disk import read_limited, why_unreadable, write_durably
 from sautereau.rig.document import comparable, current_document, rig_document
-from sautereau.rig.faults import fault_list, in_text, validation_faults
+from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.schema import Controller, Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
@@ -295,7 +295,7 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> LearnedCorrect
         found = _Learned.model_validate_json(read_limited(path))
     except ValidationError as error:
         origin = f"learned correction {path}: cannot be read"
-        faults = fault_list(origin, validation_faults(error, _Learned, in_text("")))
+        faults = fault_list(origin, validation_faults(error, _Learned))
         raise RobotError(f"{faults}\ngive the file that `sautereau learn` wrote") from error
     except OSError as error:
         raise RobotError(

@@ -25,7 +25,7 @@ from sautereau.rig.disk import (
     write_durably,
 )
 from sautereau.rig.document import comparable, current_document, current_key
-from sautereau.rig.faults import fault_list, in_text, validation_faults
+from sautereau.rig.faults import fault_list, validation_faults
 from sautereau.rig.lock import Taken, locked
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.serial_port import hold_port
@@ -264,7 +264,7 @@ def read_manifest(folder: Path) -> Manifest | None:
         return None
     except ValidationError as error:
         origin = f"session {path}: cannot be read"
-        faults = fault_list(origin, validation_faults(error, _Manifest, in_text("")))
+        faults = fault_list(origin, validation_faults(error, _Manifest))
         raise RobotError(f"{faults}\nrestore it from a copy, or give another folder") from error
     except OSError as error:
         raise RobotError(
@@ -285,7 +285,7 @@ def _text_of(folder: Path, manifest: Manifest) -> str:
         _Manifest.model_validate_json(text)
     except ValidationError as error:
         raise RobotError(
-            fault_list(origin, validation_faults(error, _Manifest, in_text("")))
+            fault_list(origin, validation_faults(error, _Manifest))
             + "\nchange the plan, or divide it into sessions"
         ) from error
     except ValueError as error:

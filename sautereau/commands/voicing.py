@@ -1,10 +1,14 @@
 """From a photograph of a plectrum to its outline, and to a proposal how to carve it."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, save_plot
+
+if TYPE_CHECKING:
+    from sautereau.analysis.results.outlined import Outlined
+    from sautereau.analysis.results.voiced import Voiced
 
 Known = Annotated[str | None, "QUANTITY"]
 
@@ -64,13 +68,7 @@ def outline(
             tilt=tilt,
             upper=upper,
         )
-    lines = found.lines()
-    if out:
-        found.write(out)
-        lines.append(f"outline: {out}")
-    if plot:
-        save_plot(plot, found.plot())
-    return output.answer(found.document, lines, plot)
+    return _answer(found, out, plot, output)
 
 
 def voice(
@@ -126,6 +124,13 @@ def voice(
     other = common.load_rig(like) if like else None
     with output.progress("carving"):
         found = voiced(common.load_rig(rig), target or (), like=other, curve=curve, knife=knife)
+    return _answer(found, out, plot, output)
+
+
+def _answer(
+    found: "Outlined | Voiced", out: Path | None, plot: Path | None, output: FileOutput
+) -> int:
+    """Write the outline and the plot that are requested, and print the result."""
     lines = found.lines()
     if out:
         found.write(out)

@@ -277,33 +277,26 @@ class SawTeeth:
             return plucks, solved, solved.chi2
         if variance is None:
             variance = self.noises(plucks[-1:], solved)[0]
-        weight = math.sqrt(variance)
-        before = plucks.tobytes()
+        weight, start = math.sqrt(variance), plucks.reshape(1, -1)
 
+        # There is one search at a time: stacked, they were not faster.
         def evaluate(states: Floats) -> tuple[NDArray[Any], ...]:
-            rows, fits = [], np.empty(len(states), dtype=object)
-            for i, state in enumerate(states):
-                trial = state.reshape(-1, 2)
-                fits[i] = solved if state.tobytes() == before else self.solved(trial)
-                rows.append(np.append(fits[i].residuals, weight * self._deviations(trial)))
-            return np.array(rows), fits
+            trial = states.reshape(-1, 2)
+            fit = solved if (states == start).all() else self.solved(trial)
+            left = np.append(fit.residuals, weight * self._deviations(trial))
+            return left[None], np.array([fit])
 
         def permitted(states: Floats, found: tuple[NDArray[Any], ...]) -> NDArray[np.bool_]:
-            apart = np.diff(states.reshape(len(states), -1, 2)) > self.slow.width
-            positive = np.array([(fit.forces > 0).all() for fit in found[1]])
-            return np.logical_and(apart.all((1, 2)), positive)
+            apart = np.diff(states.reshape(-1, 2)) > self.slow.width
+            return np.array([apart.all() and (found[1][0].forces > 0).all()])
 
         def slopes(states: Floats, found: tuple[NDArray[Any], ...]) -> Floats:
-            each = []
-            for state, fit in zip(states, found[1], strict=True):
-                load, rig, _ = self._slopes(state.reshape(-1, 2), fit)
-                each.append(np.concatenate([load, weight * rig]))
-            return np.array(each)
+            load, rig, _ = self._slopes(states.reshape(-1, 2), found[1][0])
+            return np.concatenate([load, weight * rig])[None]
 
         def bounded(states: Floats) -> Floats:
             return np.clip(states, self.slow.hops[0], self.slow.hops[-1])
 
-        start = plucks.reshape(1, -1)
         found = minimise(start, evaluate, slopes, permitted, bounded, LONGEST, CONVERGED)
         better = found.states.reshape(-1, 2), found.found[1][0], float(found.chi2[0])
         self._refined[key] = better
