@@ -1,9 +1,9 @@
 """Remove offset and drift from a velocity and from an AC-coupled force.
 
-Before a press the key is at rest, and afterwards again at the same place. At rest the velocity of
-the vibrometer is zero; any other value is an offset. Inverting the AC coupling turns an offset o
-into o (1 + w t), and the coupling's memory of earlier motion into a constant, so that a straight
-line a + b t describes both.
+Before a press the key is at rest, and afterwards again, at the same place or where the finger
+holds it. At rest the velocity of the vibrometer is zero; any other value is an offset. Inverting
+the AC coupling turns an offset o into o (1 + w t), and the coupling's memory of earlier motion into
+a constant, so that a straight line a + b t describes both.
 """
 
 import math
@@ -25,7 +25,7 @@ NOISY = 0.05  # Dimensionless, fraction of the largest speed below which a scatt
 LARGEST_OFFSET = 0.02
 """Dimensionless, fraction of the largest speed above which a steady speed is motion, not offset."""
 LEAST_STD = 1e-5  # m/s, smallest standard deviation of the mean velocity at rest
-RETURN_STD = 5e-6  # m, standard deviation of the place to which the key returns
+AT_START = 0.0, 5e-6  # m, the place of a key that returns, and its standard deviation
 RETURNED = 0.05
 """Dimensionless, fraction of the largest deflection within which the key has returned."""
 HIGH, LOW = 0.6, 0.35
@@ -116,13 +116,13 @@ def without_drift(
     rate: float,
     start: float,
     corner: float,
-    returns: bool,
+    place: tuple[float, float] | None,
     tolerance: float = 0.0,
 ) -> tuple[Floats, Drift, list[Remark]]:
     """Subtract the drift of a velocity, so that its integral drifts by micrometres only.
 
-    If the two rests and the return to the same place agree on a straight line, it is subtracted.
-    If not, the velocity at rest was no offset of the sensor, and only the constant is subtracted
+    If the two rests and the place after the press agree on a straight line, it is subtracted. If
+    not, the velocity at rest was no offset of the sensor, and only the constant is subtracted
     that brings the key back. Without a return, the line follows from the rests alone.
 
     Args:
@@ -130,7 +130,8 @@ def without_drift(
         rate: Hz.
         start: s after the trigger, of the first row.
         corner: Hz, of the AC coupling; 0 for none.
-        returns: Whether the planned motion ends where it starts.
+        place: m at the laser, where the key rests after the press, from its rest before, and the
+            standard uncertainty; None if the planned motion does not end where it starts.
         tolerance: Dimensionless, fraction of the largest deflection up to which a doubtful
             correction is no warning.
 
@@ -175,12 +176,14 @@ def without_drift(
     duration = middles[1] - middles[0]
     rows = [[1.0, middles[0]], [1.0, middles[1]]]
     seen, stds = [level, late], [std, late_std]
-    back = returns and abs(end) <= RETURNED * largest
+    back = place is not None and abs(end) <= RETURNED * largest
     said = []
-    if back:
+    if place and back:
         rows.append([duration, (middles[1] ** 2 - middles[0] ** 2) / 2])
-        seen, stds = [*seen, end], [*stds, RETURN_STD]
-    elif returns:
+        seen, stds = [*seen, end - place[0]], [*stds, place[1]]
+        # A key that the finger holds still moves with it, by about this way within the rest.
+        stds[1] = math.hypot(stds[1], place[0] / (after[1] - after[0]))
+    elif place:
         text = (
             f"the key did not return: {end * 1e3:.3g} mm of {largest * 1e3:.3g} mm at the laser"
             " remain; check whether the jack hangs, and the sensor's corner frequency"
@@ -191,7 +194,7 @@ def without_drift(
     fitted = np.linalg.lstsq(matrix * weights[:, None], values * weights, rcond=None)[0]
     line = float(fitted[0]), float(fitted[1])
     if np.abs((matrix @ fitted - values) * weights).max() > CONSISTENT:
-        line = end / duration, 0.0
+        line = (end - (place[0] if place else 0.0)) / duration, 0.0
         text = (
             f"the velocity at rest is {level * 1e6:.3g} and {late * 1e6:.3g} um/s, but the"
             f" deflection of {largest * 1e3:.3g} mm returns to {end * 1e3:.3g} mm: no offset of the"

@@ -13,10 +13,12 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.delay import lost_samples, without_delay
 from sautereau.analysis.loading.drift import (
+    AT_START,
     LEAST_REST,
     NO_DRIFT,
     RETURNED,
     Drift,
+    Rests,
     departure,
     find_rests,
     force_at_rest,
@@ -31,7 +33,8 @@ from sautereau.rig.acquisition import Channel
 from sautereau.rig.instrument import Key
 from sautereau.rig.quantities import SECTIONS
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.key import jack_law
+from sautereau.trajectory.arm import fingertip_place
+from sautereau.trajectory.key import contact_angle, jack_law
 from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
@@ -196,7 +199,7 @@ def partial_press_of(recorded: "Recorded") -> Press:
                 rate,
                 start,
                 corner,
-                returns=_returns(recorded),
+                place=_place_after(recorded, rests, rate, start),
                 tolerance=channels["velocity"].gain_std,
             )
             rest = rests.before
@@ -351,12 +354,38 @@ def _coarse(rig: Rig) -> list[str]:
     ]
 
 
-def _returns(recorded: "Recorded") -> bool:
-    """Return whether the planned motion ends where it starts; assumed without a plan."""
-    if recorded.plan is None:
-        return True
-    rise = recorded.plan.jack_rise
-    return bool(abs(rise[-1] - rise[0]) <= RETURNED * np.abs(rise - rise[0]).max())
+def _place_after(
+    recorded: "Recorded", rests: Rests, rate: float, start: float
+) -> tuple[float, float] | None:
+    """Return where the key rests after the press, as `without_drift` takes it.
+
+    The captured joints show by how much the servo leaves the finger below its start, to the
+    resolution of their encoders. A finger that ends above its start has let the key return.
+    """
+    plan, joints = recorded.plan, recorded.joints
+    if plan is not None:
+        moved = np.abs(plan.jack_rise - plan.jack_rise[0])
+        if moved[-1] > RETURNED * moved.max():
+            return None
+    if joints is None:
+        return AT_START
+    key, arm = recorded.rig.key, recorded.rig.arm
+    ends = []
+    for rest in (rests.before, rests.after):
+        first, last = np.searchsorted(
+            joints.t - recorded.origin - start, np.array([rest.start, rest.stop]) / rate
+        )
+        if first == last:
+            return AT_START
+        ends.append([joints.q1[first:last].mean(), joints.q2[first:last].mean()])
+    # The last two rows are those of encoders that read one count more.
+    angles = np.array([*ends, *(ends[1] + arm.radians_per_count * np.eye(2))])
+    centres = fingertip_place(arm, angles)
+    place = key.laser_arm * contact_angle(key.surface_height + arm.fingertip_radius, centres)
+    place -= place[0]
+    counts = place[2:] - place[1]
+    # Two readings, each uniformly distributed over a count.
+    return max(0.0, float(place[1])), float(np.sqrt(AT_START[1] ** 2 + counts @ counts / 6))
 
 
 def _without_fixture(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from sautereau.analysis.loading.drift import find_rests, force_at_rest, without_drift
+from sautereau.analysis.loading.drift import AT_START, find_rests, force_at_rest, without_drift
 from sautereau.daq.signals.calibration import restored
 from sautereau.rig.load import load_rig
 from sautereau.sim_backend.scene import load_scene
@@ -37,10 +37,10 @@ def deflection(velocity):
     return cumulative_trapezoid(velocity, dx=1 / RATE, initial=0)
 
 
-def held(volts, returns=True, channel=VELOCITY, tolerance=0.0):
+def held(volts, place=AT_START, channel=VELOCITY, tolerance=0.0):
     velocity = restored(volts, channel, RATE)
     rests = find_rests(velocity, RATE)
-    return without_drift(velocity, rests, RATE, 0.0, channel.high_pass, returns, tolerance)
+    return without_drift(velocity, rests, RATE, 0.0, channel.high_pass, place, tolerance)
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.5e-3, -2e-3])
@@ -63,7 +63,7 @@ def test_the_deflection_drifts_by_less_than_5_um(offset):
 @pytest.mark.parametrize("returns", [True, False])
 def test_the_deflection_of_a_key_that_stays_down_is_kept(returns):
     """Whether planned or not; if a return was planned there is a warning."""
-    velocity, drift, warnings = held(sampled(back=False), returns)
+    velocity, drift, warnings = held(sampled(back=False), AT_START if returns else None)
     assert deflection(velocity)[-1] == pytest.approx(3.8e-3, abs=5e-6)
     assert drift.closure is None
     assert len(warnings) == returns
@@ -123,12 +123,27 @@ def test_a_velocity_that_cannot_be_an_offset_is_not_treated_as_one(tolerance):
     time = np.arange(int(0.53 * RATE)) / RATE
     creep = 2e-4 * ((time < 0.02) | (time > 0.5))
     velocity, drift, (remark,) = without_drift(
-        motion(time) + creep, find_rests(motion(time), RATE), RATE, 0.0, 0.0, True, tolerance
+        motion(time) + creep, find_rests(motion(time), RATE), RATE, 0.0, 0.0, AT_START, tolerance
     )
     assert drift.velocity < 2e-5
     assert "no offset of the sensor explains both" in remark.text
     assert remark.doubt == (tolerance == 0.0)
     assert abs(deflection(velocity)[-1]) < 1e-5
+
+
+def test_a_key_that_the_finger_holds_below_its_start_is_left_there():
+    """By a servo that leaves it 60 um too deep, and returns at 0.5 mm/s; the sensor's offset is
+    20 um/s."""
+    time = np.arange(int(0.53 * RATE)) / RATE
+    late = np.clip(time - 0.5, 0.0, None)
+    true = motion(time) + np.where(time > 0.3, 75e-6 / 0.2, 0.0) * (time < 0.5) - 5e-4 * (late > 0)
+    rests = find_rests(motion(time), RATE)
+    depth = deflection(true)[rests.after].mean()
+    assert 60e-6 < depth < 75e-6
+    velocity, drift, said = without_drift(true + 2e-5, rests, RATE, 0.0, 0.0, (depth + 3e-6, 5e-6))
+    assert said == []
+    assert deflection(velocity)[rests.after].mean() == pytest.approx(depth, abs=3.5e-6)
+    assert drift.velocity == pytest.approx(2e-5, abs=1e-5)
 
 
 def rest_of(level, slope, seconds, seed=0):

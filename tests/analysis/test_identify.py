@@ -94,7 +94,7 @@ def by_name(found):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("strings", "softer"), [(1, 1), (1, 3), (2, 1)])
+@pytest.mark.parametrize(("strings", "softer"), [(1, 1), (1, 3), (2, 1), (2, 3)])
 def test_the_plectrums_friction_is_found_by_a_finger_that_yields_along_the_key(
     tmp_path, strings, softer
 ):
