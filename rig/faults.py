@@ -90,9 +90,11 @@ def _message(item: Any, model: type[BaseModel], location: list[int | str]) -> st
         return f"{shown(value)} is refused; give a table"
     if kind == "tuple_type":
         return f"{shown(value)} is refused; give an array"
-    unit = unit_of(model, location) if isinstance(value, float) else None
+    unit = f" {unit_of(model, location) or ''}".rstrip()
     message = item["msg"][0].lower() + item["msg"][1:]
-    return f"{shown(value)}{f' {unit}' * bool(unit)} is refused: {message}"
+    if isinstance(value, str):  # an optional quantity, with its own unit; the limit has SI's
+        return f"{shown(value)} is refused: {message}{unit}"
+    return f"{shown(value)}{unit * isinstance(value, float)} is refused: {message}"
 
 
 def bare_key(key: str) -> str:

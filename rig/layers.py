@@ -102,8 +102,9 @@ class Layers:
 
     def place(self, key: str) -> Place:
         """Return the place of a dotted key's value; without one, of the own table that lacks it."""
-        layers = reversed([layer for layer in self._layers.values() if layer.sets(key)])
-        return self._at(next(layers, self.own), key)
+        # The name of a rig is its own.
+        layers = [layer for layer in self._layers.values() if key != "name" and layer.sets(key)]
+        return self._at(layers[-1] if layers else self.own, key)
 
     def _at(self, layer: Layer, key: str) -> Place:
         order = list(self._layers.values())[::-1].index(layer)

@@ -11,7 +11,7 @@ import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.instrument import Choir, Jack, Key, Plectrum, String
@@ -67,9 +67,18 @@ class Gesture(Section):
         return self
 
 
+RunUpAcceleration = Annotated[float, Unit("m/s**2", "12 m/s^2"), Field(ge=1e-3, le=1e4)]
+RunUpJerk = Annotated[float, Unit("m/s**3", "3000 m/s^3"), Field(ge=0.1, le=1e8)]
+STEADY = 2e-3
+"""s at constant speed before the first contact, where the run-up is not given: a compliant key has
+come to rest, and the motion before a contact is known."""
+
+
 class Press(Section):
     """One press, defined by the motion of the jack."""
 
+    _clearance: float = PrivateAttr(default=0.0)
+    """m, jack rise at the first contact; the rig sets it."""
     jack_speed: Annotated[float, Unit("m/s", "0.072 m/s")] = Field(ge=0.005, le=1.0)
     """m/s, constant speed of the jack during the pluck (the cruise)."""
     jack_rise: Length = Field(ge=1e-3, le=15e-3)
@@ -77,10 +86,12 @@ class Press(Section):
     hold: Literal["point", "normal"]
     """`point`: the fingertip stays at the pressing point. `normal`: link 2 stays normal to the
     key."""
-    run_up_acceleration: Annotated[float, Unit("m/s**2", "12 m/s^2")] = Field(ge=1e-3, le=1e4)
-    """m/s^2, maximum acceleration of the jack before the cruise."""
-    run_up_jerk: Annotated[float, Unit("m/s**3", "3000 m/s^3")] = Field(ge=0.1, le=1e8)
-    """m/s^3, maximum jerk of the jack before the cruise."""
+    run_up_acceleration: RunUpAcceleration | None = None
+    """m/s^2, maximum acceleration of the jack before the cruise. Without it and `run_up_jerk`, the
+    jack reaches its speed with the least jerk 2 ms before the first plectrum touches its string,
+    but within no less than half of the rise until then."""
+    run_up_jerk: RunUpJerk | None = None
+    """m/s^3, maximum jerk of the jack before the cruise; given with `run_up_acceleration` only."""
     run_down_acceleration: Annotated[float, Unit("m/s**2", "1.5 m/s^2")] = Field(ge=1e-3, le=1e4)
     """m/s^2, maximum acceleration of the jack after the cruise. If it exceeds the acceleration by
     the key's own weight, the key leaves the finger."""
@@ -105,6 +116,26 @@ class Press(Section):
     while a string is held."""
     hover: Length = Field(gt=0)
     """m, height of the fingertip above the key before and after the presses."""
+
+    @model_validator(mode="after")
+    def _run_up_is_complete(self):
+        if (self.run_up_acceleration is None) != (self.run_up_jerk is None):
+            raise ValueError(
+                "run_up_acceleration, run_up_jerk: one is given without the other; give both, or"
+                " neither to have them chosen by the jack's clearance"
+            )
+        return self
+
+    @property
+    def run_up(self) -> tuple[float, float]:
+        """Maximum acceleration [m/s^2] and jerk [m/s^3] of the jack before the cruise."""
+        if self.run_up_acceleration is not None and self.run_up_jerk is not None:
+            return self.run_up_acceleration, self.run_up_jerk
+        # Of all ramps of a duration T, two phases of constant jerk, 4 v / T^2, have the least; the
+        # ramp takes a rise of v T / 2.
+        rise = max(self._clearance - STEADY * self.jack_speed, self._clearance / 2)
+        duration = 2 * rise / self.jack_speed
+        return 2 * self.jack_speed / duration, 4 * self.jack_speed / duration**2
 
 
 class Arm(Section):
@@ -294,6 +325,12 @@ class Rig(Section):
     """Source of a value, by its dotted key."""
     daq_only: bool = Field(default=False, repr=False, exclude=True)
     """Whether the rig file had `[daq]` alone, so that every other value is the packaged rig's."""
+
+    @model_validator(mode="after")
+    def _first_contact(self):
+        jacks = [self.jack, *(choir.jack for choir in self.more_choirs or ())]
+        self.press._clearance = min(jack.string_clearance for jack in jacks)
+        return self
 
     @model_validator(mode="after")
     def _rests_on_its_back_rail(self):

@@ -271,6 +271,8 @@ def commented_rig(part: str = "", name: str = "paper", base: str = "") -> str:
             defaults are comments.
     """
     document = tomlkit.parse(named_text("paper", "sautereau.rig", "rig", RigError)[0])
+    for key in ("run_up_acceleration", "run_up_jerk"):  # chosen by the clearance of another jack
+        del document["press"][key]
     whose = f"the {part} of a rig" if part else "all quantities of a bench"
     lines = [
         *_comment(

@@ -154,7 +154,7 @@ def press_law(press: Press) -> PressLaw:
     if press.gesture is not None:
         return _gesture_law(press, press.gesture)
     speed, rise = press.jack_speed, press.jack_rise
-    up = ramp(speed, press.run_up_acceleration, press.run_up_jerk)
+    up = ramp(speed, *press.run_up)
     down = ramp(speed, press.run_down_acceleration, press.run_down_jerk)
     run_up, run_down = length(up), length(down)
     cruise = rise / speed - (run_up + run_down) / 2

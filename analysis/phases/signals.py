@@ -163,10 +163,7 @@ def _assumed(press: Press) -> tuple[Floats, ...]:
     force, key = press.samples["force"], press.rig.key
     planned = press.rig.press
     # Recordings that others made need no run-down that this arm could follow.
-    sudden = {
-        "run_down_acceleration": planned.run_up_acceleration,
-        "run_down_jerk": planned.run_up_jerk,
-    }
+    sudden = dict(zip(("run_down_acceleration", "run_down_jerk"), planned.run_up, strict=True))
     try:
         law = press_law(planned)
     except TrajectoryError:

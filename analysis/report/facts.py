@@ -156,7 +156,8 @@ def software(presses: Sequence[PressRecord]) -> list[tuple[str, str, str]]:
 
 
 def _listed(values: Mapping[str, Any], names: Iterable[str]) -> str:
-    return ", ".join(f"{name.replace('_', ' ')} {_read(values[name])}" for name in names)
+    given = [name for name in names if values.get(name) is not None]
+    return ", ".join(f"{name.replace('_', ' ')} {_read(values[name])}" for name in given)
 
 
 def _read(quantity: object) -> str:

@@ -8,7 +8,7 @@ from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.edit import edit_rig
 from sautereau.rig.errors import RigError
 from sautereau.rig.layers import Layers
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.text import commented_rig
 
 STRING = """
@@ -52,7 +52,9 @@ def test_bench_and_instrument_combine_and_the_last_one_counts(rigs, paper):
         key='name = "g4"\nbase = ["bench.toml", "instrument.toml"]\n[jack]\nmass = "7 g"\n',
     )
     assert rig.plectrum == paper.plectrum
-    assert (rig.press, rig.daq, rig.controller) == (paper.press, paper.daq, paper.controller)
+    run_up = dict.fromkeys(("press.run_up_acceleration", "press.run_up_jerk"))
+    assert rig.press == with_values(paper, run_up).press
+    assert (rig.daq, rig.controller) == (paper.daq, paper.controller)
     assert rig.jack.mass == pytest.approx(7e-3)
     assert rig.jack.tongue == paper.jack.tongue
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.timing import (
     approach_law,
@@ -21,6 +21,7 @@ from sautereau.trajectory.timing import (
 from tests.trajectory.brute_force import close, derivatives
 
 PAPER = load_rig().press
+TWO = load_rig("tests/data/spinet.toml")
 
 
 def powers(low, high):
@@ -110,6 +111,26 @@ def check_law(press):
     assert cruise.velocity == pytest.approx(press.jack_speed, rel=1e-12)
     assert np.abs(cruise.acceleration).max() < 1e-9 * press.run_up_acceleration
     return found
+
+
+@given(st.floats(0.005, 0.3), st.floats(0.3e-3, 3e-3), st.floats(0.3e-3, 3e-3))
+def test_a_run_up_that_is_not_given_ends_2_ms_before_the_first_contact(speed, first, second):
+    changed = {
+        "jack.string_clearance": f"{first} m", "press.jack_speed": f"{speed} m/s",
+        "press.run_up_acceleration": None, "press.run_up_jerk": None,
+        "more_choirs.0.jack.string_clearance": f"{second} m",
+    }  # fmt: skip
+    rig = with_values(TWO, changed)
+    contact = min(first, second)
+    acceleration, jerk = rig.press.run_up
+    law = jerk_law(ramp(speed, acceleration, jerk))
+    rise, reached, _ = law.states[-1]
+    assert reached == pytest.approx(speed)
+    assert rise == pytest.approx(max(contact - 2e-3 * speed, contact / 2))
+    # The least peak of the jerk that changes the speed by v in T is 4 v / T^2.
+    assert jerk == pytest.approx(4 * speed / law.duration**2)
+    given = rig.press.model_copy(update={"run_up_acceleration": 12.0, "run_up_jerk": 3000.0})
+    assert given.run_up == (12.0, 3000.0)
 
 
 @given(presses())
