@@ -163,7 +163,8 @@ def _assumed(press: Press) -> tuple[Floats, ...]:
     force, key = press.samples["force"], press.rig.key
     planned = press.rig.press
     # Recordings that others made need no run-down that this arm could follow.
-    sudden = dict(zip(("run_down_acceleration", "run_down_jerk"), planned.run_up, strict=True))
+    acceleration, jerk = planned.run_up
+    sudden = {"run_down_acceleration": acceleration, "run_down_jerk": jerk}
     try:
         law = press_law(planned)
     except TrajectoryError:
