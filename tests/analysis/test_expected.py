@@ -131,6 +131,7 @@ def test_choices_are_ranked_and_more_presses_are_never_worse(paper):
     )
 
 
+@pytest.mark.slow
 def test_quieter_sensors_and_priors_leave_less():
     plan = st.Rig(with_values(load_rig(), {"press.jack_speed": "0.05 m/s"})).plan()
     plain = plan.expected([INERTIA], presses=2, speeds=["0.06 m/s"])
