@@ -13,7 +13,7 @@ from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.outline.carve import Carving, Knife, carve, carving
 from sautereau.analysis.outline.measure import Edges
-from sautereau.analysis.results.predicted import OF_OUTLINE, Predicted, members, of_outline
+from sautereau.analysis.results.predicted import OF_OUTLINE, Predicted, of_outline
 from sautereau.analysis.results.predicted import quantities as quantities_of_press
 from sautereau.analysis.results.result import Result, frame_of, shown
 from sautereau.analysis.text import table
@@ -290,7 +290,7 @@ def voice(
         points,
         (at_first, predict(after, "fe")),
         SHAVING * rates / cut.shapes.max(axis=0),
-        of_outline(after, "fe") if intervals and members(after) else None,
+        of_outline(after, "fe") if intervals else None,
     )
 
 
