@@ -249,6 +249,9 @@ class String(Section):
     """Hz, fundamental frequency."""
     diameter: Length = Field(default=0.31e-3, gt=0)
     """m, diameter of the wire."""
+    inharmonicity: float = Field(default=0.0, strict=True, ge=0, le=0.01)
+    """Dimensionless, B of a string that is stiff against bending: f_n = n f sqrt(1 + B n^2). Of a
+    plain wire with Young's modulus E it is pi^3 E d^4 / (64 T L^2). Only modal strings have it."""
     name: str = ""
     """Name of its choir, which results show beside its number: `8' back`."""
 
