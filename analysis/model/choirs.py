@@ -1,7 +1,9 @@
 """The choirs of a key, each with its own jack, plectrum and string."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from types import MappingProxyType
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
@@ -86,6 +88,15 @@ def choirs(rig: Rig) -> tuple[Choir, ...]:
     return (first, *rig.more_choirs)
 
 
+def with_plectrum(rig: Rig, string: int, plectrum: Plectrum) -> Rig:
+    """Return a rig with another plectrum under one of its strings, by its number from 1."""
+    if string == 1:
+        return rig.model_copy(update={"plectrum": plectrum})
+    others = list(rig.more_choirs)
+    others[string - 2] = others[string - 2].model_copy(update={"plectrum": plectrum})
+    return rig.model_copy(update={"more_choirs": tuple(others)})
+
+
 def string_names(rig: Rig) -> tuple[str, ...]:
     """Return the names of a rig's strings: `string 1`, or `string 1 (8' back)` where named."""
     names = [choir.string.name for choir in choirs(rig)]
@@ -163,8 +174,13 @@ def ignored(rig: Rig, level: str) -> list[str]:
     return found
 
 
-def hold(rig: Rig, level: str) -> list[PlacedPluck]:
+def hold(
+    rig: Rig, level: str, solved: Mapping[int, Pluck] = MappingProxyType({})
+) -> list[PlacedPluck]:
     """Solve every choir's pluck.
+
+    Args:
+        solved: Plucks that are known already, by the number of the string.
 
     Raises:
         ModelError: A choir has no pluck, or its release lies beyond the press; names the choir.
@@ -173,7 +189,7 @@ def hold(rig: Rig, level: str) -> list[PlacedPluck]:
     for number, choir in enumerate(choirs(rig)):
         at = f"more_choirs[{number - 1}]." if number else ""
         try:
-            pluck = choir_pluck(choir, level)
+            pluck = solved.get(number + 1) or choir_pluck(choir, level)
         except ModelError as error:
             faults.append(f"{at}{error}")
             continue

@@ -172,7 +172,7 @@ def predicted(
     )
 
 
-def of_outline(rig: Rig, level: str = "auto") -> Predicted | None:
+def of_outline(rig: Rig, level: str = "auto", string: int = 1) -> Predicted | None:
     """Return the press of a photographed plectrum with the intervals; None without an ensemble.
 
     The half of an interval has two independent parts: of the photograph, Student's t times the
@@ -181,7 +181,7 @@ def of_outline(rig: Rig, level: str = "auto") -> Predicted | None:
     the outline are computed by `elastica`.
 
     Args:
-        rig: Quantities are those of its first string.
+        string: Number of the string whose quantities and material they are.
 
     Raises:
         AnalysisError: Less than nine of ten members have a pluck.
@@ -192,18 +192,17 @@ def of_outline(rig: Rig, level: str = "auto") -> Predicted | None:
     outlines = members(rig)
     if not outlines:
         return None
-    ranges = [rig.assumed.get(f"plectrum.{name}") for name in MATERIAL]
-    ends = [
-        rig.replaced({f"plectrum.{name}": end})
-        for name, own in zip(MATERIAL, ranges, strict=True)
-        for end in own or ()
-    ]
+    at = "" if string == 1 else f"more_choirs.{string - 2}."
+    keys = [f"{at}plectrum.{name}" for name in MATERIAL]
+    ends = [rig.replaced({key: end}) for key in keys for end in rig.assumed.get(key, ())]
     best = predict(rig, level)
-    value = quantities(rig, best, OF_OUTLINE)
-    of_material = np.array([_row(level, own) for own in tracked(ends)]).reshape(-1, len(value))
+    value = quantities(rig, best, OF_OUTLINE, string)
+    of_material = np.array([_row(level, own, string) for own in tracked(ends)]).reshape(
+        -1, len(value)
+    )
     # The elements of all members take a minute, and what the elastica neglects is the same in all.
     near = "elastica" if "fe" in best.level else level
-    rows = [_row(near, own) for own in tracked([rig, *outlines])]
+    rows = [_row(near, own, string) for own in tracked([rig, *outlines])]
     drawn = np.array([value * (row / rows[0]) for row in rows[1:] if np.isfinite(row).all()])
     if not np.isfinite(rows[0]).all() or len(drawn) < LEAST * len(outlines):
         raise AnalysisError(
@@ -246,18 +245,22 @@ def members(rig: Rig) -> list[Rig]:
     return found
 
 
-def _row(level: str, rig: Rig) -> Floats:
+def _row(level: str, rig: Rig, string: int) -> Floats:
     """Return `OF_OUTLINE` of a rig's press [SI]; NaN without a pluck."""
     try:
-        return quantities(rig, pressed(rig, hold(rig, level), level), OF_OUTLINE)
+        return quantities(rig, pressed(rig, hold(rig, level), level), OF_OUTLINE, string)
     except ModelError:
         return np.full(len(OF_OUTLINE), np.nan)
 
 
-def quantities(rig: Rig, press: Prediction, names: Sequence[str] = NAMES) -> Floats:
-    """Return quantities of a press [SI], of its first string."""
-    own = pluck_features(rig, press, press.choirs[0])
-    return np.array([own[n] if n in own else getattr(press, n) for n in names])
+def quantities(
+    rig: Rig, press: Prediction, names: Sequence[str] = NAMES, string: int = 1
+) -> Floats:
+    """Return quantities of a press [SI], of one of its strings by its number."""
+    choir = press.choirs[string - 1]
+    # The model's exact instants and states, and only then what a recording shows.
+    own = pluck_features(rig, press, choir) | {"peak_force": press.peak_force}
+    return np.array([getattr(choir, n) if hasattr(choir, n) else own[n] for n in names])
 
 
 class _Distribution(BaseModel):
