@@ -159,10 +159,14 @@ def ignored(rig: Rig, level: str) -> list[str]:
         best = level_of(choir.plectrum)  # pyright: ignore[reportArgumentType]
         if not described or level in (AUTO, best):
             continue
-        if not lost:
+        if level == "elastica" or not lost:
+            shape = " and ".join(name for name in described if name not in left_out)
+            bar = f"takes {at}plectrum.{shape} as that of a slender bar, which changes the force by"
+            bar = f"{bar} {SLENDER}" * bool(shape)
+            ignores = f"ignores {lost}" * bool(lost)
             found.append(
-                f"the plectrum model {level} takes {at}plectrum.{' and '.join(described)} as that"
-                f" of a slender bar, which changes the force by {SLENDER}; use the level auto"
+                f"the plectrum model {level} {' and '.join(filter(None, (ignores, bar)))}; use the"
+                " level auto"
             )
             continue
         # Its elements would take seconds, for a fraction of what is lost.

@@ -16,7 +16,7 @@ from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.model.choirs import choirs, hold, with_plectrum
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.elastica import nearest_of
-from sautereau.analysis.model.plectrum.fe.level import FE
+from sautereau.analysis.model.plectrum.fe.level import FE, elastic_of
 from sautereau.analysis.model.plectrum.profile import Profile, profile_of
 from sautereau.analysis.model.plectrum.surface import string_centre
 from sautereau.analysis.model.plectrum.table import Table
@@ -142,7 +142,7 @@ def _tables(plectrum: Plectrum, cut: Carving):
 
     profile = profile_of(plectrum)
     cuts = [np.interp(profile.x, cut.places / cut.places[-1], shape) for shape in cut.shapes.T]
-    return build_with_rates(profile, plectrum.poisson_ratio, nearest_of(plectrum), cuts)
+    return build_with_rates(profile, elastic_of(plectrum), nearest_of(plectrum), cuts)
 
 
 def _pressed(rig: Rig, string: int, table: Table) -> Prediction:

@@ -11,6 +11,7 @@ from benchmarks import calculix
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.plectrum.fe.build import DEPTH, Solver
 from sautereau.analysis.model.plectrum.fe.level import FE
+from sautereau.analysis.model.plectrum.fe.solve import Elastic
 from sautereau.analysis.model.plectrum.profile import Profile, profile_of
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.outline.carve import Knife, carving, observed
@@ -42,10 +43,10 @@ def test_derivatives_of_the_contacts_displacement_are_those_of_differences():
     def lowered(depth, cut):
         return replace(profile, bottom=profile.bottom + depth * cut)
 
-    solver = Solver(profile, 0.35, [lowered(DEPTH, cut) for cut in cuts])
+    solver = Solver(profile, Elastic(0.35), [lowered(DEPTH, cut) for cut in cuts])
     rates = solver.laws_and_rates(*at)[1:]
     for cut, rate in zip(cuts, rates, strict=True):
-        ends = [Solver(lowered(sign * 2e-4, cut), 0.35).laws(*at) for sign in (1, -1)]
+        ends = [Solver(lowered(sign * 2e-4, cut), Elastic(0.35)).laws(*at) for sign in (1, -1)]
         np.testing.assert_allclose(rate, (ends[0] - ends[1]) / 4e-4, rtol=5e-3)
 
 
