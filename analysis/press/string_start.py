@@ -29,13 +29,14 @@ NEAR = 0.5e-3  # s, between its end and the release, and between the wave and th
 PERIODS = 12  # Of the fundamental, of the window in which the partials are fitted
 HARMONICS = 16  # Most that are fitted together, so that the higher ones do not bias the first
 DETUNED = 0.03  # Largest relative deviation of the fundamental from the rig's
+QUIET = 0.1  # Largest spread of a sensor before contact, over that of the ringing string
 NODE = 0.1  # Least mode shape at a sensor that sees the mode
 
 
 def measured_start(
     channel: Channel, string: String, time: Floats, values: Floats, contact: float, release: float
 ) -> dict[str, float]:
-    """Return the quantities of `OF_START` [SI] that a sensor of a string shows; fewer if few do.
+    """Return the quantities of `OF_START` [SI] that a sensor shows; none of a string not at rest.
 
     Args:
         time: s, shape (n,).
@@ -55,6 +56,8 @@ def measured_start(
     recorded = resting.any() and time[0] < contact < release < time[-1]
     if not (recorded and np.isfinite(values).all()):
         return {}
+    if np.ptp(values[resting]) > QUIET * np.ptp(values[time > release]):
+        return {}  # it still vibrates from the last press
     seen = values - np.median(values[resting])
     if channel.quantity == "string_velocity":
         seen = np.cumsum(seen) * step

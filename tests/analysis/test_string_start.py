@@ -10,7 +10,7 @@ from sautereau.analysis.model.predict import predict
 from sautereau.analysis.model.string.string import ModalString
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.features import features
-from sautereau.analysis.press.string_start import OF_START
+from sautereau.analysis.press.string_start import OF_START, measured_start
 from sautereau.analysis.session.compare import pluck_features, predicted_means
 from sautereau.analysis.session.pooled import pooled_features
 from sautereau.rig.acquisition import OF_STRING, Channel
@@ -89,6 +89,15 @@ def test_the_model_predicts_it(made):
         if row[name] is not None:
             most = 0.08 if name == "release_velocity" else 0.04
             assert row[name] == pytest.approx(expected[name], rel=most), name
+
+
+def test_a_string_that_still_vibrates_has_no_start():
+    channel, string = with_sensor(load_rig(), "string_velocity").daq.channels[-1], load_rig().string
+    time = np.arange(0, 0.2, 2e-5)
+    swing = np.sin(2 * np.pi * 365 * time)
+    still = np.where(time < 0.07, 0.0, swing)
+    assert measured_start(channel, string, time, still, 0.05, 0.07)
+    assert measured_start(channel, string, time, swing, 0.05, 0.07) == {}
 
 
 def test_compare_sets_it_beside_the_model(made):
