@@ -157,9 +157,9 @@ def test_a_quill_is_computed_by_elements_and_others_say_what_they_ignore():
     for level in ("elastica", "beam"):
         (warning,) = predict(rig, level).warnings
         assert f"{level} ignores plectrum.shear_modulus" in warning
-    # The shear of a quill is 8 % of its deflection.
+    # Its shear adds 6 % to a small deflection, where that of an isotropic one adds 0.7 %.
     soft, plain = (plectrum_map(p, "fe").bend(4.2e-3, 0.2).z for p in (quill, PLECTRUM))
-    assert 1.04 < soft / plain < 1.15
+    assert 1.04 < soft / plain < 1.08
     with pytest.raises(ValueError, match="no stable material"):
         Plectrum.model_validate(
             {
