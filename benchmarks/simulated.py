@@ -21,6 +21,7 @@ from sautereau.sim_backend.devices.daqmx.runs import SampledRun, Wiring
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.parts import Push, Sensors
+from sautereau.sim_backend.physics.base import World
 from sautereau.sim_backend.physics.drive import LEAD, PressDrive, drive_of
 from sautereau.sim_backend.physics.events import Motions, Truth, truths
 from sautereau.sim_backend.physics.observation import Observation, observe
@@ -55,8 +56,14 @@ def sensed(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[Pr
     return press_of(recorded), truth
 
 
-def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[Recorded, Truth]:
-    """Return what the card acquires of a motion; see `simulated_press`."""
+def acquired(
+    rig: Rig, scene: Scene, seen: Observation, seed: int = 0, world: World | None = None
+) -> tuple[Recorded, Truth]:
+    """Return what the card acquires of a motion; see `simulated_press`.
+
+    Args:
+        world: Of the motion, for sensors of its strings.
+    """
     wired = scene.as_wired(rig)
     led = isinstance(drive_of(rig, scene), PressDrive)
     edge = LEAD * rig.controller.sample_period if led else 0.0
@@ -66,7 +73,8 @@ def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[
     rest = Motions(**parts) if before.any() else None
     terminals = tuple(channel.terminal for channel in wired.daq.channels)
     n = int((motions.time[-1] - edge) * rate)
-    wiring = Wiring(wired, scene, seed, FairLock())
+    modes = world.string_modes if world else None
+    wiring = Wiring(wired, scene, seed, FairLock(), modes=modes)
     run = SampledRun(wiring, TaskSetup(terminals, rate, n, None), 0, rest)
     run.trigger(edge)
     run.feed(motions)

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from sautereau.rig.errors import RigError
 from sautereau.rig.registry import SOURCES, NameIn, Registry
-from sautereau.rig.units import Current, Frequency, Section, Time, Unit, UnitBy, Voltage
+from sautereau.rig.units import Current, Frequency, Length, Section, Time, Unit, UnitBy, Voltage
 
 
 @dataclass(frozen=True)
@@ -75,15 +75,42 @@ VOLTAGE = MeasuredQuantity(
     "as the input is wired",
     "1 V/V",
 )
+STRING_DISPLACEMENT = MeasuredQuantity(
+    "string_displacement",
+    "m",
+    "displacement of a string at a place along it, from its rest",
+    "the string is above its rest",
+    "0.1 mm/V",
+)
+STRING_VELOCITY = MeasuredQuantity(
+    "string_velocity",
+    "m/s",
+    "velocity of a string at a place along it",
+    "the string moves up",
+    "1 m/s/V",
+)
+BRIDGE_FORCE = MeasuredQuantity(
+    "bridge_force",
+    "N",
+    "force of a string on the bridge, perpendicular to the soundboard, from that at rest",
+    "the string pulls up",
+    "1 N/V",
+)
 
-NAMES = ("velocity", "force", "displacement", "acceleration", "sound_pressure", "voltage")
+OF_PLACE = ("string_displacement", "string_velocity")  # Quantities of a place along a string
+OF_STRING = (*OF_PLACE, "bridge_force")  # Quantities of one string
+NAMES = (
+    *("velocity", "force", "displacement", "acceleration", "sound_pressure", "voltage"),
+    *OF_STRING,
+)
 MEASURED = Registry(
     "sautereau.measured_quantities",
     "measured quantity",
     {name: f"sautereau.rig.acquisition:{name.upper()}" for name in NAMES},
     RigError,
 )
-"""Each is a `MeasuredQuantity`. The analysis uses velocity and force; the others are recorded."""
+"""Each is a `MeasuredQuantity`. The analysis uses velocity, force and those of strings; the others
+are recorded."""
 
 
 def _scale_unit(quantity: str) -> Unit:
@@ -135,9 +162,29 @@ class Channel(Section):
     quantity: Annotated[str, NameIn(MEASURED)]
     """Measured quantity: `velocity`, `displacement` or `acceleration` of the key at the laser spot
     (`key.laser_arm`), positive downwards; `force` of the finger on the key, positive when it
-    presses; `sound_pressure`; `voltage`; or a quantity of another package."""
+    presses; `string_displacement` and `string_velocity` of a string at `place`, upwards;
+    `bridge_force` of a string; `sound_pressure`; `voltage`; or a quantity of another package."""
     scale: Annotated[float, UnitBy("quantity", MEASURED.names, _scale_unit)] = Field(gt=0)
     """Scale of the sensor: measured quantity per volt."""
+    string: int = Field(default=1, strict=True, ge=1)
+    """Number of the string, of a quantity of a string."""
+    place: Length | None = Field(default=None, gt=0)
+    """m, from the nut: where `string_displacement` or `string_velocity` is measured."""
+
+    @model_validator(mode="after")
+    def _place_on_a_string(self):
+        faults = []
+        if (self.place is None) == (self.quantity in OF_PLACE):
+            how = "give it" if self.place is None else "remove it"
+            faults.append(
+                f"place: {self.quantity} is {'' if self.place is None else 'not '}measured at a"
+                f" place along a string; {how}"
+            )
+        if self.string > 1 and self.quantity not in OF_STRING:
+            faults.append(f"string: {self.quantity} is not that of a string; remove it")
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self
 
     @model_validator(mode="after")
     def _corners_in_order(self):

@@ -167,6 +167,13 @@ class Plectrum(Section):
     """Pa, Young's modulus."""
     poisson_ratio: float = Field(strict=True, ge=0, lt=0.5)
     """Dimensionless, Poisson's ratio."""
+    transverse_modulus: Annotated[float, Unit("Pa", "1.2 GPa")] | None = Field(default=None, gt=0)
+    """Pa, Young's modulus across the length in the bending plane, of a material with fibres such as
+    a quill; `poisson_ratio` is then that of a load along the length. Default: `youngs_modulus`."""
+    shear_modulus: Annotated[float, Unit("Pa", "0.3 GPa")] | None = Field(default=None, gt=0)
+    """Pa, shear modulus in the bending plane. Default: that of an isotropic material."""
+    ageing: float = Field(default=1.0, gt=0, le=2)
+    """Dimensionless, factor by which age has changed all moduli."""
     density: Annotated[float, Unit("kg/m**3", "1247 kg/m^3")] = Field(gt=0)
     """kg/m^3, density."""
     overlap: Length = Field(gt=0)
@@ -197,6 +204,17 @@ class Plectrum(Section):
         return self
 
     @model_validator(mode="after")
+    def _stable(self):
+        across = (self.transverse_modulus or self.youngs_modulus) / self.youngs_modulus
+        if not self.poisson_ratio**2 * across < 1:
+            raise ValueError(
+                f"transverse_modulus: {across:.4g} times youngs_modulus, with a Poisson's ratio of"
+                f" {self.poisson_ratio:g}, is no stable material; lower it below"
+                f" {self.poisson_ratio**-2:.4g} times"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _one_shape(self):
         if self.outline is not None and self.tip_thickness is not None:
             raise ValueError(
@@ -207,10 +225,13 @@ class Plectrum(Section):
 
     @property
     def described(self) -> tuple[str, ...]:
-        """Names of the fields that give it another shape than a uniform section."""
+        """Names of the fields by which it is not uniform or not isotropic."""
+        fibres = ("transverse_modulus", "shear_modulus")
+        material = tuple(name for name in fibres if getattr(self, name) is not None)
         if self.outline is not None:
-            return ("outline",)
-        return ("tip_thickness",) if self.tip_thickness not in (None, self.thickness) else ()
+            return ("outline", *material)
+        stepped = self.tip_thickness not in (None, self.thickness)
+        return (*("tip_thickness",) * stepped, *material)
 
     @property
     def clamp_thickness(self) -> float:
@@ -231,9 +252,14 @@ class Plectrum(Section):
         return self.model_copy(update=sizes | {"outline": outline})
 
     @property
+    def modulus(self) -> float:
+        """Pa, Young's modulus along the length, with age."""
+        return self.ageing * self.youngs_modulus
+
+    @property
     def bending_stiffness(self) -> float:
         """N m^2, EI = E W h^3 / 12."""
-        return self.youngs_modulus * self.width * self.thickness**3 / 12
+        return self.modulus * self.width * self.thickness**3 / 12
 
 
 class String(Section):
@@ -249,6 +275,9 @@ class String(Section):
     """Hz, fundamental frequency."""
     diameter: Length = Field(default=0.31e-3, gt=0)
     """m, diameter of the wire."""
+    inharmonicity: float = Field(default=0.0, strict=True, ge=0, le=0.01)
+    """Dimensionless, B of a string that is stiff against bending: f_n = n f sqrt(1 + B n^2). Of a
+    plain wire with Young's modulus E it is pi^3 E d^4 / (64 T L^2). Only modal strings have it."""
     name: str = ""
     """Name of its choir, which results show beside its number: `8' back`."""
 

@@ -74,8 +74,8 @@ class Registry:
         close = difflib.get_close_matches(name, known, n=1)
         meant = f"did you mean {close[0]!r}? " if close else ""
         return (
-            f"{name!r} is unknown; {meant}known: {', '.join(known)}. Another package adds one by an"
-            f" entry point in the group {self.group!r}"
+            f"{name!r} is unknown; {meant}known: {', '.join(known)}. Another package adds one in"
+            f" the entry points {self.group!r}"
         )
 
     def _provided(self) -> EntryPoints:

@@ -333,6 +333,20 @@ class Rig(Section):
         return self
 
     @model_validator(mode="after")
+    def _measures_its_strings(self):
+        strings = [self.string, *(choir.string for choir in self.more_choirs or ())]
+        faults = [
+            f"daq.channels: {own.name}: string {own.string} and place"
+            f" {(own.place or 0) * 1e3:.6g} mm are not of the rig's {len(strings)} strings; correct"
+            " them"
+            for own in self.daq.channels * (not self.daq_only)
+            if own.string > len(strings) or (own.place or 0) >= strings[own.string - 1].length
+        ]
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self
+
+    @model_validator(mode="after")
     def _rests_on_its_back_rail(self):
         key, jack = self.key, self.jack
         further = sum(choir.jack.mass * choir.jack_arm for choir in self.more_choirs or ())

@@ -65,7 +65,15 @@ class Bench:
         self._closing = threading.Event()
         self._last_motion = 0.0
         self._line = BadLine(self.scene.faults, seed, self.injection.past)
-        wiring = Wiring(self.rig, self.scene, seed, self._lock, paced, lambda: self.passed)
+        wiring = Wiring(
+            self.rig,
+            self.scene,
+            seed,
+            self._lock,
+            paced,
+            lambda: self.passed,
+            self.world.string_modes,
+        )
         self.card = BenchCard(wiring, self.injection, lambda: self.world.time)
         loaded = scene.weight is not None or self.rig.arm.fixture_mass > 0
         self._load = FingertipLoad(self.rig, scene.weight, self.card.starts) if loaded else None

@@ -62,7 +62,7 @@ def numbers_of(plectrum: Plectrum) -> dict[str, float]:
     """
     profile, length = profile_of(plectrum), plectrum.length
     clamp = plectrum.clamp_thickness
-    root = plectrum.youngs_modulus * plectrum.width * clamp**3 / 12
+    root = plectrum.modulus * plectrum.width * clamp**3 / 12
 
     def integral(function: Callable[[Floats, Floats], Floats], low: float, high: float) -> float:
         """Return that of a function of place and thickness, in lengths; exact for constant h."""
@@ -80,7 +80,7 @@ def numbers_of(plectrum: Plectrum) -> dict[str, float]:
     taper = integral(lambda _, h: profile.clamp_thickness - h, 1 - TIP, 1.0) / TIP
     values = {name: getattr(plectrum, name) for name in ("length", "width", "overlap", "friction")}
     return values | {
-        "youngs_modulus": plectrum.youngs_modulus,
+        "youngs_modulus": plectrum.modulus,
         "thickness": clamp,
         "bending_stiffness": root,
         "tip_thickness": clamp - taper * length,

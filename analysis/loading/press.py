@@ -29,7 +29,7 @@ from sautereau.analysis.remark import Remark, divided
 from sautereau.daq.file.recorded import UNCHECKED
 from sautereau.daq.signals.calibration import calibration_warning, median, to_si, white_noise
 from sautereau.daq.signals.quality_flags import QualityFlag, find_quality_flags, quality_warnings
-from sautereau.rig.acquisition import Channel
+from sautereau.rig.acquisition import OF_STRING, Channel
 from sautereau.rig.instrument import Key
 from sautereau.rig.quantities import SECTIONS
 from sautereau.rig.schema import Rig
@@ -95,6 +95,9 @@ class Press:
     """The signal that was not recorded; `samples` has nothing that depends on it."""
     remarks: tuple[str, ...] = ()
     """For information: about quality flags and slight drift."""
+    string_signals: tuple[tuple[Channel, Floats], ...] = ()
+    """Signals of sensors of the strings, SI, delays and AC coupling corrected; shape (rows,)
+    each."""
 
     @cached_property
     def data(self) -> "pd.DataFrame":
@@ -168,19 +171,21 @@ def partial_press_of(recorded: "Recorded") -> Press:
     """
     channels = _analysable(recorded)
     path, rig, rate = recorded.path, recorded.rig, recorded.rate
-    lags = [channel.lag for channel in channels.values()]
+    of_strings = {c.name: c for c in rig.daq.channels if c.quantity in OF_STRING}
+    lags = [channel.lag for channel in (*channels.values(), *of_strings.values())]
     # An input sampled later than the first has a negative lag: its first row lies before its data.
     early = ceil(max(0.0, -min(lags)) * rate - 1e-9)
     rows = _rows(recorded, max(lags), early)
     start = (recorded.first_sample + early) / rate - recorded.origin
-    signals: dict[Signal, Floats] = {}
+    signals: dict[str, Floats] = {}
     marks: list[QualityFlag] = []
-    for name, channel in channels.items():
+    for name, channel in (*channels.items(), *of_strings.items()):
         volts = recorded.volts[channel.name]
         flags = find_quality_flags(volts, channel, rate, recorded.first_sample)
         lost = lost_samples(flags, channel, rate, recorded.first_sample, len(volts))
         signals[name] = without_delay(volts, lost, channel, rate, early)[:rows]
         marks += flags
+    string_signals = tuple((channel, signals.pop(name)) for name, channel in of_strings.items())
     said = [*map(Remark, map(str, recorded.gaps)), *_calibrations(recorded, *channels.values())]
     said += [] if recorded.checked else [Remark(UNCHECKED)]
     said += [Remark(text, doubt=False) for text in quality_warnings(marks)]
@@ -239,6 +244,7 @@ def partial_press_of(recorded: "Recorded") -> Press:
         warnings,
         missing,
         remarks,
+        string_signals,
     )
 
 
@@ -389,7 +395,7 @@ def _place_after(
 
 
 def _without_fixture(
-    rig: Rig, signals: Mapping[Signal, Floats], rate: float
+    rig: Rig, signals: Mapping[str, Floats], rate: float
 ) -> tuple[Floats, list[Remark]]:
     """Return the force [N] on the key, without the inertia of the fixture before the transducer.
 

@@ -182,7 +182,7 @@ def _chunk(
     b = plucking_point / string_length
     if rig.plectrum.outline is not None and shape_of:
         thickness = np.full_like(thickness, shape_of.clamp_thickness)
-    bending = v.get(DERIVED[0], modulus * width * thickness**3 / 12)
+    bending = v.get(DERIVED[0], rig.plectrum.ageing * modulus * width * thickness**3 / 12)
     stiffness = v.get(DERIVED[1], tension / (string_length * b * (1 - b)))
     ranges = {
         Status.KEY_OUT_OF_RANGE: _key_in_range(v),

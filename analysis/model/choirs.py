@@ -1,7 +1,9 @@
 """The choirs of a key, each with its own jack, plectrum and string."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from types import MappingProxyType
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
@@ -13,6 +15,7 @@ from sautereau.rig.instrument import Choir, Key, Plectrum, String
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle, rise_slope
 
+SLENDER = "0.3 to 4 %"  # As docs/model.md says: shear, and the corners of steps
 SAME_THICKNESS = 1e-3  # Relative, of an outline at the clamp and the thickness beside it
 LIFT_MAX = 1.0
 """Largest lift of a string over the distance from its plucking point to the nearer end: the string
@@ -85,6 +88,15 @@ def choirs(rig: Rig) -> tuple[Choir, ...]:
     return (first, *rig.more_choirs)
 
 
+def with_plectrum(rig: Rig, string: int, plectrum: Plectrum) -> Rig:
+    """Return a rig with another plectrum under one of its strings, by its number from 1."""
+    if string == 1:
+        return rig.model_copy(update={"plectrum": plectrum})
+    others = list(rig.more_choirs)
+    others[string - 2] = others[string - 2].model_copy(update={"plectrum": plectrum})
+    return rig.model_copy(update={"more_choirs": tuple(others)})
+
+
 def string_names(rig: Rig) -> tuple[str, ...]:
     """Return the names of a rig's strings: `string 1`, or `string 1 (8' back)` where named."""
     names = [choir.string.name for choir in choirs(rig)]
@@ -144,24 +156,35 @@ def ignored(rig: Rig, level: str) -> list[str]:
                 f" {clamped * 1e3:.4g} mm thick at the clamp; make them equal"
             )
         described = choir.plectrum.described
-        best, named = [
-            level_of(choir.plectrum, name)  # pyright: ignore[reportArgumentType]
-            for name in (AUTO, level)
-        ]
-        if not described or named == best:
+        best = level_of(choir.plectrum)  # pyright: ignore[reportArgumentType]
+        if not described or level in (AUTO, best):
             continue
-        bar = f"takes {at}plectrum.{' and '.join(described)} as that of a slender bar"
-        force, true = (float(choir_pluck(choir, name).force[-1]) for name in (level, AUTO))
+        if level == "elastica" or not lost:
+            shape = " and ".join(name for name in described if name not in left_out)
+            bar = f"takes {at}plectrum.{shape} as that of a slender bar, which changes the force by"
+            bar = f"{bar} {SLENDER}" * bool(shape)
+            ignores = f"ignores {lost}" * bool(lost)
+            found.append(
+                f"the plectrum model {level} {' and '.join(filter(None, (ignores, bar)))}; use the"
+                " level auto"
+            )
+            continue
+        # Its elements would take seconds, for a fraction of what is lost.
+        force, true = (float(choir_pluck(choir, name).force[-1]) for name in (level, "elastica"))
         found.append(
-            f"the plectrum model {level} {f'ignores {lost}' if lost else bar}: its plectrum force"
-            f" at release is {100 * (force / true - 1):+.1f} % off that of {best}; use the level"
-            " auto"
+            f"the plectrum model {level} ignores {lost}: its plectrum force at release is"
+            f" {100 * (force / true - 1):+.1f} % off that of elastica; use the level auto"
         )
     return found
 
 
-def hold(rig: Rig, level: str) -> list[PlacedPluck]:
+def hold(
+    rig: Rig, level: str, solved: Mapping[int, Pluck] = MappingProxyType({})
+) -> list[PlacedPluck]:
     """Solve every choir's pluck.
+
+    Args:
+        solved: Plucks that are known already, by the number of the string.
 
     Raises:
         ModelError: A choir has no pluck, or its release lies beyond the press; names the choir.
@@ -170,7 +193,7 @@ def hold(rig: Rig, level: str) -> list[PlacedPluck]:
     for number, choir in enumerate(choirs(rig)):
         at = f"more_choirs[{number - 1}]." if number else ""
         try:
-            pluck = choir_pluck(choir, level)
+            pluck = solved.get(number + 1) or choir_pluck(choir, level)
         except ModelError as error:
             faults.append(f"{at}{error}")
             continue

@@ -72,6 +72,7 @@ def modal_pluck(
     step: float | None = None,
     modes: int = MODES,
     decay: ArrayLike = 0.0,
+    width: float = 0.0,
 ) -> ModalPluck:
     """Push the plectrum up at the press's jack speed against a string at rest until release.
 
@@ -80,6 +81,7 @@ def modal_pluck(
             mode's period if that is less.
         modes: Number of modes that move.
         decay: 1/s, of the modes' amplitudes.
+        width: m, along the string, over which the plectrum's force is spread.
 
     Raises:
         ModelError: The level has no pluck for this rig, the step is too long, or the contact
@@ -87,8 +89,8 @@ def modal_pluck(
     """
     plectrum, static = string_map(rig.plectrum, rig.string, level), rig_pluck(rig, level)
     duration = static.release_height / rig.press.jack_speed
-    string = ModalString(rig.string, modes, decay)
-    shortest = 1 / (rig.string.frequency * modes)
+    string = ModalString(rig.string, modes, decay, width)
+    shortest = 1 / (rig.string.frequency * modes * float(string.stretch[-1]))
     if step is None:
         step = min(duration / STEPS, STEP_FRACTION * shortest)
     least, most = duration / MOST_STEPS, min(duration / 2, STEP_FRACTION_MAX * shortest)

@@ -133,7 +133,7 @@ def pressed(
     rise = np.unique(np.concatenate([np.linspace(0.0, rig.press.jack_rise, STEPS), *plucks]))
     time, moving = speed.time(rise), Motion(rise, *speed.at(rise))
     angle = key_motion(rig.key, moving)
-    forces = np.stack([_string_force(rig, h, rise, angle.position) for h in held])
+    forces = np.stack([string_force_of(rig, h, rise, angle.position) for h in held])
     all_choirs = tuple(
         plucked(
             rig,
@@ -175,7 +175,7 @@ def _rises(rig: Rig, held: PlacedPluck) -> Floats:
     return rise
 
 
-def _string_force(rig: Rig, held: PlacedPluck, rise: Floats, angle: Floats) -> Floats:
+def string_force_of(rig: Rig, held: PlacedPluck, rise: Floats, angle: Floats) -> Floats:
     """Return the force [N] of a choir's string on its jack over the first jack's rise."""
     holding = (rise > held.contact) & (rise <= held.release)
     lever = key_of(rig, held.choir)

@@ -13,12 +13,12 @@ from functools import lru_cache
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError, ModelError
-from sautereau.analysis.model.choirs import PlacedPluck, choirs, hold
+from sautereau.analysis.model.choirs import choirs, hold, with_plectrum
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.elastica import nearest_of
-from sautereau.analysis.model.plectrum.fe.level import FE
+from sautereau.analysis.model.plectrum.fe.level import FE, elastic_of
 from sautereau.analysis.model.plectrum.profile import Profile, profile_of
-from sautereau.analysis.model.plectrum.surface import StringCentre
+from sautereau.analysis.model.plectrum.surface import string_centre
 from sautereau.analysis.model.plectrum.table import Table
 from sautereau.analysis.model.pluck.pluck import solve_pluck
 from sautereau.analysis.model.predict import Prediction, pressed
@@ -107,12 +107,13 @@ def _edges(plectrum: Plectrum, places: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def observed(
-    rig: Rig, cut: Carving, depths: Floats, observe: Observe
+    rig: Rig, cut: Carving, depths: Floats, observe: Observe, string: int = 1
 ) -> tuple[Prediction, Floats, Floats]:
     """Return the press after a cut, what is observed of it, and its derivatives by the depths.
 
     Args:
         depths: m, shape (cuts,).
+        string: Number of the string whose plectrum is cut.
 
     Returns:
         The press; shape (values,); and shape (values, cuts), per m.
@@ -120,44 +121,37 @@ def observed(
     Raises:
         ModelError: The model has no pluck for the carved plectrum.
     """
-    carved = rig.model_copy(update={"plectrum": cut.applied(rig.plectrum, depths)})
-    others = hold(rig, "fe")[1:] if rig.more_choirs else []
-    base, rates = _tables(carved, cut)
-    press = _pressed(carved, base.table(), others)
+    plectrum = cut.applied(choirs(rig)[string - 1].plectrum, depths)
+    carved = with_plectrum(rig, string, plectrum)
+    base, rates = _tables(plectrum, cut)
+    press = _pressed(carved, string, base.table())
     rows = []
     for number in range(len(depths)):
         step = np.zeros(len(depths))
-        step[number] = STEP / carved.plectrum.length
+        step[number] = STEP / plectrum.length
         ends = [
-            observe(carved, _pressed(carved, rates.moved(base, sign * step).table(), others))
+            observe(carved, _pressed(carved, string, rates.moved(base, sign * step).table()))
             for sign in (1, -1)
         ]
         rows.append((ends[0] - ends[1]) / (2 * STEP))
     return press, observe(carved, press), np.array(rows).T
 
 
-def _tables(carved: Rig, cut: Carving):
+def _tables(plectrum: Plectrum, cut: Carving):
     from sautereau.analysis.model.plectrum.fe.build import build_with_rates
 
-    plectrum = carved.plectrum
     profile = profile_of(plectrum)
     cuts = [np.interp(profile.x, cut.places / cut.places[-1], shape) for shape in cut.shapes.T]
-    return build_with_rates(profile, plectrum.poisson_ratio, nearest_of(plectrum), cuts)
+    return build_with_rates(profile, elastic_of(plectrum), nearest_of(plectrum), cuts)
 
 
-def _pressed(rig: Rig, table: Table, others: list[PlacedPluck]) -> Prediction:
-    """Return the press of a rig whose first plectrum has a table."""
-    plectrum, string = rig.plectrum, rig.string
-    level = _Tabled(plectrum, table)
-    on_surface = plectrum.contact == "surface"
-    half, radius = (level.clamp_thickness / 2, string.diameter / 2) if on_surface else (0.0, 0.0)
-    centre = StringCentre(level, plectrum.overlap, half, radius)
-    pluck = solve_pluck(centre, string.static_stiffness, plectrum.overlap)
-    clearance = rig.jack.string_clearance
-    release = clearance + pluck.release_height
-    if release >= rig.press.jack_rise:
-        raise ModelError("press.jack_rise: it ends before the string is released; raise jack_rise")
-    return pressed(rig, [PlacedPluck(choirs(rig)[0], pluck, clearance, release), *others], "fe")
+def _pressed(rig: Rig, string: int, table: Table) -> Prediction:
+    """Return the press of a rig in which the plectrum of a string has a table."""
+    choir = choirs(rig)[string - 1]
+    plectrum = choir.plectrum
+    centre = string_centre(_Tabled(plectrum, table), plectrum, choir.string)
+    pluck = solve_pluck(centre, choir.string.static_stiffness, plectrum.overlap)
+    return pressed(rig, hold(rig, "fe", {string: pluck}), "fe")
 
 
 class _Tabled(FE):
@@ -171,12 +165,14 @@ class _Tabled(FE):
         return self._table
 
 
-def carve(rig: Rig, cut: Carving, observe: Observe, target: Floats) -> tuple[Floats, Floats]:
+def carve(
+    rig: Rig, cut: Carving, observe: Observe, target: Floats, string: int = 1
+) -> tuple[Floats, Floats]:
     """Return the depths [m] that bring what is observed closest to a target.
 
     Args:
-        rig: Its first string is voiced.
         target: Shape (values,), as `observe` returns them; NaN where nothing is requested.
+        string: Number of the string whose plectrum is cut.
 
     Returns:
         The depths, shape (cuts,), and the derivatives before the cut, shape (values, cuts), per m.
@@ -198,7 +194,7 @@ def carve(rig: Rig, cut: Carving, observe: Observe, target: Floats) -> tuple[Flo
     @lru_cache(maxsize=2)
     def at(depths: tuple[float, ...]) -> tuple[Floats, Floats]:
         next(steps, None)
-        return observed(rig, cut, UNIT * np.array(depths), observe)[1:]
+        return observed(rig, cut, UNIT * np.array(depths), observe, string)[1:]
 
     def residual(depths: Floats) -> Floats:
         try:

@@ -10,7 +10,9 @@ from contextlib import suppress
 import numpy as np
 
 from sautereau.analysis.loading.press import Press
+from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.press.string_start import OF_START, measured_start
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
@@ -46,6 +48,7 @@ COMPARED = (
 OF_PLUCK = (
     *("string", "string_probability", "contact", "contact_std", "release", "release_std"),
     *COMPARED,
+    *OF_START,
     "force_drop_std",
 )
 """Columns of each pluck."""
@@ -57,6 +60,7 @@ UNITS = {
         *("peak_force", "press_work", *OF_REST, "warnings"),
     )
 }
+
 """Unit of each column, in the order of the columns; those of later plucks have these units too.
 `sautereau.rig.quantities` defines the columns; times are in s after the trigger."""
 
@@ -232,7 +236,12 @@ def features(press: Press, phases: Phases) -> Row:
             "held_deflection": end - start,
             "held_work": work(*ends),
         }
-        row |= {column(name, number): found[name] for name in OF_PLUCK}
+        row |= {column(name, number): found.get(name) for name in OF_PLUCK}
+        for channel, values in press.string_signals:
+            if channel.string == held.string:
+                string = choirs(press.rig)[channel.string - 1].string
+                start = measured_start(channel, string, time, values, *ends)
+                row |= {column(name, number): value for name, value in start.items()}
     still = slice(*np.searchsorted(time, press.drift.before or (0.0, 0.0)))
     row |= {
         "peak_force": phases.peak_force,

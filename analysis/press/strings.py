@@ -19,7 +19,7 @@ from sautereau.analysis.model.modal_pluck import MODES, ModalPluck, modal_pluck
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.model.string.free import FreeString
-from sautereau.analysis.model.string.string import ModalString
+from sautereau.analysis.model.string.string import ModalString, stretch
 from sautereau.rig.instrument import Choir, String
 from sautereau.rig.schema import Rig
 
@@ -108,7 +108,8 @@ class VibratingString:
             return parts
         q, v = self.string.free(self.pluck.state, self.stilled - self.release)
         decay = self.string.decay + damper.decay
-        damped = ModalString(self.choir.string, len(self.string.order), decay)
+        width = self.choir.plectrum.width
+        damped = ModalString(self.choir.string, len(self.string.order), decay, width)
         state = type(self.pluck.state)(q[:, 0], v[:, 0])
         return [*parts, (FreeString(damped, state), self.stilled, np.inf)]
 
@@ -127,7 +128,7 @@ def string_decay(string: String, modes: int, quality: float = QUALITY) -> Floats
             f"quality: {quality:.4g} must be above 1, and is about {QUALITY:g} for a metal string;"
             " raise it"
         )
-    frequency = string.frequency * np.arange(1, modes + 1)
+    frequency = string.frequency * np.arange(1, modes + 1) * stretch(string, modes)
     layer = np.sqrt(np.pi * AIR_VISCOSITY * AIR_DENSITY * frequency)
     drag = 2 * np.pi * (AIR_VISCOSITY + string.diameter * layer)
     return drag / (2 * string.linear_density) + np.pi * frequency / quality
@@ -152,9 +153,13 @@ def vibrating_strings(
         alone = rig.model_copy(update={**parts, "more_choirs": ()})
         speed = rig_pluck(alone, level).release_height / plucked.pluck_duration
         alone = alone.replaced({"press.jack_speed": speed})
-        modes = MODES if highest is None else int(highest / choir.string.frequency)
+        modes = MODES
+        if highest is not None:
+            modes = int(highest / choir.string.frequency)
+            order = np.arange(1, modes + 1) * stretch(choir.string, modes)
+            modes = int(np.sum(order <= highest / choir.string.frequency))
         decay = string_decay(choir.string, modes, quality)
-        pluck = modal_pluck(alone, level, modes=modes, decay=decay)
+        pluck = modal_pluck(alone, level, modes=modes, decay=decay, width=choir.plectrum.width)
         found.append(
             VibratingString(choir, pluck, plucked.contact, plucked.contact + pluck.release)
         )

@@ -1,17 +1,13 @@
 """The press with its intervals: from a fit's distribution, or from a photographed outline."""
 
-import os
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
-from sautereau.analysis.campaign.workers import run_over
 from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.identify.distribution import Distribution
 from sautereau.analysis.identify.parameter_names import ENDS, split_name
@@ -35,7 +31,6 @@ if TYPE_CHECKING:
 
 DRAWS = 256  # Of the fit's distribution: the ends of an interval are within 5 % of its width
 LEAST = 0.9  # Fraction of the draws that must have a pluck, so that the interval is one of plucks
-QUICK = 0.2  # s, of one prediction, below which further processes take longer than they save
 NAMES = ("release_force", "force_drop", "work", "pluck_duration", "peak_force", "v_osc")
 """Quantities of the press that a fit predicts."""
 OF_OUTLINE: tuple[str, ...] = (
@@ -177,49 +172,46 @@ def predicted(
     )
 
 
-def of_outline(rig: Rig, level: str = "auto") -> Predicted:
-    """Return the press of a photographed plectrum with the intervals of its quantities.
+def of_outline(rig: Rig, level: str = "auto", string: int = 1) -> Predicted | None:
+    """Return the press of a photographed plectrum with the intervals; None without an ensemble.
 
     The half of an interval has two independent parts: of the photograph, Student's t times the
     standard deviation over the outline's ensemble; of the material, the change at the end of each
-    assumed range of `MATERIAL`.
+    assumed range of `MATERIAL`. At the level `fe` the ratios of the members' quantities to those of
+    the outline are computed by `elastica`.
 
     Args:
-        rig: Quantities are those of its first string.
+        string: Number of the string whose quantities and material they are.
 
     Raises:
-        AnalysisError: No outline has an ensemble, or less than nine of ten have a pluck.
+        AnalysisError: Less than nine of ten members have a pluck.
         ModelError: The model has no solution for the outline.
     """
     from scipy.special import stdtrit
 
     outlines = members(rig)
     if not outlines:
-        raise AnalysisError(
-            "predict: plectrum.outline has no ensemble, so that the press has no interval; write"
-            " the outline's file with `sautereau outline`"
-        )
-    ranges = [rig.assumed.get(f"plectrum.{name}") for name in MATERIAL]
-    ends = [
-        rig.replaced({f"plectrum.{name}": end})
-        for name, own in zip(MATERIAL, ranges, strict=True)
-        for end in own or ()
-    ]
+        return None
+    at = "" if string == 1 else f"more_choirs.{string - 2}."
+    keys = [f"{at}plectrum.{name}" for name in MATERIAL]
+    ends = [rig.replaced({key: end}) for key in keys for end in rig.assumed.get(key, ())]
     best = predict(rig, level)
-    value = quantities(rig, best, OF_OUTLINE)
-    found = quantities_over([*outlines, *ends], level)
-    drawn, of_material = (
-        np.array([row for row in part if row is not None]).reshape(-1, len(value))
-        for part in (found[: len(outlines)], found[len(outlines) :])
+    value = quantities(rig, best, OF_OUTLINE, string)
+    of_material = np.array([_row(level, own, string) for own in tracked(ends)]).reshape(
+        -1, len(value)
     )
-    if len(drawn) < LEAST * len(outlines):
+    # The elements of all members take a minute, and what the elastica neglects is the same in all.
+    near = "elastica" if "fe" in best.level else level
+    rows = [_row(near, own, string) for own in tracked([rig, *outlines])]
+    drawn = np.array([value * (row / rows[0]) for row in rows[1:] if np.isfinite(row).all()])
+    if not np.isfinite(rows[0]).all() or len(drawn) < LEAST * len(outlines):
         raise AnalysisError(
             f"predict: {len(drawn)} of {len(outlines)} outlines of the ensemble have a pluck;"
             " photograph the plectrum more sharply"
         )
     std = drawn.std(axis=0, ddof=1)
     photograph = stdtrit(len(drawn) - 1, 0.975) * std
-    change = of_material - value
+    change = np.nan_to_num(of_material - value)  # without a pluck at an end
     lower, upper = (np.sqrt(np.sum(f(change, 0) ** 2, axis=0)) for f in (np.minimum, np.maximum))
     rows = zip(
         OF_OUTLINE,
@@ -253,38 +245,22 @@ def members(rig: Rig) -> list[Rig]:
     return found
 
 
-def quantities_over(rigs: Sequence[Rig], level: str) -> list[Floats | None]:
-    """Return `OF_OUTLINE` of each rig's press [SI]; None for one without a pluck.
-
-    Every core predicts some of them, unless one takes less time than to start a process.
-    """
-    found: list[Floats | None] = [None] * len(rigs)
-    if not rigs:
-        return found
-    show = tracked(range(len(rigs)))
-    next(show)
-    start = time.process_time()
-    found[0] = _row(level, rigs[0])
-    slow = time.process_time() - start > QUICK
-    processes = min(os.cpu_count() or 1, len(rigs) - 1) if slow else 1
-    for i, row in run_over(partial(_row, level), rigs[1:], max(processes, 1)):
-        found[i + 1] = row
-        next(show, None)
-    return found
-
-
-def _row(level: str, rig: Rig) -> Floats | None:
-    """Return `OF_OUTLINE` of a rig's press [SI]; None without a pluck."""
+def _row(level: str, rig: Rig, string: int) -> Floats:
+    """Return `OF_OUTLINE` of a rig's press [SI]; NaN without a pluck."""
     try:
-        return quantities(rig, pressed(rig, hold(rig, level), level), OF_OUTLINE)
+        return quantities(rig, pressed(rig, hold(rig, level), level), OF_OUTLINE, string)
     except ModelError:
-        return None
+        return np.full(len(OF_OUTLINE), np.nan)
 
 
-def quantities(rig: Rig, press: Prediction, names: Sequence[str] = NAMES) -> Floats:
-    """Return quantities of a press [SI], of its first string."""
-    own = pluck_features(rig, press, press.choirs[0])
-    return np.array([own[n] if n in own else getattr(press, n) for n in names])
+def quantities(
+    rig: Rig, press: Prediction, names: Sequence[str] = NAMES, string: int = 1
+) -> Floats:
+    """Return quantities of a press [SI], of one of its strings by its number."""
+    choir = press.choirs[string - 1]
+    # The model's exact instants and states, and only then what a recording shows.
+    own = pluck_features(rig, press, choir) | {"peak_force": press.peak_force}
+    return np.array([getattr(choir, n) if hasattr(choir, n) else own[n] for n in names])
 
 
 class _Distribution(BaseModel):

@@ -107,9 +107,9 @@ class Prediction(Result):
         Raises:
             AnalysisError: Less than nine of ten outlines of the ensemble have a pluck.
         """
-        from sautereau.analysis.results.predicted import members, of_outline
+        from sautereau.analysis.results.predicted import of_outline
 
-        return of_outline(self.rig, level) if members(self.rig) else None
+        return of_outline(self.rig, level)
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the motion and the forces over the time in s after the jack leaves rest."""

@@ -5,6 +5,10 @@ quantity at a key is a straight line of its logarithm over the nearest keys, an 
 the repeated medians of Siegel (1982), which a few uneven keys do not move. A key deviates by its
 ratio to that trend. It is an outlier if the modified z-score of its deviation, from the median
 absolute deviation, is above 3.5 (Iglewicz and Hoaglin, 1993), and fingers can feel it.
+
+In the touch a plectrum's cut is mixed with its overlap and thickness, so that the thickness of the
+tip is a quantity of its own: of 24 plectra cut twice as deep as their neighbours it finds all, and
+the touch 15.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,8 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sautereau.analysis.campaign.shape import numbers_of
 from sautereau.analysis.campaign.workers import Where, run_over
 from sautereau.analysis.errors import AnalysisError, ModelError
+from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.press.features import Row, by_string, column
 from sautereau.analysis.results.result import Result, frame_of, shown
@@ -36,7 +42,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TOUCH = ("release_force", "force_drop", "force_slope", "held_work", "release_rise")
-"""Quantities of a pluck that a recording has too; those whose evenness is computed."""
+"""Quantities of a pluck that a recording has too."""
+EVEN = (*TOUCH, "plectrum_tip_thickness")  # Quantities whose evenness is computed
 START = ("release_lift", "release_angle", "v_osc")  # State of the string and plectrum at release
 HEAD = 13  # Columns of a head of the table, so that it fits into a terminal
 OCTAVE = 13  # Nearest keys of which the trend at a key is, itself included
@@ -55,7 +62,7 @@ class Touched:
     key: str
     string: int
     predicted: dict[str, float]
-    """By the names of `TOUCH` and `START`, SI; empty if the model has no solution."""
+    """By the names of `EVEN` and `START`, SI; empty if the model has no solution."""
     measured: dict[str, Mean]
     """By the names of `TOUCH`, SI, over the presses of its recordings; empty without any."""
 
@@ -102,7 +109,7 @@ class Survey(Result):
     @property
     def document(self) -> dict[str, Any]:
         """The keys and their evenness as JSON; SI units."""
-        names = (*TOUCH, *START)
+        names = (*EVEN, *START)
         return {
             "simulated": self.simulated,
             "units": {name: QUANTITIES[name].unit for name in names},
@@ -139,7 +146,7 @@ class Survey(Result):
         deviations = {(e.string, e.name, e.source): e.deviations for e in self.evenness}
         rows = []
         for each in self.keys:
-            for name in (*TOUCH, *START):
+            for name in (*EVEN, *START):
                 own = [
                     deviations.get((each.string, name, s), {}) for s in ("predicted", "measured")
                 ]
@@ -149,7 +156,7 @@ class Survey(Result):
                 rows.append((each.key, each.string, name, *found))
         columns = ("key", "string", "name", "predicted", "measured", "low", "high",
                    "predicted_deviation", "measured_deviation")  # fmt: skip
-        units = {name: QUANTITIES[name].unit for name in (*TOUCH, *START)}
+        units = {name: QUANTITIES[name].unit for name in (*EVEN, *START)}
         return frame_of(rows, columns, ["key", "string", "name"], units)
 
     def plot(self) -> "Figure":
@@ -158,10 +165,10 @@ class Survey(Result):
 
         from sautereau.analysis.figures.palette import GRID, MARKERS, SERIES
 
-        figure = Figure(figsize=(12, 2.6 * len(TOUCH)), layout="constrained")
+        figure = Figure(figsize=(12, 2.6 * len(EVEN)), layout="constrained")
         order = list(dict.fromkeys(each.key for each in self.keys))
         panels: dict[str, Axes] = dict(
-            zip(TOUCH, figure.subplots(len(TOUCH), 1, sharex=True), strict=True)
+            zip(EVEN, figure.subplots(len(EVEN), 1, sharex=True), strict=True)
         )
         for number, ((string, source), found) in enumerate(self._series().items()):
             colour, marker = SERIES[number % len(SERIES)], MARKERS[number % len(MARKERS)]
@@ -180,7 +187,7 @@ class Survey(Result):
             axes.set_ylabel(QUANTITIES[name].title(QUANTITIES[name].displayed[1]), fontsize=8)
             axes.grid(color=GRID, lw=0.7)
         panels[TOUCH[0]].legend(frameon=False, fontsize=8, ncols=4)
-        panels[TOUCH[-1]].set_xticks(range(len(order)), order, rotation=90, fontsize=7)
+        panels[EVEN[-1]].set_xticks(range(len(order)), order, rotation=90, fontsize=7)
         figure.suptitle("SIMULATED: " * self.simulated + repr(self).strip("<>"))
         return shown(figure)
 
@@ -225,7 +232,7 @@ def survey(
         _evenness({order[e.key]: e for e in own}, name, string, source)
         for string in sorted({each.string for each in rows})
         for source in ("predicted", "measured")
-        for name in TOUCH
+        for name in EVEN
         if (own := [e for e in rows if e.string == string and e.values(source).get(name, 0) > 0])
     ]
     simulated = any(row["simulated"] for row, _ in presses if row)
@@ -249,8 +256,9 @@ def _predicted(rig: Rig, level: str) -> tuple[list[dict[str, float]] | None, str
         return None, str(error)
     return [
         {name: pluck_features(rig, found, choir)[name] for name in TOUCH}
+        | {"plectrum_tip_thickness": numbers_of(own.plectrum)["tip_thickness"]}
         | {name: getattr(choir, name) for name in START}
-        for choir in found.choirs
+        for own, choir in zip(choirs(rig), found.choirs, strict=True)
     ], ""
 
 

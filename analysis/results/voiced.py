@@ -8,19 +8,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.model.choirs import ChoirPluck, choirs, string_names, with_plectrum
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.outline.carve import Carving, Knife, carve, carving
 from sautereau.analysis.outline.measure import Edges
-from sautereau.analysis.results.predicted import OF_OUTLINE, Predicted, members, of_outline
+from sautereau.analysis.results.predicted import OF_OUTLINE, Predicted, of_outline
 from sautereau.analysis.results.predicted import quantities as quantities_of_press
 from sautereau.analysis.results.result import Result, frame_of, shown
 from sautereau.analysis.text import table
 from sautereau.rig.csv_files import read_columns
 from sautereau.rig.disk import write_durably
 from sautereau.rig.faults import fault_list
-from sautereau.rig.instrument import OutlineMember, String
+from sautereau.rig.instrument import Choir, OutlineMember, String
 from sautereau.rig.outline import outline_text
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
@@ -50,6 +51,8 @@ class Voiced(Result):
     """m, of the cuts, shape (cuts,)."""
     targets: dict[str, float]
     """SI, by quantity."""
+    string: int
+    """Number of the string whose plectrum is cut."""
     curve: Floats | None
     """Requested key deflection since contact [m] and finger force [N], shape (n, 2)."""
     presses: tuple[Prediction, Prediction]
@@ -71,7 +74,10 @@ class Voiced(Result):
     def values(self) -> Floats:
         """`OF_OUTLINE` before and after, SI, shape (2, quantities)."""
         both = zip((self.before, self.after), self.presses, strict=True)
-        return np.array([quantities_of_press(*own, OF_OUTLINE) for own in both])
+        return np.array([quantities_of_press(*own, OF_OUTLINE, self.string) for own in both])
+
+    def _choir(self, rig: Rig) -> Choir:
+        return choirs(rig)[self.string - 1]
 
     @property
     def warnings(self) -> list[str]:
@@ -93,7 +99,8 @@ class Voiced(Result):
         """x, thickness before, depth and thickness after [m], shape (`STATIONS`, 4)."""
         x = np.linspace(0.0, self.cut.places[-1], STATIONS)
         depth = np.interp(x, self.cut.places, self.cut.shapes @ self.depths)
-        profile, length = profile_of(self.before.plectrum), self.before.plectrum.length
+        plectrum = self._choir(self.before).plectrum
+        profile, length = profile_of(plectrum), plectrum.length
         top, bottom = profile.edges(x / length)
         thick = (top - bottom) * length
         return np.column_stack([x, thick, depth, thick - depth])
@@ -109,6 +116,7 @@ class Voiced(Result):
         names = ("x", "thickness", "depth", "thickness_after")
         before, after = (dict(zip(OF_OUTLINE, row, strict=True)) for row in self.values.tolist())
         return {
+            "string": self.string,
             "targets": self.targets,
             "before": before,
             "after": after,
@@ -138,9 +146,10 @@ class Voiced(Result):
         ]
         for x, row in zip(self.places, self.sensitivities.T, strict=True):
             feel.append((f"{(end - x) * 1e3:.2f} mm", *(f"{100 * v:+.2f}" for v in row), "%"))
+        of = f", {string_names(self.before)[self.string - 1]}" * bool(self.before.more_choirs)
         return [
-            f"rig {self.before.name}: take from the underside, {self.deepest * 1e3:.3g} mm at the"
-            " deepest:",
+            f"rig {self.before.name}{of}: take from the underside, {self.deepest * 1e3:.3g} mm at"
+            " the deepest:",
             *table(rows, left=(4,), indent=2),
             "the press, plectrum model fe:",
             *table(values, left=(0, 4), indent=2),
@@ -157,7 +166,7 @@ class Voiced(Result):
 
     def write(self, path: Path) -> None:
         """Write the carved outline, and its ensemble, as a rig file names it."""
-        own = self.after.plectrum
+        own = self._choir(self.after).plectrum
         contours = [
             Edges(*map(np.array, (o.x, o.top, o.bottom))).contour
             for o in (own.outline, *(e.outline for e in own.ensemble))
@@ -178,13 +187,14 @@ class Voiced(Result):
         for rig, press, (colour, dashes, name) in zip(
             (self.before, self.after), self.presses, styles, strict=True
         ):
-            profile, length = profile_of(rig.plectrum), rig.plectrum.length
+            choir = self._choir(rig)
+            profile, length = profile_of(choir.plectrum), choir.plectrum.length
             top, bottom = (edge * length * 1e3 for edge in profile.edges(fine / length))
             ring = np.r_[fine, fine[::-1]] * 1e3, np.r_[top, bottom[::-1]]
             axes["A"].plot(*ring, color=colour, ls=dashes, label=name)
-            deflection, force = press.from_contact(5e-3)
+            deflection, force = press.from_contact(5e-3, self.string)
             axes["B"].plot(deflection * 1e3, force, color=colour, ls=dashes, label=name)
-            time, shape, bridge = _string(rig.string, press)
+            time, shape, bridge = _string(choir.string, press.choirs[self.string - 1])
             axes["D"].plot(*shape, color=colour, ls=dashes, label=name)
             axes["C"].plot(time * 1e3, bridge, color=colour, ls=dashes, label=name)
             if name == "before":
@@ -206,12 +216,12 @@ class Voiced(Result):
         return shown(figure)
 
 
-def _string(string: String, press: Prediction) -> tuple[Floats, tuple[Floats, Floats], Floats]:
+def _string(string: String, press: ChoirPluck) -> tuple[Floats, tuple[Floats, Floats], Floats]:
     """Return time [s], the string's shape at release [mm], and its force on the bridge [N]."""
     from sautereau.analysis.model.string.free import FreeString
     from sautereau.analysis.model.string.string import ModalState, ModalString
 
-    released = press.choirs[0].released_string
+    released = press.released_string
     modal = ModalString(string, MODES)
     # A point force holds the string; it moves likewise, along the triangle of that shape.
     static = modal.shape * string.static_stiffness / (modal.mass * modal.omega**2)
@@ -228,32 +238,39 @@ def voice(
     rig: Rig,
     targets: Sequence[str] = (),
     *,
+    string: int = 1,
     like: Rig | None = None,
     curve: Path | None = None,
     knife: Knife | None = None,
     intervals: bool = True,
 ) -> Voiced:
-    """Return where to carve the plectrum of a rig's first string.
+    """Return where to carve the plectrum of a rig's string.
 
     Args:
+        string: Number of the string.
         targets: Quantities of `OF_OUTLINE` with values: "force_drop 0.45 N".
-        like: Another key, whose force drop and work are requested.
+        like: Another key, whose force drop and work on the same string are requested.
         curve: CSV file of a requested force: deflection [mm] since contact, force [N].
         knife: What can be cut.
         intervals: Whether to predict the intervals that a photograph's ensemble leaves.
 
     Raises:
-        AnalysisError: No target or a faulty one is given, one lies above the present value, or
-            nothing can be cut.
+        AnalysisError: The rig has no such string, no target or a faulty one is given, one lies
+            above the present value, or nothing can be cut.
         ModelError: The plectrum has no pluck before it is cut.
         RigError: The curve's file is faulty.
     """
-    cut = carving(rig.plectrum, knife or Knife())
+    if (fault := _no_string(rig, string)) or (fault := like and _no_string(like, string)):
+        raise AnalysisError(f"voice: {fault}")
+    plectrum = choirs(rig)[string - 1].plectrum
+    cut = carving(plectrum, knife or Knife())
     at_first = predict(rig, "fe")
-    present = dict(zip(OF_OUTLINE, quantities_of_press(rig, at_first, OF_OUTLINE), strict=True))
+    present = dict(
+        zip(OF_OUTLINE, quantities_of_press(rig, at_first, OF_OUTLINE, string), strict=True)
+    )
     wanted = _targets(targets, present)
     if like is not None:
-        of_like = quantities_of_press(like, predict(like), OF_KEY)
+        of_like = quantities_of_press(like, predict(like), OF_KEY, string)
         wanted |= dict(zip(OF_KEY, map(float, of_like), strict=True))
     points = None if curve is None else _curve(curve)
     if not wanted and points is None:
@@ -263,34 +280,43 @@ def voice(
     force_unit = 1.0 if points is None else float(points[:, 1].max()) * len(points) ** 0.5
 
     def observe(own: Rig, press: Prediction) -> Floats:
-        values = np.log(quantities_of_press(own, press, OF_OUTLINE))
+        values = np.log(quantities_of_press(own, press, OF_OUTLINE, string))
         if points is None:
             return values
-        deflection, force = press.from_contact(0.0)
+        deflection, force = press.from_contact(0.0, string)
         return np.r_[values, np.interp(points[:, 0], deflection, force) / force_unit]
 
     aim = np.log([wanted.get(name, np.nan) for name in OF_OUTLINE])
     if points is not None:
         aim = np.r_[aim, points[:, 1] / force_unit]
-    depths, rates = carve(rig, cut, observe, aim)
+    depths, rates = carve(rig, cut, observe, aim, string)
     rates = rates[[OF_OUTLINE.index(name) for name in SENSITIVE]]
-    carved = cut.applied(rig.plectrum, depths)
-    others = [cut.applied(own, depths).outline for own in rig.plectrum.ensemble]
+    carved = cut.applied(plectrum, depths)
+    others = [cut.applied(own, depths).outline for own in plectrum.ensemble]
     if others and carved.outline:
         kept = [{n: getattr(o, n) for n in ("x", "top", "bottom")} for o in others]
         ensemble = tuple(OutlineMember.model_construct(**own) for own in kept)
         carved = carved.outlined(carved.outline.model_copy(update={"ensemble": ensemble}))
-    after = rig.model_copy(update={"plectrum": carved})
+    after = with_plectrum(rig, string, carved)
     return Voiced(
         rig,
         after,
         cut,
         depths,
         wanted,
+        string,
         points,
         (at_first, predict(after, "fe")),
         SHAVING * rates / cut.shapes.max(axis=0),
-        of_outline(after, "fe") if intervals and members(after) else None,
+        of_outline(after, "fe", string) if intervals else None,
+    )
+
+
+def _no_string(rig: Rig, string: int) -> str:
+    """Return what is wrong with the number of a string; empty if nothing is."""
+    count = 1 + len(rig.more_choirs)
+    return (
+        "" if 1 <= string <= count else f"string {string}: rig {rig.name} has {count}; correct it"
     )
 
 

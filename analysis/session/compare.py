@@ -12,10 +12,11 @@ from typing import Literal
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.model.choirs import ChoirPluck
+from sautereau.analysis.model.choirs import ChoirPluck, choirs
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import Row, column, work_along
+from sautereau.analysis.press.string_start import predicted_start
 from sautereau.analysis.session.budget import Budget, Contribution, budget
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
@@ -284,14 +285,17 @@ def predicted_means(
 
 
 def pluck_features(rig: Rig, prediction: Prediction, choir: ChoirPluck) -> dict[str, float]:
-    """Return the features of one predicted pluck [SI], by the names of `COMPARED`."""
+    """Return the features of one predicted pluck [SI], by `COMPARED` and `OF_START`."""
     held = held_steps(choir)
     force, deflection = prediction.finger_force[held], prediction.deflection[held]
     slope, _ = predicted_features(prediction, choir)
     after = prediction.finger_force[min(held.stop, len(prediction.finger_force) - 1)]
     travel = deflection * rig.key.press_arm / rig.key.laser_arm
     rise = prediction.rise[held]
+    number = next(k for k, own in enumerate(prediction.choirs) if own is choir)
+    string = choirs(rig)[number].string
     return {
+        **predicted_start(string, choir, prediction.time),
         "pluck_duration": choir.pluck_duration,
         "contact_rise": float(rise[0]),
         "release_rise": float(rise[-1]),

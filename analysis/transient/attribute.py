@@ -226,7 +226,7 @@ def held_frequencies(choir: Choir, highest: float) -> Floats:
     string, plectrum = choir.string, choir.plectrum
     section = plectrum.width * plectrum.thickness**3 / 12
     length = plectrum.length - plectrum.overlap
-    stiffness = 3 * plectrum.youngs_modulus * section / length**3
+    stiffness = 3 * plectrum.modulus * section / length**3
     whole, part = string.length, string.plucking_point
 
     def condition(frequency: float) -> float:

@@ -4,6 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from cyclopts import Parameter
+
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, json_text, save_plot
 
@@ -161,6 +163,9 @@ def predict(
     *,
     fit: Path | None = None,
     level: common.Level = "auto",
+    force_map: Annotated[
+        common.OutFile | None, Parameter("--map"), common.written_as(".csv", ".h5")
+    ] = None,
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:
@@ -174,10 +179,23 @@ def predict(
     fit
         JSON of identify: predict with its values, and with the intervals that their uncertainties
         cause. The plot shows the distributions.
+    force_map
+        File for the finger force over travel and speed, while the key goes down and while it comes
+        back, as a haptic key needs it (.csv, .h5). The plot shows it.
     """
+    from sautereau.analysis.results.force_map import force_map as mapped
     from sautereau.analysis.results.predicted import predicted, read_distribution
     from sautereau.analysis.results.rig import Rig
 
+    if fit and force_map:
+        return output.fail("--fit and --map exclude each other; give one of them", 2)
+    if force_map:
+        with output.progress("predicting"):
+            found = mapped(Rig(rig).values, level)
+        found.write(force_map)
+        if plot:
+            save_plot(plot, found.plot())
+        return output.answer(found.document, [*found.lines(), f"map: {force_map}"], plot)
     if fit:
         with output.progress("predicting"):
             own = predicted(Rig(rig).values, *read_distribution(fit), level=level)

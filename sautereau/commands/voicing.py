@@ -77,6 +77,7 @@ def voice(
     target: list[str] | None = None,
     like: Annotated[str | None, "RIG"] = None,
     curve: Path | None = None,
+    string: common.Count = 1,
     least: str = "0.12 mm",
     most: str = "0.25 mm",
     stroke: str = "1 mm",
@@ -97,9 +98,11 @@ def voice(
         release_force, force_drop, force_slope, work, pluck_duration, plectrum_force,
         release_angle, release_lift, v_osc.
     like
-        Rig of another key, whose force drop and work are requested.
+        Rig of another key, whose force drop and work on the same string are requested.
     curve
         CSV file of a requested finger force: deflection [mm] since contact, force [N].
+    string
+        Number of the string whose plectrum is carved.
     least
         Least thickness that remains.
     most
@@ -123,7 +126,14 @@ def voice(
         raise UsageError(f"--least, --most, --stroke: {error}") from error
     other = common.load_rig(like) if like else None
     with output.progress("carving"):
-        found = voiced(common.load_rig(rig), target or (), like=other, curve=curve, knife=knife)
+        found = voiced(
+            common.load_rig(rig),
+            target or (),
+            string=string,
+            like=other,
+            curve=curve,
+            knife=knife,
+        )
     return _answer(found, out, plot, output)
 
 

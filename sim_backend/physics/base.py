@@ -3,11 +3,14 @@
 import math
 from abc import ABC, abstractmethod
 
+from sautereau.analysis.model.string.string import ModalState
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, PluckEvents
 from sautereau.sim_backend.physics.finger import Finger, Reference
 from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.motion import Floats
 
 LARGEST_ANGLE = 1.2  # rad, of the key, above which the simulation is stopped
 TURNED_OVER = (
@@ -60,6 +63,17 @@ class World(ABC):
         Raises:
             SceneError: The simulation diverged.
         """
+
+    def string_modes(self, number: int, times: Floats) -> ModalState:
+        """Return the upward motion of a string's modes at past times [s], shape (n, modes) each.
+
+        Args:
+            number: Of the string, from 1; a channel of the rig measures it.
+
+        Raises:
+            SceneError: The scene's strings do not vibrate.
+        """
+        raise SceneError(f"string {number}: the scene's strings do not vibrate")
 
     @abstractmethod
     def play(self, drive: Drive) -> Motions:

@@ -1,5 +1,6 @@
 """The world of a scene, by its engine."""
 
+from sautereau.rig.acquisition import OF_STRING
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.base import World
@@ -25,6 +26,12 @@ def new_world(rig: Rig, scene: Scene, start: tuple[float, float] | None = None) 
         raise SceneError(
             f"scene: {', '.join(auto)} is left to the accuracy of {scene.accuracy}; choose it first"
             " with `sautereau.sim_backend.trade.select.select_solver`"
+        )
+    of_strings = [own.name for own in rig.daq.channels if own.quantity in OF_STRING]
+    if of_strings and scene.string != "modal":
+        raise SceneError(
+            f"daq.channels: {', '.join(of_strings)}: a scene with string = {scene.string!r} has no"
+            ' vibrating string to measure; give it string = "modal", or remove the channels'
         )
     if scene.engine == "exact":
         from sautereau.sim_backend.physics.exact_world import ExactWorld

@@ -1,6 +1,6 @@
 """The sensor chain of one channel: from the measured quantity to volts at the terminal block."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +30,9 @@ class Converter:
 
 IDEAL_CONVERTER = Converter(range=10.0, bits=24)
 """Converter of the ideal card, if the scene has sensors."""
+
+
+Function = Callable[[Floats], Floats]
 
 
 class Signal:
@@ -67,6 +70,7 @@ class SensorChain:
         converter: Of the card; None for an ideal card.
         transducer: Its resonance; None for a sensor without one.
         reversed_sign: Whether its output has the opposite sign.
+        function: Of the input, to which it is applied before all else; None for the input itself.
     """
 
     def __init__(
@@ -81,10 +85,11 @@ class SensorChain:
         converter: Converter | None = None,
         transducer: Transducer | None = None,
         reversed_sign: bool = False,
+        function: Function | None = None,
     ):
         self.channel = channel
         self._scale = -channel.scale if reversed_sign else channel.scale
-        self._sensors = sensors
+        self._sensors, self._function = sensors, function
         self.rate = rate
         self.input = Signal(rest)
         self._random = random
@@ -104,6 +109,7 @@ class SensorChain:
             return np.zeros(0)
         times = np.arange(first, first + n) / self.rate - self._lag
         value = self.input.at(times - self.channel.delay)
+        value = value if self._function is None else self._function(value)
         value, self._state = signal.lfilter(*self._resonance, value, zi=self._state)
         for disturbance in self._disturbances:
             value = disturbance.disturb(times, value)

@@ -8,6 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.random import Generator
 
+from sautereau.analysis.model.string.string import ModalState, ModalString
+from sautereau.rig.acquisition import OF_STRING
 from sautereau.rig.registry import Registry
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
@@ -46,6 +48,9 @@ class SimulatedQuantity:
     """Whether it may be nonzero before the trigger, as a force; else the sensor starts from 0."""
     on_transducer: bool = False
     """Whether the scene's resonance of the force transducer shows in it."""
+    of_string: Callable[[ModalString, ModalState, float | None], Floats] | None = None
+    """Returns the quantity of a string from the motion of its modes at n times, shape (n,), and the
+    channel's `place`; `source` is then the simulated time."""
 
 
 class DropOuts:
@@ -186,6 +191,26 @@ DISPLACEMENT = SimulatedQuantity(
 
 ACCELERATION = SimulatedQuantity(source=Acceleration)  # Acceleration of the key's front [m/s^2]
 
+
+def _time(rig: Rig) -> Source:
+    return lambda motions: motions.time
+
+
+STRING_DISPLACEMENT = SimulatedQuantity(
+    _time, static=True, of_string=lambda string, modes, place: string.displacement(modes.q, place)
+)
+"""Displacement of a string [m], upwards."""
+
+STRING_VELOCITY = SimulatedQuantity(
+    _time, static=True, of_string=lambda string, modes, place: string.displacement(modes.v, place)
+)
+"""Velocity of a string [m/s], upwards."""
+
+BRIDGE_FORCE = SimulatedQuantity(
+    _time, static=True, of_string=lambda string, modes, place: string.bridge_force(modes.q)
+)
+"""Force of a string on the bridge [N], upwards."""
+
 SILENT = SimulatedQuantity(source=lambda rig: lambda motions: np.zeros(len(motions.time)))
 """A sensor of something that the stand-in does not simulate, such as sound: its output is 0."""
 
@@ -201,6 +226,7 @@ SIMULATED = Registry(
             ("acceleration", "ACCELERATION"),
             ("sound_pressure", "SILENT"),
             ("voltage", "SILENT"),
+            *((name, name.upper()) for name in OF_STRING),
         )
     },
     SceneError,

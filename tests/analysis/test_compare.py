@@ -13,6 +13,7 @@ from sautereau.analysis.model.predict import predict
 from sautereau.analysis.model.speed import JackSpeed
 from sautereau.analysis.phases import HeldString, Phases, find_phases
 from sautereau.analysis.press.features import COMPARED
+from sautereau.analysis.press.string_start import OF_START
 from sautereau.analysis.session.analysed import jack_speeds
 from sautereau.analysis.session.compare import (
     Mean,
@@ -236,7 +237,7 @@ def test_every_feature_is_compared_with_the_models(paper, prediction):
     predicted = pluck_features(paper, prediction, prediction.choirs[0])
     rows = [features_of(predicted, share) for share in (-0.1, 0.0, 0.1)]
     found = pooled(rows, paper, [prediction] * len(rows))
-    assert set(found) == set(COMPARED)
+    assert set(found) == {*COMPARED, *OF_START}
     for name, feature in found.items():
         assert feature.predicted == pytest.approx(predicted[name], rel=1e-12)
         assert feature.presses == 3

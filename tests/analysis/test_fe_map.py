@@ -9,6 +9,7 @@ from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.plectrum.fe import cache
 from sautereau.analysis.model.plectrum.fe.build import Solver
 from sautereau.analysis.model.plectrum.fe.level import FE
+from sautereau.analysis.model.plectrum.fe.solve import Elastic
 from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.analysis.model.plectrum.tapered import samples
 from sautereau.analysis.model.pluck.paths import Status
@@ -59,7 +60,7 @@ def uniform(folder):
 
 def check_against_the_elements(plectrum, places):
     """Compare the map with solutions at places and loads that it was not fitted to."""
-    found, solver = FE(plectrum), Solver(profile_of(plectrum), 0.35)
+    found, solver = FE(plectrum), Solver(profile_of(plectrum), Elastic(0.35))
     random = np.random.default_rng(3)
     unit = plectrum.length
     for s in (unit - plectrum.overlap, *(unit * random.uniform(0.86, 1, places)), unit):

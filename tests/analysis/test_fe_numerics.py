@@ -12,7 +12,7 @@ from skfem.refdom import RefQuad
 
 from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
 from sautereau.analysis.model.plectrum.fe.mesh import grid_between, plectrum_grid
-from sautereau.analysis.model.plectrum.fe.solve import Body, iterates, rate, solve_loads
+from sautereau.analysis.model.plectrum.fe.solve import Body, Elastic, iterates, rate, solve_loads
 from sautereau.analysis.model.plectrum.profile import Profile
 
 NU = 0.35
@@ -25,7 +25,7 @@ LOAD = 1.5e-4  # E W L, which turns `CARVED` by half a radian
 
 @pytest.fixture(scope="module")
 def body():
-    return Body(plectrum_grid(CARVED, 20, 2), NU)
+    return Body(plectrum_grid(CARVED, 20, 2), Elastic(NU))
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +135,7 @@ def test_a_mirrored_outline_loaded_from_below_bends_up():
     mirrored = Profile(CARVED.x, -CARVED.bottom, -CARVED.top)
     found = []
     for profile, side in ((CARVED, "top"), (mirrored, "bottom")):
-        body = Body(plectrum_grid(profile, 20, 2), NU)
+        body = Body(plectrum_grid(profile, 20, 2), Elastic(NU))
         patch = patch_at(body.grid, 0.9, profile.patch, 0.1, side)
         u = solve_loads(body, patch, [LOAD])[0]
         section = section_at(body.grid, 0.9)
@@ -178,7 +178,7 @@ def test_convergence_at_the_rate_of_the_element():
 
     errors = []
     for count in (4, 8, 16):
-        body = Body(grid_between(trapezoid, np.linspace(0, 1, count + 1), count // 2), NU)
+        body = Body(grid_between(trapezoid, np.linspace(0, 1, count + 1), count // 2), Elastic(NU))
         grid = body.grid
         places = np.einsum("aq,eai->eqi", shapes, grid.nodes[grid.cells])
         h = slope(*np.moveaxis(places, -1, 0))

@@ -8,6 +8,7 @@ import pytest
 
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.features import UNITS, features, gain_stds, std_of
+from sautereau.analysis.press.string_start import OF_START
 from sautereau.rig.load import with_values
 
 
@@ -21,8 +22,8 @@ def found(make_press):
 def test_a_row_has_a_column_for_every_unit(found):
     *_, row = found
     assert set(row) == set(UNITS)
-    optional = ("bottomed", "returned", "held_speed_error", "rest_force")
-    # It has no planned motion, and the rest before it is too short.
+    optional = ("bottomed", "returned", "held_speed_error", "rest_force", *OF_START)
+    # It has no planned motion and no sensor of the string, and the rest before it is too short.
     assert None not in {row[name] for name in row if name not in optional}
     json.dumps(row, allow_nan=False)
 

@@ -12,6 +12,7 @@ from sautereau.analysis.loading.press import SIGNALS, partial_press_of, press_of
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.one_signal import find_partial_phases
 from sautereau.analysis.press.features import NEED, UNITS, features
+from sautereau.analysis.press.string_start import OF_START
 from sautereau.analysis.results.press import press_line, press_summary
 from sautereau.entrance.session import open as open_session
 from sautereau.rig.load import load_rig, with_values
@@ -111,7 +112,7 @@ def test_what_needs_the_missing_signal_is_omitted(paper_press, missing):
     phases = find_partial_phases(press)
     row, document = features(press, phases), press_summary(press, phases)
     assert set(row) == set(UNITS)
-    optional = {"bottomed", "returned", "held_speed_error"}  # no motion was recorded
+    optional = {"bottomed", "returned", "held_speed_error", *OF_START}  # no motion, no string
     assert {n for n, v in row.items() if v is None} - optional == set(NEED[missing]) - optional
     json.dumps([row, document], allow_nan=False)
     assert phases.warnings[0].startswith(f"no {missing} was recorded: ")

@@ -97,3 +97,14 @@ def test_another_kind_of_file_is_refused(tmp_path, sound):
 def test_a_string_higher_than_hearing_is_refused():
     with pytest.raises(ModelError):
         sound_of(RIG.replaced({"string.frequency": 25e3}), duration=0.2)
+
+
+def test_the_partials_of_a_stiff_wire_are_stretched():
+    b = 6e-5
+    string = RIG.string.model_copy(update={"inharmonicity": b})
+    heard = sound_of(RIG.model_copy(update={"string": string}), duration=1.2)
+    frequency, size = spectrum(heard.force[round(0.1 * SAMPLE_RATE) :])
+    for n in (1, 7, 15):
+        near = np.abs(frequency - 365 * n) < 150
+        found = frequency[near][np.argmax(size[near])]
+        assert found == pytest.approx(365 * n * math.sqrt(1 + b * n**2), abs=0.6)

@@ -133,3 +133,28 @@ def test_steps_compose():
     np.testing.assert_allclose(state.q, once.q, atol=1e-15)
     np.testing.assert_allclose(free.q[:, 0], once.q, atol=1e-15)
     np.testing.assert_allclose(free.v[:, 0], once.v, atol=1e-12)
+
+
+def test_a_stiff_wires_partials_are_those_of_a_beam_under_tension():
+    """mu w^2 = T k^2 + E I k^4, of a steel wire with E = 200 GPa, pinned at its ends."""
+    modulus, d = 200e9, STRING.diameter
+    b = np.pi**3 * modulus * d**4 / (64 * STRING.tension * STRING.length**2)
+    string = ModalString(STRING.model_copy(update={"inharmonicity": b}), 60)
+    k = np.arange(1, 61) * np.pi / STRING.length
+    rigidity = modulus * np.pi * d**4 / 64
+    squares = (STRING.tension * k**2 + rigidity * k**4) / STRING.linear_density
+    np.testing.assert_allclose(string.omega, np.sqrt(squares), rtol=1e-12)
+    # The support carries T u' - E I u'''.
+    q = np.eye(60)
+    force = -(STRING.tension * k + rigidity * k**3) * np.cos(k * STRING.length)
+    np.testing.assert_allclose(string.bridge_force(q), force, rtol=1e-12)
+
+
+def test_a_wide_plectrum_drives_the_mean_of_a_shape():
+    width = 4e-3
+    string = ModalString(STRING, 80, width=width)
+    places = STRING.plucking_point + width * (np.arange(2000) + 0.5 - 1000) / 2000
+    means = np.sin(np.outer(string.order, places) * np.pi / STRING.length).mean(axis=1)
+    np.testing.assert_allclose(string.shape, means, atol=1e-6)
+    moved = np.sum(string.shape**2 / (string.mass * string.omega**2))
+    assert moved + string.residual == pytest.approx(1 / STRING.static_stiffness, rel=1e-12)

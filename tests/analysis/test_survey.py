@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.campaign import write_presses
+from benchmarks.campaign import cluster, write_presses
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import predict
-from sautereau.analysis.results.survey import FELT, TOUCH, survey
+from sautereau.analysis.results.survey import EVEN, FELT, survey
 from sautereau.analysis.session.analysed import analyse_file
-from sautereau.rig.instrument import Choir
+from sautereau.rig.instrument import Choir, Outline
 from sautereau.rig.keys import InstrumentKey
 from sautereau.rig.load import load_rig, with_values
 
@@ -63,6 +63,59 @@ def test_a_quantity_that_changes_smoothly_does_not_deviate():
     assert max(map(abs, even.deviations.values())) < 0.01
 
 
+def compass(rng, count=61):
+    """Return keys over five octaves with carved plectra, and which one is cut twice as deep.
+
+    Strings and plectra change smoothly over the compass; depth, overlap and thickness scatter.
+    """
+    base, at, x = load_rig(), np.arange(count) / count, np.linspace(0, 4.5e-3, 31)
+    length = 1.6 * (1 - 0.9 * at) ** 1.2 + 0.1
+    tension, point = 60 + 15 * rng.uniform(-1, 1) * at, (0.15 + 0.15 * at) * length
+    scatter = rng.uniform(0.5, 1.5) * np.array([[0.1], [0.03], [0.01]])
+    scatter = np.exp(scatter * rng.standard_normal((3, count)))
+    depth = rng.uniform(0.1e-3, 0.16e-3) * (1 + rng.uniform(-0.3, 0.3) * at) * scatter[0]
+    overlap = rng.uniform(0.25e-3, 0.32e-3) * (1 + rng.uniform(-0.2, 0.2) * at) * scatter[1]
+    thickness, twice = 0.48e-3 * scatter[2], int(rng.integers(count))
+    depth[twice] = min(2 * depth[twice], 0.34e-3)
+    keys = []
+    for k in range(count):
+        cut = depth[k] * np.clip((x / x[-1] - 0.4) / 0.6, 0, 1) ** 1.5
+        top = np.full(len(x), thickness[k] / 2)
+        named = {"x": x, "top": top, "bottom": cut - top}
+        outline = Outline.model_construct(**{n: tuple(v.tolist()) for n, v in named.items()})
+        plectrum = base.plectrum.outlined(outline).model_copy(update={"overlap": overlap[k]})
+        values = {"tension": tension[k], "length": length[k], "plucking_point": point[k]}
+        string = base.string.model_copy(update=values | {"frequency": 60 * 32 ** at[k]})
+        rig = base.model_copy(update={"plectrum": plectrum, "string": string})
+        keys.append(InstrumentKey(f"k{k}", rig))
+    return keys, f"k{twice}"
+
+
+@pytest.mark.parametrize(
+    "tables", [1, pytest.param(24, marks=[pytest.mark.slow, pytest.mark.timeout(1800)])]
+)
+def test_a_plectrum_cut_twice_as_deep_is_an_outlier(tables):
+    """At least 95 % of those are; of the other keys at most 2 %."""
+    hits, false, others = 0, 0, 0
+    for seed in range(tables):
+        keys, twice = compass(np.random.default_rng(seed))
+        outliers = {k for e in survey(keys, level="elastica").evenness for k in e.outliers}
+        hits += twice in outliers
+        false += len(outliers - {twice})
+        others += len(keys) - 1
+    assert hits >= 0.95 * tables
+    assert false <= 0.02 * others
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same(tmp_path):
+    (paths,) = (list(own) for own in _by_folder(write_presses(tmp_path, 1, 1, 2)))
+    keys, recordings = instrument(6), {"k2": paths}
+    with cluster(1) as (address, _):
+        there = survey(keys, recordings, where=address)
+    assert there.document == survey(keys, recordings).document
+
+
 def test_few_keys_have_no_outliers():
     found = survey(instrument(4, {2: 1.3}))
     assert of(found, "force_drop").outliers == ()
@@ -72,7 +125,7 @@ def test_few_keys_have_no_outliers():
 def test_results_as_json_lines_table_and_figure(found, tmp_path):
     document = json.loads(json.dumps(found.document, allow_nan=False))
     assert len(document["keys"]) == 25
-    assert {each["name"] for each in document["evenness"]} == set(TOUCH)
+    assert {each["name"] for each in document["evenness"]} == set(EVEN)
     lines = found.lines()
     assert any(line.startswith("force drop") and "k3 " in line for line in lines)
     frame = found.to_frame()

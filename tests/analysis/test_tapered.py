@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from sautereau.analysis.model.plectrum import tapered
 from sautereau.analysis.model.plectrum.elastica import Elastica, uniform_table
+from sautereau.analysis.model.plectrum.fe.level import FE
 from sautereau.analysis.model.plectrum.profile import Profile
 from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.plectrum.tapered import laws, load_range, samples, tapered_table
@@ -118,8 +119,12 @@ def test_an_unloaded_carved_plectrum_is_its_own_top():
     assert bend.z[[0, 2]] == pytest.approx([-0.09e-3 + 0.2e-3 / 150, -0.09e-3 - 0.0675e-3])
 
 
-def test_what_has_no_effect_is_said():
-    """A thickness beside an outline; an outline that a level takes as a slender bar, or ignores."""
+def test_what_has_no_effect_is_said(monkeypatch):
+    """A thickness beside an outline; an outline that a level takes as a slender bar, or ignores.
+
+    The elements, which take seconds, are not solved for it.
+    """
+    monkeypatch.setattr(FE, "_table_of", None)
     thicker = load_rig().model_copy(
         update={"plectrum": SCRAPED.model_copy(update={"thickness": 1e-3})}
     )

@@ -95,7 +95,7 @@ def profile_of(plectrum: Plectrum) -> Profile:
     outline = plectrum.outline
     if outline is None:
         half, places, depth = plectrum.thickness / plectrum.length / 2, [0.0, 1.0], [0.0, 0.0]
-        if plectrum.described:
+        if "tip_thickness" in plectrum.described:
             step = (plectrum.thickness - (plectrum.tip_thickness or 0.0)) / plectrum.length
             joint = 1 - (plectrum.tip_length or plectrum.length / 2) / plectrum.length
             bevel = min(abs(step), 2 * joint, 2 * (1 - joint)) / 2

@@ -42,7 +42,7 @@ def bent(plectrum: Plectrum, s: Floats, force: Floats, drag: Floats) -> Floats:
     top, bottom = profile.edges(x)
     middle, depth = (top + bottom) / 2, top - bottom
     slope = np.arctan(profile.contact_line(place[:, 0])[1])
-    stiffness = plectrum.youngs_modulus * plectrum.width * length / 12
+    stiffness = plectrum.modulus * plectrum.width * length / 12
     state = np.zeros((3, len(s)))
     states = [state]
     for number in range(count, 0, -1):

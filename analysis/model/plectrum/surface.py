@@ -96,7 +96,11 @@ def string_map(plectrum: "Plectrum", string: "String", level: str) -> StringCent
     Raises:
         ModelError: There is no such level, or the plectrum is out of its range.
     """
-    mid_line = plectrum_map(plectrum, level)
+    return string_centre(plectrum_map(plectrum, level), plectrum, string)
+
+
+def string_centre(mid_line: PlectrumMap, plectrum: "Plectrum", string: "String") -> StringCentre:
+    """Return the map of a string's centre on a plectrum whose mid-line has a map."""
     if plectrum.contact == "mid-line":
         return StringCentre(mid_line, plectrum.overlap, 0.0, 0.0)
     thickness = getattr(mid_line, "clamp_thickness", plectrum.thickness)

@@ -3,7 +3,9 @@
 The ideal string on two fixed points has the modes sin(n pi x / L) with omega_n = 2 pi n f and
 the modal mass m = mu L / 2. A force F at the plucking point b L drives mode n by F sin(n pi b).
 The omitted higher modes contribute the flexibility that the moving modes lack to 1 / K, so that
-a slow motion sees exactly the spring of the paper's equation 2.
+a slow motion sees exactly the spring of the paper's equation 2. The stiffness of the wire raises
+the frequencies, omega_n = 2 pi n f sqrt(1 + B n^2), and leaves the shapes (H. Fletcher, Normal
+vibration frequencies of a stiff piano string, JASA 36, 1964: pinned ends).
 """
 
 import math
@@ -41,6 +43,11 @@ def first_mode_release_speed(string: String, lift: float) -> float:
     return 4 / math.pi * math.sin(math.pi * b) ** 2 * release_speed(string, lift)
 
 
+def stretch(string: String, modes: int) -> Floats:
+    """Return by how much its stiffness raises a string's lowest frequencies, shape (modes,)."""
+    return np.sqrt(1 + string.inharmonicity * np.arange(1, modes + 1) ** 2)
+
+
 class ModalState(NamedTuple):
     """Modal coordinates; axis 0 is the polarisation, x and z, axis 1 the mode."""
 
@@ -74,12 +81,13 @@ class Propagator(NamedTuple):
 class ModalString:
     """A string on two fixed points, by its lowest modes in two polarisations."""
 
-    def __init__(self, string: String, modes: int = 30, decay: ArrayLike = 0.0):
+    def __init__(self, string: String, modes: int = 30, decay: ArrayLike = 0.0, width: float = 0.0):
         """Compute the modes.
 
         Args:
             modes: Number of moving modes; the higher ones act as a spring.
             decay: 1/s, of the amplitudes; one for all modes, or shape (modes,).
+            width: m, along the string, over which the plectrum's force is spread.
 
         Raises:
             ModelError: There is no mode, or one is overdamped.
@@ -89,7 +97,9 @@ class ModalString:
         n = np.arange(1, modes + 1)
         self.string = string
         self.order = n
-        self.omega = 2 * np.pi * string.frequency * n
+        self.stretch = stretch(string, modes)
+        """Frequencies over those of a string without stiffness, shape (modes,)."""
+        self.omega = 2 * np.pi * string.frequency * n * self.stretch
         self.decay = np.broadcast_to(np.asarray(decay, float), n.shape)
         if not np.all((self.decay >= 0) & (self.decay < self.omega)):
             raise ModelError(
@@ -98,6 +108,7 @@ class ModalString:
             )
         self.mass = string.linear_density * string.length / 2
         self.shape = np.sin(n * np.pi * string.plucking_point / string.length)
+        self.shape = self.shape * np.sinc(n * width / (2 * string.length))
         """Mode shapes at the plucking point, dimensionless, shape (modes,)."""
         moving = np.sum(self.shape**2 / (self.mass * self.omega**2))
         self.residual = 1 / string.static_stiffness - float(moving)
@@ -149,7 +160,8 @@ class ModalString:
         """
         length = self.string.length
         slope = self.order * np.pi / length * np.cos(self.order * np.pi)
-        return -self.string.tension * (q @ slope)
+        # With the shear force of a stiff string, E I u''', at its pinned end.
+        return -self.string.tension * (q @ (slope * self.stretch**2))
 
     def energy(self, state: ModalState) -> Floats:
         """Return the energy [J] of the moving modes, of a state with axes (2, ..., modes)."""

@@ -6,14 +6,17 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from sautereau.analysis.model.choirs import choirs
+from sautereau.analysis.model.string.string import ModalState, ModalString
+from sautereau.rig.acquisition import Channel
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.clock import FairLock
 from sautereau.sim_backend.devices.daqmx.card import ENDLESS, TaskSetup
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.scene import Scene
-from sautereau.sim_backend.sensors.chain import OpenInput, SensorChain
-from sautereau.sim_backend.sensors.simulated import SIMULATED, Source
+from sautereau.sim_backend.sensors.chain import Function, OpenInput, SensorChain
+from sautereau.sim_backend.sensors.simulated import SIMULATED, SimulatedQuantity, Source
 from sautereau.trajectory.motion import Floats
 
 HELD = 64
@@ -48,6 +51,21 @@ class Wiring:
     """Whether simulated time follows real time: it passes as long as an acquisition runs."""
     passed: Callable[[], float] = lambda: math.inf
     """Simulated time by the real clock, s: samples of later times are not acquired yet."""
+    modes: Callable[[int, Floats], ModalState] | None = None
+    """Motion of the modes of a string, by its number from 1, at past simulated times [s]."""
+
+    def of_string(self, channel: Channel, simulated: SimulatedQuantity) -> Function | None:
+        """Return the quantity of a string over simulated times [s]; None for any other."""
+        if simulated.of_string is None or self.modes is None:
+            return None
+        measured, modes = simulated.of_string, self.modes
+        string = choirs(self.rig)[channel.string - 1].string
+
+        def at(times: Floats) -> Floats:
+            found = modes(channel.string, times)
+            return measured(ModalString(string, found.q.shape[1]), found, channel.place)
+
+        return at
 
 
 class SampledRun:
@@ -105,6 +123,7 @@ class SampledRun:
                 scene.transducer if simulated.on_transducer else None,
                 faults.sensor_sign is not None
                 and faults.sensor_sign.quantity == wired[name].quantity,
+                wiring.of_string(wired[name], simulated),
             )
             self._chains.append(chain)
             self._parts.append((chain, simulated.source(rig)))

@@ -9,6 +9,7 @@ import pymunk
 from pymunk.constraints import Constraint
 
 from sautereau.analysis.model.choirs import choirs
+from sautereau.rig.acquisition import OF_STRING
 from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
@@ -214,7 +215,7 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     if key.loads.friction:
         dry.append((add_pivot_friction(space, key.body, key.loads.friction), key.loads.friction))
     jacks = [
-        CarriedJack(space, key, rig, choir, scene, _string(scene, choir, number, events))
+        CarriedJack(space, key, rig, choir, scene, _string(rig, scene, choir, number, events))
         for number, choir in enumerate(choirs(rig))
     ]
     if isinstance(key, SinkingKey):
@@ -273,11 +274,16 @@ def _finger(
     return IdealFinger(space, key, rig, start)
 
 
-def _string(scene: Scene, choir: Choir, number: int, events: PluckEvents) -> StringForce | None:
+def _string(
+    rig: Rig, scene: Scene, choir: Choir, number: int, events: PluckEvents
+) -> StringForce | None:
     if scene.plectrum == "none":
         return None
     if scene.string == "modal":
         from sautereau.sim_backend.physics.rigid.modal import ModalPlucking
 
-        return ModalPlucking(choir, scene, number, events)
+        measured = any(
+            own.quantity in OF_STRING and own.string == number + 1 for own in rig.daq.channels
+        )
+        return ModalPlucking(choir, scene, number, events, measured=measured)
     return Plucking(choir, scene, number, events)

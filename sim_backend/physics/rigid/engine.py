@@ -15,6 +15,7 @@ from itertools import chain
 
 import numpy as np
 
+from sautereau.analysis.model.string.string import ModalState
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.base import LARGEST_ANGLE, TURNED_OVER, World
@@ -25,6 +26,7 @@ from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_st
 from sautereau.sim_backend.physics.rigid.bodies import MM
 from sautereau.sim_backend.physics.rigid.step_event import Event, Kick, earliest
 from sautereau.sim_backend.scene import Scene
+from sautereau.trajectory.motion import Floats
 
 MOST_EVENTS = 1000  # Changes of contact in one controller sample above which a step is too long
 
@@ -80,6 +82,14 @@ class RigidWorld(World):
         table[0] = np.repeat(numbers * period, counts) + table[0] / MM
         table[0, np.cumsum(counts) - 1] = (numbers + 1) * period
         return Motions(*table)
+
+    def string_modes(self, number: int, times: Floats) -> ModalState:
+        from sautereau.sim_backend.physics.rigid.modal import ModalPlucking
+
+        string = self._jacks[number - 1].string
+        if not isinstance(string, ModalPlucking):
+            return super().string_modes(number, times)
+        return string.modes_at(times)
 
     def _sample(self, reference: Reference, powered: bool) -> list[Row]:
         """Advance by one controller sample; return its rows, from its start on."""

@@ -11,12 +11,15 @@ string.
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.modal_pluck import MODES
+from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.string.contact import STEP_FRACTION, ModalContact
 from sautereau.analysis.model.string.free import FreeString
-from sautereau.analysis.model.string.string import ModalString
+from sautereau.analysis.model.string.string import ModalState, ModalString
 from sautereau.rig.instrument import Choir
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
@@ -45,6 +48,7 @@ class ModalPlucking:
         number: Of the choir, 0 for the first.
         events: List to which contacts, releases and returns are appended.
         modes: Number of dynamic modes.
+        measured: Whether a sensor measures the string; its states on the plectrum are then kept.
 
     Raises:
         SceneError: The level has no pluck for this choir, or its damper is too strong.
@@ -53,7 +57,14 @@ class ModalPlucking:
     steady = False
 
     def __init__(
-        self, choir: Choir, scene: Scene, number: int, events: PluckEvents, modes: int = MODES
+        self,
+        choir: Choir,
+        scene: Scene,
+        number: int,
+        events: PluckEvents,
+        modes: int = MODES,
+        *,
+        measured: bool = False,
     ):
         self._passed = PluckEvents()
         self._states = Plucking(choir, scene, number, self._passed)
@@ -71,7 +82,9 @@ class ModalPlucking:
             raise SceneError(f"{self._at}{error}") from error
         string = self._damped if self._felt else self._free
         self._contact = contact = ModalContact(plectrum, choir.plectrum.overlap, string)
-        self._longest = STEP_FRACTION / (choir.string.frequency * modes)
+        self._longest = STEP_FRACTION / (
+            choir.string.frequency * modes * float(self._free.stretch[-1])
+        )
         self._stiff = -1 / contact.bend.at(contact.rest, 0.0)[9] / MM
         self._pull = 0.0
         self._reach = 0.0  # m, below the rest position
@@ -81,6 +94,7 @@ class ModalPlucking:
         )
         self.swings: list[Swing] = []
         """Intervals of free vibration, in order of time."""
+        self._kept: list[tuple[float, Floats]] | None = [] if measured else None
         self.stiffest = max(self._states.stiffest, self._stiff)
         self._enter(holding=False, carries=True)
 
@@ -161,6 +175,7 @@ class ModalPlucking:
             if not self._over:
                 contact.swing(part)
                 self._over = contact.lift >= high
+                self._keep(time + part * (i + 1))
                 continue
             before = contact.found.up
             try:
@@ -168,13 +183,39 @@ class ModalPlucking:
             except ModelError as error:
                 raise SceneError(f"{self._at}{error}") from error
             momentum += taken * (before + contact.found.up) / 2
+            self._keep(time + i * part + taken)
             if taken < part:
                 self._slip(time + i * part + taken)
                 if not self._carries:
                     return momentum
                 contact.swing(part - taken)
+                self._keep(time + part * (i + 1))
         self._pull = contact.found.up
         return momentum
+
+    def _keep(self, time: float) -> None:
+        """Keep the state on the plectrum at a time [s], if a sensor measures the string."""
+        if self._kept is not None:
+            state = self._contact.state
+            self._kept.append((time, np.stack([state.q[1], state.v[1]])))
+
+    def modes_at(self, times: Floats) -> ModalState:
+        """Return the upward motion of the modes at past times [s], each of shape (n, modes)."""
+        found = np.zeros((2, len(times), len(self._free.order)))
+        if self._kept:
+            known = np.array([time for time, _ in self._kept])
+            states = np.array([state for _, state in self._kept])
+            after = np.searchsorted(known, times).clip(1, len(known) - 1)
+            part = (times - known[after - 1]) / np.diff(known)[after - 1]
+            steps = states[after] - states[after - 1]
+            found[:] = (states[after - 1] + part.clip(0, 1)[:, None, None] * steps).swapaxes(0, 1)
+            found[:, times < known[0]] = 0.0
+        for swing in self.swings:
+            free = (times >= swing.start) & (times < swing.end)
+            if free.any():
+                state = swing.string.string.free(swing.string.state, times[free] - swing.start)
+                found[:, free] = state.q[1], state.v[1]
+        return ModalState(*found)
 
     def _out_of_reach(self, height: float, time: float) -> bool:
         """Return whether the plectrum cannot touch the string up to a height [m]."""

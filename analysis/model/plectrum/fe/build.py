@@ -16,7 +16,14 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.cantilever import FRICTION_MAX
 from sautereau.analysis.model.plectrum.fe.load import Patch, patch_at, section_at
 from sautereau.analysis.model.plectrum.fe.mesh import grid_between, plectrum_grid
-from sautereau.analysis.model.plectrum.fe.solve import Body, newton, rate, responses, solve_loads
+from sautereau.analysis.model.plectrum.fe.solve import (
+    Body,
+    Elastic,
+    newton,
+    rate,
+    responses,
+    solve_loads,
+)
 from sautereau.analysis.model.plectrum.profile import Profile
 from sautereau.analysis.model.plectrum.table import Samples, nodes, through
 from sautereau.analysis.model.plectrum.tapered import laws, load_range, samples
@@ -46,12 +53,12 @@ class Solver:
         cuts: Profiles of the same top and clamp whose undersides are cut by `DEPTH`.
     """
 
-    def __init__(self, profile: Profile, poisson_ratio: float, cuts: Sequence[Profile] = ()):
+    def __init__(self, profile: Profile, material: Elastic, cuts: Sequence[Profile] = ()):
         self.profile = profile
         grid = plectrum_grid(profile)
-        self.body = Body(grid, poisson_ratio)
+        self.body = Body(grid, material)
         # On the columns of the uncut one: nodes only move up.
-        self.cuts = [Body(grid_between(cut, grid.x, grid.layers), poisson_ratio) for cut in cuts]
+        self.cuts = [Body(grid_between(cut, grid.x, grid.layers), material) for cut in cuts]
         frictionless = patch_at(self.body.grid, 1.0, profile.patch)
         bent = rate(self.body, frictionless, 0.0, np.zeros(self.body.size))
         # The rotation under a small load F at the tip is F L^2 / 2 EI, which is f / 2. The moment
@@ -137,7 +144,7 @@ class Rates:
 
 
 def build_with_rates(
-    profile: Profile, poisson_ratio: float, nearest: float, cuts: Sequence[Floats]
+    profile: Profile, material: Elastic, nearest: float, cuts: Sequence[Floats]
 ) -> tuple[Samples, Rates]:
     """Return the table of `build`, and its derivatives by cuts of the underside.
 
@@ -148,10 +155,10 @@ def build_with_rates(
         ModelError: The elements find no equilibrium.
     """
     cut = [replace(profile, bottom=profile.bottom + DEPTH * depth) for depth in cuts]
-    return _build(profile, poisson_ratio, nearest, cut)
+    return _build(profile, material, nearest, cut)
 
 
-def build(profile: Profile, poisson_ratio: float, nearest: float) -> Samples:
+def build(profile: Profile, material: Elastic, nearest: float) -> Samples:
     """Solve at a few positions, loads and drags, and add what differs to the elastica's table.
 
     The elastica with EI(s) has the shape of the solution; what it neglects, shear and the corners
@@ -160,14 +167,19 @@ def build(profile: Profile, poisson_ratio: float, nearest: float) -> Samples:
     Raises:
         ModelError: The elements find no equilibrium.
     """
-    return _build(profile, poisson_ratio, nearest, ())[0]
+    return _build(profile, material, nearest, ())[0]
 
 
 def _build(
-    profile: Profile, poisson_ratio: float, nearest: float, cuts: Sequence[Profile]
+    profile: Profile, material: Elastic, nearest: float, cuts: Sequence[Profile]
 ) -> tuple[Samples, Rates]:
-    solver = Solver(profile, poisson_ratio, cuts)
-    elastica = samples(profile, nearest, min(solver.limit, load_range(profile)), True)
+    solver = Solver(profile, material, cuts)
+    most = min(solver.limit, load_range(profile))
+    if material.shear is not None:
+        # Fibres buckle under a pressure as large as the shear modulus: no equilibrium was found at
+        # 1.3 to 1.7 times it. The load q gives the edges at the clamp the strain q h / 2 s.
+        most = min(most, 2 * nearest * material.shear / profile.clamp_thickness)
+    elastica = samples(profile, nearest, most, True)
     ends = ((-FRICTION_MAX, FRICTION_MAX), (0.0, elastica.q_max), (nearest, 1.0))
     found, exact, rates = elastica, None, Rates(np.empty(0))
     for size in _SIZES:
