@@ -3,18 +3,53 @@
 Each candidate instant has the probability exp(-chi2 / 2 noise); the mean and the standard deviation
 over the candidates are the estimate and its uncertainty. The noise is the variance of the residuals
 of the best fit, including their correlation.
+
+The load of a key without a string is that of weight and friction: a constant, small terms in rise
+and speed, the error of the rig's inertia, the damper while it rests on its string, and mains hum.
+From contact on the string adds a force that depends on the rise above contact alone, a line with
+curvature, which ends with the fall at release. The model is linear except for the contact.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import get_lapack_funcs
 
-from sautereau.analysis.phases.expected import Expected
-from sautereau.analysis.phases.fit import KeyAndString
+from sautereau.analysis.phases.expected import SHAPE_STD, Expected
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.rows import Rows
 from sautereau.trajectory.motion import Floats
+
+INERTIA_STD = 0.25  # Dimensionless, standard deviation of the relative error of the rig's inertia
+CERTAIN = 1e-3
+"""Dimensionless, standard deviation of this error where it is at an end of `INERTIA_RANGE`."""
+INERTIA_RANGE = -0.5, 1.0  # Dimensionless bounds of the relative error of the inertia
+SMOOTH = 1.2e-3
+"""s, window of the moving average, applied twice to the acceleration for its column of the fit."""
+RISE_STD = 0.5
+"""N, standard deviation of the change of the load of a key without a string over the full rise:
+cloth, springs and lead weights, as in the paper's figure 7."""
+DRIFT_STD = 0.03  # N, standard deviation of this change at full speed
+HUM_STD = 5e-3  # N, standard deviation of mains hum at each frequency, sine and cosine
+HUM = (50.0, 60.0)  # Hz
+LEVEL_STD = 10.0  # N, standard deviation of the constant load
+COLUMNS = 4
+"""Most columns of the string: linear, quadratic and cubic in the rise, and a peak at contact. The
+peak counts as a parameter also where it is not needed, since it is looked for."""
+PEAK_STD = 0.1
+"""N, standard deviation of the peak of the load when the plectrum meets the string, as in the
+paper's figure 7."""
+PEAK = 0.8e-3  # s, standard deviation of this peak, a normal curve
+DAMPER_STD = 2.0  # Standard deviation of the stiffness of the damper over that of the rig
+BLOCKS = 30  # Blocks over which residuals are summed in order to detect correlated noise
+FALL_STD = 0.03  # Relative standard deviation of the fall at release about the force of the string
+RIDGE = 1e-9  # Regularisation of the equations for a string without force
+LEAST_RISE = 1e-6  # m, least rise from contact to release
+CHOLESKY, INVERSE = get_lapack_funcs(("potrf", "trtri"))
+"""LAPACK's Cholesky factorisation, and the inverse of a triangular matrix."""
+INERTIA = 4  # Index of the column of the inertia
+
 
 ZOOMS = 6  # Largest number of refinements of a grid
 CLOSER = 0.6  # Half-width of the second grid in spacings of the first
@@ -23,11 +58,236 @@ WIDE = 4.5  # Half-width of the last grid in standard deviations
 EDGE = 0.01  # Largest probability at an end of the last grid, over that of the best instant
 COARSE = 0.65  # Least standard deviation over the spacing of the last grid
 FREEDOM = 23.0
-"""Degrees of freedom of the noise of sums over blocks (`fit.BLOCKS`), to which a wrong contact adds
+"""Degrees of freedom of the noise of sums over blocks (`BLOCKS`), to which a wrong contact adds
 its chi2."""
 SAME = 0.1  # Largest relative change of the noise in the last grid
 FIRST_GRID = 21  # Instants of the first grid; enough to resolve the bend at the contact
 GRID = 11  # Instants of all other grids
+
+
+@dataclass(frozen=True)
+class ContactFits:
+    """Best fits for contact at each of several instants; arrays of shape (n,)."""
+
+    chi2: Floats
+    """Sum of squared residuals in units of the noise."""
+    at_release: Floats
+    """N at the finger, force of the string at the end of the rows."""
+    noise: float
+    """Variance of the residuals of the best fit over the assumed noise."""
+    residual: float
+    """N, rms of the residuals of the best fit."""
+    inertia: float
+    """Relative error of the rig's inertia in the best fit."""
+
+
+class KeyAndString:
+    """Least-squares fits of a free key, with a string from an instant on, to the load.
+
+    The normal equations of the key's columns are set up once; those of the string for each instant.
+
+    Args:
+        rest: Of the key at rest before the press; may be empty.
+        held: Of the way to a release.
+        before: Time [s] and rise [m] of the jack before which contact is impossible.
+        struck: Whether the string has the column of a peak at contact.
+    """
+
+    def __init__(
+        self,
+        strings: Expected,
+        rest: Rows,
+        held: Rows,
+        release: Release,
+        before: tuple[float, float],
+        struck: bool = False,
+    ):
+        self._expected, self._struck = strings.bends, struck
+        self._path = np.append(before[0], held.time), np.append(before[1], held.rise)
+        self._held, n = held, len(rest.time)
+        base, self._prior = _base(strings, rest, held)
+        self._white = held.whitener()
+        self._key, load = self._white(base[n:]), self._white(held.load)
+        self._load = load
+        self._gram, self._right = self._key.T @ self._key, self._key.T @ load
+        self._square = float(load @ load)
+        if n:
+            white = rest.whitener()
+            key, load = white(base[:n]), white(rest.load)
+            self._gram, self._right = self._gram + key.T @ key, self._right + key.T @ load
+            self._square += float(load @ load)
+        # At release the force of the string ends, and the error of the inertia adds its part.
+        self._fall_std = math.hypot(release.fall_std, FALL_STD * release.fall)
+        self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
+        bend_std = np.array(SHAPE_STD) * max(1e-3, float(np.ptp(held.load)))
+        stds = np.array([self._fall_std, *bend_std, *[PEAK_STD] * struck])
+        self._string_prior = np.diag(1 / stds**2)
+        self._keys: dict[tuple[float, float | None, bool], tuple[Floats, Floats, float]] = {}
+
+    def free(self, noise: float) -> float:
+        """Return chi2 of a key without a string; the noise as in `at`."""
+        inverse, along, left = self._key_alone(noise, None, False)
+        bound = _beyond(float(inverse[INERTIA] @ along))
+        return left if bound is None else self._key_alone(noise, bound, False)[2]
+
+    def without_string(self) -> tuple[float, Floats]:
+        """Return a free key's variance of residuals over the noise, and the residuals [N]."""
+        inverse, along, _ = self._key_alone(1.0, None, False)
+        left = self._load - self._key @ (inverse @ along)
+        return float(left @ left) / len(left), self._white.undone(left)
+
+    def at(self, times: Floats, noise: float) -> ContactFits:
+        """Return the fits for instants of contact [s].
+
+        Args:
+            times: s, shape (n,).
+            noise: Variance of the noise over that of the rows.
+        """
+        # There is no string in the rows before the first instant, apart from half of its peak.
+        start = times[0] - self._held.time[0] - self._struck * 4 * PEAK
+        first = max(0, int(start / self._held.step) - 1)
+        string = self._white(self._bare(times, first).T, first).T
+        string = string.reshape(len(self._string_prior), len(times), -1).swapaxes(0, 1)
+        found = self._fits(string, noise, None)
+        bound = _beyond(found.inertia)
+        return found if bound is None else self._fits(string, noise, bound)
+
+    def _key_alone(
+        self, noise: float, inertia: float | None, falls: bool
+    ) -> tuple[Floats, Floats, float]:
+        """Return the fit of a key without a string.
+
+        Args:
+            noise: As in `at`.
+            inertia: Known relative error of the rig's inertia; None for `INERTIA_STD`.
+            falls: Whether it contains the fall at release.
+
+        Returns:
+            What the key's columns must be multiplied by in order to be orthonormal, the products
+            of the load with these, and the sum of squared residuals.
+        """
+        if found := self._keys.get((noise, inertia, falls)):
+            return found
+        mean, std = (0.0, INERTIA_STD) if inertia is None else (inertia, CERTAIN)
+        # The prior is weighted in units of the noise.
+        weights = noise / self._prior**2
+        weights[INERTIA] = noise / std**2
+        gram, right = self._gram + np.diag(weights), self._right.copy()
+        right[INERTIA] += mean * weights[INERTIA]
+        square = self._square + mean**2 * weights[INERTIA]
+        if falls:
+            gram[INERTIA, INERTIA] += noise * self._slowed**2
+            right[INERTIA] += noise * self._slowed * self._fall
+            square += noise * self._fall**2
+        factor, failed = CHOLESKY(gram, lower=1)
+        if failed:
+            raise np.linalg.LinAlgError("the equations of the key have no solution")
+        inverse = INVERSE(factor, lower=1)[0].T
+        along = right @ inverse
+        found = self._keys[noise, inertia, falls] = inverse, along, float(square - along @ along)
+        return found
+
+    def _bare(self, times: Floats, first: int) -> Floats:
+        """Return the string's columns from a row on, shape (columns instants, rows)."""
+        held = self._held
+        at = np.interp(times, *self._path)[:, None]
+        line = np.maximum(held.rise[first:] - at, 0.0)
+        # The mean of a row over the bend is larger than the bend; it affects the two adjacent rows.
+        moved = np.interp(times, held.time, held.speed)[:, None] * held.step
+        place = (times[:, None] - held.time[0]) / held.step
+        near = np.maximum(1 - np.abs(np.arange(first, len(held.time)) - place), 0.0)
+        line += moved / 6 * near * near * near
+        line /= np.maximum(held.rise[-1] - at, np.maximum(moved, LEAST_RISE))
+        square = line * (line - 1)
+        cube = square * (line - 0.5)
+        quadratic, cubic = self._expected
+        columns = [line + quadratic * square + cubic * cube, square, cube]
+        if self._struck:
+            columns.append(np.exp(-0.5 * ((held.time[first:] - times[:, None]) / PEAK) ** 2))
+        return np.concatenate(columns)
+
+    def _fits(self, string: Floats, noise: float, inertia: float | None) -> ContactFits:
+        """Return the fits.
+
+        Args:
+            string: The string's columns in the last rows, in units of the noise, shape
+                (instants, columns, last rows).
+            noise: As in `at`.
+            inertia: As in `_key_alone`.
+        """
+        inverse, along, square = self._key_alone(noise, inertia, True)
+        last = slice(-string.shape[-1], None)
+        mixed, load = string @ self._key[last], string @ self._load[last]
+        # The row of the fall at release: the complete force of the string, and the inertia's part.
+        mixed[:, 0, INERTIA] += noise * self._slowed / self._fall_std
+        load[:, 0] += noise * self._fall / self._fall_std
+        by_key = mixed @ inverse
+        own = string @ string.transpose(0, 2, 1) - by_key @ by_key.transpose(0, 2, 1)
+        own += noise * self._string_prior
+        own[:, 0, 0] += RIDGE
+        load -= by_key @ along
+        factors = np.linalg.solve(own, load[..., None])[..., 0]
+        chi2 = square - (factors * load).sum(1)
+        best = int(np.argmin(chi2))
+        of_key = inverse @ (along - factors[best] @ by_key[best])
+        left = self._load - self._key @ of_key
+        left[last] -= factors[best] @ string[best]
+        inflation = _inflation(left, len(self._prior) + COLUMNS)
+        unexplained = self._white.undone(left)
+        rms = math.sqrt(float(unexplained @ unexplained) / len(unexplained))
+        forces = np.asarray(factors[:, 0], dtype=float)
+        return ContactFits(chi2, forces, inflation, rms, float(of_key[INERTIA]))
+
+
+def _beyond(inertia: float) -> float | None:
+    """Return the end of `INERTIA_RANGE` that an inertia exceeds, if any."""
+    low, high = INERTIA_RANGE
+    return low if inertia < low else high if inertia > high else None
+
+
+def _inflation(left: Floats, parameters: int) -> float:
+    """Return the variance of residuals, or of block sums if larger, over the assumed noise."""
+    white = float(left @ left) / max(1, len(left) - parameters)
+    width = len(left) // BLOCKS
+    if width < 2:
+        return white
+    sums = left[: width * BLOCKS].reshape(BLOCKS, width).sum(1)
+    correlated = float(sums @ sums) / width / (BLOCKS - parameters)
+    # The variance of so few sums is uncertain: the larger of both would exceed that of white noise.
+    return max(white, correlated / (1 + math.sqrt(2 / (BLOCKS - parameters))))
+
+
+def _base(strings: Expected, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
+    """Return the columns of a key without a string, and the prior standard deviation of each."""
+    n_rest, n_held = len(rest.time), len(held.time)
+    moving = np.zeros((n_rest + n_held, 6))
+    moving[:n_rest, 0] = 1
+    inside = slice(n_rest, None)
+    moving[inside, 1] = 1
+    moving[inside, 2] = held.rise / 10e-3
+    moving[inside, 3] = held.speed / max(1e-6, float(held.speed.max(initial=0.0)))
+    moving[inside, 4] = _smooth(held.inertia, held.step)
+    lift, damped = strings.damper
+    if lift:
+        moving[inside, 5] = np.maximum(lift - held.rise, 0.0) / lift
+    time = np.concatenate([rest.time, held.time])
+    hum = hum_at(time)
+    of_key = [LEVEL_STD, LEVEL_STD, RISE_STD, DRIFT_STD, INERTIA_STD]
+    prior = np.array([*of_key, max(1e-6, DAMPER_STD * damped), *[HUM_STD] * hum.shape[1]])
+    return np.column_stack([moving, hum]), prior
+
+
+def hum_at(time: Floats) -> Floats:
+    """Return sine and cosine of each frequency of hum, shape (n, waves)."""
+    return np.stack([wave(2 * np.pi * f * time) for f in HUM for wave in (np.sin, np.cos)], 1)
+
+
+def _smooth(signal: Floats, step: float) -> Floats:
+    """Return a column without its noise, which would otherwise fit the noise of the load."""
+    from scipy.ndimage import uniform_filter1d
+
+    width = max(3, round(SMOOTH / step))
+    return uniform_filter1d(uniform_filter1d(signal, width, mode="nearest"), width, mode="nearest")
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,7 @@ class Phases:
     returned: float | None = None
     """s, at which the key is back at rest; None where it does not return."""
     peak_force: float | None = None
-    """N, of `sautereau.analysis.phases.peak`; None where it was not evaluated."""
+    """N, of `sautereau.analysis.phases.find.peak_force`; None where it was not evaluated."""
     fit: Fit | None = None
     """How well the load was explained; None where it was not evaluated."""
     missed: tuple[tuple[float, float], ...] = ()

@@ -4,23 +4,23 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
-from sautereau.analysis.phases.compliant.event import refine_event, resolved
-from sautereau.analysis.phases.compliant.plucks import (
+from sautereau.analysis.phases.compliant import (
     CONTACT_PART,
     LEAST_STD,
     RELEASE_PART,
     SIGNIFICANT,
     compliant_plucks,
 )
-from sautereau.analysis.phases.compliant.search import NOISE, Searched
-from sautereau.analysis.phases.contact import Contact, find_contact
+from sautereau.analysis.phases.contact import Contact, KeyAndString, find_contact
+from sautereau.analysis.phases.event import refine_event, resolved
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR, GOOD, RIGID, Fit, Growth
-from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
+from sautereau.analysis.phases.release import LEAST_FALL, NO_RELEASE, Release, find_falls, refine
 from sautereau.analysis.phases.rows import Rows, rows_of
+from sautereau.analysis.phases.search import NOISE, Searched
 from sautereau.analysis.phases.signals import Signals
-from sautereau.analysis.phases.unexplained import unexplained
 
 STILL = 3e-4  # Dimensionless, fraction of the full rise below which the jack is at rest
 REST = 40e-3  # s, duration of the rest in which hum is fitted
@@ -51,6 +51,9 @@ DISPLACED = 1.5e-3
 """m, distance of a contact from all contacts of the rig, above which it is doubtful."""
 CERTAIN = 3.0
 """Largest variance of the residuals over the noise on a rigid key, if a contact is doubtful."""
+
+
+PARTS = 100  # Duration of the way down over the time for which the residuals are averaged
 
 
 @dataclass(frozen=True)
@@ -262,3 +265,26 @@ def _rest(signals: Signals, begin: int) -> tuple[int, int]:
 def _place(signals: Signals, sample: int) -> tuple[float, float]:
     """Return time [s] and rise [m] of the jack at a sample."""
     return float(signals.time[sample]), float(signals.rise[sample])
+
+
+def unexplained(
+    strings: Expected, rest: Rows, down: Rows, before: tuple[float, float]
+) -> tuple[float, float, Growth]:
+    """Fit a rigid key without a string to the complete way down.
+
+    Args:
+        rest: Of the key at rest before the press; may be empty.
+        before: Time [s] and rise [m] of the jack before it.
+
+    Returns:
+        Variance of the residuals over that of the noise, their rms [N], and where they climb and
+        fall most.
+    """
+    noise, left = KeyAndString(strings, rest, down, NO_RELEASE, before).without_string()
+    smooth = uniform_filter1d(left, max(1, len(left) // PARTS), mode="nearest")
+    falls = np.maximum.accumulate(smooth) - smooth
+    end = int(np.argmax(falls))
+    peak = int(np.argmax(smooth[: end + 1]))
+    start = int(np.argmin(smooth[: peak + 1]))
+    growth = Growth(float(down.time[start]), float(down.time[end]), float(falls[end]), noise)
+    return noise, float(np.sqrt(np.mean(left**2))), growth

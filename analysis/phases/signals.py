@@ -2,20 +2,28 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import correlate1d
+from scipy.signal import butter
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.drift import departure
 from sautereau.analysis.loading.press import UNITS, Press, Signal, columns_of
-from sautereau.analysis.phases.low_pass import LowPass, slow_low_pass
 from sautereau.daq.signals.calibration import white_noise
+from sautereau.rig.acquisition import Channel
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.key import key_motion, moving_inertia
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import press_law
+
+SLOW = 2.5e3  # Hz, corner frequency below which a release is no step in the signal
+NEGLIGIBLE = 1e-3  # Part of the response to a step that is neglected
+
 
 LEFT = 0.005  # Dimensionless, fraction of the full rise at which the jack has left rest
 TOP = 0.995  # Dimensionless, fraction of the full rise at which the jack is at its top
@@ -32,6 +40,66 @@ LARGEST = {"force": 1e4, "velocity": 1e3}
 SPIKE = 12.0  # Height of a spike in standard deviations
 LEAST_STEP = 80e-6  # s, shortest row; in shorter ones the noise of the velocity exceeds the load
 ASSUMED_FALL = 0.3  # Dimensionless, relative uncertainty of a fall at release in one signal alone
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A Butterworth filter, whose delay of slow motions is compensated."""
+
+    corner: float
+    """Hz."""
+    order: int
+    delay: float
+    """s, of slow motions."""
+
+    def ahead(self, step: float) -> int:
+        """Return the number of rows after a row that have a part in it, for rows of a step [s]."""
+        return math.ceil(self.delay / step) + 1
+
+    def filtered(self, rows: NDArray[Any], step: float, n: int) -> NDArray[Any]:
+        """Return filtered columns.
+
+        Args:
+            rows: Of at least n + `ahead` rows, shape (..., rows, columns). Before the first row the
+                columns are 0.
+            step: s, between rows.
+            n: Rows to return.
+
+        Returns:
+            Shape (..., n, columns).
+        """
+        weights = _weights(self, step)
+        origin = (len(weights) - 1) // 2 - self.ahead(step)
+        found = correlate1d(rows, weights, axis=-2, mode="constant", origin=origin)
+        return found[..., :n, :]
+
+
+def slow_low_pass(channel: Channel | None) -> LowPass | None:
+    """Return the low-pass of a channel's sensor, if it is slow and its order is known."""
+    if channel is None or not channel.low_pass_order or channel.low_pass > SLOW:
+        return None
+    return LowPass(channel.low_pass, channel.low_pass_order, channel.low_pass_delay)
+
+
+@lru_cache(maxsize=16)
+def _weights(low_pass: LowPass, step: float) -> Floats:
+    """Return the parts of a row's neighbours in it, earlier ones first; their sum is 1.
+
+    Between rows a column is linear. So the parts are second differences of the response to a ramp,
+    a line and a sum of exponentials.
+    """
+    turn = 2 * math.pi * low_pass.corner
+    filtering: Any = butter(low_pass.order, turn, analog=True, output="zpk")
+    poles = filtering[1]
+    others = poles[:, None] - poles
+    np.fill_diagonal(others, 1.0)
+    residues = turn**low_pass.order / others.prod(1) / poles**2
+    rows = math.ceil(math.log(NEGLIGIBLE) / poles.real.max() / step)
+    time = np.arange(rows, -low_pass.ahead(step) - 2, -1) * step + low_pass.delay
+    since = np.maximum(time, 0.0)
+    ramp = since - low_pass.delay + (np.exp(since[:, None] * poles) @ residues).real
+    weights = np.diff(np.where(time > 0, ramp, 0.0), 2)
+    return weights / weights.sum()
 
 
 @dataclass(frozen=True)

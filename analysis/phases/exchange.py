@@ -4,7 +4,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from sautereau.analysis.phases.compliant.saw_teeth import SawTeeth, Solved
+from sautereau.analysis.phases.saw_teeth import SawTeeth, Solved
 from sautereau.trajectory.motion import Floats
 
 EXCHANGE_TOLERANCE = 1.1

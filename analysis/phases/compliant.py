@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from sautereau.analysis.phases.compliant.event import refine_event
-from sautereau.analysis.phases.compliant.exchange import exchange_stds, with_better_contacts
-from sautereau.analysis.phases.compliant.saw_teeth import SawTeeth
-from sautereau.analysis.phases.compliant.search import Searched, row_noise, search
-from sautereau.analysis.phases.compliant.slow import Slow
 from sautereau.analysis.phases.contact import Contact
+from sautereau.analysis.phases.event import refine_event
+from sautereau.analysis.phases.exchange import exchange_stds, with_better_contacts
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR, Growth
 from sautereau.analysis.phases.release import Release
+from sautereau.analysis.phases.saw_teeth import SawTeeth
+from sautereau.analysis.phases.search import Searched, row_noise, search
 from sautereau.analysis.phases.signals import Signals
+from sautereau.analysis.phases.slow import Slow
 
 HIGH = 0.9
 """Fraction of the full rise of the jack above which the key may reach its front felt: a felt is

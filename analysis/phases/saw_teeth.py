@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.phases.compliant.slow import TERMS, Slow
+from sautereau.analysis.phases.contact import HUM_STD, hum_at
 from sautereau.analysis.phases.expected import SHAPE_STD, Expected
-from sautereau.analysis.phases.fit import HUM_STD, hum_at
 from sautereau.analysis.phases.levenberg import minimise, orthonormal
+from sautereau.analysis.phases.slow import TERMS, Slow
 from sautereau.trajectory.motion import Floats
 
 LEVEL_STD = 10.0  # N, prior standard deviation of the constant load
@@ -69,7 +69,7 @@ class SawTeeth:
     """Fits of saw-teeth to the load for one compliance.
 
     Args:
-        compliance: s^2, k of `sautereau.analysis.phases.compliant.slow`.
+        compliance: s^2, k of `sautereau.analysis.phases.slow`.
         noise: N, of a row; it weights the priors.
         releases: s, of the plucks with their standard uncertainties, shape (plucks, 2), where they
             are known from elsewhere.
