@@ -16,53 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import get_lapack_funcs
 
-from sautereau.analysis.phases.expected import SHAPE_STD, Expected
+from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.rows import Rows
 from sautereau.trajectory.motion import Floats
 
-INERTIA_STD = 0.25  # Dimensionless, standard deviation of the relative error of the rig's inertia
-CERTAIN = 1e-3
-"""Dimensionless, standard deviation of this error where it is at an end of `INERTIA_RANGE`."""
-INERTIA_RANGE = -0.5, 1.0  # Dimensionless bounds of the relative error of the inertia
-SMOOTH = 1.2e-3
-"""s, window of the moving average, applied twice to the acceleration for its column of the fit."""
-RISE_STD = 0.5
-"""N, standard deviation of the change of the load of a key without a string over the full rise:
-cloth, springs and lead weights, as in the paper's figure 7."""
-DRIFT_STD = 0.03  # N, standard deviation of this change at full speed
-HUM_STD = 5e-3  # N, standard deviation of mains hum at each frequency, sine and cosine
-HUM = (50.0, 60.0)  # Hz
-LEVEL_STD = 10.0  # N, standard deviation of the constant load
-COLUMNS = 4
-"""Most columns of the string: linear, quadratic and cubic in the rise, and a peak at contact. The
-peak counts as a parameter also where it is not needed, since it is looked for."""
-PEAK_STD = 0.1
-"""N, standard deviation of the peak of the load when the plectrum meets the string, as in the
-paper's figure 7."""
 PEAK = 0.8e-3  # s, standard deviation of this peak, a normal curve
-DAMPER_STD = 2.0  # Standard deviation of the stiffness of the damper over that of the rig
-BLOCKS = 30  # Blocks over which residuals are summed in order to detect correlated noise
-FALL_STD = 0.03  # Relative standard deviation of the fall at release about the force of the string
-RIDGE = 1e-9  # Regularisation of the equations for a string without force
-LEAST_RISE = 1e-6  # m, least rise from contact to release
 CHOLESKY, INVERSE = get_lapack_funcs(("potrf", "trtri"))
 """LAPACK's Cholesky factorisation, and the inverse of a triangular matrix."""
 INERTIA = 4  # Index of the column of the inertia
-
-
-ZOOMS = 6  # Largest number of refinements of a grid
-CLOSER = 0.6  # Half-width of the second grid in spacings of the first
-LEAST_CURVATURE = 1e-12  # Smallest curvature of chi2; it replaces smaller and negative values
-WIDE = 4.5  # Half-width of the last grid in standard deviations
-EDGE = 0.01  # Largest probability at an end of the last grid, over that of the best instant
-COARSE = 0.65  # Least standard deviation over the spacing of the last grid
-FREEDOM = 23.0
-"""Degrees of freedom of the noise of sums over blocks (`BLOCKS`), to which a wrong contact adds
-its chi2."""
-SAME = 0.1  # Largest relative change of the noise in the last grid
-FIRST_GRID = 21  # Instants of the first grid; enough to resolve the bend at the contact
-GRID = 11  # Instants of all other grids
 
 
 @dataclass(frozen=True)
@@ -102,7 +64,7 @@ class KeyAndString:
         before: tuple[float, float],
         struck: bool = False,
     ):
-        self._expected, self._struck = strings.bends, struck
+        self._expected, self._struck = strings, struck
         self._path = np.append(before[0], held.time), np.append(before[1], held.rise)
         self._held, n = held, len(rest.time)
         base, self._prior = _base(strings, rest, held)
@@ -117,10 +79,10 @@ class KeyAndString:
             self._gram, self._right = self._gram + key.T @ key, self._right + key.T @ load
             self._square += float(load @ load)
         # At release the force of the string ends, and the error of the inertia adds its part.
-        self._fall_std = math.hypot(release.fall_std, FALL_STD * release.fall)
+        self._fall_std = math.hypot(release.fall_std, strings.settings.fall_std * release.fall)
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
-        bend_std = np.array(SHAPE_STD) * max(1e-3, float(np.ptp(held.load)))
-        stds = np.array([self._fall_std, *bend_std, *[PEAK_STD] * struck])
+        bend_std = np.array(strings.settings.shape_std) * max(1e-3, float(np.ptp(held.load)))
+        stds = np.array([self._fall_std, *bend_std, *[0.1] * struck])
         self._string_prior = np.diag(1 / stds**2)
         self._keys: dict[tuple[float, float | None, bool], tuple[Floats, Floats, float]] = {}
 
@@ -159,7 +121,7 @@ class KeyAndString:
 
         Args:
             noise: As in `at`.
-            inertia: Known relative error of the rig's inertia; None for `INERTIA_STD`.
+            inertia: Known relative error of the rig's inertia; None for its prior.
             falls: Whether it contains the fall at release.
 
         Returns:
@@ -168,7 +130,10 @@ class KeyAndString:
         """
         if found := self._keys.get((noise, inertia, falls)):
             return found
-        mean, std = (0.0, INERTIA_STD) if inertia is None else (inertia, CERTAIN)
+        # At an end of its range the inertia is known.
+        mean, std = (
+            (0.0, self._expected.settings.inertia_std) if inertia is None else (inertia, 1e-3)
+        )
         # The prior is weighted in units of the noise.
         weights = noise / self._prior**2
         weights[INERTIA] = noise / std**2
@@ -197,10 +162,10 @@ class KeyAndString:
         place = (times[:, None] - held.time[0]) / held.step
         near = np.maximum(1 - np.abs(np.arange(first, len(held.time)) - place), 0.0)
         line += moved / 6 * near * near * near
-        line /= np.maximum(held.rise[-1] - at, np.maximum(moved, LEAST_RISE))
+        line /= np.maximum(held.rise[-1] - at, np.maximum(moved, 1e-6))
         square = line * (line - 1)
         cube = square * (line - 0.5)
-        quadratic, cubic = self._expected
+        quadratic, cubic = self._expected.bends
         columns = [line + quadratic * square + cubic * cube, square, cube]
         if self._struck:
             columns.append(np.exp(-0.5 * ((held.time[first:] - times[:, None]) / PEAK) ** 2))
@@ -224,7 +189,7 @@ class KeyAndString:
         by_key = mixed @ inverse
         own = string @ string.transpose(0, 2, 1) - by_key @ by_key.transpose(0, 2, 1)
         own += noise * self._string_prior
-        own[:, 0, 0] += RIDGE
+        own[:, 0, 0] += 1e-9  # for a string without force
         load -= by_key @ along
         factors = np.linalg.solve(own, load[..., None])[..., 0]
         chi2 = square - (factors * load).sum(1)
@@ -232,7 +197,8 @@ class KeyAndString:
         of_key = inverse @ (along - factors[best] @ by_key[best])
         left = self._load - self._key @ of_key
         left[last] -= factors[best] @ string[best]
-        inflation = _inflation(left, len(self._prior) + COLUMNS)
+        # The peak counts also where it is not needed, since it is looked for.
+        inflation = _inflation(left, len(self._prior) + 4)
         unexplained = self._white.undone(left)
         rms = math.sqrt(float(unexplained @ unexplained) / len(unexplained))
         forces = np.asarray(factors[:, 0], dtype=float)
@@ -240,53 +206,55 @@ class KeyAndString:
 
 
 def _beyond(inertia: float) -> float | None:
-    """Return the end of `INERTIA_RANGE` that an inertia exceeds, if any."""
-    low, high = INERTIA_RANGE
-    return low if inertia < low else high if inertia > high else None
+    """Return the end of the range of the inertia's relative error that it exceeds, if any."""
+    return -0.5 if inertia < -0.5 else 1.0 if inertia > 1.0 else None
 
 
 def _inflation(left: Floats, parameters: int) -> float:
-    """Return the variance of residuals, or of block sums if larger, over the assumed noise."""
+    """Return the variance of residuals, or of sums of 30 blocks if larger, over the noise."""
     white = float(left @ left) / max(1, len(left) - parameters)
-    width = len(left) // BLOCKS
+    width = len(left) // 30
     if width < 2:
         return white
-    sums = left[: width * BLOCKS].reshape(BLOCKS, width).sum(1)
-    correlated = float(sums @ sums) / width / (BLOCKS - parameters)
+    sums = left[: width * 30].reshape(30, width).sum(1)
+    correlated = float(sums @ sums) / width / (30 - parameters)
     # The variance of so few sums is uncertain: the larger of both would exceed that of white noise.
-    return max(white, correlated / (1 + math.sqrt(2 / (BLOCKS - parameters))))
+    return max(white, correlated / (1 + math.sqrt(2 / (30 - parameters))))
 
 
 def _base(strings: Expected, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
     """Return the columns of a key without a string, and the prior standard deviation of each."""
-    n_rest, n_held = len(rest.time), len(held.time)
+    n_rest, n_held, settings = len(rest.time), len(held.time), strings.settings
     moving = np.zeros((n_rest + n_held, 6))
     moving[:n_rest, 0] = 1
     inside = slice(n_rest, None)
     moving[inside, 1] = 1
     moving[inside, 2] = held.rise / 10e-3
     moving[inside, 3] = held.speed / max(1e-6, float(held.speed.max(initial=0.0)))
-    moving[inside, 4] = _smooth(held.inertia, held.step)
+    moving[inside, 4] = _smooth(held.inertia, settings.acceleration / held.step)
     lift, damped = strings.damper
     if lift:
         moving[inside, 5] = np.maximum(lift - held.rise, 0.0) / lift
     time = np.concatenate([rest.time, held.time])
     hum = hum_at(time)
-    of_key = [LEVEL_STD, LEVEL_STD, RISE_STD, DRIFT_STD, INERTIA_STD]
-    prior = np.array([*of_key, max(1e-6, DAMPER_STD * damped), *[HUM_STD] * hum.shape[1]])
+    stds = settings.rise_std, settings.drift_std, settings.inertia_std
+    # The level is free; the rig's stiffness of the damper may be half or three times the true one.
+    prior = np.array([10.0, 10.0, *stds, max(1e-6, 2 * damped), *[settings.hum_std] * hum.shape[1]])
     return np.column_stack([moving, hum]), prior
 
 
 def hum_at(time: Floats) -> Floats:
-    """Return sine and cosine of each frequency of hum, shape (n, waves)."""
-    return np.stack([wave(2 * np.pi * f * time) for f in HUM for wave in (np.sin, np.cos)], 1)
+    """Return sine and cosine of mains hum of 50 and of 60 Hz, shape (n, 4)."""
+    return np.stack(
+        [wave(2 * np.pi * f * time) for f in (50.0, 60.0) for wave in (np.sin, np.cos)], 1
+    )
 
 
-def _smooth(signal: Floats, step: float) -> Floats:
+def _smooth(signal: Floats, rows: float) -> Floats:
     """Return a column without its noise, which would otherwise fit the noise of the load."""
     from scipy.ndimage import uniform_filter1d
 
-    width = max(3, round(SMOOTH / step))
+    width = max(3, round(rows))
     return uniform_filter1d(uniform_filter1d(signal, width, mode="nearest"), width, mode="nearest")
 
 
@@ -343,27 +311,29 @@ def find_contact(
         return None
     fit = KeyAndString(strings, rest, held, release, before, struck)
     low, high = before[0], float(held.time[-2])
-    times, noise = np.linspace(low, high, FIRST_GRID), 1.0
+    # So many resolve the bend at the contact.
+    times, noise = np.linspace(low, high, 21), 1.0
     found = fit.at(times, noise)
     middle, std, _ = _vertex(times, found.chi2)
-    reach = CLOSER * float(times[1] - times[0])
-    for _ in range(ZOOMS):
-        times = np.linspace(max(low, middle - reach), min(high, middle + reach), GRID)
+    reach = 0.6 * float(times[1] - times[0])
+    for _ in range(6):
+        times = np.linspace(max(low, middle - reach), min(high, middle + reach), 11)
         found = fit.at(times, noise)
         assumed, noise = noise, max(1.0, found.noise)
         score = found.chi2 / noise
         chance = np.exp((score.min() - score) / 2)
         middle = float(times @ chance / chance.sum())
         std = math.sqrt(float((times - middle) ** 2 @ chance / chance.sum()))
-        if max(chance[0] * (times[0] > low), chance[-1] * (times[-1] < high)) > EDGE:
+        if max(chance[0] * (times[0] > low), chance[-1] * (times[-1] < high)) > 0.01:
             reach = min(high - low, 3 * reach)
             continue
-        if std < COARSE * float(times[1] - times[0]):
+        if std < 0.65 * float(times[1] - times[0]):  # the grid is too coarse
             middle, std, lowest = _vertex(times, score)
-            noise = max(1.0, noise * (1 - (float(score.min()) - lowest) / FREEDOM))
-        elif abs(noise / assumed - 1) < SAME:
+            # To the noise of 30 sums a wrong contact adds its chi2.
+            noise = max(1.0, noise * (1 - (float(score.min()) - lowest) / 23))
+        elif abs(noise / assumed - 1) < 0.1:
             break
-        reach = WIDE * std
+        reach = 4.5 * std
     best = int(np.argmin(found.chi2))
     gain = (fit.free(noise) - float(found.chi2[best])) / noise
     # A common delay of both channels shifts the contact as well.
@@ -380,7 +350,7 @@ def _vertex(times: Floats, score: Floats) -> tuple[float, float, float]:
     best, spacing = int(np.argmin(score)), float(times[1] - times[0])
     inner = min(max(best, 1), len(times) - 2)
     before, at, after = score[inner - 1 : inner + 2].tolist()
-    curvature = max(before - 2 * at + after, LEAST_CURVATURE)
+    curvature = max(before - 2 * at + after, 1e-12)
     off = (before - after) / (2 * curvature) if best == inner else 0.0
     lowest = float(score[best]) - curvature * off**2 / 2
     return float(times[best]) + spacing * off, spacing * math.sqrt(2 / curvature), lowest
