@@ -20,7 +20,6 @@ from sautereau.analysis.phases.slow import Slow
 HIGH = 0.9
 """Fraction of the full rise of the jack above which the key may reach its front felt: a felt is
 compressed by less than a tenth of the dip. A key whose string was released may swing back below."""
-SHORTEST = 0.5e-3  # s, shortest pluck
 
 
 def compliant_plucks(
@@ -49,7 +48,7 @@ def compliant_plucks(
     before = -math.inf
     several = settings.several if len(growths) > 1 else 1.0
     for growth, release in zip(growths, releases, strict=True):
-        if not growth.contact + SHORTEST <= release.time <= last:
+        if not growth.contact < release.time <= last:
             continue
         wrong = searched.residual / growth.force * (release.time - growth.contact)
         wrong *= settings.unexplained
@@ -137,7 +136,7 @@ def _with_releases(
     is fitted once: rows that show a wrong contact would lose their weight.
     """
     growths = searched.growths
-    short = any(r.time - g.contact < SHORTEST for g, r in zip(growths, releases, strict=True))
+    short = any(r.time <= g.contact for g, r in zip(growths, releases, strict=True))
     if short or not growths:
         return growths
     known = np.array([(release.time, release.std) for release in releases])

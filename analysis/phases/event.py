@@ -433,9 +433,7 @@ def _mean(fit: EventFit, fits: list[Fitted]) -> tuple[float, float]:
     chance /= chance.sum()
     times = np.array([f.instants[0] for f in fits])
     mean = float(times @ chance)
-    # Undetermined modes make a variance infinite.
-    spread = np.minimum([f.variance for f in fits], 1e-6)
-    return mean, float(chance @ ((times - mean) ** 2 + spread))
+    return mean, float(chance @ ((times - mean) ** 2 + [f.variance for f in fits]))
 
 
 def resolved(signals: Signals, near: float) -> bool:

@@ -61,8 +61,7 @@ def pair_gains(fit: SawTeeth, found: Floats, solved: Solved) -> Pairs:
     base = np.concatenate([fit.base[: len(left)], solved.base[: len(left)]], 1)
     _subtract_explained(square, sums(fit.weight[:, None] * base), rise[:, None])
     climbed = rise[None, :] - rise[:, None]
-    later = np.arange(n)[None, :] > np.arange(n)[:, None] + 3
-    possible = later & (climbed > 0.25e-3) & (of_load > 0) & (square > least)
+    possible = (climbed > 0.25e-3) & (of_load > 0) & (square > least)
     possible &= time < time[-1] - slow.width
     for release in found[:, 1]:
         possible &= np.abs(time[None, :] - release) > APART * slow.width
@@ -131,18 +130,15 @@ class Searched:
     """s^2, k of `sautereau.analysis.phases.slow`."""
     residual: float
     """N, rms of the load that is not explained."""
-    moved: float = 0.0
-    """N, range of the smoothed force, or of the inertia if that is larger."""
     inertia: float = 1.0
     """Inertia of key and jacks over that of the rig."""
     lag: float = 0.0
     """s, by which the force is late, compared with the velocity."""
 
     def significant(self, least: float) -> tuple[Growth, ...]:
-        """Return the growths above a significance that have enough force, with the further one."""
+        """Return the growths above a significance, with the further one."""
         every = (*self.growths, *([self.further] if self.further else []))
-        force = 0.01 * self.moved
-        return tuple(g for g in every if g.significance > least and g.force > force)
+        return tuple(g for g in every if g.significance > least)
 
 
 def search(slow: Slow, strings: Expected) -> Searched:
@@ -236,9 +232,8 @@ class _Search:
         searched = Searched(
             tuple(sorted(growths, key=lambda g: g.release)),
             further,
-            min(max(k, 0.0), 6e-5),
+            max(k, 0.0),
             float(np.sqrt(np.mean(fitted.row_residuals**2))),
-            fit.slow.moved,
             1 + fit.term(fitted, "v1"),
             -fit.term(fitted, "F1") - fit.term(fitted, "v2") / fit.slow.inertial,
         )
@@ -280,7 +275,6 @@ class _Search:
         of_force = fit.strings.limited(np.abs(of_force)).min()
         deviations = max(0.0, deviations) + float(of_force) ** 2
         gain = (without.chi2 - solved.chi2) / noise / (1 + deviations)
-        climbed = np.diff(np.interp(pluck, slow.hops, fit.rise))[0]
         near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
         moving = np.interp(pluck[1], slow.time, slow.speed()) > self._moving
         several = len(fit.strings.contacts) > 1
@@ -288,7 +282,7 @@ class _Search:
         # several strings, what the model of one does not explain may look like another.
         least = 0.05 * float(fit.strings.forces.min())
         strong = forces[i] > max(least, several * 0.15 * float(forces.max()))
-        enough = climbed > 0.25e-3 and gain > slow.settings.significance and strong and moving
+        enough = gain > slow.settings.significance and strong and moving
         # Of a string that is held until the last row no collapse was seen.
         collapses = pluck[1] < slow.time[-1] - slow.width
         return float(gain) if enough and collapses and near > APART * slow.width else 0.0

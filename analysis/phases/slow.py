@@ -82,8 +82,6 @@ class Slow:
         self.terms = np.stack(terms, 1)
         """N, the terms times their prior standard deviations; shape (n, terms)."""
         self._rigid = self.force - self.inertial * acceleration
-        self.moved = float(max(np.ptp(self.force), self.inertial * np.ptp(acceleration)))
-        """N, range of the force, or of the inertia if that is larger."""
         sudden = force - self.inertial * np.gradient(velocity, self.hop)
         sudden -= np.interp(self.hops, self.time, self._rigid)
         rms = np.sqrt(np.maximum(self.smooth(sudden**2), 0.0))
