@@ -10,7 +10,7 @@ from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.event import refine_event
 from sautereau.analysis.phases.exchange import exchange_stds, with_better_contacts
 from sautereau.analysis.phases.expected import Expected
-from sautereau.analysis.phases.found import FAIR, Growth
+from sautereau.analysis.phases.found import FAIR
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.saw_teeth import SawTeeth
 from sautereau.analysis.phases.search import Searched, row_noise, search
@@ -43,26 +43,18 @@ def compliant_plucks(
         )
         for growth, near in zip(growths, nears, strict=True)
     ]
-    growths = _with_releases(slow, strings, searched, releases)
+    contacts = _contacts(slow, strings, searched, releases)
     found: list[tuple[Contact, Release]] = []
     before = -math.inf
     several = settings.several if len(growths) > 1 else 1.0
-    for growth, release in zip(growths, releases, strict=True):
-        if not growth.contact < release.time <= last:
+    for growth, contact, release in zip(growths, contacts, releases, strict=True):
+        if not contact.time < release.time <= last:
             continue
-        wrong = searched.residual / growth.force * (release.time - growth.contact)
+        wrong = searched.residual / growth.force * (release.time - contact.time)
         wrong *= settings.unexplained
-        parts = settings.contact_least, wrong, signals.instant_std, growth.exchange_std
-        contact = Contact(
-            time=growth.contact,
-            std=math.hypot(settings.contact_larger * growth.contact_std, *parts),
-            gain=growth.significance,
-            at_release=growth.force,
-            noise=growth.noise,
-            exchange_std=growth.exchange_std,
-            exchange_force=growth.exchange_force,
-            exchange_odds=growth.exchange_odds,
-        )
+        parts = settings.contact_least, wrong, signals.instant_std, contact.exchange_std
+        std = math.hypot(settings.contact_larger * contact.std, *parts)
+        contact = replace(contact, std=std)
         std = math.hypot(release.std, settings.release_least, wrong / 2)
         std *= several
         # What rings after the release before looks like one that is later than it is.
@@ -70,7 +62,7 @@ def compliant_plucks(
             std = math.hypot(std, (release.time - before) / 3)
         before = release.time
         # A growth whose release is less certain is no pluck.
-        if std < max(10e-3, 0.05 * (release.time - growth.contact)):
+        if std < max(10e-3, 0.05 * (release.time - contact.time)):
             force_std = settings.contact_larger * growth.force_std
             parts = force_std, 0.015 * growth.force, searched.residual
             release = replace(release, std=std, fall_std=several * math.hypot(*parts))
@@ -124,10 +116,10 @@ def _rebound(signals: Signals, begin: int, end: int) -> int:
     return high + int(np.argmax(back)) if back.any() else end
 
 
-def _with_releases(
+def _contacts(
     slow: Slow, strings: Expected, searched: Searched, releases: list[Release]
-) -> tuple[Growth, ...]:
-    """Return the growths with contacts that are fitted for the given releases.
+) -> list[Contact]:
+    """Return the contacts of growths, fitted for the given releases.
 
     An error of a release in the smoothed load causes an error of its contact. The load is not
     explained equally well everywhere, so it is fitted twice: the second fit weights the rows by the
@@ -136,13 +128,15 @@ def _with_releases(
     is fitted once: rows that show a wrong contact would lose their weight.
     """
     growths = searched.growths
-    short = any(r.time <= g.contact for g, r in zip(growths, releases, strict=True))
-    if short or not growths:
-        return growths
+    contacts = [
+        Contact(g.contact, g.contact_std, g.significance, g.force, g.noise) for g in growths
+    ]
+    start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
+    if not growths or (np.diff(start) <= 0).any():
+        return contacts
     known = np.array([(release.time, release.std) for release in releases])
     noise = row_noise(searched.residual, slow.settings)
     fit = SawTeeth(slow, searched.compliance, noise, strings, known)
-    start = np.array([(g.contact, r.time) for g, r in zip(growths, releases, strict=True)])
     plucks, solved = with_better_contacts(fit, *fit.refined(start)[:2])
     exchange, first = np.zeros((len(plucks), 3)), plucks[:, 0]
     if (plucks[1:, 0] < plucks[:-1, 1]).any():
@@ -153,9 +147,9 @@ def _with_releases(
         fit = SawTeeth(slow, searched.compliance, noise, strings, known, error)
         plucks, solved, _ = fit.refined(plucks, noise**2)
     stds = np.hypot(fit.stds(plucks, solved)[:, 0], slow.settings.change * (plucks[:, 0] - first))
-    values = np.column_stack([plucks[:, 0], stds, exchange])
-    names = "contact", "contact_std", "exchange_std", "exchange_force", "exchange_odds"
-    return tuple(
-        replace(growth, **dict(zip(names, each, strict=True)))
-        for growth, each in zip(growths, values.tolist(), strict=True)
-    )
+    values = np.column_stack([plucks[:, 0], stds, exchange]).tolist()
+    names = "time", "std", "exchange_std", "exchange_force", "exchange_odds"
+    return [
+        replace(contact, **dict(zip(names, each, strict=True)))
+        for contact, each in zip(contacts, values, strict=True)
+    ]

@@ -41,12 +41,6 @@ class Growth:
     """N, the same, of the force."""
     noise: float = 0.0
     """Variance of the residuals around it, of sums over a third of it, over the assumed one."""
-    exchange_std: float = 0.0
-    """s, further standard uncertainty of a contact that may belong to another string's release."""
-    exchange_force: float = 0.0
-    """N, the same of the force."""
-    exchange_odds: float = 0.0
-    """As `Contact.exchange_odds`."""
 
 
 @dataclass(frozen=True)

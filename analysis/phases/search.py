@@ -28,24 +28,16 @@ from sautereau.trajectory.motion import Floats
 APART = 0.5  # Least distance of two releases, in widths of the smoothing
 
 
-@dataclass(frozen=True)
-class Pairs:
-    """Pairs of rows, of a contact and a release."""
-
-    time: Floats
-    """s after the trigger, of the rows, shape (n,)."""
-    rise: Floats
-    """m, of the jack, shape (n,)."""
-    gain: Floats
-    """Reduction of chi2 by each pair, weighted by its probability according to the rig; 0 where a
-    pluck is impossible; shape (contacts, releases)."""
-
-
-def pair_gains(fit: SawTeeth, found: Floats, solved: Solved) -> Pairs:
+def pair_gains(fit: SawTeeth, found: Floats, solved: Solved) -> tuple[Floats, Floats, Floats]:
     """Return the reduction of chi2 by a further pluck.
 
     Args:
         found: s, contacts and releases of the plucks found, shape (plucks, 2).
+
+    Returns:
+        Times [s] and rises of the jack [m] of rows, shape (n,), and the reduction by each pair of
+        a contact and a release, weighted by its probability according to the rig; 0 where a pluck
+        is impossible; shape (n, n).
     """
     slow, left = fit.slow, solved.row_residuals
     size = max(1, -(-len(left) // 300))
@@ -68,7 +60,7 @@ def pair_gains(fit: SawTeeth, found: Floats, solved: Solved) -> Pairs:
     gain = np.where(possible, of_load**2 / np.where(possible, square, 1.0), 0.0)
     likely = _likely(fit.strings, rise, climbed)
     anywhere = slow.settings.anywhere
-    return Pairs(time, rise, gain * (anywhere + (1 - anywhere) * likely))
+    return time, rise, gain * (anywhere + (1 - anywhere) * likely)
 
 
 def _products(column: Floats, rise: Floats) -> Floats:
@@ -294,8 +286,7 @@ class _Search:
         each contact of the rig.
         """
         fit, slow, strings = self._fit, self._fit.slow, self._fit.strings
-        every = pair_gains(fit, found, solved)
-        time, rise, gain = every.time, every.rise, every.gain.copy()
+        time, rise, gain = pair_gains(fit, found, solved)
         pairs: list[tuple[int, int]] = []
         missing = len(found) < len(strings.contacts)
         for contact in strings.contacts if missing else ():
