@@ -19,6 +19,7 @@ from sautereau.analysis.phases.signals import Signals
 
 LEAST_FALL_GAIN = 9.0  # Least reduction of chi2 by a fall of the load, compared with a bend
 SETTLED = 3  # Rows from a release to the earliest contact with the next string
+NEGLIGIBLE = 0.2e-3  # s, standard uncertainty of a contact that is no worse than elsewhere
 RINGING = 8.0  # Variance of the residuals over the noise at a release above which modes are fitted
 BENT = 300.0
 """Variance of the residuals over the noise above which plucks of a rigid key are rejected."""
@@ -57,8 +58,7 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
     found = _rigid_plucks(strings, signals, rows, rest, begin, before)
     rigid = _explained(found, signals, strings, begin, end)
     clear = rigid is not None and all(
-        contact.noise < GOOD or contact.std < signals.settings.contact_least
-        for contact, _ in rigid.plucks
+        contact.noise < GOOD or contact.std < NEGLIGIBLE for contact, _ in rigid.plucks
     )
     if rigid is not None and clear and len(found) >= len(strings.contacts):
         return rigid
@@ -135,10 +135,6 @@ def _explained(
 ) -> Found | None:
     """Return the plucks of a rigid key if it explains the load, else None."""
     settings = signals.settings
-    rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
-    displaced = np.abs(rises[:, None] - strings.contacts).min(initial=np.inf)
-    far = displaced > settings.deviations * settings.contact_std
-    most = 3.0 if far else GOOD
     # A string held together with the next one spoils the fit of its contact on any key; but where
     # a release rings, or a contact is far from explained, what exceeds the number of strings may be
     # ringing.
@@ -146,15 +142,14 @@ def _explained(
     surplus = len(found) > len(strings.contacts) and rings
     typical = max if surplus else min
     inertia = 1 + found[0][0].inertia if found else None
-    if found and typical(c.noise for c, _ in found) < most:
+    if found and typical(c.noise for c, _ in found) < GOOD:
         ends = float(signals.time[begin]), float(signals.time[end])
         sharp = [(c, _with_modes(signals, r, c.noise, ends)) for c, r in found]
         sharp = [_with_residual(settings, c, r) if c.noise > GOOD else (c, r) for c, r in sharp]
         return Found(sharp, Fit("rigid", _noise(sharp), inertia=inertia))
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
     exact = [_with_residual(settings, contact, release) for contact, release in found]
-    least = settings.contact_least
-    if found and not far and all(c.std < least and r.noise < RINGING for c, r in exact):
+    if found and all(c.std < NEGLIGIBLE and r.noise < RINGING for c, r in exact):
         return Found(exact, Fit("rigid", _noise(found), 0.0, 0.0, inertia, negligible=True))
     return None
 
