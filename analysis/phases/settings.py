@@ -1,6 +1,6 @@
 """The numbers on which the phases of a press depend, apart from the press and its rig.
 
-Each was multiplied by 1.5 on presses with a known truth and changes what is found there
+Each changes what is found in presses with a known truth, times 1.5 or over 1.5
 (`tests/analysis/test_phase_settings.py`). A number that changes nothing is no setting: numerical
 tolerances stand beside their use. Unless stated otherwise, the values are from presses of the
 independent simulator, and were tested on others.
@@ -116,7 +116,7 @@ class PhaseSettings:
     parts than modelled (1 to 4)."""
     release_larger: float = 2.5
     """The same of a release, in whose fit modes are missing."""
-    contact_least: float = 0.2e-3
+    contact_least: float = 0.1e-3
     """s, standard uncertainty that is added to that of a contact (root sum of squares)."""
     release_least: float = 0.05e-3
     """s, the same of a release."""
