@@ -18,7 +18,6 @@ from sautereau.rig.units import parse_quantity
 NAMES = ("contact", "contact_std", "release", "release_std")
 HEAD = "# Contact and release set by hand. Delete this file to find them in the signals again.\n"
 FORM = "'52.1 ms +- 0.3 ms to 72.05 ms +- 0.05 ms'"
-SIDE = 2e-3  # s, on either side of a release, of the lines whose difference is the fall
 _INSTANTS = re.compile(r"(.+?)\s*\+-\s*(.+?)\s+to\s+(.+?)\s*\+-\s*(.+)")
 
 Pluck = tuple[float, float, float, float]
@@ -116,7 +115,7 @@ def plucks_by_hand(signals: Signals, plucks: list[Pluck]) -> list[tuple[Contact,
 
 def _fall(signals: Signals, release: float) -> float:
     """Return the fall [N] of the load between lines on either side of a release; 0 at an end."""
-    first, last = (signals.sample(release + side) for side in (-SIDE, SIDE))
+    first, last = (signals.sample(release + side) for side in (-2e-3, 2e-3))
     rows = rows_of(signals, max(0, first), min(len(signals.time), last))
     away = rows.time - release
     before, after = away < -rows.step, away > rows.step

@@ -9,22 +9,10 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR, RIGID, Fit, Growth, HeldString, pluck_names
+from sautereau.analysis.phases.settings import SETTINGS, PhaseSettings
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.remark import Remark
 from sautereau.daq.signals.quality_flags import HOW_TO_FIX, QualityFlag, quality_warnings
-
-LARGE = 1e-3  # s, standard uncertainty above which a contact or a release gives a warning
-CLOSE = 1e-3  # s, distance of two releases below which they may be one
-NEAR = 1e-3  # s, largest distance of a quality flag from a contact or release for a warning
-FAR = 3.0
-"""Distance of a pluck from every string that the rig expects, in standard deviations, above which
-it is unlike them."""
-MOTION, INERTIA, FORCE = (1 / 1.2, 1.2), (1 / 1.5, 2.0), (0.5, 2.0)
-"""Limits of what is measured over what the rig says, of speed and rise, of the inertia, to which
-the finger adds its own, and of a force drop: in presses of random instruments that are known to a
-ruler, 98 % remain within them."""
-LATE = 0.6e-3  # s, distance of force and velocity from which on it is said
-DEVIATIONS = 3.0  # Number of standard uncertainties by which the true contact may be earlier
 
 
 def about_fit(
@@ -100,9 +88,13 @@ def _unexplained(fit: Fit) -> str:
     return f"the load that is not explained is {left:.2g} times its noise (limit {limit:.2g})"
 
 
-def about_exchange(contacts: Sequence[Contact], plucks: Sequence[HeldString]) -> list[Remark]:
+def about_exchange(
+    contacts: Sequence[Contact],
+    plucks: Sequence[HeldString],
+    settings: PhaseSettings = SETTINGS,
+) -> list[Remark]:
     """Return a warning if contacts of strings held at once may belong to each other's release."""
-    which = [i for i, c in enumerate(contacts) if c.exchange_std > LARGE]
+    which = [i for i, c in enumerate(contacts) if c.exchange_std > settings.doubtful]
     if not which:
         return []
     most = max(contacts[i].exchange_std for i in which)
@@ -129,7 +121,7 @@ def unlike_the_rig(
     place = strings.place_deviations(ends[0], ends[1] - ends[0])
     off = np.hypot(np.hypot(*place.T), strings.force_deviations(force))
     nearest = int(np.argmin(off))
-    if not off[nearest] > FAR:
+    if not off[nearest] > strings.settings.deviations:
         return ""
     at, top = strings.contacts[nearest], (strings.contacts + strings.climbs)[nearest]
     expected = f"{strings.forces[nearest]:.2g} N from {at * 1e3:.2f} to {top * 1e3:.2f} mm"
@@ -185,25 +177,32 @@ def about_rig(
         cruise: m/s, speed of the jack in the middle of the way down.
         rise: m, largest of the jack.
     """
-    planned, driven = press.rig.press, press.motion is not None
+    planned, driven, settings = press.rig.press, press.motion is not None, strings.settings
     scale = "the scale of the velocity, `key.laser_arm` and `[press]`"
-    rail = "where the key meets its front rail (`key.dip`)"
+    rail = "where the key meets its front rail (`key.dip`), "
     said = [
-        _differs(MOTION, f"the jack's speed, {cruise:.2g} m/s,", cruise / planned.jack_speed, scale,
-                 doubt=driven),
-        _differs(MOTION, f"the jack's rise, {rise * 1e3:.2g} mm,", rise / planned.jack_rise,
-                 f"{rail}, {scale}", doubt=driven),
-    ]  # fmt: skip
+        _differs(
+            (1 / settings.motion, settings.motion), f"the jack's {what}", ratio, fix, doubt=driven
+        )
+        for what, ratio, fix in (
+            (f"speed, {cruise:.2g} m/s,", cruise / planned.jack_speed, scale),
+            (f"rise, {rise * 1e3:.2g} mm,", rise / planned.jack_rise, rail + scale),
+        )
+    ]
     if plucks and fit.inertia is not None:
         fix = "the scales of force and velocity, `key.press_arm`, `key.laser_arm` and `key.inertia`"
-        said.append(_differs(INERTIA, "the inertia of key and jacks", fit.inertia, fix))
+        # The finger adds its own inertia.
+        limits = 1 / 1.5, settings.force
+        said.append(_differs(limits, "the inertia of key and jacks", fit.inertia, fix))
     fix = "the scale of the force, the plectrum, and whether several strings are released at once"
     for i, held in enumerate(plucks):
         nearest = int(np.argmin(np.abs(strings.force_deviations(held.force_drop))))
         known = strings.forces[strings.numbers.index(held.string) if held.string else nearest]
         what = f"{_who(i, plucks)}the force drop, {held.force_drop:.2g} N,"
-        said.append(_differs(FORCE, what, held.force_drop / known, fix, (i,)))
-    if plucks and fit.lag is not None and abs(fit.lag) > LATE:
+        said.append(
+            _differs((1 / settings.force, settings.force), what, held.force_drop / known, fix, (i,))
+        )
+    if plucks and fit.lag is not None and abs(fit.lag) > settings.late:
         late, early = ("force", "velocity") if fit.lag > 0 else ("velocity", "force")
         text = (
             f"the {late} is {abs(fit.lag) * 1e3:.2g} ms late, compared with the {early}, so contact"
@@ -241,6 +240,7 @@ def about_instants(
     contacts: Sequence[Contact],
     steady: float,
     missing: str | None,
+    settings: PhaseSettings = SETTINGS,
 ) -> list[Remark]:
     """Return warnings about contacts and releases that are hardly determined.
 
@@ -250,12 +250,12 @@ def about_instants(
         steady: s after the trigger, end of the run-up.
         missing: Signal that was not recorded.
     """
-    found = []
+    found, limit = [], settings.doubtful
     before = -math.inf
     for i, (held, contact) in enumerate(zip(plucks, contacts, strict=True)):
         who = _who(i, plucks)
-        earliest = held.contact - DEVIATIONS * held.contact_std
-        exchanged = contact.exchange_std > LARGE
+        earliest = held.contact - settings.deviations * held.contact_std
+        exchanged = contact.exchange_std > limit
         hidden = earliest < before
         early = earliest < steady and not (hidden or exchanged or missing == "force")
         if early:
@@ -269,7 +269,7 @@ def about_instants(
         if not (early or exchanged):
             stds = {"contact": held.contact_std} | stds
         # An uncertainty that is not a number is not within the limit either.
-        large = [f"{name} {std * 1e3:.2g} ms" for name, std in stds.items() if not std <= LARGE]
+        large = [f"{name} {std * 1e3:.2g} ms" for name, std in stds.items() if not std <= limit]
         if large and not missing:
             fix = "check the noise of the force and the sampling rate, and plot the phases"
             if hidden:
@@ -278,14 +278,14 @@ def about_instants(
                     " time; increase the distance between the strings"
                 )
             text = (
-                f"{who}uncertainty of {' and of '.join(large)}, above {LARGE * 1e3:.2g} ms: {fix}"
+                f"{who}uncertainty of {' and of '.join(large)}, above {limit * 1e3:.2g} ms: {fix}"
             )
             found.append(Remark(text, (i,)))
-        if held.release - before < CLOSE:
+        if held.release - before < limit:
             both = " and ".join(pluck_names(plucks)[i - 1 : i + 1])
             text = (
                 f"{both}: their releases are {(held.release - before) * 1e3:.2g} ms"
-                f" apart, below {CLOSE * 1e3:.2g} ms, so they may be one pluck; plot the phases,"
+                f" apart, below {limit * 1e3:.2g} ms, so they may be one pluck; plot the phases,"
                 " and press each string alone"
             )
             found.append(Remark(text, (i - 1, i)))
@@ -305,7 +305,7 @@ def about_flags(
         plucks: In order of time.
         down: s after the trigger, start and end of the way down.
     """
-    found, named = [], set()
+    found, named, side = [], set(), signals.settings.doubtful
     then = "nothing was measured there" if signals.missing else "only the other channel shows it"
     instants = [
         (i, what, instant)
@@ -313,7 +313,7 @@ def about_flags(
         for what, instant in (("contact", held.contact), ("release", held.release))
     ]
     for mark in marks:
-        near = [(i, what) for i, what, t in instants if mark.start - NEAR < t < mark.stop + NEAR]
+        near = [(i, what) for i, what, t in instants if mark.start - side < t < mark.stop + side]
         if not near:
             continue
         of = [f" of {name}" if len(plucks) > 1 else "" for name in pluck_names(plucks)]

@@ -3,31 +3,239 @@
 Each candidate instant has the probability exp(-chi2 / 2 noise); the mean and the standard deviation
 over the candidates are the estimate and its uncertainty. The noise is the variance of the residuals
 of the best fit, including their correlation.
+
+The load of a key without a string is that of weight and friction: a constant, small terms in rise
+and speed, the error of the rig's inertia, the damper while it rests on its string, and mains hum.
+From contact on the string adds a force that depends on the rise above contact alone, a line with
+curvature, which ends with the fall at release. The model is linear except for the contact.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.phases.expected import Expected
-from sautereau.analysis.phases.fit import KeyAndString
 from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.rows import Rows
 from sautereau.trajectory.motion import Floats
 
-ZOOMS = 6  # Largest number of refinements of a grid
-CLOSER = 0.6  # Half-width of the second grid in spacings of the first
-LEAST_CURVATURE = 1e-12  # Smallest curvature of chi2; it replaces smaller and negative values
-WIDE = 4.5  # Half-width of the last grid in standard deviations
-EDGE = 0.01  # Largest probability at an end of the last grid, over that of the best instant
-COARSE = 0.65  # Least standard deviation over the spacing of the last grid
-FREEDOM = 23.0
-"""Degrees of freedom of the noise of sums over blocks (`fit.BLOCKS`), to which a wrong contact adds
-its chi2."""
-SAME = 0.1  # Largest relative change of the noise in the last grid
-FIRST_GRID = 21  # Instants of the first grid; enough to resolve the bend at the contact
-GRID = 11  # Instants of all other grids
+PEAK = 0.8e-3  # s, standard deviation of this peak, a normal curve
+CHOLESKY, INVERSE = get_lapack_funcs(("potrf", "trtri"))
+"""LAPACK's Cholesky factorisation, and the inverse of a triangular matrix."""
+INERTIA = 4  # Index of the column of the inertia
+
+
+@dataclass(frozen=True)
+class ContactFits:
+    """Best fits for contact at each of several instants; arrays of shape (n,)."""
+
+    chi2: Floats
+    """Sum of squared residuals in units of the noise."""
+    at_release: Floats
+    """N at the finger, force of the string at the end of the rows."""
+    noise: float
+    """Variance of the residuals of the best fit over the assumed noise."""
+    residual: float
+    """N, rms of the residuals of the best fit."""
+    inertia: float
+    """Relative error of the rig's inertia in the best fit."""
+
+
+class KeyAndString:
+    """Least-squares fits of a free key, with a string from an instant on, to the load.
+
+    The normal equations of the key's columns are set up once; those of the string for each instant.
+
+    Args:
+        rest: Of the key at rest before the press; may be empty.
+        held: Of the way to a release.
+        before: Time [s] and rise [m] of the jack before which contact is impossible.
+        struck: Whether the string has the column of a peak at contact.
+    """
+
+    def __init__(
+        self,
+        strings: Expected,
+        rest: Rows,
+        held: Rows,
+        release: Release,
+        before: tuple[float, float],
+        struck: bool = False,
+    ):
+        self._expected, self._struck = strings, struck
+        self._path = np.append(before[0], held.time), np.append(before[1], held.rise)
+        self._held, n = held, len(rest.time)
+        base, self._prior = _base(strings, rest, held)
+        self._white = held.whitener()
+        self._key, load = self._white(base[n:]), self._white(held.load)
+        self._load = load
+        self._gram, self._right = self._key.T @ self._key, self._key.T @ load
+        self._square = float(load @ load)
+        if n:
+            white = rest.whitener()
+            key, load = white(base[:n]), white(rest.load)
+            self._gram, self._right = self._gram + key.T @ key, self._right + key.T @ load
+            self._square += float(load @ load)
+        # At release the force of the string ends, and the error of the inertia adds its part.
+        self._fall_std = math.hypot(release.fall_std, strings.settings.fall_std * release.fall)
+        self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
+        bend_std = np.array(strings.settings.shape_std) * max(1e-3, float(np.ptp(held.load)))
+        stds = np.array([self._fall_std, *bend_std, *[0.1] * struck])
+        self._string_prior = np.diag(1 / stds**2)
+        self._keys: dict[tuple[float, bool], tuple[Floats, Floats, float]] = {}
+
+    def free(self, noise: float) -> float:
+        """Return chi2 of a key without a string; the noise as in `at`."""
+        return self._key_alone(noise, falls=False)[2]
+
+    def without_string(self) -> tuple[float, Floats]:
+        """Return a free key's variance of residuals over the noise, and the residuals [N]."""
+        inverse, along, _ = self._key_alone(1.0, falls=False)
+        left = self._load - self._key @ (inverse @ along)
+        return float(left @ left) / len(left), self._white.undone(left)
+
+    def at(self, times: Floats, noise: float) -> ContactFits:
+        """Return the fits for instants of contact [s].
+
+        Args:
+            times: s, shape (n,).
+            noise: Variance of the noise over that of the rows.
+        """
+        # There is no string in the rows before the first instant, apart from half of its peak.
+        start = times[0] - self._held.time[0] - self._struck * 4 * PEAK
+        first = max(0, int(start / self._held.step) - 1)
+        string = self._white(self._bare(times, first).T, first).T
+        string = string.reshape(len(self._string_prior), len(times), -1).swapaxes(0, 1)
+        return self._fits(string, noise)
+
+    def _key_alone(self, noise: float, *, falls: bool) -> tuple[Floats, Floats, float]:
+        """Return the fit of a key without a string.
+
+        Args:
+            noise: As in `at`.
+            falls: Whether it contains the fall at release.
+
+        Returns:
+            What the key's columns must be multiplied by in order to be orthonormal, the products
+            of the load with these, and the sum of squared residuals.
+        """
+        if found := self._keys.get((noise, falls)):
+            return found
+        # The prior is weighted in units of the noise.
+        gram = self._gram + np.diag(noise / self._prior**2)
+        right, square = self._right.copy(), self._square
+        if falls:
+            gram[INERTIA, INERTIA] += noise * self._slowed**2
+            right[INERTIA] += noise * self._slowed * self._fall
+            square += noise * self._fall**2
+        factor, failed = CHOLESKY(gram, lower=1)
+        if failed:
+            raise np.linalg.LinAlgError("the equations of the key have no solution")
+        inverse = INVERSE(factor, lower=1)[0].T
+        along = right @ inverse
+        found = self._keys[noise, falls] = inverse, along, float(square - along @ along)
+        return found
+
+    def _bare(self, times: Floats, first: int) -> Floats:
+        """Return the string's columns from a row on, shape (columns instants, rows)."""
+        held = self._held
+        at = np.interp(times, *self._path)[:, None]
+        line = np.maximum(held.rise[first:] - at, 0.0)
+        # The mean of a row over the bend is larger than the bend; it affects the two adjacent rows.
+        moved = np.interp(times, held.time, held.speed)[:, None] * held.step
+        place = (times[:, None] - held.time[0]) / held.step
+        near = np.maximum(1 - np.abs(np.arange(first, len(held.time)) - place), 0.0)
+        line += moved / 6 * near * near * near
+        line /= np.maximum(held.rise[-1] - at, np.maximum(moved, 1e-6))
+        square = line * (line - 1)
+        cube = square * (line - 0.5)
+        quadratic, cubic = self._expected.bends
+        columns = [line + quadratic * square + cubic * cube, square, cube]
+        if self._struck:
+            columns.append(np.exp(-0.5 * ((held.time[first:] - times[:, None]) / PEAK) ** 2))
+        return np.concatenate(columns)
+
+    def _fits(self, string: Floats, noise: float) -> ContactFits:
+        """Return the fits.
+
+        Args:
+            string: The string's columns in the last rows, in units of the noise, shape
+                (instants, columns, last rows).
+            noise: As in `at`.
+        """
+        inverse, along, square = self._key_alone(noise, falls=True)
+        last = slice(-string.shape[-1], None)
+        mixed, load = string @ self._key[last], string @ self._load[last]
+        # The row of the fall at release: the complete force of the string, and the inertia's part.
+        mixed[:, 0, INERTIA] += noise * self._slowed / self._fall_std
+        load[:, 0] += noise * self._fall / self._fall_std
+        by_key = mixed @ inverse
+        own = string @ string.transpose(0, 2, 1) - by_key @ by_key.transpose(0, 2, 1)
+        own += noise * self._string_prior
+        own[:, 0, 0] += 1e-9  # for a string without force
+        load -= by_key @ along
+        factors = np.linalg.solve(own, load[..., None])[..., 0]
+        chi2 = square - (factors * load).sum(1)
+        best = int(np.argmin(chi2))
+        of_key = inverse @ (along - factors[best] @ by_key[best])
+        left = self._load - self._key @ of_key
+        left[last] -= factors[best] @ string[best]
+        # The peak counts also where it is not needed, since it is looked for.
+        inflation = _inflation(left, len(self._prior) + 4)
+        unexplained = self._white.undone(left)
+        rms = math.sqrt(float(unexplained @ unexplained) / len(unexplained))
+        forces = np.asarray(factors[:, 0], dtype=float)
+        return ContactFits(chi2, forces, inflation, rms, float(of_key[INERTIA]))
+
+
+def _inflation(left: Floats, parameters: int) -> float:
+    """Return the variance of residuals, or of sums of 30 blocks if larger, over the noise."""
+    white = float(left @ left) / max(1, len(left) - parameters)
+    width = len(left) // 30
+    if width < 2:
+        return white
+    sums = left[: width * 30].reshape(30, width).sum(1)
+    correlated = float(sums @ sums) / width / (30 - parameters)
+    # The variance of so few sums is uncertain: the larger of both would exceed that of white noise.
+    return max(white, correlated / (1 + math.sqrt(2 / (30 - parameters))))
+
+
+def _base(strings: Expected, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
+    """Return the columns of a key without a string, and the prior standard deviation of each."""
+    n_rest, n_held, settings = len(rest.time), len(held.time), strings.settings
+    moving = np.zeros((n_rest + n_held, 6))
+    moving[:n_rest, 0] = 1
+    inside = slice(n_rest, None)
+    moving[inside, 1] = 1
+    moving[inside, 2] = held.rise / 10e-3
+    moving[inside, 3] = held.speed / max(1e-6, float(held.speed.max(initial=0.0)))
+    moving[inside, 4] = _smooth(held.inertia, settings.acceleration / held.step)
+    lift, damped = strings.damper
+    if lift:
+        moving[inside, 5] = np.maximum(lift - held.rise, 0.0) / lift
+    time = np.concatenate([rest.time, held.time])
+    hum = hum_at(time)
+    stds = settings.rise_std, settings.drift_std, settings.inertia_std
+    # The level is free; the rig's stiffness of the damper may be half or three times the true one.
+    prior = np.array([10.0, 10.0, *stds, max(1e-6, 2 * damped), *[settings.hum_std] * hum.shape[1]])
+    return np.column_stack([moving, hum]), prior
+
+
+def hum_at(time: Floats) -> Floats:
+    """Return sine and cosine of mains hum of 50 and of 60 Hz, shape (n, 4)."""
+    return np.stack(
+        [wave(2 * np.pi * f * time) for f in (50.0, 60.0) for wave in (np.sin, np.cos)], 1
+    )
+
+
+def _smooth(signal: Floats, rows: float) -> Floats:
+    """Return a column without its noise, which would otherwise fit the noise of the load."""
+    from scipy.ndimage import uniform_filter1d
+
+    width = max(3, round(rows))
+    return uniform_filter1d(uniform_filter1d(signal, width, mode="nearest"), width, mode="nearest")
 
 
 @dataclass(frozen=True)
@@ -83,27 +291,29 @@ def find_contact(
         return None
     fit = KeyAndString(strings, rest, held, release, before, struck)
     low, high = before[0], float(held.time[-2])
-    times, noise = np.linspace(low, high, FIRST_GRID), 1.0
+    # So many resolve the bend at the contact.
+    times, noise = np.linspace(low, high, 21), 1.0
     found = fit.at(times, noise)
     middle, std, _ = _vertex(times, found.chi2)
-    reach = CLOSER * float(times[1] - times[0])
-    for _ in range(ZOOMS):
-        times = np.linspace(max(low, middle - reach), min(high, middle + reach), GRID)
+    reach = 0.6 * float(times[1] - times[0])
+    for _ in range(6):
+        times = np.linspace(max(low, middle - reach), min(high, middle + reach), 11)
         found = fit.at(times, noise)
         assumed, noise = noise, max(1.0, found.noise)
         score = found.chi2 / noise
         chance = np.exp((score.min() - score) / 2)
         middle = float(times @ chance / chance.sum())
         std = math.sqrt(float((times - middle) ** 2 @ chance / chance.sum()))
-        if max(chance[0] * (times[0] > low), chance[-1] * (times[-1] < high)) > EDGE:
+        if max(chance[0] * (times[0] > low), chance[-1] * (times[-1] < high)) > 0.01:
             reach = min(high - low, 3 * reach)
             continue
-        if std < COARSE * float(times[1] - times[0]):
+        if std < 0.65 * float(times[1] - times[0]):  # the grid is too coarse
             middle, std, lowest = _vertex(times, score)
-            noise = max(1.0, noise * (1 - (float(score.min()) - lowest) / FREEDOM))
-        elif abs(noise / assumed - 1) < SAME:
+            # To the noise of 30 sums a wrong contact adds its chi2.
+            noise = max(1.0, noise * (1 - (float(score.min()) - lowest) / 23))
+        elif abs(noise / assumed - 1) < 0.1:
             break
-        reach = WIDE * std
+        reach = 4.5 * std
     best = int(np.argmin(found.chi2))
     gain = (fit.free(noise) - float(found.chi2[best])) / noise
     # A common delay of both channels shifts the contact as well.
@@ -120,7 +330,7 @@ def _vertex(times: Floats, score: Floats) -> tuple[float, float, float]:
     best, spacing = int(np.argmin(score)), float(times[1] - times[0])
     inner = min(max(best, 1), len(times) - 2)
     before, at, after = score[inner - 1 : inner + 2].tolist()
-    curvature = max(before - 2 * at + after, LEAST_CURVATURE)
+    curvature = max(before - 2 * at + after, 1e-12)
     off = (before - after) / (2 * curvature) if best == inner else 0.0
     lowest = float(score[best]) - curvature * off**2 / 2
     return float(times[best]) + spacing * off, spacing * math.sqrt(2 / curvature), lowest

@@ -1,42 +1,37 @@
 """Segmentation of a press: free, string held, string released, bottom and return."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import checks
 from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
-from sautereau.analysis.phases.compliant.slow import WIDTH
 from sautereau.analysis.phases.expected import Expected, expected
 from sautereau.analysis.phases.found import Fit, HeldString, Phases, line_through, measured
 from sautereau.analysis.phases.identity import with_strings
-from sautereau.analysis.phases.peak import peak_force
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.rows import rows_of
-from sautereau.analysis.phases.signals import LEFT, Signals, signals_of, way_down
+from sautereau.analysis.phases.settings import SETTINGS, PhaseSettings
+from sautereau.analysis.phases.signals import (
+    SPIKE,
+    Signals,
+    signals_of,
+    way_down,
+)
 from sautereau.analysis.remark import divided
 from sautereau.daq.signals.calibration import median, robust_std
 from sautereau.trajectory.motion import Floats
 
 Finder = Callable[[Expected, Signals, int, int], Found]
 """Finds the plucks of a rig's strings between two samples, as `find_plucks` does."""
-FULL_SPEED = 0.95
-"""Dimensionless, fraction of the median speed above which the jack neither starts nor stops."""
-CRUISE = 0.65
-"""Quantile of the speeds of the way down that is that of the cruise: slower ones are those of
-starting and stopping, faster ones of a jack that was released."""
-LEAST_SAMPLES = 16
-"""Fewest samples of a way down, which is also longer than the spline that smooths it."""
-FELT = 0.1  # N, least rise of the load at the front felt
-FELT_SIGNIFICANCE = 6.0
-"""Least rise of the load at the front felt, in standard deviations of the load."""
 
 
-def find_phases(press: Press) -> Phases:
+def find_phases(press: Press, settings: PhaseSettings = SETTINGS) -> Phases:
     """Find every contact and release in a press; a press without a pluck has none.
 
     Instants that were set by hand, in a file beside the recording, are taken as they are.
@@ -54,7 +49,7 @@ def find_phases(press: Press) -> Phases:
             f"press {press.path}: it has no {press.missing}, and these phases need force and"
             " velocity; use `find_partial_phases`"
         )
-    return phases_in(press, signals_of(press), find_plucks)
+    return phases_in(press, signals_of(press, settings), find_plucks)
 
 
 def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
@@ -74,7 +69,9 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         return Phases(0.0, 0.0, (), 0.0, None, None, (warning,), peak_force=peak)
     begin, end = down
     time, speed = signals.time, signals.speed
-    if end - begin < max(LEAST_SAMPLES, WIDTH * press.rate):
+    settings = signals.settings
+    # The spline that smooths it must fit into a way down.
+    if end - begin < max(16, settings.width * press.rate):
         warning = (
             f"the key moved for only {(end - begin) / press.rate * 1e3:.2g} ms of the recording,"
             " too short for finding phases; record for longer"
@@ -83,7 +80,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         return Phases(
             float(time[begin]), float(time[end]), (), mean, None, None, (warning,), peak_force=peak
         )
-    by_hand, strings = read_by_hand(press.path), expected(press.rig)
+    by_hand, strings = read_by_hand(press.path), expected(press.rig, settings)
     if by_hand is None:
         try:
             found = find(strings, signals, begin, end)
@@ -103,7 +100,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     # Of one signal alone, the force or the place of a pluck is assumed.
     known = by_hand is not None or signals.missing
     contact = min((held.contact for held in plucks), default=float(time[end]))
-    contact = max(contact, float(time[begin + LEAST_SAMPLES // 2]))
+    contact = max(contact, float(time[begin + 8]))
     settled = _at_full_speed(time, speed, time[begin], contact)
     slope, offset = line_through(time[settled], signals.rise[settled])
     held_speed = released_speed = None
@@ -111,16 +108,17 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         held_speed = _mean(speed, time, plucks[0].contact, plucks[0].release)
         after = min(plucks[0].release + plucks[0].pluck_duration, time[end])
         released_speed = _mean(speed, time, plucks[0].release, after)
-    steady = float(time[begin + np.argmax(speed[begin:] >= FULL_SPEED * speed[settled].mean())])
+    steady = float(time[begin + np.argmax(speed[begin:] >= 0.95 * speed[settled].mean())])
     start, bottom = float(-offset / slope), float(time[end])
     contacts = [contact for contact, *_ in known_plucks]
-    cruise, top = float(np.quantile(speed[begin:end], CRUISE)), float(signals.rise.max())
+    # Slower than this quantile is a jack that starts or stops, faster one that was released.
+    cruise, top = float(np.quantile(speed[begin:end], 0.65)), float(signals.rise.max())
     unlike = [] if known else checks.about_rig(press, cruise, top, found.fit, plucks, strings)
     said = [
         *checks.about_end(signals, begin),
-        *checks.about_instants(plucks, contacts, steady, signals.missing),
+        *checks.about_instants(plucks, contacts, steady, signals.missing, settings),
         *checks.about_flags(signals, press.quality_flags, plucks, (start, bottom)),
-        *checks.about_exchange(contacts, plucks),
+        *checks.about_exchange(contacts, plucks, settings),
         *checks.about_strings(plucks, strings),
         *unlike,
         *checks.about_fit(signals, found.fit, found.further, plucks, strings),
@@ -155,15 +153,15 @@ def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float |
     load = rows.load[first:]
     if len(load) < 4 * SETTLED:
         return None
-    level = median(load)
-    below = np.flatnonzero(load < level + max(FELT, FELT_SIGNIFICANCE * robust_std(load)))
+    felt = median(load) + max(0.1, 6 * robust_std(load))  # N
+    below = np.flatnonzero(load < felt)
     risen = int(below[-1]) + 1 if len(below) else 0
     return float(rows.time[first + risen]) if len(load) - risen >= SETTLED else None
 
 
 def _returned(signals: Signals, end: int) -> float | None:
     """Return the time [s] at which the jack is back at the height at which it left rest."""
-    back = np.flatnonzero(signals.rise[end:] < LEFT * signals.rise.max())
+    back = np.flatnonzero(signals.rise[end:] < signals.settings.left * signals.rise.max())
     return float(signals.time[end + back[0]]) if len(back) else None
 
 
@@ -172,7 +170,7 @@ def _at_full_speed(time: Floats, speed: Floats, start: float, end: float) -> NDA
     first, middle, last = np.searchsorted(time, (start, (start + end) / 2, end)).tolist()
     first = middle if last - middle >= 8 else first
     inside = speed[first:last]
-    full = first + np.flatnonzero(inside >= FULL_SPEED * np.median(inside))
+    full = first + np.flatnonzero(inside >= 0.95 * np.median(inside))
     return full if len(full) >= 8 else np.arange(first, last)
 
 
@@ -180,3 +178,39 @@ def _mean(signal: Floats, time: Floats, start: float, end: float) -> float | Non
     """Return the mean from one instant to before another [s]; None without a sample."""
     inside = signal[slice(*np.searchsorted(time, (start, end)))]
     return float(inside.mean()) if len(inside) else None
+
+
+def peak_force(force: Floats, signals: Signals, plucks: Sequence[HeldString]) -> float:
+    """Return the largest finger force of a complete press [N], those of its releases included.
+
+    Beside a release, the samples show what the correction of the sensor's delay makes of the fall:
+    it exceeds the force by up to 13 % of the fall. There, the force is that of `HeldString`.
+
+    Args:
+        force: N, as recorded, shape (n,).
+        plucks: All plucks of the press.
+    """
+    counted, spread = force > _spikes(force, signals), signals.settings.spread
+    for held in plucks:
+        at = signals.sample(held.release)
+        counted[max(0, at - spread) : max(0, at + spread)] = False
+    releases = [held.release_force for held in plucks]
+    return max(0.0, *releases, float(force[counted].max(initial=0.0)))
+
+
+def _spikes(force: Floats, signals: Signals) -> Floats:
+    """Return the height [N] of the highest spike close to each sample (`PhaseSettings.spread`).
+
+    It is -inf where there is none.
+    """
+    if not len(force):
+        return force
+    # What is narrower than three samples at half its force is a spike.
+    least = sliding_window_view(np.pad(force, 2, mode="edge"), 3).min(axis=1)
+    lasting = sliding_window_view(least, 3).max(axis=1)
+    high = force - lasting > np.maximum(SPIKE * signals.force_noise, force / 2)
+    found, spread = np.full(len(force), -np.inf), signals.settings.spread
+    for at in np.flatnonzero(high):
+        beside = found[max(0, at - spread) : at + spread + 1]
+        np.maximum(beside, force[at], out=beside)
+    return found

@@ -13,17 +13,9 @@ from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
-SIDE = 1e-3  # s, length of the lines on either side of a release, and of the mean before contact
-GAP = 3  # Samples on either side of a release over which it is spread
-GOOD = 4.0  # Variance of the residuals over the noise below which the fit of a rigid key is good
-RIGID = 10.0  # Variance of the residuals over the noise below which the fit of a rigid key is fair
-BLOCKS = 250  # Blocks of the samples of a held string, for its slope
-RINGING = np.geomspace(100.0, 1500.0, 60)
-"""Frequencies at which finger and key may ring while a string is held (Hz)."""
-PERIODS = 3.0  # Least periods of a ringing in that time, and least blocks of a period
+GOOD, RIGID = 4.0, 10.0
+"""Variance of the residuals over the noise below which the fit of a rigid key is good, or fair."""
 FAIR = 15e-3  # N, rms of the residuals below which the fit of a compliant key is fair
-
-
 FREE, RELEASED = "free", "string released"
 """Phases in which no string is held: before a contact, and after the last release."""
 
@@ -48,13 +40,7 @@ class Growth:
     force_std: float = 0.0
     """N, the same, of the force."""
     noise: float = 0.0
-    """Variance of the residuals around it, of sums over a third of it, over that of `NOISE`."""
-    exchange_std: float = 0.0
-    """s, further standard uncertainty of a contact that may belong to another string's release."""
-    exchange_force: float = 0.0
-    """N, the same of the force."""
-    exchange_odds: float = 0.0
-    """As `Contact.exchange_odds`."""
+    """Variance of the residuals around it, of sums over a third of it, over the assumed one."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +134,7 @@ class Phases:
     returned: float | None = None
     """s, at which the key is back at rest; None where it does not return."""
     peak_force: float | None = None
-    """N, of `sautereau.analysis.phases.peak`; None where it was not evaluated."""
+    """N, of `sautereau.analysis.phases.find.peak_force`; None where it was not evaluated."""
     fit: Fit | None = None
     """How well the load was explained; None where it was not evaluated."""
     missed: tuple[tuple[float, float], ...] = ()
@@ -220,15 +206,16 @@ def growth(time: Floats, deflection: Floats, force: Floats) -> tuple[float, floa
         deflection: m, of the key at the laser, increasing, shape (n,).
         force: N, shape (n,).
     """
-    size = max(1, len(force) // BLOCKS)
+    size = max(1, len(force) // 250)
     blocks = slice(len(force) // size * size)
     t, along, load = (x[blocks].reshape(-1, size).mean(axis=1) for x in (time, deflection, force))
     half = (along[-1] - along[0]) / 2 or 1.0
     columns = ((along - along[0]) / half - 1)[:, None] ** np.arange(3)
-    turns = RINGING * (t[-1] - t[0])
-    waves = np.exp(
-        2j * np.pi * np.outer(t, RINGING[(turns > PERIODS) & (turns < len(t) / PERIODS)])
-    )
+    frequencies = np.geomspace(100.0, 1500.0, 60)  # Hz, at which finger and key may ring
+    turns = frequencies * (t[-1] - t[0])
+    # At least three periods, and three blocks of each.
+    rings = frequencies[(turns > 3) & (turns < len(t) / 3)]
+    waves = np.exp(2j * np.pi * np.outer(t, rings))
     if waves.size:
         basis, _ = np.linalg.qr(columns)
         left = load - basis @ (basis.T @ load)
@@ -249,9 +236,9 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
     """
     time, force, rate = signals.time, signals.force, signals.rate
     first, last = np.searchsorted(time, (contact.time, release.time)).tolist()
-    m = max(4, min(int(SIDE * rate), (last - first) // 3))
-    # The line before is extrapolated to the release.
-    side = slice(max(0, last - GAP - m), last - GAP)
+    m = max(4, min(int(1e-3 * rate), (last - first) // 3))
+    # The line before is extrapolated to the release, which is spread over three samples.
+    side = slice(max(0, last - 3 - m), last - 3)
     if len(time[side]) > 2:
         before = line_through(time[side] - release.time, force[side])[1]
     else:

@@ -23,17 +23,7 @@ from sautereau.analysis.phases.release import Release
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
-SHARED_STDS = (0.3e-3, 0.3, 0.4)
-"""Standard deviations of the error that all strings share: rise at contact (m), logarithms of rise
-from contact to release and of force. They are those of a rig that was measured with a ruler."""
-FORCE_DROP_STD, HELD_AT_ONCE_STD = 0.1, 0.2
-"""Relative standard uncertainty of a force drop; that of strings held at once, of whose sum each
-may get a part of the other's force."""
-FAR = 4.0
-"""Distance of a single pluck from a single string, in standard deviations, above which it is no
-pluck of this string: 1.3 mm at contact, or a force of a fifth or fivefold."""
-LEAST_PROBABILITY = 0.95  # Probability above which a string is stated
-
+PROBABLE = 0.95  # Probability above which a string is stated
 Way = tuple[tuple[int, ...], dict[int, int], float]
 """A way to explain plucks: the contact of each release, the row of the string of each assigned
 release, and the logarithm of the likelihood."""
@@ -57,7 +47,7 @@ def with_strings(
     for (order, *_), weight in zip(ways, weights, strict=True):
         orders[order] += weight
     best = max(orders, key=orders.__getitem__)
-    if orders[best] < LEAST_PROBABILITY:
+    if orders[best] < PROBABLE:
         best = tuple(range(len(pairs)))  # as the load was fitted
     # In another order, a pluck has the contact of one string and the release of another. It is that
     # of the string with which it has more in common: what is farther apart decides.
@@ -72,7 +62,7 @@ def with_strings(
     for k, release, chance in zip(best, releases, chances.tolist(), strict=True):
         row, exchange = int(np.argmax(chance)), spread * contacts[k].exchange_std
         std = math.hypot(_own_std(contacts[k]), exchange)
-        string = strings.numbers[row] if chance[row] >= LEAST_PROBABILITY else None
+        string = strings.numbers[row] if chance[row] >= PROBABLE else None
         contact = replace(contacts[k], std=std, exchange_std=exchange)
         fall_std = math.hypot(release.fall_std, spread * contacts[k].exchange_force)
         found.append((contact, replace(release, fall_std=fall_std), string, chance[row]))
@@ -90,8 +80,9 @@ def _ways(
     """Yield every way to explain the plucks of a press."""
     count, plucks = 2 if signals.missing == "force" else 3, range(len(releases))
     members, places, variations = _rows(strings, len(strings.contacts) > len(releases))
-    shared, places = np.diag(SHARED_STDS[:count]) ** 2, places[:, :count]
-    odds = FAR**2 + 2 * math.log(LEAST_PROBABILITY / (1 - LEAST_PROBABILITY))
+    shared, places = np.diag(strings.settings.shared_stds[:count]) ** 2, places[:, :count]
+    # Of a pluck of no string: as likely as one that is four standard deviations away.
+    odds = 4.0**2 + 2 * math.log(PROBABLE / (1 - PROBABLE))
     free = [k for k in plucks if contacts[k].exchange_std]
     for exchanged in permutations(free):
         order = list(plucks)
@@ -153,7 +144,8 @@ def _seen(
     climbs = np.maximum(rises[1] - rises[0], LEAST_CLIMB)
     forces = np.maximum([release.fall for release in releases], LEAST_FORCE)
     both = (times[0][:, None] < times[1]) & (times[0] < times[1][:, None])
-    known = np.where(both.sum(1) > 1, HELD_AT_ONCE_STD, FORCE_DROP_STD)
+    # Of the sum of strings held at once each may get a part of the other's force.
+    known = np.where(both.sum(1) > 1, 0.2, 0.1)
     fallen = np.hypot(known, [release.fall_std for release in releases] / forces)
     slopes = np.zeros((len(releases), 3, 3))  # by the errors of contact, release and force
     slopes[:, 0, 0], slopes[:, 2, 2] = first, fallen

@@ -16,12 +16,6 @@ from sautereau.trajectory.motion import Floats
 
 Evaluated = tuple[NDArray[Any], ...]
 """Residuals of states, shape (m, n), and what else their slopes need, arrays of shape (m, ...)."""
-STEPS = 12  # Largest number of steps
-TRIALS = 4  # Largest number of dampings that are tried for a step
-STIFFER = 5.0  # Factor between these dampings
-FIRST_STIFFNESS = 1e-2  # Dimensionless damping of the first step
-LEAST_STIFFNESS = 1e-7  # Smallest dimensionless damping
-RIDGE = 1e-12  # Added to the normal equations
 
 
 @dataclass(frozen=True)
@@ -64,19 +58,19 @@ def minimise(
     states = states.copy()
     found = evaluate(states)
     m, k = states.shape
-    total, stiff = (found[0] ** 2).sum(1), np.full(m, FIRST_STIFFNESS)
+    total, stiff = (found[0] ** 2).sum(1), np.full(m, 1e-2)
     diagonal = np.eye(k)
     normal, active = np.tile(diagonal, (m, 1, 1)), np.arange(m)
-    for _ in range(STEPS):
+    for _ in range(12):
         at = tuple(each[active] for each in found)
         jacobian = slopes(states[active], at)
         normal[active] = jacobian.swapaxes(1, 2) @ jacobian
         right = np.zeros((m, k))
         right[active] = (at[0][:, None] @ jacobian)[:, 0]
         before, trying = total.copy(), active
-        for _ in range(TRIALS):
+        for _ in range(4):  # dampings of this step
             of = normal[trying]
-            damped = of + (stiff[trying, None, None] * of + RIDGE) * diagonal
+            damped = of + (stiff[trying, None, None] * of + 1e-12) * diagonal
             step = np.linalg.solve(damped, right[trying][..., None])[..., 0]
             trials = bounded(states[trying] - np.clip(step, -longest, longest))
             made = evaluate(trials)
@@ -86,9 +80,9 @@ def minimise(
             states[better], total[better] = trials[good], chi2[good]
             for kept, each in zip(found, made, strict=True):
                 kept[better] = each[good]
-            stiff[better] = np.maximum(stiff[better] / STIFFER, LEAST_STIFFNESS)
+            stiff[better] = np.maximum(stiff[better] / 5, 1e-7)
             trying = trying[~good]
-            stiff[trying] *= STIFFER
+            stiff[trying] *= 5
             if not len(trying):
                 break
         active = active[before[active] - total[active] > converged * before[active]]

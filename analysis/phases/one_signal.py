@@ -13,7 +13,7 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact
-from sautereau.analysis.phases.expected import CLIMB_STD, CONTACT_STD, Expected
+from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.find import phases_in
 from sautereau.analysis.phases.found import Fit, Growth, Phases
 from sautereau.analysis.phases.plucks import LEAST_FALL_GAIN, Found, find_plucks
@@ -21,14 +21,6 @@ from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, r
 from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.signals import Signals, signals_of
 
-CONTACT_PART = 0.02
-"""Standard uncertainty of a contact in the force alone, over the pluck's duration, since the speed
-of the jack is not exactly as planned. From random presses of the stand-in; tested on others."""
-LEAST_CONTACT_STD = 0.15e-3  # s, standard uncertainty that is added to it
-RELEASE_STD = 0.02e-3  # s, standard uncertainty that is added to that of a release
-LARGER = 1.5  # Standard uncertainty of a release in the velocity alone, over that of its fit
-HIDDEN = 1e-3
-"""s, added to the uncertainty of a release within this time of a drop-out of the velocity."""
 WITHOUT = {
     "velocity": "no velocity was recorded: speeds, rises, deflections, work, the slope of the force"
     " and its drop are unknown",
@@ -49,11 +41,6 @@ NOT_FOUND = {
     " pluck",
 }
 """Why a pluck may not have been found, by the name of the missing signal."""
-LEAST_FRACTION = 0.05
-"""Least force of a pluck in the force alone, over the range of the force on the way down. Motion
-that is not as planned causes smaller falls."""
-FAR = 3.0
-"""Largest distance of a release from the rise that the rig expects, in standard deviations."""
 
 
 def find_partial_phases(press: Press) -> Phases:
@@ -88,12 +75,14 @@ def find_partial_phases(press: Press) -> Phases:
 def _in_force(strings: Expected, signals: Signals, begin: int, end: int) -> Found:
     """Return the plucks in the force alone; arguments as of `find_plucks`."""
     found = find_plucks(strings, signals, begin, end)
-    least = LEAST_FRACTION * float(np.ptp(signals.force[begin:end]))
+    # Motion that is not as planned causes smaller falls.
+    least = 0.05 * float(np.ptp(signals.force[begin:end]))
     slight = [Growth(c.time, r.time, r.fall, c.gain) for c, r in found.plucks if not r.fall > least]
+    # The speed of the jack is not exactly as planned: of a contact by 2 % of the pluck.
     wider = [
         (
-            replace(c, std=math.hypot(c.std, LEAST_CONTACT_STD, CONTACT_PART * (r.time - c.time))),
-            replace(r, std=math.hypot(r.std, RELEASE_STD)),
+            replace(c, std=math.hypot(c.std, 0.15e-3, 0.02 * (r.time - c.time))),
+            replace(r, std=math.hypot(r.std, 0.02e-3)),
         )
         for c, r in found.plucks
         if r.fall > least
@@ -109,8 +98,10 @@ def _in_velocity(strings: Expected, signals: Signals, begin: int, end: int) -> F
     rise = np.maximum.accumulate(signals.rise[begin : end + 1])
     time, speed = signals.time[begin : end + 1], signals.speed[begin : end + 1]
     found: list[tuple[Contact, Release]] = []
+    settings = signals.settings
     for at, climb in zip(strings.contacts.tolist(), strings.climbs.tolist(), strict=True):
-        far = FAR * math.hypot(CONTACT_STD, CLIMB_STD * climb)
+        stds = np.array([settings.contact_std, settings.climb_std * climb])
+        far = settings.deviations * float(np.hypot(*stds))
         earliest = found[-1][1].time if found else -math.inf
         near = [
             fall
@@ -120,11 +111,10 @@ def _in_velocity(strings: Expected, signals: Signals, begin: int, end: int) -> F
         if not near:
             continue
         release = max(near, key=lambda fall: fall.fall)
-        around = slice(*(signals.sample(release.time + side) for side in (-HIDDEN, HIDDEN)))
-        hidden = HIDDEN * bool(signals.no_velocity[around].any())
-        release = replace(release, std=math.hypot(LARGER * release.std, RELEASE_STD, hidden))
+        around = slice(*(signals.sample(release.time + side) for side in (-1e-3, 1e-3)))
+        hidden = 1e-3 * bool(signals.no_velocity[around].any())  # a drop-out may hide it
+        release = replace(release, std=math.hypot(1.5 * release.std, 0.02e-3, hidden))
         # The rig's contact, and the release less the rig's climb: weighted by their variances.
-        stds = np.array([CONTACT_STD, CLIMB_STD * climb])
         places = np.array([at, float(np.interp(release.time, time, rise)) - climb])
         place = float(places @ stds**-2.0 / (stds**-2.0).sum())
         contact = float(np.interp(place, rise, time))

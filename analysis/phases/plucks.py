@@ -4,53 +4,25 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
-from sautereau.analysis.phases.compliant.event import refine_event, resolved
-from sautereau.analysis.phases.compliant.plucks import (
-    CONTACT_PART,
-    LEAST_STD,
-    RELEASE_PART,
-    SIGNIFICANT,
-    compliant_plucks,
-)
-from sautereau.analysis.phases.compliant.search import NOISE, Searched
-from sautereau.analysis.phases.contact import Contact, find_contact
+from sautereau.analysis.phases.compliant import compliant_plucks
+from sautereau.analysis.phases.contact import Contact, KeyAndString, find_contact
+from sautereau.analysis.phases.event import refine_event, resolved
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR, GOOD, RIGID, Fit, Growth
-from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
+from sautereau.analysis.phases.release import LEAST_FALL, NO_RELEASE, Release, find_falls, refine
 from sautereau.analysis.phases.rows import Rows, rows_of
+from sautereau.analysis.phases.search import Searched
+from sautereau.analysis.phases.settings import PhaseSettings
 from sautereau.analysis.phases.signals import Signals
-from sautereau.analysis.phases.unexplained import unexplained
 
-STILL = 3e-4  # Dimensionless, fraction of the full rise below which the jack is at rest
-REST = 40e-3  # s, duration of the rest in which hum is fitted
-REST_MARGIN = 2e-3  # s, from the end of this rest to the start of the motion
-REST_ROWS = 40  # Largest number of rows of the rest
-CONTACT_ROWS = 200  # Largest number of rows of the way to a release, for finding its contact
-LEAST_GAIN = 20.0  # Least reduction of chi2 by a string, compared with a free key
 LEAST_FALL_GAIN = 9.0  # Least reduction of chi2 by a fall of the load, compared with a bend
-LEAST_HELD = 8  # Fewest rows for which a string is held
-LIKE_THE_FALL = 0.4, 2.0
-"""Range of the ratio of the string's force at release to the fall of the load in a pluck."""
-LEAST_FRACTION = 0.1  # Least fall at a release, over the largest fall in the press
-BEFORE = 6  # Samples before a release over which the correction of the delay spreads most of it
 SETTLED = 3  # Rows from a release to the earliest contact with the next string
+NEGLIGIBLE = 0.2e-3  # s, standard uncertainty of a contact that is no worse than elsewhere
 RINGING = 8.0  # Variance of the residuals over the noise at a release above which modes are fitted
-STEP = 1.8  # The same where modes can be the cause (`resolved`): 6 standard deviations above 1
-NEAR = 0.7e-3  # s, standard uncertainty of a release before its modes are fitted
 BENT = 300.0
 """Variance of the residuals over the noise above which plucks of a rigid key are rejected."""
-REACHED = 0.5
-"""Least rise of the jack above a contact for a pluck on a compliant key, over the rise from contact
-to release that the rig expects."""
-DOUBTFUL = 6.0  # Least significance of a warning about a growth that is no pluck
-HIDING = 0.1
-"""Largest rms of the load that a compliant key without a pluck leaves, over the least force of a
-string that the rig expects: more could hide a string."""
-DISPLACED = 1.5e-3
-"""m, distance of a contact from all contacts of the rig, above which it is doubtful."""
-CERTAIN = 3.0
-"""Largest variance of the residuals over the noise on a rigid key, if a contact is doubtful."""
 
 
 @dataclass(frozen=True)
@@ -81,17 +53,18 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
     if not len(rows.time):
         return Found([], Fit("rigid", 1.0))
     first, last = _rest(signals, begin)
-    rest = rows_of(signals, first, last, max(1, (last - first) // REST_ROWS))
-    before = _place(signals, min(begin, last + int(REST_MARGIN * signals.rate)))
+    rest = rows_of(signals, first, last, max(1, (last - first) // 40))
+    before = _place(signals, min(begin, last + int(signals.settings.rest_margin * signals.rate)))
     found = _rigid_plucks(strings, signals, rows, rest, begin, before)
     rigid = _explained(found, signals, strings, begin, end)
     clear = rigid is not None and all(
-        contact.noise < GOOD or contact.std < LEAST_STD for contact, _ in rigid.plucks
+        contact.noise < GOOD or contact.std < NEGLIGIBLE for contact, _ in rigid.plucks
     )
     if rigid is not None and clear and len(found) >= len(strings.contacts):
         return rigid
     left, rms, missed = unexplained(strings, rest, rows, before)
-    reached = strings.contacts + REACHED * strings.climbs < signals.rise[end]
+    # A jack that climbed half as far as a pluck needs.
+    reached = strings.contacts + strings.climbs / 2 < signals.rise[end]
     # Noise may explain the load because it hides the strings.
     hidden = reached.any() and math.sqrt(float(rows.variance.mean())) > strings.forces.min()
     if not found and not hidden and left < (GOOD if reached.all() else RIGID):
@@ -103,10 +76,13 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
     if rigid is not None:
         return rigid
     if found and _noise(found) < BENT:
-        return Found([_with_residual(c, r) for c, r in found], Fit("rigid", _noise(found)))
-    growths = searched.significant(DOUBTFUL)
-    if 0.0 < searched.residual < min(FAIR, HIDING * float(strings.forces.min())):
-        noise = (searched.residual / NOISE) ** 2
+        return Found(
+            [_with_residual(signals.settings, c, r) for c, r in found], Fit("rigid", _noise(found))
+        )
+    growths = searched.significant(signals.settings.significance)
+    # More could hide a string.
+    if 0.0 < searched.residual < min(FAIR, 0.1 * float(strings.forces.min())):
+        noise = (searched.residual / signals.settings.noise) ** 2
         return Found([], Fit("compliant", noise, *_of_key(searched)), growths)
     return Found([], Fit("rigid", left, 0.0, rms), growths or (missed,))
 
@@ -116,8 +92,9 @@ def _compliant(
 ) -> tuple[Found | None, Searched]:
     """Return the plucks of a compliant key, if there are as many as least; and the search."""
     plucks, searched = compliant_plucks(strings, signals, way)
-    growths = searched.significant(DOUBTFUL)
-    certain = [g for g in searched.significant(SIGNIFICANT) if g in searched.growths]
+    least_significance = signals.settings.significance
+    growths = searched.significant(least_significance)
+    certain = [g for g in searched.significant(2 * least_significance) if g in searched.growths]
     if not plucks or len(certain) < least:
         return None, searched
     noise = max(contact.noise for contact, _ in plucks)
@@ -147,7 +124,7 @@ def _rigid_plucks(
     ]
     found = _contacts(strings, signals, rows.step, begin, falls, rest, before)
     largest = max((release.fall for _, release in found), default=0.0)
-    large = [release for _, release in found if release.fall > LEAST_FRACTION * largest]
+    large = [release for _, release in found if release.fall > 0.1 * largest]
     if len(large) < len(found):  # between two plucks the key is free
         found = _contacts(strings, signals, rows.step, begin, large, rest, before)
     return found
@@ -157,9 +134,7 @@ def _explained(
     found: list[tuple[Contact, Release]], signals: Signals, strings: Expected, begin: int, end: int
 ) -> Found | None:
     """Return the plucks of a rigid key if it explains the load, else None."""
-    rises = np.interp([c.time for c, _ in found], signals.time, signals.rise)
-    far = np.abs(rises[:, None] - strings.contacts).min(initial=np.inf) > DISPLACED
-    most = CERTAIN if far else GOOD
+    settings = signals.settings
     # A string held together with the next one spoils the fit of its contact on any key; but where
     # a release rings, or a contact is far from explained, what exceeds the number of strings may be
     # ringing.
@@ -167,14 +142,14 @@ def _explained(
     surplus = len(found) > len(strings.contacts) and rings
     typical = max if surplus else min
     inertia = 1 + found[0][0].inertia if found else None
-    if found and typical(c.noise for c, _ in found) < most:
+    if found and typical(c.noise for c, _ in found) < GOOD:
         ends = float(signals.time[begin]), float(signals.time[end])
         sharp = [(c, _with_modes(signals, r, c.noise, ends)) for c, r in found]
-        sharp = [_with_residual(c, r) if c.noise > GOOD else (c, r) for c, r in sharp]
+        sharp = [_with_residual(settings, c, r) if c.noise > GOOD else (c, r) for c, r in sharp]
         return Found(sharp, Fit("rigid", _noise(sharp), inertia=inertia))
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
-    exact = [_with_residual(contact, release) for contact, release in found]
-    if found and not far and all(c.std < LEAST_STD and r.noise < RINGING for c, r in exact):
+    exact = [_with_residual(settings, contact, release) for contact, release in found]
+    if found and all(c.std < NEGLIGIBLE and r.noise < RINGING for c, r in exact):
         return Found(exact, Fit("rigid", _noise(found), 0.0, 0.0, inertia, negligible=True))
     return None
 
@@ -187,10 +162,11 @@ def _with_modes(
     This is so where its residuals exceed those at the contact, where nothing rings, and where a
     slow low-pass makes a curve of the step.
     """
-    least = min(RINGING, max(STEP, noise)) if resolved(signals, release.time) else RINGING
+    # 1.8 is six standard deviations above 1.
+    least = min(RINGING, max(1.8, noise)) if resolved(signals, release.time) else RINGING
     if release.noise < least and not any(signals.low_passes):
         return release
-    found = refine_event(signals, release.time, NEAR, release.fall, *ends)
+    found = refine_event(signals, release.time, 0.7e-3, release.fall, *ends)
     # The residuals of both signals, unlike those of the load, contain the inertia of a rigid key.
     return replace(found, noise=min(found.noise, release.noise))
 
@@ -200,12 +176,15 @@ def _noise(found: list[tuple[Contact, Release]]) -> float:
     return max(max(contact.noise, release.noise) for contact, release in found)
 
 
-def _with_residual(contact: Contact, release: Release) -> tuple[Contact, Release]:
+def _with_residual(
+    settings: PhaseSettings, contact: Contact, release: Release
+) -> tuple[Contact, Release]:
     """Return a pluck whose uncertainties include what a rigid key does not explain."""
     wrong = contact.residual / release.fall * (release.time - contact.time)
+    wrong *= settings.unexplained
     return (
-        replace(contact, std=math.hypot(contact.std, CONTACT_PART * wrong)),
-        replace(release, std=math.hypot(release.std, RELEASE_PART * wrong)),
+        replace(contact, std=math.hypot(contact.std, wrong)),
+        replace(release, std=math.hypot(release.std, wrong / 2)),
     )
 
 
@@ -229,10 +208,10 @@ def _contacts(
     """
     found = []
     free = begin
-    least, most = LIKE_THE_FALL
+    before_release = 6  # samples over which the correction of the delay spreads most of it
     for release in falls:
-        until = signals.sample(release.time) - BEFORE
-        held = rows_of(signals, free, until, most=CONTACT_ROWS)
+        until = signals.sample(release.time) - before_release
+        held = rows_of(signals, free, until, most=200)
         given = strings, rest, held, release, signals.instant_std, before
         contact = find_contact(*given)
         if contact is not None and contact.noise > GOOD:
@@ -241,24 +220,48 @@ def _contacts(
             contact = peaked if peaked is not None and peaked.noise < GOOD else contact
         if (
             contact is None
-            or contact.gain < LEAST_GAIN
-            or release.time - contact.time < LEAST_HELD * step
-            or not least * release.fall < contact.at_release < most * release.fall
+            or contact.gain < 20  # reduction of chi2 by a string
+            or release.time - contact.time < 8 * step
+            or not 0.4 * release.fall < contact.at_release < 2 * release.fall
         ):
             continue
         found.append((contact, release))
         before = _place(signals, signals.sample(contact.time))
-        free = until + BEFORE + int(SETTLED * step * signals.rate)
+        free = until + before_release + int(SETTLED * step * signals.rate)
     return found
 
 
 def _rest(signals: Signals, begin: int) -> tuple[int, int]:
     """Return the first and last sample of the rest before the motion."""
-    still = np.flatnonzero(signals.rise[:begin] < STILL * signals.rise.max())
-    last = max(0, int(still[-1]) - int(REST_MARGIN * signals.rate)) if len(still) else 0
-    return max(0, last - int(REST * signals.rate)), last
+    still = np.flatnonzero(signals.rise[:begin] < 3e-4 * signals.rise.max())
+    settings, rate = signals.settings, signals.rate
+    last = max(0, int(still[-1]) - int(settings.rest_margin * rate)) if len(still) else 0
+    return max(0, last - int(settings.rest * rate)), last
 
 
 def _place(signals: Signals, sample: int) -> tuple[float, float]:
     """Return time [s] and rise [m] of the jack at a sample."""
     return float(signals.time[sample]), float(signals.rise[sample])
+
+
+def unexplained(
+    strings: Expected, rest: Rows, down: Rows, before: tuple[float, float]
+) -> tuple[float, float, Growth]:
+    """Fit a rigid key without a string to the complete way down.
+
+    Args:
+        rest: Of the key at rest before the press; may be empty.
+        before: Time [s] and rise [m] of the jack before it.
+
+    Returns:
+        Variance of the residuals over that of the noise, their rms [N], and where they climb and
+        fall most.
+    """
+    noise, left = KeyAndString(strings, rest, down, NO_RELEASE, before).without_string()
+    smooth = uniform_filter1d(left, max(1, len(left) // 100), mode="nearest")
+    falls = np.maximum.accumulate(smooth) - smooth
+    end = int(np.argmax(falls))
+    peak = int(np.argmax(smooth[: end + 1]))
+    start = int(np.argmin(smooth[: peak + 1]))
+    growth = Growth(float(down.time[start]), float(down.time[end]), float(falls[end]), noise)
+    return noise, float(np.sqrt(np.mean(left**2))), growth

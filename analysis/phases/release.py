@@ -11,25 +11,7 @@ from sautereau.analysis.phases.signals import Signals
 from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
 
-WINDOW = 20  # Rows of the lines fitted on either side of a fall
-GAP = 2  # Rows on either side of a fall over which it is spread
-NEAREST = 8
-"""Rows on either side beyond this gap whose mean must fall as well: as many as those of the
-shortest pluck."""
-SIGNIFICANCE = 8.0  # Least fall in standard deviations
 LEAST_FALL = 4e-3  # N, least fall of a release
-REACH = 3  # Rows by which the instant of a candidate may be wrong
-ROOM = 40  # Rows on either side of a candidate in which its instant is fitted
-SIDE = 60  # Largest number of samples on either side of the release for fitting its instant
-TRIED = 17  # Instants of a grid
-FINEST = 0.5  # Samples between the instants of the last grid
-ZOOMS = 12  # Largest number of refinements of a grid
-HOPELESS = 3.0
-"""Least reduction of chi2 by a fall, compared with a bend, for a further refinement of the grid."""
-RIDGE = 1e-9  # Added to the normal equations
-PARAMETERS = 6  # Number of parameters of a fit
-RISES = 1e12  # Added to chi2 of an instant at which the load does not fall
-WRONG_INERTIA = 0.6  # Dimensionless, largest relative error of the rig's inertia
 
 
 @dataclass(frozen=True)
@@ -61,33 +43,35 @@ def find_falls(rows: Rows) -> list[int]:
     Lines fitted before and after each row are extrapolated to it; their difference is the fall,
     independent of the slope.
     """
-    n = len(rows.load)
-    m = max(4, min(WINDOW, n // 12))
-    if n < 2 * (m + GAP) + 1:
+    n, gap = len(rows.load), 2  # rows on either side over which a fall is spread
+    m = max(4, min(20, n // 12))
+    if n < 2 * (m + gap) + 1:
         return []
-    # Weights of the value at row 0 of the least-squares line through the rows from GAP on.
+    # Weights of the value at row 0 of the least-squares line through the rows from the gap on.
     away = np.arange(m) - (m - 1) / 2
-    weights = 1 / m - (GAP + (m - 1) / 2) * away / (away @ away)
+    weights = 1 / m - (gap + (m - 1) / 2) * away / (away @ away)
     after = np.correlate(rows.load, weights, "valid")
     before = np.correlate(rows.load, weights[::-1], "valid")
-    # Row r has the lines over r - GAP - m + 1 .. r - GAP and r + GAP .. r + GAP + m - 1.
-    count = n - 2 * (m + GAP) + 2
-    fall = before[:count] - after[2 * GAP + m - 1 :][:count]
-    # A fall together with the acceleration of the key may be an error of the rig's inertia.
+    # Row r has the lines over r - gap - m + 1 .. r - gap and r + gap .. r + gap + m - 1.
+    count = n - 2 * (m + gap) + 2
+    fall = before[:count] - after[2 * gap + m - 1 :][:count]
+    # A fall together with the acceleration of the key may be an error of the rig's inertia, by up
+    # to 60 %.
     slowed = (
         np.correlate(rows.inertia, weights[::-1], "valid")[:count]
-        - np.correlate(rows.inertia, weights, "valid")[2 * GAP + m - 1 :][:count]
+        - np.correlate(rows.inertia, weights, "valid")[2 * gap + m - 1 :][:count]
     )
-    fall = fall - WRONG_INERTIA * np.maximum(slowed, 0.0)
-    first = m + GAP - 1
+    fall = fall - 0.6 * np.maximum(slowed, 0.0)
+    first = m + gap - 1
     std = robust_std(fall)
-    least = max(LEAST_FALL, SIGNIFICANCE * std)
+    least = max(LEAST_FALL, 8 * std)
     found = []
     left = fall.copy()
     while len(left) and (best := int(np.argmax(left))) >= 0 and left[best] > least:
         row = first + best
-        sides = rows.load[row - GAP - NEAREST : row - GAP], rows.load[row + GAP :][:NEAREST]
-        if sides[0].mean() > sides[1].mean():  # it does not at a contact, where the load bends
+        # As many rows as those of the shortest pluck must fall as well. At a contact, where the
+        # load bends, they do not.
+        if rows.load[row - gap - 8 : row - gap].mean() > rows.load[row + gap :][:8].mean():
             found.append(row)
         left[max(0, best - m) : best + m] = -np.inf
     return sorted(found)
@@ -100,34 +84,33 @@ def refine(signals: Signals, near: float, step: float) -> Release:
         near: s after the trigger, approximate instant.
         step: s, of the rows in which the fall was found.
     """
-    rate, reach, room = signals.rate, REACH * step, ROOM * step
+    # The instant of the candidate may be wrong by three rows.
+    rate, reach, room = signals.rate, 3 * step, 40 * step
     middle = signals.sample(near)
-    side = min(SIDE + int(reach * rate) + 1, max(8, int(room * rate)))
+    side = min(60 + int(reach * rate) + 1, max(8, int(room * rate)))
     first, last = max(0, middle - side), min(len(signals.time), middle + side + 1)
     rows = rows_of(signals, first, last, 1)
     tau = (rows.time - near) * rate
     fit = _Fall(tau, rows)
     high = min(reach * rate + 3, fit.span - 4)
-    instants = np.linspace(-high, high, TRIED)
+    instants = np.linspace(-high, high, 17)
     found = fit.at(instants)
     bent = found.bent
-    for _ in range(ZOOMS):
-        spacing = float(instants[1] - instants[0])
-        if spacing < 1.01 * FINEST or bent - float(found.chi2.min()) < HOPELESS:
-            break
-        around = max(1.5 * spacing, FINEST * (TRIED - 1) / 2)
+    # Grids are refined to half a sample, where a fall reduces chi2 more than a bend.
+    while (spacing := float(instants[1] - instants[0])) > 0.505 and bent - found.chi2.min() > 3:
+        around = max(1.5 * spacing, 4.0)
         centre = float(instants[np.argmin(found.chi2)])
-        instants = np.linspace(max(-high, centre - around), min(high, centre + around), TRIED)
+        instants = np.linspace(max(-high, centre - around), min(high, centre + around), 17)
         found = fit.at(instants)
         bent = min(bent, found.bent)
     best = int(np.argmin(found.chi2))
-    noise = max(1.0, float(found.chi2[best]) / max(1, len(tau) - PARAMETERS))
+    noise = max(1.0, float(found.chi2[best]) / max(1, len(tau) - 6))
     chance = np.exp((found.chi2[best] - found.chi2) / (2 * noise))
     mean = float(instants @ chance / chance.sum())
     variance = float((instants - mean) ** 2 @ chance / chance.sum())
     bridged = bool(signals.no_velocity[first:last].any())
     near_by = np.abs(tau - mean) < side / 2
-    before, after = near_by & (tau < mean - GAP), near_by & (tau > mean + GAP)
+    before, after = near_by & (tau < mean - 2), near_by & (tau > mean + 2)
     return Release(
         time=near + mean / rate,
         # A signal sampled at points does not resolve the instant within a sample.
@@ -149,7 +132,7 @@ class _Steps:
     """Fits of a load with a step at each of several instants; arrays of shape (n,)."""
 
     chi2: Floats
-    """Sum of squared residuals in units of the noise; `RISES` more where the load rises."""
+    """Sum of squared residuals in units of the noise; 1e12 more where the load rises."""
     step: Floats
     """N."""
     step_std: Floats
@@ -187,14 +170,14 @@ class _Fall:
         of_step, of_bend = (white @ self._target[first:]).reshape(2, -1)
         # Solution of the normal equations of a step and a bend, without the parabola's part.
         by_base = white @ self._base[first:]
-        own = (white * white).sum(1) - (by_base * by_base).sum(1) + RIDGE
+        own = (white * white).sum(1) - (by_base * by_base).sum(1) + 1e-9
         square_step, square_bend = own.reshape(2, -1)
         n = len(instants)
         both = (white[:n] * white[n:]).sum(1) - (by_base[:n] * by_base[n:]).sum(1)
         determinant = square_step * square_bend - both**2
         fall = (square_bend * of_step - both * of_bend) / determinant
         slope = (square_step * of_bend - both * of_step) / determinant
-        chi2 = self._free - fall * of_step - slope * of_bend + RISES * (fall >= 0)
+        chi2 = self._free - fall * of_step - slope * of_bend + 1e12 * (fall >= 0)
         bent = self._free - float((of_bend**2 / square_bend).max())
         return _Steps(chi2, fall, np.sqrt(square_bend / determinant), bent)
 

@@ -15,15 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
-from sautereau.analysis.phases.signals import LEAST_STEP, Signals
+from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
-ROWS = 800  # Largest number of rows of a way down
-LEAST_ROWS = 8  # Fewest rows for a fit
-BRIDGE = 0.5e-3
-"""s, on either side of a drop-out, of the means between which the acceleration is interpolated."""
 BRIDGED = 0.03  # N, noise of a row with flagged velocity
-HIDDEN = 10.0  # N, noise of a row with flagged force
 FACTOR, SOLVE = get_lapack_funcs(("pbtrf", "tbtrs"))
 """LAPACK's Cholesky factorisation of a banded matrix, and the triangular solve."""
 
@@ -90,16 +85,16 @@ class Whitener:
 
 
 def rows_of(
-    signals: Signals, first: int, last: int, n: int | None = None, *, most: int = ROWS
+    signals: Signals, first: int, last: int, n: int | None = None, *, most: int = 800
 ) -> Rows:
     """Return the load over samples first to last - 1, one row for every n samples.
 
-    By default there are at most ``most`` rows, each at least `LEAST_STEP` long.
+    By default there are at most ``most`` rows, each at least `PhaseSettings.row` long.
     """
     rate = signals.rate
-    n = max(1, -(-(last - first) // most), round(LEAST_STEP * rate)) if n is None else n
+    n = max(1, -(-(last - first) // most), round(signals.settings.row * rate)) if n is None else n
     blocks = (last - first) // n
-    if blocks < LEAST_ROWS:
+    if blocks < 8:  # too few for a fit
         return NO_ROWS
     last = first + blocks * n
     weights, sides = _weights(n)
@@ -122,7 +117,8 @@ def rows_of(
     parts = signals.force[first:last].reshape(blocks, n) @ sides
     load = (parts[:-1, 0] + parts[1:, 1]) / n - inertia
     if no_velocity.any() and not no_velocity.all():
-        bridged = _bridged(inertia, ~no_velocity, max(1, round(BRIDGE / step)))
+        # Between means over 0.5 ms on either side.
+        bridged = _bridged(inertia, ~no_velocity, max(1, round(0.5e-3 / step)))
         load, inertia = load + inertia - bridged, bridged
     # Sums of the squared weights of a row, late / n and (1 - late) / n, and of those it shares.
     of_force = signals.force_noise**2 / n
@@ -137,7 +133,7 @@ def rows_of(
         step=step,
         load=load,
         inertia=inertia,
-        variance=variance + (HIDDEN * no_force) ** 2,
+        variance=variance + 100.0 * no_force,  # of no weight
         covariance=np.where(alone[1:] | alone[:-1], 0.0, shared),
         jack=lambda name: at_rows(getattr(signals, name)),
     )

@@ -2,36 +2,90 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import correlate1d
+from scipy.signal import butter
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.drift import departure
 from sautereau.analysis.loading.press import UNITS, Press, Signal, columns_of
-from sautereau.analysis.phases.low_pass import LowPass, slow_low_pass
+from sautereau.analysis.phases.settings import SETTINGS, PhaseSettings
 from sautereau.daq.signals.calibration import white_noise
+from sautereau.rig.acquisition import Channel
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.key import key_motion, moving_inertia
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import press_law
 
-LEFT = 0.005  # Dimensionless, fraction of the full rise at which the jack has left rest
-TOP = 0.995  # Dimensionless, fraction of the full rise at which the jack is at its top
-SPREAD = 18
-"""Samples on either side of clipped samples over which the correction of the delay spreads them."""
-TAIL = 60e-6
-"""s, on either side of a drop-out in which the low-pass of the vibrometer still shows it."""
-LEAST_TAIL = 2  # Samples, least number of this stretch
-NOISE_ROWS = 4096  # Samples from which the noise is estimated
-FORCE_FLOOR = 5e-4  # N, smallest noise of a sample of the force: errors of the model of the key
-VELOCITY_FLOOR = 5e-6  # m/s, smallest noise of a sample of the velocity
 LARGEST = {"force": 1e4, "velocity": 1e3}
 """N and m/s, limits of the samples; beyond them the sums of a fit lose all digits."""
 SPIKE = 12.0  # Height of a spike in standard deviations
-LEAST_STEP = 80e-6  # s, shortest row; in shorter ones the noise of the velocity exceeds the load
-ASSUMED_FALL = 0.3  # Dimensionless, relative uncertainty of a fall at release in one signal alone
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A Butterworth filter, whose delay of slow motions is compensated."""
+
+    corner: float
+    """Hz."""
+    order: int
+    delay: float
+    """s, of slow motions."""
+
+    def ahead(self, step: float) -> int:
+        """Return the number of rows after a row that have a part in it, for rows of a step [s]."""
+        return math.ceil(self.delay / step) + 1
+
+    def filtered(self, rows: NDArray[Any], step: float, n: int) -> NDArray[Any]:
+        """Return filtered columns.
+
+        Args:
+            rows: Of at least n + `ahead` rows, shape (..., rows, columns). Before the first row the
+                columns are 0.
+            step: s, between rows.
+            n: Rows to return.
+
+        Returns:
+            Shape (..., n, columns).
+        """
+        weights = _weights(self, step)
+        origin = (len(weights) - 1) // 2 - self.ahead(step)
+        found = correlate1d(rows, weights, axis=-2, mode="constant", origin=origin)
+        return found[..., :n, :]
+
+
+def slow_low_pass(channel: Channel | None) -> LowPass | None:
+    """Return the low-pass of a channel's sensor, if it is slow and its order is known."""
+    if channel is None or not channel.low_pass_order or channel.low_pass > 2.5e3:
+        return None  # above this a release is a step in the signal
+    return LowPass(channel.low_pass, channel.low_pass_order, channel.low_pass_delay)
+
+
+@lru_cache(maxsize=16)
+def _weights(low_pass: LowPass, step: float) -> Floats:
+    """Return the parts of a row's neighbours in it, earlier ones first; their sum is 1.
+
+    Between rows a column is linear. So the parts are second differences of the response to a ramp,
+    a line and a sum of exponentials.
+    """
+    turn = 2 * math.pi * low_pass.corner
+    filtering: Any = butter(low_pass.order, turn, analog=True, output="zpk")
+    poles = filtering[1]
+    others = poles[:, None] - poles
+    np.fill_diagonal(others, 1.0)
+    residues = turn**low_pass.order / others.prod(1) / poles**2
+    # Until a thousandth of the response to a step is left.
+    rows = math.ceil(math.log(1e-3) / poles.real.max() / step)
+    time = np.arange(rows, -low_pass.ahead(step) - 2, -1) * step + low_pass.delay
+    since = np.maximum(time, 0.0)
+    ramp = since - low_pass.delay + (np.exp(since[:, None] * poles) @ residues).real
+    weights = np.diff(np.where(time > 0, ramp, 0.0), 2)
+    return weights / weights.sum()
 
 
 @dataclass(frozen=True)
@@ -68,6 +122,7 @@ class Signals:
     """Of the sensors of force and velocity, where they are slow."""
     missing: Signal | None = None
     """The signal that was not recorded: its samples are assumed (`_assumed`)."""
+    settings: PhaseSettings = SETTINGS
     fall_std: float = 0.0
     """Dimensionless, relative uncertainty of a fall of the load, of which the missing signal has
     a part."""
@@ -77,7 +132,7 @@ class Signals:
         return round((instant - float(self.time[0])) * self.rate)
 
 
-def signals_of(press: Press) -> Signals:
+def signals_of(press: Press, settings: PhaseSettings = SETTINGS) -> Signals:
     """Return the signals of a press, interpolated over drop-outs and spikes.
 
     Raises:
@@ -98,19 +153,21 @@ def signals_of(press: Press) -> Signals:
                 f" {LARGEST[name]:g} {UNITS[name]}; check the recording and the"
                 " calibration, and press again"
             )
-    longest = max(1, int(LEAST_STEP * rate))
+    longest = max(1, int(settings.row * rate))
     force_noise, velocity_noise = (
-        white_noise(signal[:NOISE_ROWS], longest) for signal in (force, velocity)
+        white_noise(signal[:4096], longest) for signal in (force, velocity)
     )
-    no_force, no_velocity = (flagged(press, quantity) for quantity in ("force", "velocity"))
-    force = _without_spikes(force, force_noise)
+    no_force, no_velocity = (
+        flagged(press, quantity, settings) for quantity in ("force", "velocity")
+    )
+    force_noise = max(force_noise, settings.force_floor)
+    force = _without_spikes(force, SPIKE * force_noise)
     if no_velocity.any() and not no_velocity.all():
         good = ~no_velocity
         velocity = np.interp(time, time[good], velocity[good])
         _, _, _, deflection, rise, speed = columns_of(key, velocity, force, rate)
     inertial = moving_inertia(press.rig) / key.laser_arm / key.press_arm
-    force_noise = max(force_noise, FORCE_FLOOR)
-    velocity_noise = max(velocity_noise, VELOCITY_FLOOR)
+    velocity_noise = max(velocity_noise, settings.velocity_floor)
     if press.missing == "velocity":
         # With this, rows of one sample have white noise.
         velocity_noise = force_noise / (2 * inertial * rate)
@@ -130,19 +187,21 @@ def signals_of(press: Press) -> Signals:
         no_velocity=no_velocity,
         low_passes=tuple(slow_low_pass(press.rig.daq.channel(q)) for q in ("force", "velocity")),
         missing=press.missing,
-        fall_std=ASSUMED_FALL if press.missing else 0.0,
+        settings=settings,
+        fall_std=0.3 if press.missing else 0.0,
     )
 
 
-def flagged(press: Press, quantity: str) -> NDArray[np.bool_]:
+def flagged(press: Press, quantity: str, settings: PhaseSettings = SETTINGS) -> NDArray[np.bool_]:
     """Return the rows of force or velocity with values of flagged samples; shape (rows,)."""
     found = np.zeros(len(press.time), bool)
     quantities = {channel.name: channel.quantity for channel in press.rig.daq.channels}
     for mark in press.quality_flags:
         if quantities.get(mark.channel) == quantity:
             first, last = np.searchsorted(press.time, (mark.start, mark.stop))
-            tail = max(LEAST_TAIL, round(TAIL * press.rate))
-            side = tail if mark.kind == "drop-out" else SPREAD
+            # The low-pass of the vibrometer still shows a drop-out within 60 us of it.
+            tail = max(2, round(60e-6 * press.rate))
+            side = tail if mark.kind == "drop-out" else settings.spread
             found[max(0, first - side) : last + side] = True
     return found
 
@@ -198,19 +257,19 @@ def _lag_std(rig: Rig) -> float:
 
 def way_down(signals: Signals) -> tuple[int, int] | None:
     """Return the samples at which the jack leaves rest and reaches its top; None if it does not."""
-    top = signals.rise.max(initial=0.0)
+    top, left = signals.rise.max(initial=0.0), signals.settings.left
     if top < 1e-4:
         return None
-    begin = int(np.argmax(signals.rise > LEFT * top))
-    return begin, int(np.argmax(signals.rise > TOP * top))
+    begin = int(np.argmax(signals.rise > left * top))
+    return begin, int(np.argmax(signals.rise > (1 - left) * top))
 
 
-def _without_spikes(force: Floats, noise: float) -> Floats:
-    """Interpolate single spikes of one or two samples between their neighbours."""
+def _without_spikes(force: Floats, least: float) -> Floats:
+    """Interpolate spikes of one or two samples, of a least height, between their neighbours."""
     if len(force) < 7:
         return force
     steps = force[3:] - force[:-3]
-    high = np.abs(steps) > SPIKE * max(noise, FORCE_FLOOR)
+    high = np.abs(steps) > least
     at = np.flatnonzero(high[:-3] & high[3:])
     before, after = steps[at], -steps[at + 3]
     height = np.minimum(np.abs(before), np.abs(after))

@@ -6,7 +6,7 @@ from scipy.signal import butter, sosfilt
 
 from benchmarks.simulated import simulated_press
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.phases.low_pass import LowPass, slow_low_pass
+from sautereau.analysis.phases.signals import LowPass, slow_low_pass
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
 from tests.budget import slow

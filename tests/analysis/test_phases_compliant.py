@@ -10,10 +10,10 @@ from benchmarks.independent.conditions import Choir
 from benchmarks.independent_phases import judge, random_press
 from benchmarks.simulated import judged_press
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.phases.compliant.event import refine_event
-from sautereau.analysis.phases.compliant.response import pole
-from sautereau.analysis.phases.compliant.slow import Slow
+from sautereau.analysis.phases.event import refine_event
+from sautereau.analysis.phases.response import pole
 from sautereau.analysis.phases.signals import Signals
+from sautereau.analysis.phases.slow import Slow
 from tests.budget import slow
 
 pytest.importorskip("numba")  # without it the independent simulator takes half a minute a press
@@ -158,7 +158,7 @@ def test_a_string_that_is_held_to_the_end_of_the_recording_has_no_pluck():
 
 def test_a_pause_before_the_pluck_hides_no_release(make_press):
     """A jack that waits below its string makes the way down four times as long."""
-    from sautereau.analysis.phases.compliant.plucks import compliant_plucks
+    from sautereau.analysis.phases.compliant import compliant_plucks
     from sautereau.analysis.phases.expected import expected
     from sautereau.analysis.phases.signals import signals_of, way_down
 

@@ -4,17 +4,10 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from sautereau.analysis.phases.compliant.saw_teeth import SawTeeth, Solved
+from sautereau.analysis.phases.saw_teeth import SawTeeth, Solved
 from sautereau.trajectory.motion import Floats
 
-EXCHANGE_TOLERANCE = 1.1
-"""Ratio of two chi2 up to which the contacts of both fits count as equally good."""
-POSSIBLE = 1.25  # Ratio of two chi2 up to which the contacts of the larger one are possible
-INDEPENDENT = 20.0
-"""Number of independent residuals in chi2 while strings are held: rows within some widths of the
-smoothing have the same error."""
-LEAST_HELD = 2.5
-"""Least distance of a contact from its release where a fit starts, in widths of the smoothing."""
+EQUAL = 1.1  # Ratio of two chi2 up to which the contacts of both fits count as equally good
 
 
 def with_better_contacts(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
@@ -27,13 +20,13 @@ def with_better_contacts(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple
     if not 1 < len(plucks) <= len(rig):
         return plucks, solved
     variance, releases = max(fit.noises(plucks, solved)), plucks[:, 1]
-    latest = releases - LEAST_HELD * fit.slow.width
+    latest = releases - 2.5 * fit.slow.width
     starts = [
         np.column_stack([np.minimum(order, latest), releases])
         for order in permutations(rig, len(plucks))
     ]
     best = fit.refined(plucks, variance)
-    least = best[2] / EXCHANGE_TOLERANCE
+    least = best[2] / EQUAL
     for start in starts:
         other = fit.refined(start, variance)
         if other[2] < least and (other[1].forces > 0).all():
@@ -64,10 +57,12 @@ def exchange_stds(fit: SawTeeth, plucks: Floats, variance: float) -> Floats:
         if (np.diff(exchanged) <= fit.slow.width).any():
             continue
         other, fitted, chi2 = fit.refined(exchanged, variance)
-        if chi2 < POSSIBLE * least:
+        if chi2 < fit.slow.settings.exchange * least:
             away = np.stack([other[:, 0] - plucks[:, 0], fitted.forces - solved.forces], 1)
             found[[i, j], :2] = np.maximum(found[[i, j], :2], np.abs(away[[i, j]]) / 2)
-            found[[i, j], 2] = -INDEPENDENT / 2 * np.log(chi2 / least)
+            # Rows within some widths of the smoothing have the same error: while strings are held,
+            # there are about 20 independent ones.
+            found[[i, j], 2] = -20 / 2 * np.log(chi2 / least)
     return found
 
 
@@ -82,5 +77,5 @@ def in_order(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple[Floats, Sol
     if (swapped == plucks).all():
         return plucks, solved
     other, fitted, _ = fit.refined(swapped)
-    better = fitted.chi2 < EXCHANGE_TOLERANCE * solved.chi2
+    better = fitted.chi2 < EQUAL * solved.chi2
     return (other, fitted) if better else (plucks, solved)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.phases.low_pass import LowPass
+from sautereau.analysis.phases.signals import LowPass
 from sautereau.trajectory.motion import Floats
 
 Poles = NDArray[np.complex128]

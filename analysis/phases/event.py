@@ -1,4 +1,4 @@
-"""The instant of a sudden event in force and velocity, with the modes that it excites.
+"""The release of a string on a compliant key: a sudden event in force and velocity.
 
 Around the event each signal is a polynomial with ringing from before, and from the event on a curve
 and damped modes (`response`). Both signals have the same instants and poles. The model is linear in
@@ -6,42 +6,28 @@ all other parameters; these are eliminated, and instants and poles are refined (
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
 
-from sautereau.analysis.phases.compliant.response import Orders, Poles, Response, curves, pole
 from sautereau.analysis.phases.levenberg import minimise, orthonormal
+from sautereau.analysis.phases.release import Release
+from sautereau.analysis.phases.response import Orders, Poles, Response, curves, pole
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
-FREQUENCIES = np.geomspace(120.0, 5000.0, 16)
-"""Hz, of the table of modes with which a search starts."""
-DAMPINGS = (0.02, 0.1, 0.4)  # Damping ratios of this table
-HIGHEST = 0.35  # Largest frequency of the table over the rate of the blocks
-HIGHEST_REFINED = 0.45  # Largest frequency of a refined mode over the rate of the blocks
-LOWEST = 50.0  # Hz, smallest frequency of a refined mode
-LEAST_DAMPING = 0.003  # Smallest damping ratio of a refined mode
-LARGEST_DAMPING = 0.9  # Largest damping ratio of a refined mode
-POLYNOMIAL_STD = 1e3  # Prior standard deviation of the polynomial, over the range of a signal
-BEFORE_STD = 0.5  # The same of the ringing that started before the event
-RING_STD = 1.5  # The same of the modes that the event excites
-CURVE_STD = 30.0  # The same of the curve from the event on
-LONGEST = 1e-3, 0.3, 0.7
-"""Longest step of a search: of instants in s, of the logarithms of frequency and damping."""
-CONVERGED = 1e-3  # Relative decrease of chi2 at which a search ends
-RIDGE = 1e-9  # Added to the normal equations, for columns that no sample determines
-TINY = 1e-9  # Smallest range of a signal, in its unit
-UNMODELLED = 0.03  # Noise over the range of a signal, before there are residuals
 BLOCK = 8
 """Rows over which residuals are summed in order to detect correlated ones. Also the fewest rows
 whose noise is estimated by itself."""
-LATE = 1e-3, 1.75e-3
-"""s after the event, from which on rows have a noise of their own: there the jack may have left its
-cloth, and the modes differ."""
+
+
+BEGINS: tuple[Orders, ...] = ((2,), (2, 1))
+"""Powers of time with which force and velocity may begin: t^2, or the velocity with t, as on a key
+whose jack stands on a hard cloth."""
 
 
 @dataclass(frozen=True)
@@ -93,13 +79,15 @@ class EventFit:
         at = means(signals.time) - near[0]
         self._response = Response(at, samples / signals.rate, degree, signals.low_passes)
         starts = [0]
-        for start in np.searchsorted(at, LATE):
+        # From then on, in s after the event, rows have a noise of their own: the jack may have left
+        # its cloth, and the modes differ.
+        for start in np.searchsorted(at, (1e-3, 1.75e-3)):
             if start - starts[-1] >= BLOCK and n - start >= BLOCK:
                 starts.append(int(start))
         self._parts = [slice(*ends) for ends in pairwise([*starts, n])]
         load = np.stack([means(signals.force), means(signals.velocity)])
         flags = np.stack([means(f.astype(float)) for f in (signals.no_force, signals.no_velocity)])
-        scale = np.maximum(np.ptp(load, axis=1, keepdims=True), TINY)
+        scale = np.maximum(np.ptp(load, axis=1, keepdims=True), 1e-9)
         noise = np.array([[signals.force_noise], [signals.velocity_noise]]) / math.sqrt(samples)
         self._load, self._white, self._good = load / scale, noise / scale, flags == 0
         if signals.missing:
@@ -107,12 +95,12 @@ class EventFit:
         self._table: Poles = np.array(
             [
                 pole(frequency, damping)
-                for frequency in FREQUENCIES
-                if frequency < HIGHEST / self._response.step
-                for damping in DAMPINGS
+                for frequency in np.geomspace(120.0, 5000.0, 16)  # Hz
+                if frequency < 0.35 / self._response.step
+                for damping in (0.02, 0.1, 0.4)
             ]
         )
-        self._set_noise(np.maximum(self._white, UNMODELLED))
+        self._set_noise(np.maximum(self._white, 0.03))  # before there are residuals
 
     def _set_noise(self, noise: Floats) -> None:
         """Set the noise of each signal over its range, shape (2, 1) or (2, n)."""
@@ -154,7 +142,7 @@ class EventFit:
     def noise(self) -> float:
         """Dimensionless, largest variance of the residuals over that of the white noise.
 
-        Rows from `LATE` on do not count.
+        Rows of the later parts do not count.
         """
         return float(self._variances.max())
 
@@ -165,7 +153,7 @@ class EventFit:
 
     @property
     def _variances(self) -> Floats:
-        """Variances of the residuals before `LATE` over those of the white noise, shape (2,)."""
+        """Variances of residuals of the first part over those of the white noise, shape (2,)."""
         return (self._noise[:, 0] / self._white[:, 0]) ** 2
 
     def scan(self, instants: Floats, poles: Poles, orders: Orders) -> tuple[Floats, Poles]:
@@ -191,7 +179,7 @@ class EventFit:
         known = base[..., :n, :].swapaxes(-1, -2) @ modes
         in_a, in_b = np.split(known, 2, axis=-1)
         aa, bb, ab = (
-            np.einsum("...nm,...nm->...m", *both) - np.einsum("...nm,...nm->...m", *of) + RIDGE
+            np.einsum("...nm,...nm->...m", *both) - np.einsum("...nm,...nm->...m", *of) + 1e-9
             for both, of in (((a, a), (in_a, in_a)), ((b, b), (in_b, in_b)), ((a, b), (in_a, in_b)))
         )
         gain = (bb * of_a**2 - 2 * ab * of_a * of_b + aa * of_b**2) / np.maximum(
@@ -213,9 +201,10 @@ class EventFit:
         poles: Poles = np.array([start[1] for start in starts])
         turn = np.abs(poles)
         states = np.concatenate([instants, np.log(turn), np.log(-poles.real / turn)], 1)
-        highest = 2 * math.pi * HIGHEST_REFINED / self._response.step
-        low = np.repeat(np.log([2 * math.pi * LOWEST, LEAST_DAMPING]), modes)
-        high = np.repeat(np.log([highest, LARGEST_DAMPING]), modes)
+        # Frequencies from 50 Hz to 0.45 of the rate of the blocks, and damping ratios.
+        highest = 2 * math.pi * 0.45 / self._response.step
+        low = np.repeat(np.log([2 * math.pi * 50.0, 0.003]), modes)
+        high = np.repeat(np.log([highest, 0.9]), modes)
 
         def evaluate(states: Floats) -> tuple[Floats, ...]:
             instants, poles = self._split(states)
@@ -226,11 +215,14 @@ class EventFit:
         def bounded(states: Floats) -> Floats:
             return np.concatenate([states[:, :events], np.clip(states[:, events:], low, high)], 1)
 
-        longest = np.repeat(LONGEST, [events, modes, modes])
+        # Of instants in s, of the logarithms of frequency and damping.
+        longest = np.repeat([1e-3, 0.3, 0.7], [events, modes, modes])
         slopes, always = partial(self._slopes, orders), np.ones(1, dtype=bool)
-        found = minimise(states, evaluate, slopes, lambda *_: always, bounded, longest, CONVERGED)
+        found = minimise(states, evaluate, slopes, lambda *_: always, bounded, longest, 1e-3)
         _, residuals, factors, _ = found.found
-        diagonal = np.diagonal(found.normal, axis1=1, axis2=2) * RIDGE + RIDGE
+        diagonal = (
+            np.diagonal(found.normal, axis1=1, axis2=2) * 1e-9 + 1e-9
+        )  # for columns that no sample determines
         inverse = np.linalg.inv(found.normal + diagonal[:, None] * np.eye(len(low) + events))
         left = residuals[:, :, : self.load.shape[1]]
         deviations = found.chi2 - (left**2).sum((1, 2))
@@ -312,7 +304,165 @@ class EventFit:
 
 @lru_cache
 def _prior(events: int, modes: int, curves: int, degree: int) -> Floats:
-    """Return the rows of the priors of linear factors, shape (columns, columns)."""
-    of_event = np.repeat([CURVE_STD, RING_STD], [curves, 2 * modes])
-    of_before = np.repeat([POLYNOMIAL_STD, BEFORE_STD], [degree + 1, 2 * modes])
+    """Return the rows of the priors of linear factors, shape (columns, columns).
+
+    Their standard deviations are over the range of a signal. They bound what the samples do not
+    determine: each may be half as large again, but 100 for all makes releases worse.
+    """
+    of_event = np.repeat([30.0, 1.5], [curves, 2 * modes])
+    of_before = np.repeat([1e3, 0.5], [degree + 1, 2 * modes])
     return np.diag(1 / np.concatenate([of_before, *[of_event] * events]))
+
+
+def refine_event(
+    signals: Signals,
+    near: float,
+    std: float,
+    force: float,
+    after: float,
+    until: float,
+    others: Sequence[float] = (),
+) -> Release:
+    """Return the instant of a release, fitted to the samples around it.
+
+    Where modes do not explain them, and no other string rings, fewer samples after the release are
+    fitted if they are explained much better. The motion before the release is a part of slow modes
+    of finger and key, which the polynomial only approximates, and the better fit need not have the
+    better instant: so the fits of degree 2 are refined with degree 4. The instant is the mean over
+    both degrees; their spread is part of its uncertainty.
+
+    Args:
+        near: s after the trigger, approximate instant.
+        std: s, its standard uncertainty.
+        force: N at the finger, by which the load falls.
+        after: s after the trigger, before which nothing is used.
+        until: s after the trigger, after which nothing is used.
+        others: s after the trigger, approximate instants of other releases.
+    """
+    settings = signals.settings
+    begin, samples = (
+        max(after, near - settings.before),
+        max(1, round(settings.block * signals.rate)),
+    )
+    window, short = ((begin, min(until, near + side)) for side in (settings.after, settings.short))
+
+    def fit_of(window: tuple[float, float], degree: int) -> EventFit | None:
+        begin, end = window
+        stretch = max(0, signals.sample(begin)), min(len(signals.time), signals.sample(end))
+        if (stretch[1] - stretch[0]) // samples < 24:
+            return None
+        events = np.array([near, *(t for t in others if begin < t < end)])
+        return EventFit(signals, stretch, samples, events, np.full(len(events), std), degree)
+
+    fit = fit_of(window, 2)
+    if fit is None:
+        return Release(near, std, force, 0.1 * force, 0.0, 0.0, math.inf)
+    fits = _search(fit, std, settings.modes)
+    if fit.excess >= 100 and not others and (sooner := fit_of(short, 2)):
+        found = _search(sooner, std, settings.modes)
+        if 3 * sooner.excess < fit.excess:
+            fit, fits, window = sooner, found, short
+    each = [_mean(fit, fits)]
+    if again := fit_of(window, 4):
+        again.weigh_as(fit)
+        refined = _refined(again, fits)
+        again.weigh(min(refined, key=again.chi2))
+        each.append(_mean(again, refined))
+    times, variances = np.array(each).T
+    stds = np.hypot(settings.release_larger * np.sqrt(variances), signals.instant_std)
+    return Release(
+        time=near + float(times.mean()),
+        std=math.hypot(float(stds.mean()), float(times.std())),
+        fall=force,
+        fall_std=0.1 * force,
+        slowed=0.0,
+        gain=0.0,
+        noise=fit.noise,
+    )
+
+
+def _search(fit: EventFit, std: float, modes: int) -> list[Fitted]:
+    """Return the fits of a search, after which the noise is that of the best of them.
+
+    Chi2 has several minima, so searches start from the best instant of each of four parts of their
+    range. Each search adds one mode
+    after the other: it selects the mode of a table that reduces the residuals most, and then
+    refines all modes. Those that the mode makes best are continued.
+    """
+    tried = np.tile(fit.expected, (20, 1))
+    tried[:, 0] = np.linspace(-3, 3, len(tried)) * std
+    chains: list[Fitted] = []
+    for orders in BEGINS:
+        chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
+        best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(len(tried)), 4)]
+        chains += _distinct(fit.refine([(tried[i], poles[i : i + 1]) for i in best], orders))
+    fits = [*chains]
+    for _ in range(modes - 1):
+        fit.weigh(min(chains, key=fit.chi2))
+        further = [(f, *fit.scan(f.instants[None], f.poles, f.orders)) for f in chains]
+        further.sort(key=lambda each: each[1][0] + fit.penalty(each[0]))
+        chains = _distinct(
+            _refined(fit, [replace(f, poles=np.append(f.poles, p)) for f, _, p in further[:4]])
+        )
+        fits += chains
+    fit.weigh(min(chains, key=fit.chi2))
+    return fits
+
+
+def _refined(fit: EventFit, fits: Iterable[Fitted]) -> list[Fitted]:
+    """Return fits refined from the instants and poles of others, those of one kind together."""
+    found: list[Fitted] = []
+    kinds = defaultdict(list)
+    for fitted in fits:
+        kinds[fitted.orders, len(fitted.poles)].append((fitted.instants, fitted.poles))
+    for (orders, _), starts in kinds.items():
+        found += fit.refine(starts, orders)
+    return found
+
+
+def _mean(fit: EventFit, fits: list[Fitted]) -> tuple[float, float]:
+    """Return the mean instant of the plausible fits, refined with the present noise, in s.
+
+    Returns:
+        The mean, weighted by the Bayesian information criterion, and its variance.
+    """
+    least = min(map(fit.score, fits)) + 25
+    fits = _refined(fit, (f for f in sorted(fits, key=fit.score) if fit.score(f) < least))
+    scores = np.array([fit.score(f) for f in fits])
+    chance = np.exp((scores.min() - scores) / 2)
+    chance /= chance.sum()
+    times = np.array([f.instants[0] for f in fits])
+    mean = float(times @ chance)
+    return mean, float(chance @ ((times - mean) ** 2 + [f.variance for f in fits]))
+
+
+def resolved(signals: Signals, near: float) -> bool:
+    """Return whether small residuals of a release near a time [s] can be caused by modes.
+
+    They have other causes where a signal is missing or interpolated, where the noise is below its
+    floor (errors of the model), and where samples are longer than a block (filter of the
+    converter).
+    """
+    settings = signals.settings
+    around = slice(
+        max(0, signals.sample(near - settings.before)), signals.sample(near + settings.after)
+    )
+    return (
+        signals.missing is None
+        and signals.rate * settings.block >= 1
+        and signals.force_noise > settings.force_floor
+        and signals.velocity_noise > settings.velocity_floor
+        and not (signals.no_force[around] | signals.no_velocity[around]).any()
+    )
+
+
+def _distinct(fits: list[Fitted]) -> list[Fitted]:
+    """Return the fits without repetitions: same orders and same instants."""
+    found: list[Fitted] = []
+    for fitted in fits:
+        if all(
+            fitted.orders != other.orders or np.abs(fitted.instants - other.instants).max() > 2e-6
+            for other in found
+        ):
+            found.append(fitted)
+    return found

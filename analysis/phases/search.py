@@ -1,8 +1,8 @@
 """Search for plucks: from contact to release the load grows with the jack's rise, then collapses.
 
 Every pair of a contact and a release is tried against the load that a key without a string leaves,
-by cumulative sums of products with saw-teeth (`pairs`). Ringing of key, jack and transducer hardly
-changes these sums, as it changes sign while the string is held. The best pair is added, all
+by cumulative sums of products with saw-teeth (`pair_gains`). Ringing of key, jack and transducer
+hardly changes these sums, as it changes sign while the string is held. The best pair is added, all
 instants are refined, and the search is repeated for as many strings as the rig has.
 """
 
@@ -10,39 +10,104 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.phases.compliant.exchange import in_order
-from sautereau.analysis.phases.compliant.pairs import APART, LEAST_RISE, pair_gains
-from sautereau.analysis.phases.compliant.saw_teeth import (
+from sautereau.analysis.phases.exchange import in_order
+from sautereau.analysis.phases.expected import (
+    LEAST_CLIMB,
+    Expected,
+)
+from sautereau.analysis.phases.found import Growth
+from sautereau.analysis.phases.saw_teeth import (
     SawTeeth,
     Solved,
     noise_around,
 )
-from sautereau.analysis.phases.compliant.slow import MOST_COMPLIANT, Slow
-from sautereau.analysis.phases.expected import Expected, limited
-from sautereau.analysis.phases.found import Growth
+from sautereau.analysis.phases.settings import PhaseSettings
+from sautereau.analysis.phases.slow import Slow
 from sautereau.trajectory.motion import Floats
 
-NOISE = 0.015
-"""N, error of a smoothed row by unmodelled vibration in the first round; it weights the priors."""
-LEAST_NOISE = 2e-3  # N, smallest value of this error
-CORRELATED = 2.0
-"""This error in later rounds over the rms of the residuals, as adjacent rows are correlated."""
-SIGNIFICANCE = 6.0  # Least `Growth.significance` of a pluck
-SLOWEST = 0.1  # Least speed of the jack at a release, over its largest speed
-LEAST_FORCE = 0.05
-"""Least force of a pluck over the smallest that the rig expects: the error of the inertia leaves
-such growths where the jack stops."""
-LEAST_FRACTION = 0.15
-"""Least force of a pluck over the largest one, if the rig has several strings: what the model of
-one does not explain may look like another."""
-SLIGHT = 0.01
-"""Least force of a significant growth, over the range of the smoothed force on the way down, or of
-the inertia if larger."""
-STARTS = 2
-"""Best pairs of contact and release that are refined; one where the rig has no further string."""
-BETWEEN = 4.0  # Least distance between the releases of these pairs, in widths
-ROUNDS = 3  # Largest number of rounds, each with the compliance of the round before
-QUICK = 1  # Pairs that are refined in the first round
+APART = 0.5  # Least distance of two releases, in widths of the smoothing
+
+
+def pair_gains(fit: SawTeeth, found: Floats, solved: Solved) -> tuple[Floats, Floats, Floats]:
+    """Return the reduction of chi2 by a further pluck.
+
+    Args:
+        found: s, contacts and releases of the plucks found, shape (plucks, 2).
+
+    Returns:
+        Times [s] and rises of the jack [m] of rows, shape (n,), and the reduction by each pair of
+        a contact and a release, weighted by its probability according to the rig; 0 where a pluck
+        is impossible; shape (n, n).
+    """
+    slow, left = fit.slow, solved.row_residuals
+    size = max(1, -(-len(left) // 300))
+    n = len(left) // size
+
+    def sums(column: Floats) -> Floats:
+        return column[: n * size].reshape(n, size, *column.shape[1:]).sum(1)
+
+    time, rise = sums(slow.time) / size, sums(fit.row_rise) / size
+    of_load = _products(sums(fit.weight * left), rise)
+    square = _squares(sums(fit.weight**2), rise)
+    least = 1e-2 * square  # that other columns must leave of a saw-tooth
+    base = np.concatenate([fit.base[: len(left)], solved.base[: len(left)]], 1)
+    _subtract_explained(square, sums(fit.weight[:, None] * base), rise[:, None])
+    climbed = rise[None, :] - rise[:, None]
+    possible = (climbed > 0.25e-3) & (of_load > 0) & (square > least)
+    possible &= time < time[-1] - slow.width
+    for release in found[:, 1]:
+        possible &= np.abs(time[None, :] - release) > APART * slow.width
+    gain = np.where(possible, of_load**2 / np.where(possible, square, 1.0), 0.0)
+    likely = _likely(fit.strings, rise, climbed)
+    anywhere = slow.settings.anywhere
+    return time, rise, gain * (anywhere + (1 - anywhere) * likely)
+
+
+def _products(column: Floats, rise: Floats) -> Floats:
+    """Return the products of a column, shape (n,), with every saw-tooth, shape (n, n)."""
+    alone, risen = _before(column), _before(column * rise)
+    return risen[None, :] - risen[:, None] - rise[:, None] * (alone[None, :] - alone[:, None])
+
+
+def _squares(weight: Floats, rise: Floats) -> Floats:
+    """Return the weighted sum of squares of every saw-tooth, shape (n, n)."""
+    alone, squared, count = (_before(weight * rise**k) for k in (1, 2, 0))
+    square = (
+        squared[None, :] - squared[:, None] - 2 * rise[:, None] * (alone[None, :] - alone[:, None])
+    )
+    return square + rise[:, None] ** 2 * (count[None, :] - count[:, None])
+
+
+def _subtract_explained(square: Floats, columns: Floats, rise: Floats) -> None:
+    """Subtract what orthonormal columns explain of the squares, in place.
+
+    That is the sum of the squares of `_products` over the columns, which is most of the work.
+
+    Args:
+        square: Shape (n, n).
+        columns: Shape (n, columns).
+        rise: m, shape (n, 1).
+    """
+    alone, risen = _before(columns), _before(columns * rise)
+    own = risen - rise * alone
+    square -= (own**2).sum(1)[:, None] - 2 * (own @ risen.T - rise * (own @ alone.T))
+    square -= (risen**2).sum(1) - 2 * rise * (risen * alone).sum(1) + rise**2 * (alone**2).sum(1)
+
+
+def _likely(strings: Expected, rise: Floats, climbed: Floats) -> Floats:
+    """Return the relative probability (0 to 1) of each pair for the nearest string of the rig."""
+    likely = np.zeros_like(climbed)
+    for contact, climb in zip(strings.contacts, strings.climbs, strict=True):
+        far = ((rise - contact)[:, None] / strings.settings.contact_std) ** 2
+        climbs = np.log(np.maximum(climbed, LEAST_CLIMB) / climb)
+        far = far + (climbs / strings.settings.climb_std) ** 2
+        likely = np.maximum(likely, np.exp(-far / 2))
+    return likely
+
+
+def _before(column: Floats) -> Floats:
+    """Return the sums of all rows before each row."""
+    return np.cumsum(column, axis=0) - column
 
 
 @dataclass(frozen=True)
@@ -54,21 +119,18 @@ class Searched:
     further: Growth | None
     """The next one, for which the rig has no string."""
     compliance: float
-    """s^2, k of `sautereau.analysis.phases.compliant.slow`."""
+    """s^2, k of `sautereau.analysis.phases.slow`."""
     residual: float
     """N, rms of the load that is not explained."""
-    moved: float = 0.0
-    """N, range of the smoothed force, or of the inertia if that is larger."""
     inertia: float = 1.0
     """Inertia of key and jacks over that of the rig."""
     lag: float = 0.0
     """s, by which the force is late, compared with the velocity."""
 
     def significant(self, least: float) -> tuple[Growth, ...]:
-        """Return the growths above a significance that have enough force, with the further one."""
+        """Return the growths above a significance, with the further one."""
         every = (*self.growths, *([self.further] if self.further else []))
-        force = SLIGHT * self.moved
-        return tuple(g for g in every if g.significance > least and g.force > force)
+        return tuple(g for g in every if g.significance > least)
 
 
 def search(slow: Slow, strings: Expected) -> Searched:
@@ -77,25 +139,25 @@ def search(slow: Slow, strings: Expected) -> Searched:
     Args:
         strings: Of the rig; there are at most as many growths.
     """
-    compliance, noise = 0.0, NOISE
+    compliance, noise = 0.0, slow.settings.noise
     found = Searched((), None, 0.0, 0.0)
     if len(slow.time) < 12:
         return found
     plucks = np.zeros((0, 2))
-    for number in range(ROUNDS):
+    for number in range(3):  # each with the compliance of the round before
         fit = SawTeeth(slow, compliance, noise, strings)
-        found, plucks = _Search(fit, QUICK if number == 0 else None, plucks, number > 1).all()
+        found, plucks = _Search(fit, 1 if number == 0 else None, plucks, number > 1).all()
         change = abs(found.compliance - compliance)
         compliance, before = found.compliance, noise
-        noise = row_noise(found.residual)
+        noise = row_noise(found.residual, slow.settings)
         if number > 0 and change < max(2e-7, 0.05 * compliance) and 0.5 < noise / before < 2:
             break
     return found
 
 
-def row_noise(residual: float) -> float:
+def row_noise(residual: float, settings: PhaseSettings) -> float:
     """Return the noise [N] of a row, by the rms of the load that is not explained [N]."""
-    return max(LEAST_NOISE, CORRELATED * residual)
+    return max(2e-3, settings.correlated * residual)
 
 
 class _Search:
@@ -110,7 +172,7 @@ class _Search:
 
     def __init__(self, fit: SawTeeth, most: int | None, earlier: Floats, trusted: bool):
         self._fit, self._most, self._earlier, self._trusted = fit, most, earlier, trusted
-        self._moving = SLOWEST * float(fit.slow.speed().max())
+        self._moving = 0.1 * float(fit.slow.speed().max())
 
     def all(self) -> tuple[Searched, Floats]:
         """Return the plucks, added one by one; and their instants, in the order of addition.
@@ -162,9 +224,8 @@ class _Search:
         searched = Searched(
             tuple(sorted(growths, key=lambda g: g.release)),
             further,
-            min(max(k, 0.0), MOST_COMPLIANT),
+            max(k, 0.0),
             float(np.sqrt(np.mean(fitted.row_residuals**2))),
-            fit.slow.moved,
             1 + fit.term(fitted, "v1"),
             -fit.term(fitted, "F1") - fit.term(fitted, "v2") / fit.slow.inertial,
         )
@@ -202,16 +263,18 @@ class _Search:
         deviations = float(
             np.sum(fit.rig_deviations(plucks) ** 2) - np.sum(fit.rig_deviations(others) ** 2)
         )
-        of_force = limited(np.abs(fit.strings.force_deviations(float(forces[i])))).min()
+        of_force = fit.strings.force_deviations(float(forces[i]))
+        of_force = fit.strings.limited(np.abs(of_force)).min()
         deviations = max(0.0, deviations) + float(of_force) ** 2
         gain = (without.chi2 - solved.chi2) / noise / (1 + deviations)
-        climbed = np.diff(np.interp(pluck, slow.hops, fit.rise))[0]
         near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
         moving = np.interp(pluck[1], slow.time, slow.speed()) > self._moving
         several = len(fit.strings.contacts) > 1
-        least = LEAST_FORCE * float(fit.strings.forces.min())
-        strong = forces[i] > max(least, several * LEAST_FRACTION * float(forces.max()))
-        enough = climbed > LEAST_RISE and gain > SIGNIFICANCE and strong and moving
+        # The error of the inertia leaves slight growths where the jack stops. Where the rig has
+        # several strings, what the model of one does not explain may look like another.
+        least = 0.05 * float(fit.strings.forces.min())
+        strong = forces[i] > max(least, several * 0.15 * float(forces.max()))
+        enough = gain > slow.settings.significance and strong and moving
         # Of a string that is held until the last row no collapse was seen.
         collapses = pluck[1] < slow.time[-1] - slow.width
         return float(gain) if enough and collapses and near > APART * slow.width else 0.0
@@ -223,20 +286,19 @@ class _Search:
         each contact of the rig.
         """
         fit, slow, strings = self._fit, self._fit.slow, self._fit.strings
-        every = pair_gains(fit, found, solved)
-        time, rise, gain = every.time, every.rise, every.gain.copy()
+        time, rise, gain = pair_gains(fit, found, solved)
         pairs: list[tuple[int, int]] = []
         missing = len(found) < len(strings.contacts)
         for contact in strings.contacts if missing else ():
             row = int(np.searchsorted(rise, contact))
             if row < len(rise) and gain[row].max() > 0:
                 pairs.append((row, int(np.argmax(gain[row]))))
-        for _ in range(STARTS if missing else 1):
+        for _ in range(2 if missing else 1):
             first, last = np.unravel_index(int(np.argmax(gain)), gain.shape)
             if not gain[first, last] > 0:
                 break
             pairs.append((int(first), int(last)))
-            gain[:, np.abs(time - time[last]) < BETWEEN * slow.width] = 0.0
+            gain[:, np.abs(time - time[last]) < 4 * slow.width] = 0.0
         starts = [
             np.vstack([found, [time[first], (time[last - 1] + time[last]) / 2]])
             for first, last in dict.fromkeys(pairs)

@@ -22,12 +22,9 @@ from scipy.ndimage import uniform_filter1d
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
-WIDTH = 0.9e-3  # s, least width of the boxcars of the spline
-WIDTHS = 110  # Usual largest number of widths in a way down
 HOPS = 6  # Blocks of samples in a width
 ORDER = 8  # Number of boxcars of the spline
 REACH = -(-(ORDER * HOPS + 1) // (HOPS // 2))  # Rows over which a kernel extends
-MARGIN = 4  # Widths of signal before and after, as far as there is any
 TERMS = {
     "v1": 0.4,
     "F2": 1.5e-5,
@@ -41,27 +38,25 @@ TERMS = {
     "F6": 3e-18,
 }
 """Prior standard deviations of the terms: dimensionless; s^2, s; kg s, kg s^2; s^4."""
-SUDDEN = 0.3
-"""Error of the load over the local rms of fast motion: impacts and ringing, for which the relation
-between force, velocity and load does not hold."""
-CALM = 0.2  # Fraction of the rows with the smallest rms, in which there is only noise
-MOST_COMPLIANT = 6e-5  # s^2, largest k
 
 
 class Slow:
     """The smoothed signals of a stretch, in rows of half a width; arrays of shape (n,).
 
     Args:
-        widths: Largest number of widths.
+        finer: Factor of the largest number of widths.
     """
 
-    def __init__(self, signals: Signals, begin: int, end: int, widths: int = WIDTHS):
-        width = max(WIDTH, (end - begin) / signals.rate / widths)
+    def __init__(self, signals: Signals, begin: int, end: int, finer: int = 1):
+        self.settings = signals.settings
+        widths = finer * self.settings.widths
+        width = max(self.settings.width, (end - begin) / signals.rate / widths)
         n = max(1, round(width / HOPS * signals.rate))
         self.hop = n / signals.rate
         self.width = HOPS * self.hop
-        first = max(0, begin - MARGIN * HOPS * n)
-        hops = (min(len(signals.time), end + MARGIN * HOPS * n) - first) // n
+        # Four widths before and after, as far as there is any signal.
+        first = max(0, begin - 4 * HOPS * n)
+        hops = (min(len(signals.time), end + 4 * HOPS * n) - first) // n
 
         def means(signal: Floats) -> Floats:
             return signal[first : first + hops * n].reshape(hops, n) @ np.full(n, 1 / n)
@@ -87,12 +82,11 @@ class Slow:
         self.terms = np.stack(terms, 1)
         """N, the terms times their prior standard deviations; shape (n, terms)."""
         self._rigid = self.force - self.inertial * acceleration
-        self.moved = float(max(np.ptp(self.force), self.inertial * np.ptp(acceleration)))
-        """N, range of the force, or of the inertia if that is larger."""
         sudden = force - self.inertial * np.gradient(velocity, self.hop)
         sudden -= np.interp(self.hops, self.time, self._rigid)
         rms = np.sqrt(np.maximum(self.smooth(sudden**2), 0.0))
-        self._error = SUDDEN * np.maximum(rms - float(np.quantile(rms, CALM)), 0.0)
+        # In the calmest fifth of the rows there is only noise.
+        self._error = self.settings.sudden * np.maximum(rms - float(np.quantile(rms, 0.2)), 0.0)
 
     def smooth(self, signal: Floats, derivative: int = 0) -> Floats:
         """Return signals of the blocks, smoothed, or a derivative of that, at the rows.

@@ -12,29 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.phases.compliant.slow import TERMS, Slow
-from sautereau.analysis.phases.expected import SHAPE_STD, Expected
-from sautereau.analysis.phases.fit import HUM_STD, hum_at
+from sautereau.analysis.phases.contact import hum_at
+from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.levenberg import minimise, orthonormal
+from sautereau.analysis.phases.slow import TERMS, Slow
 from sautereau.trajectory.motion import Floats
 
-LEVEL_STD = 10.0  # N, prior standard deviation of the constant load
-DRIFT_STD = 0.03
-"""N, prior standard deviation of the change of the load with the rise, with the speed, and by a
-damper."""
-DAMPER = 1e-3  # m, rise of the jack at which a damper leaves its string
-FULL_RISE = 10e-3  # m, rise over which the load changes by `DRIFT_STD`
 COLUMNS = 5
 """Columns of a string: its force, the first and second derivatives of its force, two deviations of
 its shape. The derivatives represent what lies between the laser and the jack."""
 FORCE_STD = 3.0  # N, prior standard deviation of the force of a string
-LOSS_STD = 2.5e-4
-"""N s, prior standard deviation of the first derivative, if the releases are known: it shifts
-contact and release together."""
-SHARP_STD = 9e-7  # N s^2, prior standard deviation of the second derivative
-LONGEST = 4e-3  # s, longest step of a refinement
-CONVERGED = 3e-4  # Relative decrease of chi2 at which a refinement ends
-SMALL = 0.2e-3  # s, of a difference quotient
 
 
 @dataclass(frozen=True)
@@ -69,7 +56,7 @@ class SawTeeth:
     """Fits of saw-teeth to the load for one compliance.
 
     Args:
-        compliance: s^2, k of `sautereau.analysis.phases.compliant.slow`.
+        compliance: s^2, k of `sautereau.analysis.phases.slow`.
         noise: N, of a row; it weights the priors.
         releases: s, of the plucks with their standard uncertainties, shape (plucks, 2), where they
             are known from elsewhere.
@@ -94,11 +81,12 @@ class SawTeeth:
         self.load = self.weight * slow.load(compliance)
         """N, weighted."""
         rise, speed = slow.smooth(self.rise), slow.speed()
-        drift = [rise / FULL_RISE, speed / max(1e-6, float(speed.max()))]
-        drift.append(np.maximum(DAMPER - rise, 0.0) / DAMPER)
-        level = np.full(len(rise), LEVEL_STD)
-        hum = HUM_STD * hum_at(slow.time)
-        free = np.column_stack([slow.terms, level, DRIFT_STD * np.stack(drift, 1), hum])
+        settings = slow.settings
+        drift = [rise / 10e-3, speed / max(1e-6, float(speed.max()))]
+        drift.append(np.maximum(1 - rise / settings.damper_lift, 0.0))
+        level = np.full(len(rise), 10.0)  # N, which bounds nothing
+        hum = settings.hum_std * hum_at(slow.time)
+        free = np.column_stack([slow.terms, level, settings.drift_std * np.stack(drift, 1), hum])
         known = free.shape[1]
         free = np.concatenate([self.weight[:, None] * free, noise * np.eye(known)])
         self.base, _ = np.linalg.qr(free)
@@ -106,12 +94,12 @@ class SawTeeth:
         self._left = np.concatenate([self.load, np.zeros(known)])
         self._left -= self.base @ (self.base.T @ self._left)
         self._climbing = np.gradient(self.rise, slow.hop)
-        self._derivatives = 0.0 if releases is None else LOSS_STD, SHARP_STD
+        self._derivatives = 0.0 if releases is None else settings.loss_std, settings.sharp_std
         self._bends = np.array([1.0, *strings.bends])
         self._mixed = np.zeros((3, COLUMNS))
         """Of u, u(u - 1) and u(u - 1)(u - 1/2) in each column of a string, see `Expected.bends`."""
         self._mixed[:, 0] = FORCE_STD * self._bends
-        self._mixed[1:, 3:] = float(strings.forces.mean()) * np.diag(SHAPE_STD)
+        self._mixed[1:, 3:] = float(strings.forces.mean()) * np.diag(settings.shape_std)
         self._refined: dict[tuple[bytes, float | None], tuple[Floats, Solved, float]] = {}
         """What `refined` has returned: a search starts at the same instants several times."""
         self.row_rise = rise
@@ -227,11 +215,12 @@ class SawTeeth:
             )
         change[:rows] *= self.weight[:, None]
         change[:known] -= self.base @ (self.base.T @ change[:known])
-        off = SMALL * np.eye(plucks.size).reshape(-1, *plucks.shape)
+        small = 0.2e-3  # s, of a difference quotient
+        off = small * np.eye(plucks.size).reshape(-1, *plucks.shape)
         up, down = self._deviations(np.stack([plucks + off, plucks - off]))
         of = solved.base.T @ change
         forces = -FORCE_STD * (solved.inverse @ of)[::COLUMNS]
-        return solved.base @ of - change, (up - down).T / (2 * SMALL), forces
+        return solved.base @ of - change, (up - down).T / (2 * small), forces
 
     def stds(self, plucks: Floats, solved: Solved) -> Floats:
         """Return the standard uncertainties of contacts [s], releases [s] and forces [N].
@@ -297,7 +286,7 @@ class SawTeeth:
         def bounded(states: Floats) -> Floats:
             return np.clip(states, self.slow.hops[0], self.slow.hops[-1])
 
-        found = minimise(start, evaluate, slopes, permitted, bounded, LONGEST, CONVERGED)
+        found = minimise(start, evaluate, slopes, permitted, bounded, 4e-3, 3e-4)
         better = found.states.reshape(-1, 2), found.found[1][0], float(found.chi2[0])
         self._refined[key] = better
         return better

@@ -1,1 +1,0 @@
-"""Plucks on a compliant key, which bends, heaves, rings, or whose jack stands on a soft cloth."""
