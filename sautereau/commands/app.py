@@ -97,6 +97,7 @@ GROUPS = {
     "Study": (
         voicing.outline,
         voicing.voice,
+        campaign.effects,
         campaign.survey,
         campaign.campaign,
         campaign.touch,

@@ -11,6 +11,7 @@ from sautereau.analysis.identify.identified import evaluate
 from sautereau.analysis.identify.parameters import read_prior
 from sautereau.analysis.press.loops import PositionLoops, position_loops
 from sautereau.analysis.results.comparison import Comparison
+from sautereau.analysis.results.effects import DEFAULT, Effects, effects_of
 from sautereau.analysis.results.fit import Fit
 from sautereau.analysis.results.result import Shown, shown
 from sautereau.analysis.results.rig import Rig
@@ -181,6 +182,20 @@ class Session(Shown, Sequence[PressFile]):
         keys = {key.partition(".")[0] for other in values for key in differing(values[0], other)}
         mixed = tuple(sorted(keys & {"day", "scene"}))
         return Fit(presses[0].rig, simulated, mixed, made, evaluate(made))
+
+    def effects(self, names: Sequence[str] = DEFAULT, *, interaction: bool = False) -> Effects:
+        """Estimate the effects of the factors in which the presses differ, by a mixed model.
+
+        Args:
+            names: Features of a press; those of string 2 end in `_2`.
+            interaction: Whether to estimate the interactions of every two factors.
+
+        Raises:
+            AnalysisError: A name is unknown, the presses do not differ, or effects cannot be
+                separated.
+            MissingExtraError: A package of the extra `ordinal` is not installed.
+        """
+        return effects_of([press.analysed for press in self], names, interaction=interaction)
 
     def report(self, out: str | Path | None = None, *, level: str = "auto") -> "Report":
         """Write one HTML page about the presses, which replaces an earlier one.

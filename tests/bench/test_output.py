@@ -26,6 +26,7 @@ WRITES = {
     "identify": "s --free key.inertia --out r.toml", "animate": "s/press-0001.mcap --out p.gif",
     "listen": "--out a.wav",
     "outline": "a.png --plot p.png", "voice": "--target work=1 --plot p.png",
+    "effects": "s --plot p.png",
     "survey": "keys.csv --plot p.png", "touch": "c.parquet --plot p.png", "report": "s",
     "recover": "s/press-0001.mcap", "export": "s/press-0001.mcap --to csv",
     "split": "a.mcap --out s", "import": "a.csv --rig paper --out a.mcap", "trade": "--plot p.png",
