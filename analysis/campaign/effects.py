@@ -55,7 +55,8 @@ class LevelMean(Spread):
 class FactorEffects:
     """One factor, or the interaction of two."""
 
-    name: str
+    of: tuple[str, ...]
+    """Name of the factor, or of both."""
     means: tuple[LevelMean, ...]
     """One for each level; empty for an interaction."""
     effects: tuple[Effect, ...]
@@ -63,6 +64,11 @@ class FactorEffects:
     differences from the first levels."""
     p_value: float
     """Probability of a Wald F statistic at least as large if the factor has no effect."""
+
+    @property
+    def name(self) -> str:
+        """Name of the factor; of an interaction both, with ` x ` between them."""
+        return " x ".join(self.of)
 
 
 @dataclass(frozen=True)
@@ -345,7 +351,7 @@ def _of_factor(fit: _Fit, name: str) -> FactorEffects:
     rows = [_clean(columns.mean({name: level}) - columns.mean({name: first})) for level in others]
     effects = [fit.effect(name, level, row) for level, row in zip(others, rows, strict=True)]
     p_value = fit.p_value(rows, effects[0].degrees)
-    return FactorEffects(name, tuple(means), tuple(effects), p_value)
+    return FactorEffects((name,), tuple(means), tuple(effects), p_value)
 
 
 def _of_interaction(fit: _Fit, a: str, b: str) -> FactorEffects:
@@ -357,4 +363,4 @@ def _of_interaction(fit: _Fit, a: str, b: str) -> FactorEffects:
         cells = [columns.mean({a: i, b: j}) for i in (one, first_a) for j in (other, first_b)]
         rows.append(_clean(cells[0] - cells[1] - cells[2] + cells[3]))
         effects.append(fit.effect(name, f"{one} x {other}", rows[-1]))
-    return FactorEffects(name, (), tuple(effects), fit.p_value(rows, effects[0].degrees))
+    return FactorEffects((a, b), (), tuple(effects), fit.p_value(rows, effects[0].degrees))

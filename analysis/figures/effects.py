@@ -1,85 +1,100 @@
 """Plot of effects: each quantity over the levels of each factor, with all presses."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sautereau.analysis.campaign.effects import FactorEffects
+from sautereau.analysis.campaign.effects import FactorEffects, FittedEffects
 from sautereau.analysis.figures.palette import BEFORE, DASHES, GRID, MARKERS, MEASURED, SERIES
-from sautereau.analysis.text import counted
+from sautereau.analysis.press.features import split_column, title_of
+from sautereau.rig.quantities import QUANTITIES
 from sautereau.trajectory.motion import Floats
-
-if TYPE_CHECKING:
-    from sautereau.analysis.results.effects import Effects
 
 WIDTH, HEIGHT = 4.2, 2.4  # Of one panel (inch)
 MOST_TICKS = 6  # Levels of which each has its tick
 
 
-def effects_figure(found: "Effects") -> Figure:
+def effects_figure(
+    fitted: Mapping[str, FittedEffects],
+    factors: Mapping[str, Sequence[str]],
+    order: Mapping[str, Sequence[str]],
+    values: Mapping[str, Floats],
+    title: str,
+) -> Figure:
     """Return a figure with a row for each quantity, and a column for each factor and interaction.
 
     In a factor's column, points are presses: the mean of their level plus their residual, without
     the effects of the other factors. That of an interaction has the mean of each combination.
-    """
-    from sautereau.analysis.results.effects import scale_of, title_of
 
-    columns = next(iter(found.fitted.values())).factors
-    size = (max(6.4, WIDTH * len(columns)), 0.8 + HEIGHT * len(found.fitted))
+    Args:
+        fitted: Effects by quantity.
+        factors: Level of each press by factor.
+        order: Levels in their order by factor.
+        values: Of each press by quantity, SI units.
+    """
+    count = max(len(fit.factors) for fit in fitted.values())
+    size = (max(6.4, WIDTH * count), 0.8 + HEIGHT * len(fitted))
     figure = Figure(figsize=size, layout="constrained")
-    panels = figure.subplots(len(found.fitted), len(columns), sharey="row", squeeze=False)
-    for number, (name, fit) in enumerate(found.fitted.items()):
-        row = panels[number]
-        values = scale_of(name) * found.values[name]
-        for axes, factor in zip(row, fit.factors, strict=True):
+    panels = figure.subplots(len(fitted), count, sharey="row", squeeze=False)
+    for number, (name, fit) in enumerate(fitted.items()):
+        scale, _ = QUANTITIES[split_column(name)[0]].displayed
+        for axes, factor in zip(panels[number], fit.factors, strict=False):
             if factor.means:
-                residuals = scale_of(name) * fit.residuals
-                _levels(axes, found, factor, residuals, scale_of(name))
+                _levels(axes, factor, factors[factor.name], fit.residuals, scale)
             else:
-                _combinations(axes, found, factor.name, values, named=number == 0)
+                _combinations(axes, factor, factors, order, scale * values[name])
+                if number == 0:
+                    axes.legend(
+                        title=factor.of[0], frameon=False, fontsize=7, title_fontsize=7, ncols=3,
+                        loc="lower center", bbox_to_anchor=(0.5, 1.0),
+                    )  # fmt: skip
             axes.grid(color=GRID, lw=0.7)
             axes.set_axisbelow(True)
-        row[0].set_ylabel(title_of(name).replace(" (", "\n("))
-    blocks = counted(len(set(found.blocks.tolist())), "block")
-    figure.suptitle(
-        "SIMULATED: " * found.simulated
-        + f"effects, {counted(len(found.blocks), 'press')} in {blocks}; bars: 95 % intervals",
-        fontsize=10,
-    )
+        for axes in panels[number, len(fit.factors) :]:
+            axes.set_axis_off()
+        panels[number, 0].set_ylabel(title_of(name).replace(" (", "\n("))
+    figure.suptitle(f"{title}; bars: 95 % intervals", fontsize=10)
     return figure
 
 
 def _levels(
-    axes: Axes, found: "Effects", factor: FactorEffects, residuals: Floats, scale: float
+    axes: Axes, factor: FactorEffects, own: Sequence[str], residuals: Floats, scale: float
 ) -> None:
-    """Draw the presses of each level, and its mean."""
+    """Draw the presses of each level, and its mean.
+
+    Args:
+        own: Level of each press.
+    """
     levels = [mean.level for mean in factor.means]
     places = _places(axes, factor.name, levels)
     means = scale * np.array([(m.value, m.value - m.low, m.high - m.value) for m in factor.means])
-    number = [levels.index(level) for level in found.factors[factor.name]]
-    axes.plot(places[number], means[number, 0] + residuals, ".", color=BEFORE, ms=4)
+    known = np.flatnonzero(np.isfinite(residuals)).tolist()
+    number = [levels.index(own[press]) for press in known]
+    presses = means[number, 0] + scale * residuals[known]
+    axes.plot(places[number], presses, ".", color=BEFORE, ms=4)
     style = {"fmt": "o", "color": MEASURED, "ms": 4, "capsize": 5}
     axes.errorbar(places, means[:, 0], means[:, 1:].T, **style)
 
 
-def _combinations(axes: Axes, found: "Effects", name: str, values: Floats, *, named: bool) -> None:
+def _combinations(
+    axes: Axes,
+    factor: FactorEffects,
+    factors: Mapping[str, Sequence[str]],
+    order: Mapping[str, Sequence[str]],
+    values: Floats,
+) -> None:
     """Draw the mean of the presses of each combination, a line for each level of one factor."""
-    first, second = name.split(" x ")
-    levels = list(found.order[second])
+    first, second = factor.of
+    levels = list(order[second])
     places = _places(axes, second, levels)
-    own, other = np.asarray(found.factors[first]), np.asarray(found.factors[second])
-    for number, level in enumerate(found.order[first]):
+    own, other = np.asarray(factors[first]), np.asarray(factors[second])
+    for number, level in enumerate(order[first]):
         means = [np.nanmean(values[(own == level) & (other == each)]) for each in levels]
         marker, colour = MARKERS[number % len(MARKERS)], SERIES[number % len(SERIES)]
         dashes = DASHES[number % len(DASHES)]
         axes.plot(places, means, marker=marker, color=colour, ls=dashes, label=level, ms=4)
-    if named:
-        axes.legend(
-            title=first, frameon=False, fontsize=7, title_fontsize=7, ncols=3,
-            loc="lower center", bbox_to_anchor=(0.5, 1.0),
-        )  # fmt: skip
 
 
 def _places(axes: Axes, name: str, levels: list[str]) -> Floats:

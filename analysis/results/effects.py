@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.campaign.effects import FactorEffects, FittedEffects, fit_effects, in_order
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.press.features import by_string, split_column
+from sautereau.analysis.press.features import by_string, split_column, title_of
 from sautereau.analysis.results.result import Result, frame_of, json_of, shown
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import differing, what_is_alike
@@ -97,7 +97,8 @@ class Effects(Result):
         """Return a figure of each quantity over the levels of each factor."""
         from sautereau.analysis.figures.effects import effects_figure
 
-        return shown(effects_figure(self))
+        title = "SIMULATED: " * self.simulated + repr(self).strip("<>")
+        return shown(effects_figure(self.fitted, self.factors, self.order, self.values, title))
 
 
 def effects_of(
@@ -191,20 +192,8 @@ def _unit(name: str) -> str:
     return QUANTITIES[split_column(name)[0]].unit
 
 
-def title_of(name: str) -> str:
-    """Return the label of a quantity with its displayed unit, and of a later string with it."""
-    plain, string = split_column(name)
-    quantity = QUANTITIES[plain]
-    return quantity.title(quantity.displayed[1]) + (f", string {string}" if string > 1 else "")
-
-
-def scale_of(name: str) -> float:
-    """Return the factor from the SI unit of a quantity to the displayed one."""
-    return QUANTITIES[split_column(name)[0]].displayed[0]
-
-
 def _fitted_lines(name: str, fit: FittedEffects) -> list[str]:
-    scale = scale_of(name)
+    scale, _ = QUANTITIES[split_column(name)[0]].displayed
     lines = [f"{title_of(name)}, {counted(fit.presses, 'press')}, {fit.model}:"]
     for factor in fit.factors:
         lines += _factor_lines(factor, scale)
