@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -244,11 +245,18 @@ def _levels(
             faults.append(f"{factor}: {error}")
             continue
         if name is None:
-            name = found.stem if isinstance(found, Path) else str(next(iter(found.values()), ""))
+            name = found.stem if isinstance(found, Path) else _name(value, found)
         if name in seen:
             faults.append(f"{factor}: the level {name} is given twice; remove one, or repeat more")
         seen.add(name)
         yield name, found
+
+
+def _name(value: Any, found: Mapping[str, Any]) -> str:
+    """Return the name of a level of a list: its value as written, of a number without dust."""
+    text = str(next(iter(found.values()), ""))
+    number, _, unit = text.partition(" ")
+    return f"{float(number):.10g} {unit}".strip() if isinstance(value, Real) and unit else text
 
 
 def _level(key: str, why: str, value: Any, folder: Path) -> Mapping[str, Any] | Path:

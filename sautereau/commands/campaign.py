@@ -127,7 +127,7 @@ def effects(
 
     names = [name.strip() for name in of.split(",") if name.strip()] or DEFAULT
     with output.progress("reading recordings"):
-        session, faults = open(files).readable()
+        session, faults = open(files).readable(processes=None)
     found = session.effects(names, interaction=interaction)
     if plot:
         save_plot(plot, found.plot())

@@ -1,10 +1,12 @@
 """The presses of one or more sessions."""
 
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 from sautereau.analysis.campaign.row import row_of, unit_of
+from sautereau.analysis.campaign.workers import run_over
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.identified import evaluate
@@ -15,6 +17,7 @@ from sautereau.analysis.results.effects import DEFAULT, Effects, effects_of
 from sautereau.analysis.results.fit import Fit
 from sautereau.analysis.results.result import Shown, shown
 from sautereau.analysis.results.rig import Rig
+from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import analyse, differing, what_is_alike
 from sautereau.analysis.session.difference import side_by_side
 from sautereau.analysis.text import counted
@@ -23,7 +26,8 @@ from sautereau.entrance.each import each, every
 from sautereau.entrance.found import recordings_of
 from sautereau.entrance.press_file import PressFile
 from sautereau.rig import schema
-from sautereau.rig.errors import require
+from sautereau.rig.errors import SautereauError, require
+from sautereau.rig.progress import tracked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,6 +35,7 @@ if TYPE_CHECKING:
 
     from sautereau.entrance.report import Report
 
+WORTH_A_PROCESS = 8  # Recordings whose analysis takes longer than the start of a process
 PAGE = "report.html"  # Name of the report in the session's folder
 
 
@@ -80,11 +85,15 @@ class Session(Shown, Sequence[PressFile]):
         every(self, lambda press: press.press if samples else press.partial)
         return self
 
-    def readable(self, *, samples: bool = False) -> "tuple[Session, list[str]]":
+    def readable(
+        self, *, samples: bool = False, processes: int | None = 1
+    ) -> "tuple[Session, list[str]]":
         """Read and analyse every recording now, as `read`; return those without a fault.
 
         Args:
             samples: Whether to keep all samples.
+            processes: Processes that analyse the recordings, without samples; None for as many as
+                shorten the work, at most one per core. Each imports the program that calls this.
 
         Returns:
             The presses, and the faults of the other recordings.
@@ -92,6 +101,13 @@ class Session(Shown, Sequence[PressFile]):
         Raises:
             SautereauError: No recording can be analysed.
         """
+        if processes is None:
+            processes = min(os.cpu_count() or 1, 1 + len(self) // WORTH_A_PROCESS)
+        if processes > 1 and not samples:
+            work = run_over(_analysed, [press.path for press in self], processes)
+            for _, (number, one) in zip(tracked(self), work, strict=True):
+                if one is not None:  # the others show their fault below
+                    vars(self[number])["analysed"] = one
         found, faults = each(
             self, lambda press: (press, press.press if samples else press.analysed)
         )
@@ -226,6 +242,14 @@ class Session(Shown, Sequence[PressFile]):
         from sautereau.analysis.figures.phases import phases_figure
 
         return shown(phases_figure([p.press for p in self], [p.phases for p in self]))
+
+
+def _analysed(path: Path) -> AnalysedPress | None:
+    """Return a press without most samples; None if it cannot be analysed."""
+    try:
+        return PressFile(path).analysed
+    except SautereauError:
+        return None
 
 
 def open(what: "str | Path | Iterable[str | Path]", *, folder: str | Path | None = None) -> Session:

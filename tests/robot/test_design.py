@@ -94,7 +94,7 @@ def test_levels_of_named_values_numbers_and_rig_files(tmp_path):
     )
     (tmp_path / "design.toml").write_text(
         "repeats = 2\nseed = 3\n[factors]\n"
-        "press.jack_speed = [0.03, 0.05]\n"
+        "press.jack_speed = [0.03, 0.050000000000000003]\n"
         'plectrum = {thin = {plectrum.thickness = "0.35 mm"}, thick = "thick.toml"}\n'
     )
     rows = read_design(tmp_path / "design.toml").rows(RIG)
