@@ -93,6 +93,7 @@ GROUPS = {
         recordings.split,
         recordings.export,
         recordings.import_,
+        folder.package,
     ),
     "Study": (
         voicing.outline,

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from sautereau.entrance.package import Package
     from sautereau.entrance.report import Report
 
 WORTH_A_PROCESS = 8  # Recordings whose analysis takes longer than the start of a process
@@ -236,6 +238,44 @@ class Session(Shown, Sequence[PressFile]):
         page = Path(out) if out is not None else Path(self.folder or "") / PAGE
         paths = [press.path for press in self]
         return write_report(page, paths, self.folder, self.warnings, level)
+
+    def package(
+        self,
+        out: str | Path | None = None,
+        *,
+        licence: str = "",
+        authors: Sequence[str] = (),
+        processes: int | None = 1,
+    ) -> "Package":
+        """Pack the session's folder as one archive for a repository, described as an RO-Crate 1.1.
+
+        Args:
+            out: ZIP file; None for the name of the folder with .zip, beside it.
+            licence: Address (https) of the licence; empty for none.
+            authors: Their names, or addresses of their ORCID.
+            processes: As of `readable`.
+
+        Raises:
+            AnalysisError: The presses are not of one folder, or the archive does not read back.
+            OSError: The archive cannot be written, or exists already.
+        """
+        from sautereau.entrance.package import package_of, write_package
+
+        if self.folder is None:
+            raise AnalysisError(
+                "package: the presses were not given as one folder; open the folder of the session"
+            )
+        read, faults = self.readable(processes=processes)
+        made = write_package(
+            self.folder,
+            Path(out) if out else package_of(self.folder),
+            [press.path for press in self],
+            [press.analysed for press in read],
+            read.features,
+            licence,
+            authors,
+        )
+        return replace(made, left_out=tuple(faults))
 
     def plot(self) -> "Figure":
         """Return a figure with a row for each press, at most eight: force, speed, phases."""

@@ -25,7 +25,7 @@ SLOW = {
     "setup": "--sim --yes", "mount": "", "press": "-n 2 --sim --out p", "listen": "--out a.wav",
     "replay": "{0} --sim --out r", "learn": "-n 2 --sim --out l", "transient": "session",
     "identify": "session --free plectrum.overlap,key.inertia,jack.mass --starts 1 -v --profile",
-    "report": "session", "trade": "",
+    "report": "session", "package": "session", "trade": "",
 }  # fmt: skip
 
 
