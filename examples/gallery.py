@@ -13,6 +13,7 @@ from examples import (
     fast_keys,
     learning,
     levels,
+    plectra,
     pluck,
     session,
     string_waves,
@@ -33,6 +34,7 @@ def pictures() -> dict[str, Callable[[Path], None]]:
         "string_waves.png": lambda path: string_waves.plot(path, string_waves.study(rig)),
         "clamping.png": lambda path: clamping.plot(path, rig, clamping.study(rig)),
         "learning.png": lambda path: learning.plot(path, learning.study()),
+        "effects.png": lambda path: plectra.study().plot().savefig(path, dpi=100),
         "bench.png": lambda path: bench.plot(path, rig),
         "pluck.gif": lambda path: pluck.plot(path, pluck.study()),
     }

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from sautereau.entrance.session import Session as Session
     from sautereau.entrance.session import open as open
     from sautereau.entrance.watching import watch as watch
+    from sautereau.robot.experiment.design import design as design
     from sautereau.robot.experiment.steps import ask as ask
     from sautereau.robot.experiment.steps import press as press
     from sautereau.robot.experiment.steps import repeat_until as repeat_until
@@ -47,6 +48,7 @@ _NAMES = {
     "entrance.session": ("Session", "open"),
     "analysis.results.sweep": ("Sweep",),
     "entrance.watching": ("watch",),
+    "robot.experiment.design": ("design",),
     "robot.experiment.steps": ("ask", "press", "repeat_until", "scan"),
 }
 """Names of the entrance by their modules."""

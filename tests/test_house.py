@@ -72,6 +72,7 @@ OTHER_WAYS = {
     "robot/drivers/galil/program.py": "the controller's program, of the package",
     "sautereau/doctor.py": "measures the speed of a disk with a file that has no name",
     "sautereau/commands/app.py": "the terminal, and the device that drops everything",
+    "sautereau/entrance/package.py": "files inside an archive that `rig.disk` writes",
     "sautereau/commands/output.py": "the device that drops everything",
     "sim_backend/devices/daqmx/tdms_log.py": "the log that a client of the card asks for",
 }

@@ -155,7 +155,7 @@ def find_touch(campaign: Campaign) -> Touch:
     simulated = presses["simulated"].to_numpy(bool)
     if 0 < simulated.sum() < len(presses):
         notes.append("this campaign mixes presses of the stand-in and of an instrument")
-    sessions = sum(plectrum.sessions for plectrum in each)
+    sessions = len(set(presses["session"]))
     count = len(set(presses["path"]))
     hard = _thirds({p.name: p.felt[n].value for p in each for n in [*felt][:1] if n in p.felt})
     return Touch(bool(simulated.any()), count, sessions, tuple(each), felt, hard, tuple(notes))

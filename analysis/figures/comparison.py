@@ -1,8 +1,11 @@
 """Plots of presses and prediction; simulated presses are marked in the plot."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.gridspec import SubplotSpec
 
@@ -14,7 +17,7 @@ from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.session.compare import ERRORS, Comparison, listed_contributions
-from sautereau.analysis.session.conditions import Condition, SessionAnalysis
+from sautereau.analysis.session.conditions import Condition, SessionAnalysis, label_of
 from sautereau.analysis.session.difference import Pair
 from sautereau.analysis.text import counted
 from sautereau.rig.quantities import QUANTITIES
@@ -22,7 +25,9 @@ from sautereau.rig.quantities import QUANTITIES
 BESIDE = 5e-3
 """s, before contact and after release, that force on deflection and the model are drawn of."""
 PICTURED = 8  # Number of presses of a condition that its plot shows, the first ones
-ROWS = 8  # Number of conditions that a plot shows, the first ones
+ROWS = 3  # Largest number of conditions that each have a row of a plot
+LISTED = 40  # Number of conditions that one overview shows, the first ones
+NAMED = 3  # Number of values that name a condition in an overview
 SIZE = (12, 6.5)  # Inches, of the plot of a condition
 COLOURS = (MEASURED, AGAINST)  # Of the first set and of the other
 
@@ -54,6 +59,9 @@ def session_figure(
 ) -> Figure:
     """Return a figure with a row as of `comparison_figure` for each condition of a session.
 
+    More than `ROWS` conditions are drawn over each other, with the model errors of each; of pairs
+    only the first ones are drawn.
+
     Args:
         pairs: Conditions of another set, drawn beside those of the session.
         number: Number of the only condition to draw, from 1; None for all.
@@ -65,10 +73,14 @@ def session_figure(
     chosen = [(n, c) for n, c in enumerate(found.conditions, 1) if number in (None, n)]
     if not chosen:
         raise AnalysisError(f"condition {number}: the session has 1 to {count}")
-    rows = [(n, c, c.prediction) for n, c in chosen if c.prediction and c.counted][:ROWS]
+    rows = [(n, c, c.prediction) for n, c in chosen if c.prediction and c.counted]
     if not rows:
         why = dict.fromkeys(w for _, c in chosen for w in c.warnings or ["only warm-up presses"])
         raise AnalysisError(f"nothing to draw: {'; '.join(why)}")
+    if pairs:
+        rows = rows[:ROWS]
+    if len(rows) > ROWS:
+        return _overview([c for _, c, _ in rows], count)
     figure = Figure(figsize=(SIZE[0], len(rows) * SIZE[1]), layout="constrained")
     parts = figure.subfigures(len(rows), squeeze=False)[:, 0]
     for part, (n, condition, prediction) in zip(parts, rows, strict=True):
@@ -77,6 +89,56 @@ def session_figure(
         if count > 1:
             title = f"condition {n} of {count}, {found.label(condition)}"
             part.suptitle(f"{part.get_suptitle()}\n{title}")
+    return figure
+
+
+def _overview(conditions: Sequence[Condition], count: int) -> Figure:
+    """Return a figure of the first press of each condition, its model, and all model errors.
+
+    Args:
+        count: Number of conditions of the session.
+    """
+    shown = conditions[:LISTED]
+    keys = list(dict.fromkeys(key for each in conditions for key in each.changed))
+    names = [label_of(each, keys[:NAMED], values_only=True) for each in shown]
+    height = max(SIZE[1], 1.5 + 0.2 * len(shown))
+    figure = Figure(figsize=(SIZE[0], height), layout="constrained")
+    grid = figure.add_gridspec(1, 4, width_ratios=(3, 1, 1, 1))
+    left, first = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
+    panels = [first, *(figure.add_subplot(grid[0, k], sharey=first) for k in (2, 3))]
+    colours = colormaps["viridis"](np.linspace(0, 0.9, len(shown)))
+    for colour, each in zip(colours, shown, strict=True):
+        string = each.comparison.string if each.comparison else 1
+        plucked = [p for p in each.counted if p.phases.of_string(string)][:1]
+        for press in plucked:
+            _pluck(left, load_press(press.press.path), press.phases, string, color=colour)
+        if plucked and each.prediction and string <= len(each.prediction.choirs):
+            deflection, force = each.prediction.from_contact(BESIDE, string)
+            left.plot(deflection * 1e3, force, color=colour, ls="--", lw=0.8)
+    left.set(xlabel="deflection at the laser from contact (mm)", ylabel="finger force (N)")
+    left.set_title("first press of each condition (-), model (--)", fontsize=9)
+    for axes, name in zip(panels, ERRORS, strict=True):
+        for place, (colour, each) in enumerate(zip(colours, shown, strict=True)):
+            if each.comparison:
+                error, ends = getattr(each.comparison, name), each.comparison.interval(name)
+                axes.plot(100 * error.value, place, "o", color=colour, ms=4)
+                axes.plot(100 * np.array(ends or [np.nan] * 2), [place] * 2, color=colour, lw=1)
+        axes.axvline(0.0, color=PREDICTED, lw=0.8)
+        axes.set_xlabel("model error (%)", fontsize=8)
+        axes.set_title(QUANTITIES[name].label, fontsize=8)
+        axes.tick_params(labelleft=axes is first, labelsize=7)
+    first.set_yticks(range(len(shown)), names, fontsize=7)
+    first.set_ylim(len(shown) - 0.5, -0.5)
+    presses = [press for each in conditions for press in each.counted]
+    simulated = any(press.press.simulated for press in presses)
+    part = f", the first {LISTED} of them" * (len(shown) < len(conditions))
+    figure.suptitle(
+        f"Rig {shown[0].rig.name}: {counted(len(presses), 'press')} in {count} conditions{part},"
+        f" {how_made(simulated)}\n{', '.join(keys[:NAMED])}{', ...' * (len(keys) > NAMED)};"
+        " lines of errors: 95 % intervals",
+        fontsize=10,
+    )
+    stamp(figure, simulated)
     return figure
 
 
@@ -135,13 +197,9 @@ def _force_on_deflection(axes, sets: Sequence[_Set], prediction: Prediction, str
     for (presses, phases), colour, of_set in zip(sets, COLOURS, _names(sets), strict=False):
         label = f"{of_set}{_label(presses[0])}, {counted(len(presses), 'press')}"
         for press, found in zip(presses, phases, strict=True):
-            held = found.of_string(string)
-            if held is None:
-                continue
-            end = min(held.release + BESIDE, found.bottom)
-            deflection, force = press.from_contact(held.contact, held.contact - BESIDE, end)
-            axes.plot(deflection * 1e3, force, color=colour, lw=0.7, alpha=0.7, label=label)
-            label = None
+            if found.of_string(string):
+                _pluck(axes, press, found, string, color=colour, label=label)
+                label = None
     deflection, force = prediction.from_contact(BESIDE, string)
     label = f"predicted ({prediction.level})"
     axes.plot(deflection * 1e3, force, color=PREDICTED, ls="--", lw=2, label=label)
@@ -149,6 +207,14 @@ def _force_on_deflection(axes, sets: Sequence[_Set], prediction: Prediction, str
     below = f"deflection at the laser from contact{which} (mm)"
     axes.set(xlabel=below, ylabel="finger force (N)")
     axes.legend(loc="upper left")
+
+
+def _pluck(axes: Axes, press: Press, found: Phases, string: int, **style: Any) -> None:
+    """Draw the force over the deflection from contact of a string to its release."""
+    if held := found.of_string(string):
+        end = min(held.release + BESIDE, found.bottom)
+        deflection, force = press.from_contact(held.contact, held.contact - BESIDE, end)
+        axes.plot(deflection * 1e3, force, lw=0.7, alpha=0.7, **style)
 
 
 def _budget(figure: FigureBase, place: SubplotSpec, found: Comparison) -> bool:

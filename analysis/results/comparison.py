@@ -124,7 +124,10 @@ class Comparison(Result):
         return self.differences if self.pairs else self.features
 
     def plot(self, condition: int | None = None) -> "Figure":
-        """Return a figure of the first presses of each condition, or of one, and of the model."""
+        """Return a figure of the first presses of each condition, or of one, and of the model.
+
+        More than three conditions are drawn over each other, with the model errors of each.
+        """
         from sautereau.analysis.figures.comparison import session_figure
 
         return shown(session_figure(self.found, self.pairs, condition))

@@ -8,7 +8,7 @@ from sautereau.analysis.campaign.judged import Association, Judged
 from sautereau.analysis.campaign.labels import LEVELS
 from sautereau.analysis.campaign.touch import FELT, Felt, Plectrum, Touch
 from sautereau.analysis.results.result import Result, frame_of, shown
-from sautereau.analysis.session.repeatability import Spread
+from sautereau.analysis.session.repeatability import Spread, interval
 from sautereau.analysis.text import SOME_SIMULATED, counted, table
 from sautereau.rig.quantities import QUANTITIES
 
@@ -100,14 +100,6 @@ def _felt_lines(felt: Felt) -> list[str]:
             f" ({exponent.low:.2f} to {exponent.high:.2f})"
         )
     return lines
-
-
-def interval(spread: Spread | None, scale: float = 1.0, digits: int = 4) -> str:
-    """Return a figure with its interval: `0.34 (0.3 to 0.38)`; `-` for None."""
-    if spread is None:
-        return "-"
-    value, low, high = (f"{scale * v:.{digits}g}" for v in (spread.value, spread.low, spread.high))
-    return f"{value} ({low} to {high})"
 
 
 def _percent(spread: Spread) -> str:

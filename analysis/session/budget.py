@@ -81,7 +81,8 @@ def budget(
     names, omitted = list(errors), []
 
     def logarithm(of: Rig) -> Floats:
-        return np.log([predict(of)[name] for name in names])
+        values = predict(of)
+        return np.log([values[name] for name in names])
 
     nominal, inputs = logarithm(rig), []
     names_of_inputs = INPUTS

@@ -28,6 +28,7 @@ from sautereau.analysis.session.repeatability import LEAST, Repeatability, repea
 from sautereau.rig.document import flat, values_of
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.faults import unit_of
+from sautereau.rig.ranges import value_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity, readable_quantity
 from sautereau.trajectory.timing import press_law
@@ -37,6 +38,7 @@ HOLD_SPEED = (
     " lower press.jack_speed, or stiffen the position loops of the controller"
 )
 """How to keep the jack's speed while a string is held."""
+INSTRUMENT = ("key", "jack", "plectrum", "string", "more_choirs")  # Tables of a rig
 PressT = TypeVar("PressT", bound=AnalysedPress)
 
 
@@ -96,9 +98,10 @@ class Condition(Generic[PressT]):
         )
 
 
-def label_of(condition: Condition, keys: Iterable[str]) -> str:
-    """Return values of a condition as text: `press.jack_speed = 0.06 m/s`."""
-    return ", ".join(f"{key} = {_shown(key, condition.values.get(key))}" for key in keys)
+def label_of(condition: Condition, keys: Iterable[str], *, values_only: bool = False) -> str:
+    """Return values of a condition as text: `press.jack_speed = 0.06 m/s`, or without the key."""
+    values = {key: _shown(key, condition.values.get(key)) for key in keys}
+    return ", ".join(f"{v}" if values_only else f"{key} = {v}" for key, v in values.items())
 
 
 def _shown(key: str, value: Any) -> Any:
@@ -232,7 +235,7 @@ def _condition(
         compared, predictions, speeds = zip(*both, strict=True)
         prediction = predictions[0]
         # Another rig may be the one that these presses are like.
-        unlike = () if rig else _unlike_rig(compared)
+        unlike = _another_instrument(own, rig) if rig else _unlike_rig(compared)
         comparison = with_budget(
             replace(compare(compared, predictions, gain_stds(own)), unlike_rig=unlike),
             rig or own,
@@ -276,6 +279,44 @@ def _predicted(rig: Rig, own: Rig, level: str, speed: JackSpeed | None) -> Predi
     """
     lever = (rig.key.jack_arm / rig.key.laser_arm) / (own.key.jack_arm / own.key.laser_arm)
     return predict(rig, level, speed=speed and speed.scaled(lever))
+
+
+def _another_instrument(own: Rig, rig: Rig) -> tuple[str, ...]:
+    """Return in what a rig is another instrument than that of the recordings.
+
+    Values that may be equal by the ranges that both rigs state do not count.
+    """
+    recorded, tables, first = values_of(own), [], ""
+    for key, value in differing(recorded, values_of(rig)).items():
+        if key.partition(".")[0] not in INSTRUMENT or _may_be_equal(own, rig, key):
+            continue
+        tables.append(key.partition(".")[0])
+        first = first or f"{key} = {_shown(key, value)}, recorded {_shown(key, recorded.get(key))}"
+    if not tables:
+        return ()
+    count = f"{len(tables)} value{'s' * (len(tables) > 1)}"
+    return (
+        f"the rig {rig.name} is not that of the recordings, {own.name}: {count} of"
+        f" {', '.join(dict.fromkeys(tables))} differ beyond the ranges, such as {first}",
+    )
+
+
+def _may_be_equal(own: Rig, rig: Rig, key: str) -> bool:
+    """Return whether the ranges of a value in two rigs overlap.
+
+    A range that does not contain the rig's value is that of another rig; the value counts alone.
+    """
+    if key not in {**own.assumed, **rig.assumed}:
+        return False
+    ends = []
+    for one in (own, rig):
+        try:
+            value = value_of(one, key)
+        except (AttributeError, IndexError, TypeError):  # a choir or an optional value
+            return False
+        low, high = one.assumed.get(key, (value, value))
+        ends.append((low, high) if low <= value <= high else (value, value))
+    return max(low for low, _ in ends) <= min(high for _, high in ends)
 
 
 def _unlike_rig(phases: Sequence[Phases]) -> tuple[str, ...]:

@@ -31,6 +31,14 @@ class Spread:
     """Upper end of the 95 % interval."""
 
 
+def interval(spread: Spread | None, scale: float = 1.0, digits: int = 4) -> str:
+    """Return a figure with its interval: `0.34 (0.3 to 0.38)`; `-` for None."""
+    if spread is None:
+        return "-"
+    value, low, high = (f"{scale * v:.{digits}g}" for v in (spread.value, spread.low, spread.high))
+    return f"{value} ({low} to {high})"
+
+
 class Trend(Spread):
     """Change of a quantity per press, from a straight line through all presses."""
 

@@ -1,6 +1,7 @@
 """What a recording holds: the session, samples, plan, joints, events, gaps."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ UNCHECKED = (
 """Text about a recording that is not `Recorded.checked`."""
 _BEFORE_SESSIONS = {"session": "", "item": "", "warm_up": "false"}
 """Metadata of a recording that was made before sessions had plans."""
+_WITHOUT_DESIGN = {"levels": "{}", "block": ""}  # Metadata that a recording lacks without a design
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,10 @@ class SessionInfo:
     """Number of the press in the session's plan, from 1; None without a plan."""
     warm_up: bool = False
     """Whether it is a warm-up press, which is excluded from all results."""
+    levels: Mapping[str, str] = field(default_factory=dict)
+    """Level of each factor of the session's design; empty without one."""
+    block: int | None = None
+    """Block of the design, from 1; None without one."""
 
     @property
     def by_arm(self) -> bool:
@@ -62,12 +68,13 @@ class SessionInfo:
         return self.controller not in ("", self.daq)
 
     def to_metadata(self) -> dict[str, str]:
-        """Return the fields as text, for a Metadata record."""
+        """Return the fields as text, for a Metadata record; without a design, none of it."""
         flags = {False: "false", True: "true", None: ""}
-        values = vars(self).items()
+        values = vars(self) | {"levels": json.dumps(dict(self.levels))}
         return {
             name: flags[value] if isinstance(value, bool | None) else str(value)
-            for name, value in values
+            for name, value in values.items()
+            if self.levels or name not in _WITHOUT_DESIGN
         }
 
 
@@ -77,7 +84,7 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
     Raises:
         RecordingError: A field is missing or invalid.
     """
-    known = _BEFORE_SESSIONS | metadata
+    known = _BEFORE_SESSIONS | _WITHOUT_DESIGN | metadata
     missing = [field.name for field in fields(SessionInfo) if field.name not in known]
     if missing:
         raise RecordingError(f"its session metadata lack {', '.join(missing)}")
@@ -92,14 +99,27 @@ def session_from_metadata(metadata: dict[str, str]) -> SessionInfo:
             press=whole_number(known["press"]),
             seed=whole_number(known["seed"]) if known["seed"] else None,
             item=whole_number(known["item"]) if known["item"] else None,
+            block=whole_number(known["block"]) if known["block"] else None,
+            levels=_levels(known["levels"]),
             simulated=known["simulated"] == "true",
             warm_up=known["warm_up"] == "true",
             **{name: known[name] for name in texts},
         )
     except ValueError as error:
         raise RecordingError(
-            f"press, seed or item of its session is not a number: {error}"
+            f"press, seed, item or block of its session is not a number: {error}"
         ) from error
+
+
+def _levels(text: str) -> dict[str, str]:
+    """Return the levels of a design, as `SessionInfo.to_metadata` wrote them."""
+    try:
+        levels = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"levels of its session is not JSON: {error}") from error
+    if not isinstance(levels, dict) or not all(isinstance(v, str) for v in levels.values()):
+        raise RecordingError("levels of its session must be texts by their factors")
+    return levels
 
 
 def whole_number(text: str, most: int = 2**64) -> int:

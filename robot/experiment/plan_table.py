@@ -1,7 +1,7 @@
 """A session's plan as a table: each row is a press with some values of the rig changed."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,10 @@ class Row:
     """The operator's."""
     line: int | None = None
     """Line of the table; None without a table."""
+    levels: Mapping[str, str] = field(default_factory=dict)
+    """Levels of the factors of a design; empty without one."""
+    block: int | None = None
+    """Block of the design, from 1."""
 
     @property
     def set_up(self) -> dict[str, str | int | float]:
@@ -41,7 +45,12 @@ class Row:
 
     def document(self) -> dict[str, Any]:
         """Return the row as a JSON document."""
-        return {"values": dict(self.values), "repeats": self.repeats, "notes": self.notes}
+        row = {"values": dict(self.values), "repeats": self.repeats, "notes": self.notes}
+        return row | ({"levels": dict(self.levels), "block": self.block} if self.levels else {})
+
+    def in_block(self, block: int) -> "Row":
+        """Return the row as a press of a block."""
+        return replace(self, block=block)
 
     def on(self, rig: Rig) -> Rig:
         """Return another bench, such as a stand-in's, with the `press` values of this row."""

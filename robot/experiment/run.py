@@ -177,7 +177,9 @@ class PlanRun:
             return True
         changes = to_set(folder.plan.rig, folder.set_up, row)
         text = ", ".join(f"{key} = {value}" for key, value in changes.items())
-        answer = self._crew.operator(f"Set the instrument: {text}.")
+        by_hand = ", ".join(f"{f} = {level}" for f, level in row.levels.items())
+        where = f"Block {row.block} ({by_hand}). " if row.block else ""
+        answer = self._crew.operator(f"{where}Set the instrument: {text}.")
         folder.note_set_up(row.set_up)
         if answer is None:
             self.to_set = changes
@@ -197,9 +199,11 @@ class PlanRun:
                     return
                 if not made or made[0][0] is not place.row:
                     made[:] = [(place.row, place.row.on(bench.rig), crew.planned(place.row))]
-                _, rig, (trajectory, torques) = made[0]
+                row, rig, (trajectory, torques) = made[0]
                 current[:] = [place]
-                yield Item(rig, trajectory, place.number, notes=place.row.notes, torques=torques)
+                yield Item(
+                    rig, trajectory, place.number, False, row.notes, torques, row.levels, row.block
+                )
 
         def done(item: Item, path: Path) -> None:
             if item.warm_up:

@@ -3,9 +3,9 @@
 import math
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import chain, count
 from pathlib import Path
@@ -48,6 +48,10 @@ class Item:
     """The operator's."""
     torques: TorqueTable | None = None
     """Added to those of the position loops; None for none."""
+    levels: Mapping[str, str] = field(default_factory=dict)
+    """Levels of the factors of a design; empty without one."""
+    block: int | None = None
+    """Block of the design, from 1."""
 
 
 @dataclass(frozen=True)
@@ -200,6 +204,8 @@ def _press(
             session=origin.session,
             item=item.number,
             warm_up=item.warm_up,
+            levels=item.levels,
+            block=item.block,
         )
         of_device = acquisition.of_device(rig)
         with Recording(

@@ -93,10 +93,12 @@ GROUPS = {
         recordings.split,
         recordings.export,
         recordings.import_,
+        folder.package,
     ),
     "Study": (
         voicing.outline,
         voicing.voice,
+        campaign.effects,
         campaign.survey,
         campaign.campaign,
         campaign.touch,

@@ -103,6 +103,37 @@ def touch(
     return output.answer(found.document, found.lines(), plot)
 
 
+def effects(
+    files: common.Files,
+    /,
+    *,
+    of: Annotated[str, "A,B", Parameter(help="Features of a press, separated by commas.")] = "",
+    interaction: bool = False,
+    plot: common.Picture = None,
+    output: FileOutput = FileOutput(),
+) -> int:
+    """Estimate the effects of the factors of an experiment: means, differences and intervals.
+
+    The factors are those of the design (press --design) or, without one, the values of the rig in
+    which the presses differ. A mixed model separates the presses from their blocks.
+
+    Parameters
+    ----------
+    interaction
+        Estimate the interactions of every two factors as well.
+    """
+    from sautereau.analysis.results.effects import DEFAULT
+    from sautereau.entrance.session import open
+
+    names = [name.strip() for name in of.split(",") if name.strip()] or DEFAULT
+    with output.progress("reading recordings"):
+        session, faults = open(files).readable(processes=None)
+    found = session.effects(names, interaction=interaction)
+    if plot:
+        save_plot(plot, found.plot())
+    return output.answer(found.document | {"faults": faults}, found.lines(), plot, faults)
+
+
 def survey(
     file: Path,
     rig: Annotated[str | None, "RIG"] = None,

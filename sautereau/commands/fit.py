@@ -97,7 +97,7 @@ def compare(
     bench = common.load_rig(rig) if rig else None
     with output.progress("reading recordings"):
         given = every([files, against] if against else [files], open)
-        (session, texts), *others = every(given, lambda one: one.readable())
+        (session, texts), *others = every(given, lambda one: one.readable(processes=None))
         other = others[0][0] if others else None
     faults = [*texts, *(text for _, more in others for text in more)]
     with output.progress("predicting"):

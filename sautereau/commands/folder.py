@@ -1,7 +1,10 @@
-"""A folder of recordings: its analysis while they arrive, and its report."""
+"""A folder of recordings: its analysis while they arrive, its report, and its archive."""
 
 from contextlib import suppress
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from sautereau.analysis.text import SOME_SIMULATED
 from sautereau.commands import common
@@ -78,3 +81,55 @@ def report(
         "left_out": {str(path): why for path, why in made.left_out.items()},
     }
     return output.answer(result, lines)
+
+
+def package(
+    session: Path,
+    /,
+    *,
+    out: Annotated[common.OutFile | None, common.written_as(".zip")] = None,
+    license: str = "",
+    author: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,
+    output: FileOutput = FileOutput(),
+) -> int:
+    """Pack a session as one archive for a repository, described as an RO-Crate.
+
+    The archive has the recordings, a table of their features, the rig, the versions of the
+    software and ro-crate-metadata.json. The same session gives the same bytes.
+
+    Parameters
+    ----------
+    session
+        Folder of recordings, written by `sautereau press --out`.
+    out
+        Archive. Default: the name of the folder with .zip, beside it.
+    license
+        Address of the licence, such as https://creativecommons.org/licenses/by/4.0/.
+    author
+        Names of the authors, or addresses of their ORCID.
+    """
+    from sautereau.entrance.package import package_of
+    from sautereau.entrance.session import open
+
+    with output.replacing(None if out else package_of(session)), output.progress("packing"):
+        made = open(session).package(out, licence=license, authors=author or (), processes=None)
+    lines = [
+        *([SOME_SIMULATED] * made.simulated),
+        f"package:    {made.path}",
+        f"sha256:     {made.sha256}",
+        f"{len(made.files)} files, and ro-crate-metadata.json, read back as they were written",
+    ]
+    warnings = []
+    if not license:
+        warnings.append("no license: repositories ask for one; give it with --license")
+    output.warn(*warnings)
+    result = {
+        "path": str(made.path),
+        "sha256": made.sha256,
+        "files": list(made.files),
+        "simulated": made.simulated,
+        "license": license,
+        "warnings": warnings,
+        "faults": list(made.left_out),
+    }
+    return output.answer(result, lines, faults=list(made.left_out))

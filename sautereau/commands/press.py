@@ -24,6 +24,7 @@ def press(
     *,
     n: common.Number = 1,
     table: Path | None = None,
+    design: Path | None = None,
     rest: common.Duration = common.Quantity(0),
     learned: Path | None = None,
     feed_forward: common.FeedForward = None,
@@ -46,6 +47,10 @@ def press(
         CSV file of presses. Its columns are keys of the rig file (press.jack_speed), with values
         and units in the cells, and optionally `repeats` and `notes`. If a row changes the
         instrument, the command asks you to change it.
+    design
+        TOML file of a designed experiment: `[factors]` with their levels, `repeats`, `block`
+        (factors that are changed by hand), `set_ups` and `seed`. More repeats or levels add presses
+        to a session.
     rest
         Time between presses: "2 s".
     learned
@@ -56,11 +61,14 @@ def press(
         rest has drifted.
     """
     from sautereau.entrance.pressing import Settings, Table
+    from sautereau.robot.experiment.design import read_design
 
+    if design is not None and (table is not None or n != 1):
+        return output.fail("--design excludes --table and -n: its file has the repeats", 2)
     settings = Settings(
         recorded.warm_up, rest, recorded.notes, learned, feed_forward, ignore_health
     )
-    what = Table(table, n) if table else n
+    what = Table(table, n) if table else read_design(design) if design else n
     return _run(common.bench(rig, simulation), what, settings, recorded, output)
 
 

@@ -7,7 +7,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sautereau.analysis.figures.comparison import PICTURED
+from sautereau.analysis.figures.comparison import PICTURED, ROWS
 from sautereau.analysis.results.comparison import Comparison
 from sautereau.analysis.results.press import HEADER
 from sautereau.analysis.text import grouped
@@ -134,14 +134,16 @@ class SessionReport(Observer):
 
 
 def _pictures(compared: Comparison, folder: Path) -> list[Path]:
-    """Save a plot of each condition with a comparison, and return their paths."""
-    pictures = []
-    for number, condition in enumerate(compared.found.conditions, 1):
-        if condition.comparison:
-            drawn = [press.press.path.stem for press in condition.counted[:PICTURED]]
-            name = "-to-".join(dict.fromkeys((drawn[0], drawn[-1])))
-            pictures.append(_saved(folder, name, compared.plot(number)))
-    return pictures
+    """Save a plot of each condition with a comparison, of many conditions one, as paths."""
+    found = [(n, c) for n, c in enumerate(compared.found.conditions, 1) if c.comparison]
+    if len(found) > ROWS:
+        numbered = [(None, sorted(p.press.path.stem for _, c in found for p in c.counted))]
+    else:
+        numbered = [(n, [p.press.path.stem for p in c.counted[:PICTURED]]) for n, c in found]
+    return [
+        _saved(folder, "-to-".join(dict.fromkeys((names[0], names[-1]))), compared.plot(number))
+        for number, names in numbered
+    ]
 
 
 def _saved(folder: Path, name: str, figure: "Figure") -> Path:

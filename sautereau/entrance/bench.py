@@ -76,8 +76,9 @@ class Bench(Devices):
         adds presses, also to a finished session.
 
         Args:
-            what: Number of presses, a CSV file of them, or a plan: a generator of `press`, `scan`,
-                `repeat_until` and `ask`, or a function that returns it.
+            what: Number of presses, a CSV file of them, a `design` or its TOML file, or a plan: a
+                generator of `press`, `scan`, `repeat_until` and `ask`, or a function that returns
+                it.
             out: Folder for the recordings. Existing files in it are kept.
             warm_up: Number of warm-up presses wherever the finger comes from above the key: at the
                 start, after a pause and after each change of the instrument. They are recorded as

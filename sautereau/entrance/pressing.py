@@ -10,17 +10,24 @@ from sautereau.entrance.devices import Connected, Devices, fresh_seed
 from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.session import Session
 from sautereau.rig import schema
+from sautereau.rig.disk import write_durably
 from sautereau.rig.faults import fault_list
 from sautereau.rig.units import parse_quantity
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.answers import OPERATOR, STAND_IN, Answer, Given, answers_of
+from sautereau.robot.experiment.design import RECORD, Design, read_design, record
 from sautereau.robot.experiment.health import Health
 from sautereau.robot.experiment.monitor import Seen, Watch
 from sautereau.robot.experiment.plan import Plan
 from sautereau.robot.experiment.plan_table import Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner, rows_of_recording
 from sautereau.robot.experiment.run import Crew, Place, PlanRun
-from sautereau.robot.experiment.session_folder import Manifest, SessionFolder, only_session
+from sautereau.robot.experiment.session_folder import (
+    Manifest,
+    SessionFolder,
+    only_session,
+    read_manifest,
+)
 from sautereau.robot.experiment.steps import Ask, of_rows, plan_of
 from sautereau.sim_backend.scene import current_scene
 
@@ -83,7 +90,7 @@ class Pressing:
     def __init__(self, bench: Devices, what: Any, out: str | Path, settings: Settings = Settings()):
         self._out, self.bench = Path(out), bench
         nominal = bench.rig.values
-        rows = rows_of(what, nominal, settings.notes)
+        rows = rows_of(what, nominal, settings.notes, self._out)
         rest = settings.rest
         files = settings.learned, settings.feed_forward
         self.planner = Planner(*(Path(path) if path else None for path in files))
@@ -123,6 +130,7 @@ class Pressing:
 
             def pressed(place: Place, path: Path) -> None:
                 connected[0][0].keep_truth(path)
+                self._keep_record()
                 observer.pressed(place, path)
 
             def watch(seen: Seen) -> None:
@@ -139,6 +147,14 @@ class Pressing:
             )
             self.result = PlanRun(self.folder, self._steps, crew, bench.control)
             self.result.run()
+            self._keep_record()
+
+    def _keep_record(self) -> None:
+        """Write the presses of a design beside the recordings, with those that are made."""
+        rows = self.plan.rows or ()
+        if rows and rows[0].levels:
+            done = {number: path.name for number, path in self.folder.done.items()}
+            write_durably(self._out / RECORD, record(rows, done), replace=True)
 
     @property
     def session(self) -> Session:
@@ -212,12 +228,20 @@ class Pressing:
             )
 
 
-def rows_of(what: Any, rig: schema.Rig, notes: str) -> tuple[Row, ...] | None:
-    """Return the rows of what was requested; None for a plan that is a program."""
+def rows_of(what: Any, rig: schema.Rig, notes: str, out: Path) -> tuple[Row, ...] | None:
+    """Return the rows of what was requested; None for a plan that is a program.
+
+    Args:
+        out: Folder of the session; a design continues the one in it.
+    """
     if isinstance(what, int):
         return (Row(rig, what, notes=notes),)
     if isinstance(what, str | Path):
-        what = Table(Path(what))
+        path = Path(what)
+        what = read_design(path) if path.suffix == ".toml" else Table(path)
+    if isinstance(what, Design):
+        started = read_manifest(out)
+        return what.rows(rig, started.plan.get("presses", ()) if started else (), notes)
     if isinstance(what, Table):
         return read_plan_table(what.path, rig, what.repeats, notes)
     if isinstance(what, Replay):

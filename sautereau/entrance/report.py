@@ -102,14 +102,15 @@ def _again(manifest: Manifest, presses: tuple[PressRecord, ...]) -> Again:
     if learning := files.get("learned") == LEARNING:
         del files["learned"]
     words = [f"sautereau {'learn' if learning else 'press'} rig.toml"]
-    words.append(f"-n {rows[0]['repeats']}" if len(rows) == 1 else "--table table.csv")
+    several = "--design design.toml" if "levels" in rows[0] else "--table table.csv"
+    words.append(f"-n {rows[0]['repeats']}" if len(rows) == 1 else several)
     if not learning and manifest.plan["warm_up"] != Plan.warm_up:
         words.append(f"--warm-up {manifest.plan['warm_up']}")
     if manifest.plan["rest"]:
         words.append(f"--rest '{manifest.plan['rest']} s'")
     needs = ["the rig below as rig.toml"]
     if len(rows) > 1:
-        needs.append("the conditions above as table.csv")
+        needs.append(f"the conditions above as {several.split()[1]}")
     for kind, digest in files.items():
         needs.append(f"the file of {kind} with SHA-256 {digest}")
         words.append(f"--{kind.replace('_', '-')} FILE")

@@ -1,19 +1,24 @@
 """The presses of one or more sessions."""
 
+import os
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 from sautereau.analysis.campaign.row import row_of, unit_of
+from sautereau.analysis.campaign.workers import run_over
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.identified import evaluate
 from sautereau.analysis.identify.parameters import read_prior
 from sautereau.analysis.press.loops import PositionLoops, position_loops
 from sautereau.analysis.results.comparison import Comparison
+from sautereau.analysis.results.effects import DEFAULT, Effects, effects_of
 from sautereau.analysis.results.fit import Fit
 from sautereau.analysis.results.result import Shown, shown
 from sautereau.analysis.results.rig import Rig
+from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import analyse, differing, what_is_alike
 from sautereau.analysis.session.difference import side_by_side
 from sautereau.analysis.text import counted
@@ -22,14 +27,17 @@ from sautereau.entrance.each import each, every
 from sautereau.entrance.found import recordings_of
 from sautereau.entrance.press_file import PressFile
 from sautereau.rig import schema
-from sautereau.rig.errors import require
+from sautereau.rig.errors import SautereauError, require
+from sautereau.rig.progress import tracked
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from sautereau.entrance.package import Package
     from sautereau.entrance.report import Report
 
+WORTH_A_PROCESS = 8  # Recordings whose analysis takes longer than the start of a process
 PAGE = "report.html"  # Name of the report in the session's folder
 
 
@@ -79,11 +87,15 @@ class Session(Shown, Sequence[PressFile]):
         every(self, lambda press: press.press if samples else press.partial)
         return self
 
-    def readable(self, *, samples: bool = False) -> "tuple[Session, list[str]]":
+    def readable(
+        self, *, samples: bool = False, processes: int | None = 1
+    ) -> "tuple[Session, list[str]]":
         """Read and analyse every recording now, as `read`; return those without a fault.
 
         Args:
             samples: Whether to keep all samples.
+            processes: Processes that analyse the recordings, without samples; None for as many as
+                shorten the work, at most one per core. Each imports the program that calls this.
 
         Returns:
             The presses, and the faults of the other recordings.
@@ -91,6 +103,13 @@ class Session(Shown, Sequence[PressFile]):
         Raises:
             SautereauError: No recording can be analysed.
         """
+        if processes is None:
+            processes = min(os.cpu_count() or 1, 1 + len(self) // WORTH_A_PROCESS)
+        if processes > 1 and not samples:
+            work = run_over(_analysed, [press.path for press in self], processes)
+            for _, (number, one) in zip(tracked(self), work, strict=True):
+                if one is not None:  # the others show their fault below
+                    vars(self[number])["analysed"] = one
         found, faults = each(
             self, lambda press: (press, press.press if samples else press.analysed)
         )
@@ -182,6 +201,20 @@ class Session(Shown, Sequence[PressFile]):
         mixed = tuple(sorted(keys & {"day", "scene"}))
         return Fit(presses[0].rig, simulated, mixed, made, evaluate(made))
 
+    def effects(self, names: Sequence[str] = DEFAULT, *, interaction: bool = False) -> Effects:
+        """Estimate the effects of the factors in which the presses differ, by a mixed model.
+
+        Args:
+            names: Features of a press; those of string 2 end in `_2`.
+            interaction: Whether to estimate the interactions of every two factors.
+
+        Raises:
+            AnalysisError: A name is unknown, the presses do not differ, or effects cannot be
+                separated.
+            MissingExtraError: A package of the extra `ordinal` is not installed.
+        """
+        return effects_of([press.analysed for press in self], names, interaction=interaction)
+
     def report(self, out: str | Path | None = None, *, level: str = "auto") -> "Report":
         """Write one HTML page about the presses, which replaces an earlier one.
 
@@ -206,11 +239,57 @@ class Session(Shown, Sequence[PressFile]):
         paths = [press.path for press in self]
         return write_report(page, paths, self.folder, self.warnings, level)
 
+    def package(
+        self,
+        out: str | Path | None = None,
+        *,
+        licence: str = "",
+        authors: Sequence[str] = (),
+        processes: int | None = 1,
+    ) -> "Package":
+        """Pack the session's folder as one archive for a repository, described as an RO-Crate 1.1.
+
+        Args:
+            out: ZIP file; None for the name of the folder with .zip, beside it.
+            licence: Address (https) of the licence; empty for none.
+            authors: Their names, or addresses of their ORCID.
+            processes: As of `readable`.
+
+        Raises:
+            AnalysisError: The presses are not of one folder, or the archive does not read back.
+            OSError: The archive cannot be written, or exists already.
+        """
+        from sautereau.entrance.package import package_of, write_package
+
+        if self.folder is None:
+            raise AnalysisError(
+                "package: the presses were not given as one folder; open the folder of the session"
+            )
+        read, faults = self.readable(processes=processes)
+        made = write_package(
+            self.folder,
+            Path(out) if out else package_of(self.folder),
+            [press.path for press in self],
+            [press.analysed for press in read],
+            read.features,
+            licence,
+            authors,
+        )
+        return replace(made, left_out=tuple(faults))
+
     def plot(self) -> "Figure":
         """Return a figure with a row for each press, at most eight: force, speed, phases."""
         from sautereau.analysis.figures.phases import phases_figure
 
         return shown(phases_figure([p.press for p in self], [p.phases for p in self]))
+
+
+def _analysed(path: Path) -> AnalysedPress | None:
+    """Return a press without most samples; None if it cannot be analysed."""
+    try:
+        return PressFile(path).analysed
+    except SautereauError:
+        return None
 
 
 def open(what: "str | Path | Iterable[str | Path]", *, folder: str | Path | None = None) -> Session:

@@ -208,3 +208,39 @@ def test_a_watched_folder_gives_each_recording_once(four, tmp_path):
         st.watch(tmp_path / "none")
     with pytest.raises(AnalysisError, match="this is not a folder; give the folder"):
         st.watch(tmp_path / "press-0009.mcap")
+
+
+def test_many_conditions_are_one_bounded_picture(four):
+    """The plot of a design: also of 60 conditions it is at most 12 inches by 10."""
+    presses, rig = four[1], four[1][0].press.rig
+    changed = [with_values(rig, {"jack.mass": f"{6 + 0.1 * k} g"}) for k in range(60)]
+    found = Comparison(analyse([one for own in changed for one in on_rig(presses[:1], own)]))
+    figure = found.plot()
+    width, height = figure.get_size_inches()
+    assert width <= 12
+    assert height <= 10
+    assert "60 presses in 60 conditions, the first 40 of them" in figure.get_suptitle()
+    labels = [label.get_text() for label in figure.axes[1].get_yticklabels()]
+    assert labels[:2] == ["6 g", "6.1 g"]
+    assert len(found.plot(2).axes) < len(Comparison(analyse(presses)).plot().axes) + 1
+
+
+def test_a_rig_of_another_instrument_is_named(four):
+    """Not one whose values may be equal by the ranges of both rigs."""
+    presses, own = four[1], four[1][0].press.rig
+    other = with_values(own, {"key.press_arm": "100 mm", "string.tension": "150 N"})
+    (condition,) = analyse(presses, rig=other.model_copy(update={"name": "spinet"})).conditions
+    (said,) = condition.comparison.unlike_rig
+    for words in ("spinet is not", "2 values of key, string", "key.press_arm = 100 mm, recorded"):
+        assert words in said
+    assert not condition.comparison.consistent
+    low, high = own.assumed["plectrum.overlap"]
+    near = with_values(own, {"plectrum.overlap": f"{0.9 * high + 0.1 * low} m"})
+    (condition,) = analyse(presses, rig=near).conditions
+    assert condition.comparison.unlike_rig == ()
+
+
+def test_processes_read_the_same(four):
+    folder, presses = four
+    read, faults = st.open(folder).readable(processes=2)
+    assert (faults, [p.analysed.features for p in read]) == ([], [p.features for p in presses])

@@ -247,3 +247,11 @@ def test_exponents_of_simulated_presses_are_those_of_the_model(tmp_path):
     for name, exponent in zip(FELT, true[1], strict=True):
         thickness = found.felt[name].exponents["plectrum_thickness"]
         assert thickness.value == pytest.approx(exponent, rel=0.1)
+
+
+def test_plectra_of_one_session_are_one_session():
+    """A design changes the plectrum within its session."""
+    rows = [row | {"session": "one"} for row in rows_of(5, 1, 6)]
+    found = find_touch(campaign_of(rows))
+    assert found.sessions == 1
+    assert {plectrum.sessions for plectrum in found.plectra} == {1}

@@ -210,6 +210,7 @@ ERRORS = (
     "press none --out out", "learn none --out out", "acquire none --out a.mcap",
     "phases none.mcap", "compare none.mcap", "identify none.mcap --free key.inertia",
     "animate none.mcap --out a.gif", "listen none --out a.wav", "report none",
+    "effects none", "package none",
     "campaign none --out a.parquet", "touch none.parquet", "survey none.csv",
     "info none.mcap", "recover none.mcap",
     "export none.mcap --to csv", "import none.csv --rig paper --out a.mcap", "stand-in none",

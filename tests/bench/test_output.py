@@ -26,14 +26,17 @@ WRITES = {
     "identify": "s --free key.inertia --out r.toml", "animate": "s/press-0001.mcap --out p.gif",
     "listen": "--out a.wav",
     "outline": "a.png --plot p.png", "voice": "--target work=1 --plot p.png",
+    "effects": "s --plot p.png",
     "survey": "keys.csv --plot p.png", "touch": "c.parquet --plot p.png", "report": "s",
+    "package": "s",
     "recover": "s/press-0001.mcap", "export": "s/press-0001.mcap --to csv",
     "split": "a.mcap --out s", "import": "a.csv --rig paper --out a.mcap", "trade": "--plot p.png",
 }  # fmt: skip
 """Options with which each command writes files."""
 WRITTEN = {
     "my-rig.toml", "p.png", "p.json", "p.gif", "a.mcap", "a.wav", "r.toml", "s/learned.json",
-    "s/report.html", "s/press-0001.mcap", "s/press-0001-recovered.mcap", "s/press-0001.csv.json",
+    "s/report.html", "s.zip",
+    "s/press-0001.mcap", "s/press-0001-recovered.mcap", "s/press-0001.csv.json",
     "s/a-0001.mcap",
 }  # fmt: skip
 

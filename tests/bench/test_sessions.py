@@ -1,5 +1,6 @@
 """Sessions that are interrupted in any way continue, and lose nothing."""
 
+import csv
 import hashlib
 import json
 import os
@@ -93,6 +94,35 @@ def test_killed_at_random_moments_and_resumed(
     again = sautereau(*words, "--json")
     assert json.loads(again.stdout)["left"] == 0
     assert every_press_once(out, presses) == recordings
+
+
+def test_a_killed_design_continues_and_takes_more_repeats(
+    command_server, sautereau, tmp_path, bare, rig_file
+):
+    """No press is repeated, and none that was planned changes its place."""
+    path = tmp_path / "design.toml"
+    text = 'seed = 1\nrepeats = {}\n[factors]\npress.jack_speed = ["0.05 m/s", "0.06 m/s"]\n'
+    path.write_text(text.format(2))
+    words = ("press", rig_file(), "--scene", bare, "--design", path, "--out", "out")
+    out, _ = kill_again_and_again(command_server, words, tmp_path, 4, 1, seed=4)
+    every_press_once(out, 4)
+    made = fingerprints(out)
+    planned = json.loads((out / "session.json").read_text())["plan"]["presses"]
+    path.write_text(text.format(3))
+    done = sautereau(*words, "--json")
+    assert done.returncode == 0, done.stderr
+    assert made.items() <= fingerprints(out).items()
+    now = json.loads((out / "session.json").read_text())["plan"]["presses"]
+    assert (now[:4], len(now)) == (planned, 6)
+    levels = [row["levels"] for row in now]
+    for recording, level in zip(every_press_once(out, 6), levels, strict=True):
+        read = read_recording(recording)
+        assert read.session.levels == level
+        assert f"{read.rig.press.jack_speed} m/s" == level["press.jack_speed"]
+    with (out / "design.csv").open() as record:
+        rows = list(csv.DictReader(record))
+    assert [row["press.jack_speed"] for row in rows] == [x["press.jack_speed"] for x in levels]
+    assert [row["recording"] for row in rows] == sorted(p.name for p in out.glob("press-*.mcap"))
 
 
 @pytest.mark.slow
@@ -210,14 +240,16 @@ def test_the_operator_sets_the_instrument_on_the_hardware(sautereau, bare, rig_f
 def test_on_a_terminal_the_session_waits_for_the_operator(command_server, bare, rig_file, tmp_path):
     with StandIn(load_rig(), load_scene(str(bare))) as served:
         rig = rig_file(port=f'"{served.serial_port}"', address=f'"{served.daq_address}"')
-        (tmp_path / "plan.csv").write_text("plectrum.overlap\n0.30 mm\n")
-        words = ("press", rig, "--table", "plan.csv", "--warm-up", 0, "--out", "out", "--json")
+        factors = '[factors]\nplectrum = {wide = {plectrum.overlap = "0.30 mm"}}\n'
+        (tmp_path / "plan.toml").write_text(factors)
+        words = ("press", rig, "--design", "plan.toml", "--warm-up", 0, "--out", "out", "--json")
         master, slave = os.openpty()
         streams = {"stdin": slave, "stderr": slave, "stdout": subprocess.PIPE}
         with command_server.start(*words, cwd=tmp_path, **streams) as process:
             asked = b""
             while b"Enter" not in asked:
                 asked += os.read(master, 1024)
+            assert b"Block 1 (plectrum = wide). Set" in asked
             assert b"plectrum.overlap = 0.30 mm" in asked
             assert not (tmp_path / "out" / "session.json").exists()
             os.write(master, b"\n")

@@ -13,11 +13,13 @@ from examples import (
     gallery,
     learning,
     levels,
+    plectra,
     pluck,
     session,
     string_waves,
 )
-from sautereau.rig.load import load_rig
+from sautereau.analysis.model.predict import predict
+from sautereau.rig.load import load_rig, with_values
 
 ROOT = Path(__file__).parents[2]
 LARGEST = 200e3  # Largest size of a picture in the repository, in bytes
@@ -69,6 +71,17 @@ def test_the_best_place_hardly_tilts_the_finger(tmp_path):
     mount = clamping.study(RIG)
     assert math.degrees(mount.tilt_max) == pytest.approx(0.0518, abs=1e-3)
     clamping.plot(tmp_path / "a.png", RIG, mount)
+    assert drawn(tmp_path / "a.png")
+
+
+@pytest.mark.slow
+def test_the_force_of_three_plectra_at_two_speeds(tmp_path):
+    """The model has the same difference of forces; both are counted from other rests."""
+    found = plectra.study(plectra.SPEEDS[::3], 2)
+    thin, _, thick = (m.value for m in found.fitted["release_force"].factors[0].means)
+    model = [predict(with_values(RIG, own)).release_force for own in plectra.PLECTRA.values()]
+    assert thick - thin == pytest.approx(model[2] - model[0], rel=0.02)
+    found.plot().savefig(tmp_path / "a.png")
     assert drawn(tmp_path / "a.png")
 
 

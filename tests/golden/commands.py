@@ -75,6 +75,8 @@ WITHOUT_TEXT = {"trade": "its table lists times of this machine"}
 UNCOVERED = {
     "outline": "its photographs are drawn by tests/analysis/test_outline_photo.py",
     "voice": "its elements take a minute; tests/analysis/test_voice.py",
+    "effects": "its presses are of a design; tests/analysis/test_effects.py",
+    "package": "its bytes depend on the code; tests/bench/test_package.py",
     "doctor": "it describes this machine and its packages",
     "stand-in": "it serves until it is interrupted; `press` and `setup` use the same bench",
     "--install-completion": "it changes the user's shell; cyclopts writes it",

@@ -1,0 +1,218 @@
+"""The effects of an experiment's factors on what its presses show."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sautereau.analysis.campaign.effects import FactorEffects, FittedEffects, fit_effects, in_order
+from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.press.features import by_string, split_column, title_of
+from sautereau.analysis.results.result import Result, frame_of, json_of, shown
+from sautereau.analysis.session.analysed import AnalysedPress
+from sautereau.analysis.session.conditions import differing, what_is_alike
+from sautereau.analysis.session.repeatability import interval
+from sautereau.analysis.text import SOME_SIMULATED, counted, table
+from sautereau.rig.faults import fault_list
+from sautereau.rig.quantities import QUANTITIES
+from sautereau.trajectory.motion import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+DEFAULT = ("release_force", "force_drop", "force_slope", "pluck_duration")
+"""Quantities of which effects are shown, unless others are given."""
+
+
+@dataclass(frozen=True, repr=False)
+class Effects(Result):
+    """Effects of factors, by quantity."""
+
+    fitted: Mapping[str, FittedEffects]
+    """By the name of the quantity, SI units."""
+    factors: Mapping[str, Sequence[str]]
+    """Level of each press by factor."""
+    order: Mapping[str, Sequence[str]]
+    """Levels in their order by factor."""
+    values: Mapping[str, Floats]
+    """Of each press by quantity, SI units; NaN for none."""
+    blocks: NDArray[np.intp]
+    """Number of each press's block, over all sessions."""
+    simulated: bool
+    """Whether the stand-in made any of the presses."""
+    notes: tuple[str, ...]
+    """Quantities without effects, with the reasons."""
+
+    def __repr__(self) -> str:
+        presses = counted(len(self.blocks), "press")
+        return f"<Effects of {', '.join(self.factors)} on {presses}>"
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The effects as JSON; SI units."""
+        return {
+            "simulated": self.simulated,
+            "presses": len(self.blocks),
+            "blocks": len(set(self.blocks.tolist())),
+            "factors": {name: list(levels) for name, levels in self.order.items()},
+            "units": {name: _unit(name) for name in self.fitted},
+            "effects": {name: json_of(fit, "residuals") for name, fit in self.fitted.items()},
+            "notes": list(self.notes),
+        }
+
+    def lines(self) -> list[str]:
+        """Return a table of means and differences for each quantity."""
+        lines = [SOME_SIMULATED] * self.simulated
+        lines.append(
+            f"{counted(len(self.blocks), 'press')},"
+            f" {counted(len(set(self.blocks.tolist())), 'block')}; 95 % intervals in brackets"
+        )
+        for name, fit in self.fitted.items():
+            lines += _fitted_lines(name, fit)
+        reasons = [(name, f.reason) for name, f in self.fitted.items() if f.reason]
+        same = len(reasons) == len(self.fitted) and len({reason for _, reason in reasons}) == 1
+        said = reasons[:1] if same else reasons
+        lines += [
+            "note: least squares" + f" of {name}" * (not same) + f": {reason}"
+            for name, reason in said
+        ]
+        return [*lines, *(f"note: {note}" for note in self.notes)]
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Return every difference from the first level, with its interval."""
+        rows = [
+            (name, e.factor, e.level, e.value, e.low, e.high, e.std, e.degrees)
+            for name, fit in self.fitted.items()
+            for factor in fit.factors
+            for e in factor.effects
+        ]
+        columns = ("name", "factor", "level", "value", "low", "high", "std", "degrees")
+        units = {name: _unit(name) for name in self.fitted}
+        return frame_of(rows, columns, ["name", "factor", "level"], units)
+
+    def plot(self) -> "Figure":
+        """Return a figure of each quantity over the levels of each factor."""
+        from sautereau.analysis.figures.effects import effects_figure
+
+        title = "SIMULATED: " * self.simulated + repr(self).strip("<>")
+        return shown(effects_figure(self.fitted, self.factors, self.order, self.values, title))
+
+
+def effects_of(
+    presses: Sequence[AnalysedPress], names: Sequence[str] = DEFAULT, *, interaction: bool = False
+) -> Effects:
+    """Estimate the effects of the factors in which presses differ.
+
+    The factors are those of a design or, without one, the values of the rig that differ. Blocks are
+    those of the design in each session; without one, the sessions. Warm-up presses are omitted.
+
+    Args:
+        names: Features of a press; those of string 2 end in `_2`.
+        interaction: Whether to estimate the interactions of every two factors.
+
+    Raises:
+        AnalysisError: A name is unknown, the presses have no factor, or no quantity has effects.
+        MissingExtraError: statsmodels is not installed.
+    """
+    presses = [press for press in presses if not press.session.warm_up]
+    alike = what_is_alike(presses)
+    factors = _factors(presses, alike)
+    order = {factor: _ordered(own, alike) for factor, own in factors.items()}
+    of_session = [(press.session.session, press.session.block) for press in presses]
+    blocks = np.array([list(dict.fromkeys(of_session)).index(own) for own in of_session], np.intp)
+    rows = [by_string(press.features) for press in presses]
+    if unknown := [name for name in names if split_column(name)[0] not in rows[0]]:
+        raise AnalysisError(
+            f"effects: {', '.join(unknown)}: no such feature of a press; give some of"
+            f" {', '.join(DEFAULT)}, or others of the glossary"
+        )
+    fitted, values, faults = {}, {}, []
+    for name in dict.fromkeys(names):
+        own = [row.get(name) for row in rows]
+        values[name] = np.array([v if isinstance(v, float | int) else np.nan for v in own], float)
+        try:
+            fitted[name] = fit_effects(
+                values[name], factors, blocks, interaction=interaction, order=order
+            )
+        except AnalysisError as error:
+            faults.append(f"{name}: {str(error).removeprefix('effects: ')}")
+    if not fitted:
+        raise AnalysisError(fault_list("effects", faults))
+    simulated = any(press.press.simulated for press in presses)
+    return Effects(fitted, factors, order, values, blocks, simulated, tuple(faults))
+
+
+def _factors(
+    presses: Sequence[AnalysedPress], alike: Sequence[Mapping[str, Any]]
+) -> dict[str, list[str]]:
+    """Return the levels of presses by factor.
+
+    Args:
+        alike: Values of the rig, scene and day of each press.
+    """
+    designs = {tuple(sorted(press.session.levels)) for press in presses}
+    if len(designs) > 1:
+        raise AnalysisError(
+            "effects: these presses are of designs with different factors, or some of none; give"
+            " presses of one design"
+        )
+    if presses and presses[0].session.levels:
+        return {f: [p.session.levels[f] for p in presses] for f in presses[0].session.levels}
+    keys = {k: None for own in alike[1:] for k in differing(alike[0], own)}
+    keys = [key for key in keys if key not in ("day", "name") and not key.startswith("scene")]
+    if not keys:
+        raise AnalysisError(
+            "effects: the presses do not differ in a value of the rig; press a design of several"
+            " levels (press --design)"
+        )
+    return {key: [str(own.get(key)) for own in alike] for key in keys}
+
+
+def _ordered(levels: Sequence[str], alike: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Return the levels of a factor in the order of their numbers.
+
+    Levels with names are in the order of the first number of the rig that each has to itself.
+    """
+    first = {level: alike[levels.index(level)] for level in in_order(levels)}
+    if any(level.partition(" ")[0].replace(".", "", 1).isdigit() for level in first):
+        return tuple(first)
+    for key in next(iter(first.values()), {}):
+        own = {level: str(values.get(key)) for level, values in first.items()}
+        same = all(str(v.get(key)) == own[level] for level, v in zip(levels, alike, strict=True))
+        if same and len(set(own.values())) == len(own) > 1:
+            place = {text: n for n, text in enumerate(in_order(list(own.values())))}
+            return tuple(sorted(first, key=lambda level: place[own[level]]))
+    return tuple(first)
+
+
+def _unit(name: str) -> str:
+    return QUANTITIES[split_column(name)[0]].unit
+
+
+def _fitted_lines(name: str, fit: FittedEffects) -> list[str]:
+    scale, _ = QUANTITIES[split_column(name)[0]].displayed
+    lines = [f"{title_of(name)}, {counted(fit.presses, 'press')}, {fit.model}:"]
+    for factor in fit.factors:
+        lines += _factor_lines(factor, scale)
+    deviations = f"press {scale * fit.press_std:.3g}"
+    if fit.block_std is not None:
+        deviations += f", block {scale * fit.block_std:.3g}"
+    lines.append(f"  standard deviations: {deviations}")
+    if fit.omitted:
+        lines.append(f"  omitted: {counted(fit.omitted, 'press')} without this quantity")
+    return lines
+
+
+def _factor_lines(factor: FactorEffects, scale: float) -> list[str]:
+    p_value = "p < 0.0001" if factor.p_value < 1e-4 else f"p = {factor.p_value:.2g}"
+    effects = {effect.level: interval(effect, scale, 3) for effect in factor.effects}
+    rows: list[tuple[str, ...]] = [("level", "interaction"), *effects.items()]
+    if factor.means:
+        rows = [("level", "mean", f"difference from {factor.means[0].level}")] + [
+            (mean.level, interval(mean, scale), effects.get(mean.level, ""))
+            for mean in factor.means
+        ]
+    return [f"  {factor.name}, {p_value}", *table(rows, indent=4)]
