@@ -1,7 +1,6 @@
 """A folder of recordings: its analysis while they arrive, and its report."""
 
 from contextlib import suppress
-from pathlib import Path
 
 from sautereau.analysis.text import SOME_SIMULATED
 from sautereau.commands import common
@@ -9,11 +8,11 @@ from sautereau.commands.output import FileOutput, Output
 
 
 def watch(
-    folder: Path,
+    folder: common.Folder,
     /,
     *,
     n: common.Number | None = None,
-    level: common.Level = "auto",
+    level: common.RareLevel = "auto",
     output: Output = Output(),
 ) -> int:
     """Show the presses of a folder and their analysis as recordings arrive, until Ctrl-C.
@@ -48,11 +47,11 @@ def watch(
 
 
 def report(
-    session: Path,
+    session: common.Folder,
     /,
     *,
     out: common.OutFile | None = None,
-    level: common.Level = "auto",
+    level: common.RareLevel = "auto",
     output: FileOutput = FileOutput(),
 ) -> int:
     """Write one HTML page about a session, which works offline in any browser.

@@ -129,7 +129,8 @@ class SessionReport(Observer):
             values = ", ".join(f"{key} = {value}" for key, value in to_set.items())
             needed = f"set {values} on the instrument" if to_set else f"answer: {run.unanswered}"
             presses = "presses are" if left is None else f"{left} press{'es' * (left > 1)}"
-            lines.append(f"{presses} left: {needed}, then run the same command again")
+            again = f"run the same command again, with --out {folder.path}"
+            lines.append(f"{presses} left: {needed}, then {again}")
         return self._output.answer(result, lines, faults=self._pressing.faults)
 
 

@@ -12,7 +12,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.report.build import About, Again, build_report
 from sautereau.analysis.report.contents import PressRecord, gather
 from sautereau.analysis.report.fits import PATTERN, read_fit
-from sautereau.rig.disk import make_folder, write_durably
+from sautereau.rig.disk import make_folder, sealed, write_durably
 from sautereau.rig.schema import Rig
 from sautereau.robot.experiment.plan import LEARNING, Plan
 from sautereau.robot.experiment.session import WARM_UPS
@@ -41,7 +41,7 @@ def write_report(
     name = folder.resolve().name if folder else f"of {len(recordings)} recordings"
     page = build_report(contents, _about(name, folder, contents.presses, list(warnings)))
     make_folder(out.parent)
-    write_durably(out, page, replace=True)
+    write_durably(out, sealed(page), replace=True)
     simulated = any(record.press.simulated for record in contents.presses)
     return Report(out, len(contents.presses), simulated, dict(contents.unread))
 
