@@ -154,6 +154,8 @@ class Recorded:
     """Show arm, acquisition, force and speed in the terminal during the session."""
     live: bool = False
     """Show the session in Foxglove on this machine."""
+    page: bool = False
+    """Serve a page about the session to browsers on this machine; its address is printed."""
 
 
 @Parameter(name="*")

@@ -1,6 +1,6 @@
 """A folder of recordings: its analysis while they arrive, and its report."""
 
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 from sautereau.analysis.text import SOME_SIMULATED
 from sautereau.commands import common
@@ -12,6 +12,7 @@ def watch(
     /,
     *,
     n: common.Number | None = None,
+    page: bool = False,
     level: common.RareLevel = "auto",
     output: Output = Output(),
 ) -> int:
@@ -23,6 +24,9 @@ def watch(
         Folder to which another process, or another machine, writes recordings.
     n
         End when this number of presses has arrived.
+    page
+        Serve a page with the report of the newest presses to browsers on this machine; its address
+        is printed.
     """
     from sautereau.analysis.results.press import HEADER
     from sautereau.analysis.text import counted
@@ -30,13 +34,20 @@ def watch(
 
     sessions = watch_folder(folder)
     output.say(f"waiting for recordings in {folder}; Ctrl-C ends\n{HEADER}")
-    shown, warned, compared = 0, 0, None
-    with suppress(KeyboardInterrupt):
+    shown, warned, compared, view = 0, 0, None, None
+    with ExitStack() as stack, suppress(KeyboardInterrupt):
+        if page:
+            from sautereau.commands.live.page import PageView
+
+            view = stack.enter_context(PageView(f"Folder {folder}", level))
+            output.say(view.instruction)
         for session in sessions:
             for press in session[shown:]:
                 output.say(press.line)
             output.warn(*session.warnings[warned:])
             shown, warned = len(session), len(session.warnings)
+            if view and shown:
+                view.made([press.path for press in session], session.warnings, watched=True)
             if shown:
                 compared = session.compare(level=level)
                 output.say("\n".join(compared.lines(features=False)))

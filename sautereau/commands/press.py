@@ -182,7 +182,7 @@ def _run(
 
     pressing = Pressing(bench, what, out, settings)
     output.warn(*pressing.planner.warnings)
-    report = SessionReport(pressing, output, view=recorded.view, live=recorded.live)
+    report = SessionReport(pressing, output, recorded)
     with _pausing(bench.control):
         pressing.run(report)
     return report.end()
