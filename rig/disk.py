@@ -126,6 +126,26 @@ def give_name(beside: Path, path: Path, *, replace: bool = False) -> None:
         beside.unlink()
 
 
+_SEAL = b"<!-- written by sautereau, SHA-256 of all above: %s -->\n"
+
+
+def sealed(page: str) -> bytes:
+    """Return an HTML page with a last line by which `unchanged` knows it."""
+    content = page.encode()
+    return content + _SEAL % hashlib.sha256(content).hexdigest().encode()
+
+
+def unchanged(path: Path) -> bool:
+    """Return whether a file is a page of `sealed` that nobody has changed since."""
+    try:
+        with open_regular(path) as file:
+            content = file.read()
+    except OSError:
+        return False
+    page = content[: -len(_SEAL % bytes(64))]
+    return content == page + _SEAL % hashlib.sha256(page).hexdigest().encode()
+
+
 def _beside(path: Path) -> BinaryIO:
     """Return a new file with a random name beside ``path``, which is held until it is closed."""
     while True:

@@ -2,13 +2,17 @@
 
 import difflib
 import re
+import tomllib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from sautereau.rig.units import Unit, UnitBy, shown
+from sautereau.rig.disk import named_text
+from sautereau.rig.errors import RigError
+from sautereau.rig.units import Unit, UnitBy, parse_quantity, readable_quantity, shown
 
 MOST_FAULTS = 50
 """Faults that are listed one by one; the time for finding each line grows with the file."""
@@ -84,7 +88,11 @@ def _message(item: Any, model: type[BaseModel], location: list[int | str]) -> st
         return f"unknown key{near_miss(key, list(model_keys(model))) or '; remove it'}"
     if kind == "missing":
         return "missing; add it"
-    if kind in ("quantity", "unknown_name"):
+    if kind == "quantity":
+        given = item["ctx"]
+        example = _example(model, location, given["unit"]) or given["example"]
+        return f'{given["fault"]}; give a quantity in {given["unit"]} such as "{example}"'
+    if kind == "unknown_name":
         return item["msg"]
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"{shown(value)} is refused; give a table"
@@ -95,6 +103,45 @@ def _message(item: Any, model: type[BaseModel], location: list[int | str]) -> st
     if isinstance(value, str):  # an optional quantity, with its own unit; the limit has SI's
         return f"{shown(value)} is refused: {message}{unit}"
     return f"{shown(value)}{unit * isinstance(value, float)} is refused: {message}"
+
+
+def _example(model: type[BaseModel], location: list[int | str], unit: str) -> str:
+    """Return what the packaged rig has in a field, or its default; empty for neither."""
+    parts = list(map(str, location))
+    names = [part for part in parts if not part.isdigit()]
+    for full in (parts, names):
+        for start in range(len(full)):  # a further string has the fields of the first
+            text = _packaged().get(".".join(full[start:]), "")
+            with suppress(ValueError):  # another table's
+                if parse_quantity(text, unit):
+                    return text
+    table: type[BaseModel] | None = model
+    for name in names[:-1]:
+        table = _declared(table, name)[1] if table else None
+    field = table.model_fields.get(names[-1]) if table else None
+    default = field.default if field else None
+    return readable_quantity(default, unit) if isinstance(default, float) and default else ""
+
+
+@cache
+def _packaged() -> dict[str, str]:
+    """Return the quantities of the packaged rig as it writes them, by dotted key."""
+    text, *_ = named_text("paper", "sautereau.rig", "rig", RigError)
+    found: dict[str, str] = {}
+
+    def take(node: Any, key: str) -> None:
+        if isinstance(node, str):
+            found.setdefault(key, node)
+        elif isinstance(node, list):
+            for number, one in enumerate(node):
+                take(one, f"{key}.{number}")
+                take(one, key)
+        elif isinstance(node, dict):
+            for name, one in node.items():
+                take(one, key if name == "value" else f"{key}.{name}".lstrip("."))
+
+    take(tomllib.loads(text), "")
+    return found
 
 
 def bare_key(key: str) -> str:

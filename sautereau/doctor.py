@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
 
 from sautereau.rig.acquisition import Daq
@@ -139,8 +139,13 @@ def _daq(rig: Rig) -> Finding:
 
 
 def _stand_in() -> Finding:
+    try:
+        import_module("sautereau.sim_backend.bench")
+    except ImportError as error:
+        fix = "python -m pip install --force-reinstall sautereau"
+        return Finding("stand-in", False, f"cannot be loaded: {error}", fix)
     kind = "a pseudo-terminal" if hasattr(os, "openpty") else "socket:// on loopback"
-    return Finding("stand-in", True, f"runs here, over {kind}: sautereau press --sim --out out")
+    return Finding("stand-in", True, f"runs here, over {kind}: sautereau press --sim")
 
 
 def disk_room(folder: Path) -> Finding:

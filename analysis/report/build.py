@@ -119,6 +119,13 @@ def build_report(contents: Contents, about: About) -> str:
     )
 
 
+def build_live(title: str) -> str:
+    """Return the page that shows a running session, and beside it the report served as /report."""
+    script = Markup(_part("live.js"))
+    css, policy = Markup(_part("page.css")), _policy(script)
+    return _template("live.html.jinja").render(title=title, css=css, script=script, policy=policy)
+
+
 def _data(
     contents: Contents, courses: list[tables.Course], shown: dict[str, Any] | None
 ) -> dict[str, Markup]:
@@ -140,7 +147,7 @@ def _embedded(text: str) -> Markup:
 
 
 @cache
-def _template() -> Template:
+def _template(name: str = "page.html.jinja") -> Template:
     environment = Environment(
         autoescape=True,
         undefined=StrictUndefined,
@@ -148,7 +155,7 @@ def _template() -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.from_string(_part("page.html.jinja"))
+    return environment.from_string(_part(name))
 
 
 def _part(name: str, package: str = "sautereau.analysis.report") -> str:

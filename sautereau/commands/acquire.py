@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def acquire(
     rig: common.RigName = "paper",
     *,
-    out: common.OutFile | None = None,
+    out: common.OutFile = common.Dated("acquire-DATE.mcap"),
     duration: Annotated[common.Time, common.ABOVE_0] | None = None,
     triggered: bool = False,
     dry_run: bool = False,
@@ -47,8 +47,6 @@ def acquire(
     from sautereau.daq.source.source import open_source
     from sautereau.rig.load import load_rig_to_acquire
 
-    if out is None and not dry_run:
-        return output.fail("Missing option: --out FILE, or --dry-run", 2)
     if triggered and simulation.requested and not dry_run:
         return output.fail(
             "--triggered: nothing presses the key of the stand-in, so that its trigger has no edge;"
@@ -57,7 +55,7 @@ def acquire(
         )
     served = common.bench(load_rig_to_acquire(rig), simulation, moves=False)
     with _asked_to_stop() as asked, served.connected() as bench:
-        if dry_run or out is None:
+        if dry_run:
             with open_source(bench.rig.daq, None, triggered=triggered) as acquisition:
                 settings = acquisition.settings()
             return output.answer(asdict(settings), _lines(settings))

@@ -1,6 +1,5 @@
 """A press as a film in slow motion, and as a sound."""
 
-from pathlib import Path
 from typing import Annotated
 
 from sautereau.analysis.results.result import part_of
@@ -9,10 +8,12 @@ from sautereau.commands.output import FileOutput
 
 
 def animate(
-    recording: Path,
+    recording: common.Recording,
     /,
     *,
-    out: Annotated[common.OutFile, common.written_as(".gif", ".mp4")],
+    out: Annotated[common.OutFile, common.written_as(".gif", ".mp4")] = common.Dated(
+        "animate-DATE.gif"
+    ),
     slow: Annotated[float, common.ABOVE_0] = 20.0,
     since: common.Time | None = None,
     until: common.Time | None = None,
@@ -73,11 +74,11 @@ def animate(
 def listen(
     rig: common.RigName = "paper",
     *,
-    out: Annotated[common.OutFile, common.written_as(".wav")],
-    level: common.Level = "auto",
+    out: Annotated[common.OutFile, common.written_as(".wav")] = common.Dated("listen-DATE.wav"),
+    level: common.RareLevel = "auto",
     duration: Annotated[common.Time, common.ABOVE_0] = common.Quantity(4),
     held: common.Duration | None = None,
-    quality: Annotated[float, common.ABOVE_0] = 1500.0,
+    quality: Annotated[float, common.ABOVE_0, common.RARE] = 1500.0,
     output: FileOutput = FileOutput(),
 ) -> int:
     """Compute the string's force on the bridge in a press, and write it as a WAV file.

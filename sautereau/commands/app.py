@@ -44,6 +44,7 @@ from sautereau.commands import (
     simulate,
     voicing,
 )
+from sautereau.commands.common import HELP_ALL
 from sautereau.commands.output import end_output, fail, printable
 
 UNREAD = 141
@@ -62,6 +63,8 @@ app = App(
     name="sautereau",
     version=__version__,
     help="Press a harpsichord key with a robot finger, record it, compare it with a model.",
+    help_flags=("--help", "-h", HELP_ALL),
+    help_epilogue=f"{HELP_ALL} after a command also shows the options that few need.",
     default_parameter=Parameter(negative=(), show_default=_default_shown),  # no --no-flag
     group_commands=Group("General options", sort_key=100),  # --help and --version
     result_action="return_value",

@@ -13,25 +13,28 @@ from sautereau.commands.output import FileOutput, Output, make_folders, save_plo
 
 Processes = Annotated[
     common.Count | None,
+    common.RARE,
     Parameter(help="Number of processes. Default: one per core, fewer for little work."),
 ]
-Cluster = Annotated[str | None, Parameter(help="Address of a Dask scheduler.")]
+Cluster = Annotated[str | None, common.RARE, Parameter(help="Address of a Dask scheduler.")]
 SHOWN = 20  # Faulty recordings that the text lists; JSON lists all
 
 
 def campaign(
-    folder: Path,
+    folder: common.Folder,
     /,
     *,
-    out: Annotated[Path, "FILE", common.written_as(".parquet")],
+    out: Annotated[Path, "FILE", common.written_as(".parquet")] = common.Dated(
+        "campaign-DATE.parquet"
+    ),
     processes: Processes = None,
     cluster: Cluster = None,
     output: Output = Output(),
 ) -> int:
     """Write one table of the features of all recordings in a folder.
 
-    Run it again to continue after an interruption, or to add new recordings. Recordings that are
-    in the table are not read again. Faulty recordings are listed and omitted.
+    Run it again with the same --out to continue after an interruption, or to add new recordings.
+    Recordings that are in the table are not read again. Faulty recordings are listed and omitted.
 
     Parameters
     ----------
@@ -71,10 +74,10 @@ def campaign(
 
 
 def touch(
-    file: Path,
+    file: Annotated[Path, common.read_as("a table of `sautereau campaign`", ".parquet")],
     /,
     *,
-    labels: Path | None = None,
+    labels: Annotated[Path | None, common.read_as("a CSV file", ".csv")] = None,
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:
@@ -135,11 +138,11 @@ def effects(
 
 
 def survey(
-    file: Path,
+    file: Annotated[Path, common.read_as("a table of keys", ".csv", ".toml")],
     rig: Annotated[str | None, "RIG"] = None,
     /,
     *,
-    level: common.Level = "auto",
+    level: common.RareLevel = "auto",
     processes: Processes = None,
     cluster: Cluster = None,
     plot: common.Picture = None,

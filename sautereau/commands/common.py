@@ -1,12 +1,15 @@
 """Shared by the commands: their parameters, and the bench and recordings that they name."""
 
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import date
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter, Token
+from cyclopts import Group, Parameter, Token
 from cyclopts.validators import Number as Range
 
 from sautereau.analysis.model.plectrum.levels import LEVELS, levels_help
@@ -17,14 +20,33 @@ if TYPE_CHECKING:
     from sautereau.entrance.session import Session
     from sautereau.rig.schema import Rig
 
+
+class Dated(type(Path())):
+    """Default of what a command writes: a name with `DATE` in it, where the user is."""
+
+    def today(self) -> Path:
+        """Return the first name of today that nothing has: press-2026-11-28, then ...-2."""
+        for number in count(1):
+            day = f"{date.today().isoformat()}{f'-{number}' * (number > 1)}"
+            path = Path(str(self).replace("DATE", day))
+            if not (path.exists() or path.is_symlink()):
+                return path
+        raise AssertionError
+
+
+class _Rare(Group):
+    @property
+    def show(self) -> bool:
+        """Whether the help was asked for with `--help-all`."""
+        return HELP_ALL in sys.argv
+
+
+HELP_ALL = "--help-all"  # Also shows the options that few need
+RARE = Parameter(group=_Rare("Further options", sort_key=50))
 OutFolder = Annotated[Path, "FOLDER"]
 """The texts name the value in the message for a missing option."""
 Files = Annotated[list[Path], Parameter(help="Recordings, folders of sessions, or patterns.")]
 Notes = Annotated[str, Parameter(help="Operator's notes, saved in every recording.")]
-FeedForward = Annotated[
-    Path | None,
-    Parameter(help="Recording of an earlier press; its force is compensated by torque."),
-]
 RigName = Annotated[str, Parameter(help="Path of a rig file, or name of a packaged one.")]
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp", ".eps")
 """File extensions of the plots that can be written."""
@@ -39,6 +61,36 @@ def written_as(*extensions: str) -> Parameter:
             raise ValueError(f"It has {ending}; use {', '.join(extensions)}.")
 
     return Parameter(validator=check)
+
+
+def read_as(what: str, *extensions: str) -> Parameter:
+    """Return the parameter of a file or folder that is read; one of another kind is refused.
+
+    Args:
+        what: What to give.
+        extensions: Its file extensions; none for a folder. Those of no known kind are not refused.
+    """
+
+    def check(_: object, path: Path | None) -> None:
+        from sautereau.rig.disk import kind_of
+
+        if path is None or path.suffix.lower() in extensions or not path.exists():
+            return
+        kind = kind_of(path) or "a file" * (not extensions)
+        if kind and (extensions or not path.is_dir()):
+            raise ValueError(f"It is {kind}; give {what}.")
+
+    return Parameter(validator=check)
+
+
+Recording = Annotated[Path, read_as("a recording", ".mcap", ".part")]
+Learned = Annotated[Path | None, read_as("the learned.json of `sautereau learn`", ".json")]
+FeedForward = Annotated[
+    Recording | None,
+    RARE,
+    Parameter(help="Recording of an earlier press; its force is compensated by torque."),
+]
+Folder = Annotated[Path, read_as("a folder of recordings")]
 
 
 class Quantity(float):
@@ -78,6 +130,7 @@ Drawing = Annotated[
     _Plot, Parameter(help="Save a drawing of the bench to scale here (.png, .svg, .pdf).")
 ]
 Level = Annotated[str, Parameter(help=levels_help(), validator=_check_level)]
+RareLevel = Annotated[Level, RARE]
 Time = Annotated[Quantity, "QUANTITY", Parameter(converter=_seconds)]
 Duration = Annotated[Time, Parameter(validator=Range(gte=0))]
 ABOVE_0 = Parameter(validator=Range(gt=0))
@@ -92,8 +145,6 @@ Seed = Annotated[Integer | None, Parameter(validator=Range(gte=0, lt=2**63))]
 class Recorded:
     """What becomes of the presses of a session."""
 
-    out: OutFolder
-    """Folder for the recordings. Existing files in it are kept."""
     notes: Notes = ""
     warm_up: Integer = 1
     """Number of warm-up presses wherever the finger comes from above the key: at the start, after a
@@ -103,6 +154,8 @@ class Recorded:
     """Show arm, acquisition, force and speed in the terminal during the session."""
     live: bool = False
     """Show the session in Foxglove on this machine."""
+    page: bool = False
+    """Serve a page about the session to browsers on this machine; its address is printed."""
 
 
 @Parameter(name="*")

@@ -1,6 +1,6 @@
 """A folder of recordings: its analysis while they arrive, its report, and its archive."""
 
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -12,11 +12,12 @@ from sautereau.commands.output import FileOutput, Output
 
 
 def watch(
-    folder: Path,
+    folder: common.Folder,
     /,
     *,
     n: common.Number | None = None,
-    level: common.Level = "auto",
+    page: bool = False,
+    level: common.RareLevel = "auto",
     output: Output = Output(),
 ) -> int:
     """Show the presses of a folder and their analysis as recordings arrive, until Ctrl-C.
@@ -27,6 +28,9 @@ def watch(
         Folder to which another process, or another machine, writes recordings.
     n
         End when this number of presses has arrived.
+    page
+        Serve a page with the report of the newest presses to browsers on this machine; its address
+        is printed.
     """
     from sautereau.analysis.results.press import HEADER
     from sautereau.analysis.text import counted
@@ -34,13 +38,20 @@ def watch(
 
     sessions = watch_folder(folder)
     output.say(f"waiting for recordings in {folder}; Ctrl-C ends\n{HEADER}")
-    shown, warned, compared = 0, 0, None
-    with suppress(KeyboardInterrupt):
+    shown, warned, compared, view = 0, 0, None, None
+    with ExitStack() as stack, suppress(KeyboardInterrupt):
+        if page:
+            from sautereau.commands.live.page import PageView
+
+            view = stack.enter_context(PageView(f"Folder {folder}", level))
+            output.say(view.instruction)
         for session in sessions:
             for press in session[shown:]:
                 output.say(press.line)
             output.warn(*session.warnings[warned:])
             shown, warned = len(session), len(session.warnings)
+            if view and shown:
+                view.made([press.path for press in session], session.warnings, watched=True)
             if shown:
                 compared = session.compare(level=level)
                 output.say("\n".join(compared.lines(features=False)))
@@ -51,11 +62,11 @@ def watch(
 
 
 def report(
-    session: Path,
+    session: common.Folder,
     /,
     *,
     out: common.OutFile | None = None,
-    level: common.Level = "auto",
+    level: common.RareLevel = "auto",
     output: FileOutput = FileOutput(),
 ) -> int:
     """Write one HTML page about a session, which works offline in any browser.

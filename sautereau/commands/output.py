@@ -164,10 +164,13 @@ class FileOutput(Output):
     def refuse(self, *paths: Path | None) -> list[Path]:
         """Refuse folders, and existing files unless `force` is given; then return them.
 
+        A page that this program has written, and nobody has changed since, is not refused.
+
         Raises:
             SautereauError: Lists the folders, the files that exist, and those whose folder is
                 read-only.
         """
+        from sautereau.rig.disk import unchanged
         from sautereau.rig.errors import SautereauError
 
         given = [path for path in dict.fromkeys(paths) if path]
@@ -184,7 +187,8 @@ class FileOutput(Output):
             if folder.is_dir() and not _writable(folder)
         ]
         if not self.force:
-            faults += [f"{path} already exists; give another name, or --force" for path in there]
+            kept = [path for path in there if path.suffix != ".html" or not unchanged(path)]
+            faults += [f"{path} already exists; give another name, or --force" for path in kept]
         if faults:
             raise SautereauError("\n".join(faults))
         return there

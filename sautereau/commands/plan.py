@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def plan(
     rig: common.RigName = "paper",
     *,
-    learned: Path | None = None,
+    learned: common.Learned = None,
     out: common.OutFile | None = None,
     plot: common.Picture = None,
     bench: common.Drawing = None,
@@ -24,8 +24,8 @@ def plan(
     presses: common.Count = 3,
     speed: list[str] | None = None,
     prior: list[str] | None = None,
-    force_noise: str = "5 mN",
-    velocity_noise: str = "0.05 mm/s",
+    force_noise: Annotated[str, common.RARE] = "5 mN",
+    velocity_noise: Annotated[str, common.RARE] = "0.05 mm/s",
     output: FileOutput = FileOutput(),
 ) -> int:
     """Plan one press and check it, or say what presses would show of the rig.
@@ -120,8 +120,8 @@ def mount(
     rig: common.RigName = "paper",
     *,
     plot: common.Picture = None,
-    touches: Path | None = None,
-    trust_homing: bool = False,
+    touches: Annotated[Path | None, common.read_as("a CSV file of touches", ".csv")] = None,
+    trust_homing: Annotated[bool, common.RARE] = False,
     output: FileOutput = FileOutput(),
 ) -> int:
     """Find where to clamp the robot, or measure with touches where it is clamped.
@@ -161,7 +161,7 @@ def mount(
 def predict(
     rig: common.RigName = "paper",
     *,
-    fit: Path | None = None,
+    fit: Annotated[Path | None, common.read_as("the JSON of identify", ".json")] = None,
     level: common.Level = "auto",
     force_map: Annotated[
         common.OutFile | None, Parameter("--map"), common.written_as(".csv", ".h5")

@@ -5,7 +5,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from sautereau.analysis.results.result import part_of
 from sautereau.commands import common
@@ -23,26 +25,29 @@ def press(
     rig: common.RigName = "paper",
     *,
     n: common.Number = 1,
-    table: Path | None = None,
-    design: Path | None = None,
+    out: common.OutFolder = common.Dated("press-DATE"),
+    table: Annotated[Path | None, common.read_as("a CSV file of presses", ".csv")] = None,
+    design: Annotated[Path | None, common.read_as("a TOML file of a design", ".toml")] = None,
     rest: common.Duration = common.Quantity(0),
-    learned: Path | None = None,
+    learned: common.Learned = None,
     feed_forward: common.FeedForward = None,
-    ignore_health: bool = False,
-    recorded: common.Recorded,
+    ignore_health: Annotated[bool, common.RARE] = False,
+    recorded: common.Recorded = common.Recorded(),
     simulation: common.Simulation = common.Simulation(),
     output: Output = Output(),
 ) -> int:
     r"""Press the key n times, record each press, and compare them with the model.
 
     Ctrl-\ pauses after the current press, with the motors off; press it again to continue. Ctrl-C
-    ends the session. To continue an interrupted session, run the same command again; with a
-    larger -n it adds presses, also to a finished session.
+    ends the session. To continue an interrupted session, run the same command again with the same
+    --out; with a larger -n it adds presses, also to a finished session.
 
     Parameters
     ----------
     n
         Number of presses. With a table: number of presses of each row with an empty cell `repeats`.
+    out
+        Folder for the recordings. Existing files in it are kept.
     table
         CSV file of presses. Its columns are keys of the rig file (press.jack_speed), with values
         and units in the cells, and optionally `repeats` and `notes`. If a row changes the
@@ -69,16 +74,18 @@ def press(
         recorded.warm_up, rest, recorded.notes, learned, feed_forward, ignore_health
     )
     what = Table(table, n) if table else read_design(design) if design else n
-    return _run(common.bench(rig, simulation), what, settings, recorded, output)
+    return _run(common.bench(rig, simulation), what, out, settings, recorded, output)
 
 
 def replay(
-    recording: Path,
+    first: Annotated[Path, Parameter(name="[RIG] RECORDING")],
+    second: Annotated[Path | None, Parameter(name="RECORDING", show=False)] = None,
     /,
-    rig: common.RigName = "paper",
     *,
+    rig: common.RigName = "paper",
     n: common.Number = 1,
-    recorded: common.Recorded,
+    out: common.OutFolder = common.Dated("replay-DATE"),
+    recorded: common.Recorded = common.Recorded(),
     simulation: common.Simulation = common.Simulation(),
     output: Output = Output(),
 ) -> int:
@@ -89,23 +96,35 @@ def replay(
 
     Parameters
     ----------
-    recording
-        Recording of the press.
+    first
+        Recording of the press, after the rig file: `sautereau replay my-rig.toml press-0001.mcap`.
     n
         Number of presses.
+    out
+        Folder for the recordings.
     """
     from sautereau.entrance.pressing import Replay, Settings
+    from sautereau.rig.disk import kind_of
 
+    recording = second or first
+    if second:
+        if kind_of(first) == "a recording" != kind_of(second):
+            recording, first = first, second
+            output.warn(
+                f"{recording} is a recording, {first} is a rig: give them as"
+                f" `sautereau replay {first} {recording}`"
+            )
+        rig = str(first)
     what, settings = Replay(recording, n), Settings(recorded.warm_up, notes=recorded.notes)
-    return _run(common.bench(rig, simulation), what, settings, recorded, output)
+    return _run(common.bench(rig, simulation), what, out, settings, recorded, output)
 
 
 def learn(
     rig: common.RigName = "paper",
     *,
     n: common.Number = 6,
+    out: common.OutFolder = common.Dated("learn-DATE"),
     feed_forward: common.FeedForward = None,
-    out: common.OutFolder,
     notes: common.Notes = "",
     simulation: common.Simulation = common.Simulation(),
     output: FileOutput = FileOutput(),
@@ -113,7 +132,7 @@ def learn(
     """Press up to n times, correcting the trajectory from the measured speed of the jack.
 
     The exit status is 1 if the speed error of the best press stays above press.speed_tolerance. To
-    continue after an interruption, run the same command again.
+    continue after an interruption, run the same command again with the same --out.
 
     Parameters
     ----------
@@ -158,15 +177,20 @@ def learn(
 
 
 def _run(
-    bench: "Bench", what: Any, settings: "Settings", recorded: common.Recorded, output: Output
+    bench: "Bench",
+    what: Any,
+    out: Path,
+    settings: "Settings",
+    recorded: common.Recorded,
+    output: Output,
 ) -> int:
     """Run a session, and print every press of it and its analysis."""
     from sautereau.commands.session import SessionReport
     from sautereau.entrance.pressing import Pressing
 
-    pressing = Pressing(bench, what, recorded.out, settings)
+    pressing = Pressing(bench, what, out, settings)
     output.warn(*pressing.planner.warnings)
-    report = SessionReport(pressing, output, view=recorded.view, live=recorded.live)
+    report = SessionReport(pressing, output, recorded)
     with _pausing(bench.control):
         pressing.run(report)
     return report.end()

@@ -61,7 +61,11 @@ def _rig_info(file: Path, output: Output) -> int:
 
 
 def recover(
-    file: Path, /, *, out: common.OutFile | None = None, output: FileOutput = FileOutput()
+    file: common.Recording,
+    /,
+    *,
+    out: common.OutFile | None = None,
+    output: FileOutput = FileOutput(),
 ) -> int:
     """Write a valid recording with all readable data of a damaged one.
 
@@ -85,7 +89,13 @@ def recover(
     return output.answer(result | {"missing": [gap.document() for gap in found.gaps]}, lines)
 
 
-def split(file: Path, /, *, out: common.OutFolder, output: FileOutput = FileOutput()) -> int:
+def split(
+    file: common.Recording,
+    /,
+    *,
+    out: common.OutFolder = common.Dated("split-DATE"),
+    output: FileOutput = FileOutput(),
+) -> int:
     """Write each press of a recording into a recording of its own.
 
     Presses are separated where the key is at rest for 40 ms, with key and force back where they
@@ -137,9 +147,9 @@ def export(
     files: common.Files,
     /,
     *,
-    to: Literal["parquet", "csv", "h5", "wav", "tdms", "urdf"],
+    to: Literal["parquet", "csv", "hdf5", "h5", "wav", "tdms", "urdf"],
     out: Path | None = None,
-    raw: bool = False,
+    raw: Annotated[bool, common.RARE] = False,
     output: FileOutput = FileOutput(),
 ) -> int:
     """Export recordings to Parquet, CSV, HDF5, WAV or TDMS, or their rig to URDF.
@@ -147,7 +157,8 @@ def export(
     Parameters
     ----------
     to
-        Format. The metadata of a CSV or WAV file are beside it, in NAME.csv.json or NAME.wav.json.
+        Format; h5 is hdf5. The metadata of a CSV or WAV file are beside it, in NAME.csv.json or
+        NAME.wav.json.
     out
         File to write, with the file extension of the format, or folder. A name without file
         extension is a folder. Default: beside each recording.
@@ -160,6 +171,7 @@ def export(
     from sautereau.entrance.each import each
     from sautereau.entrance.session import open
 
+    to = "h5" if to == "hdf5" else to  # the file extension
     if raw and to == "urdf":
         return output.fail("--raw: a URDF contains no samples; omit it", 2)
 
@@ -208,7 +220,7 @@ def import_(
     /,
     *,
     rig: str | None = None,
-    out: Annotated[Path, "FILE or FOLDER"],
+    out: Annotated[Path, "FILE or FOLDER"] = common.Dated("import-DATE"),
     notes: str = "",
     profile: Path | None = None,
     save_profile: common.OutFile | None = None,
@@ -221,7 +233,7 @@ def import_(
     ----------
     files
         .csv, .txt, .tsv, .dat, .asc, .tdms, .wav, .parquet, .mat, .npz, .h5, .hdf5, or a format
-        that an installed package adds. A file written by `export` needs only --out.
+        that an installed package adds. A file written by `export` needs no options.
     rig
         Path of a rig file, or name of a packaged one, with the calibrations of the sensors.
     out

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TextIO, get_args
 
 from sautereau.analysis.text import wrapped
+from sautereau.commands.common import Dated
 from sautereau.commands.output import LATE_WARNINGS, FileOutput, Output, printable
 from sautereau.rig.disk import open_to_append
 
@@ -23,7 +24,8 @@ _ROOT = logging.getLogger("sautereau")
 def run(command: Callable[..., int]) -> Callable[..., int]:
     """Return a command that signals stop, that logs, and that refuses existing files.
 
-    The files are its arguments of the type `OutFile` and of those derived from it.
+    The files are its arguments of the type `OutFile` and of those derived from it. Defaults of the
+    type `Dated` get the date of today.
     """
     signature = inspect.signature(command)
     files = [name for name, one in signature.parameters.items() if _is_new_file(one.annotation)]
@@ -33,11 +35,16 @@ def run(command: Callable[..., int]) -> Callable[..., int]:
         given = signature.bind(*args, **kwargs)
         given.apply_defaults()
         output: Output = given.arguments["output"]
+        for name, value in given.arguments.items():
+            if isinstance(value, Dated):
+                given.arguments[name] = path = value.today()
+                if not path.suffix:  # the answer names a file
+                    output.say(f"recordings go to {path}")
         with signals_stop(), logged(output):
             if not isinstance(output, FileOutput):
-                return command(*args, **kwargs)
+                return command(*given.args, **given.kwargs)
             with output.creating(*(given.arguments[name] for name in files)):
-                return command(*args, **kwargs)
+                return command(*given.args, **given.kwargs)
 
     return started
 

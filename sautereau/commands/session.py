@@ -11,6 +11,7 @@ from sautereau.analysis.figures.comparison import PICTURED, ROWS
 from sautereau.analysis.results.comparison import Comparison
 from sautereau.analysis.results.press import HEADER
 from sautereau.analysis.text import grouped
+from sautereau.commands.common import Recorded
 from sautereau.commands.live.process import watching
 from sautereau.commands.output import Output
 from sautereau.entrance.devices import Connected
@@ -27,9 +28,8 @@ if TYPE_CHECKING:
 class SessionReport(Observer):
     """Prints every press of a session when it is recorded, and a summary at the end."""
 
-    def __init__(self, pressing: Pressing, output: Output, *, view: bool, live: bool):
-        self._pressing, self._output = pressing, output
-        self._view, self._live = view, live
+    def __init__(self, pressing: Pressing, output: Output, views: Recorded):
+        self._pressing, self._output, self._views = pressing, output, views
         self._show: Callable[[float], None] = lambda fraction: None
         self._said = [*pressing.planner.warnings]
         self._headed = False
@@ -75,10 +75,13 @@ class SessionReport(Observer):
     def watching(self) -> Iterator[Watch]:
         """Show progress, or live views, while the presses of one set-up are made."""
         where = self._pressing.bench.where
-        bar = not self._view and (self._pressing.plan.total or 0) > 1
+        views = self._views
+        bar = not views.view and (self._pressing.plan.total or 0) > 1
         with (
             self._output.progress("pressing", shown=bar) as self._show,
-            watching(where, in_terminal=self._view, to_foxglove=self._live) as watch,
+            watching(
+                where, in_terminal=views.view, to_foxglove=views.live, on_page=views.page
+            ) as watch,
         ):
             yield watch
 
@@ -129,7 +132,8 @@ class SessionReport(Observer):
             values = ", ".join(f"{key} = {value}" for key, value in to_set.items())
             needed = f"set {values} on the instrument" if to_set else f"answer: {run.unanswered}"
             presses = "presses are" if left is None else f"{left} press{'es' * (left > 1)}"
-            lines.append(f"{presses} left: {needed}, then run the same command again")
+            again = f"run the same command again, with --out {folder.path}"
+            lines.append(f"{presses} left: {needed}, then {again}")
         return self._output.answer(result, lines, faults=self._pressing.faults)
 
 

@@ -7,7 +7,7 @@ from datetime import date
 from math import degrees
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter, Token
 from cyclopts.validators import Number as Range
@@ -43,6 +43,15 @@ StepName = Literal[
     "all", "port", "controller", "verify", "home", "encoders", "force", "contact", "touch", "tap",
     "dry-run",
 ]  # fmt: skip
+
+
+def _step(_: object, tokens: Sequence[Token]) -> str:
+    text = tokens[0].value
+    if text in get_args(StepName):
+        return text
+    if text.endswith(".toml"):
+        raise ValueError(f"{text} is a rig file; give it after the step: `setup all {text}`")
+    raise ValueError(f"{text!r} is no step; give one of {', '.join(get_args(StepName))}")
 
 
 def init(
@@ -108,15 +117,15 @@ def doctor(rig: common.RigName = "paper", *, output: Output = Output()) -> int:
 
 
 def setup(
-    step: StepName = "all",
+    step: Annotated[StepName, Parameter(converter=_step)] = "all",
     rig: common.RigName = "paper",
     *,
     yes: bool = False,
-    answers: Path | None = None,
+    answers: Annotated[Path | None, common.read_as("a TOML file of answers", ".toml")] = None,
     save: bool = False,
     recording: list[Path] | None = None,
     weight: Weight | None = None,
-    pressing: bool = False,
+    pressing: Annotated[bool, common.RARE] = False,
     simulation: common.Simulation = common.Simulation(),
     output: Output = Output(),
 ) -> int:

@@ -2,6 +2,7 @@
 
 import sys
 from contextlib import suppress
+from typing import Annotated
 
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output, save_plot
@@ -52,7 +53,7 @@ def trade(
     rig: common.RigName = "paper",
     *,
     scene: str = "pluck",
-    fresh: bool = False,
+    fresh: Annotated[bool, common.RARE] = False,
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),
 ) -> int:

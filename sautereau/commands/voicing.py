@@ -14,7 +14,7 @@ Known = Annotated[str | None, "QUANTITY"]
 
 
 def outline(
-    photo: Annotated[Path, "PHOTO"],
+    photo: Annotated[Path, "PHOTO", common.read_as("a photograph", *common.PICTURES)],
     /,
     *,
     out: Annotated[common.OutFile | None, common.written_as(".csv")] = None,
@@ -24,8 +24,8 @@ def outline(
     length: Known = None,
     thickness: Known = None,
     clamp: Annotated[str | None, "COLUMN,ROW"] = None,
-    tilt: Known = None,
-    upper: Literal["up", "down"] | None = None,
+    tilt: Annotated[Known, common.RARE] = None,
+    upper: Annotated[Literal["up", "down"] | None, common.RARE] = None,
     output: FileOutput = FileOutput(),
 ) -> int:
     """Find the outline of a plectrum in a photograph of its side, with its uncertainty.
@@ -76,11 +76,11 @@ def voice(
     *,
     target: list[str] | None = None,
     like: Annotated[str | None, "RIG"] = None,
-    curve: Path | None = None,
+    curve: Annotated[Path | None, common.read_as("a CSV file of a force", ".csv")] = None,
     string: common.Count = 1,
-    least: str = "0.12 mm",
-    most: str = "0.25 mm",
-    stroke: str = "1 mm",
+    least: Annotated[str, common.RARE] = "0.12 mm",
+    most: Annotated[str, common.RARE] = "0.25 mm",
+    stroke: Annotated[str, common.RARE] = "1 mm",
     out: Annotated[common.OutFile | None, common.written_as(".csv")] = None,
     plot: common.Picture = None,
     output: FileOutput = FileOutput(),

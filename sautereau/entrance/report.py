@@ -10,9 +10,9 @@ from pydantic_core import from_json
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.report.build import About, Again, build_report
-from sautereau.analysis.report.contents import PressRecord, gather
+from sautereau.analysis.report.contents import Contents, PressRecord, gather
 from sautereau.analysis.report.fits import PATTERN, read_fit
-from sautereau.rig.disk import make_folder, write_durably
+from sautereau.rig.disk import make_folder, sealed, write_durably
 from sautereau.rig.schema import Rig
 from sautereau.robot.experiment.plan import LEARNING, Plan
 from sautereau.robot.experiment.session import WARM_UPS
@@ -37,13 +37,20 @@ def write_report(
     out: Path, recordings: Sequence[Path], folder: Path | None, warnings: Sequence[str], level: str
 ) -> Report:
     """Write the report of recordings; see `sautereau.entrance.session.Session.report`."""
-    contents = gather(recordings, level)
-    name = folder.resolve().name if folder else f"of {len(recordings)} recordings"
-    page = build_report(contents, _about(name, folder, contents.presses, list(warnings)))
+    page, contents = page_of(recordings, folder, warnings, level)
     make_folder(out.parent)
-    write_durably(out, page, replace=True)
+    write_durably(out, sealed(page), replace=True)
     simulated = any(record.press.simulated for record in contents.presses)
     return Report(out, len(contents.presses), simulated, dict(contents.unread))
+
+
+def page_of(
+    recordings: Sequence[Path], folder: Path | None, warnings: Sequence[str], level: str
+) -> tuple[str, Contents]:
+    """Return the report of recordings as a page, and what it contains."""
+    contents = gather(recordings, level)
+    name = folder.resolve().name if folder else f"of {len(recordings)} recordings"
+    return build_report(contents, _about(name, folder, contents.presses, list(warnings))), contents
 
 
 def _about(

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -146,7 +147,6 @@ def test_a_press_is_heard(sautereau, tmp_path):
         ("frobnicate", 'Unknown command "frobnicate"'),
         ("plan --nonsense", "Unknown option: --nonsense"),
         ("plan paper paper", "Unexpected argument: paper"),
-        ("press", "Missing option: --out FOLDER"),
         ("press --sim --out", "Missing value of option: --out FOLDER"),
         ("press --sim --out out -n many", "'many' is not an integer"),
         ("press --sim --out out -n 2.5", "'2.5' is not an integer"),
@@ -172,23 +172,19 @@ def test_a_press_is_heard(sautereau, tmp_path):
         ("listen --out a.wav --quality 0", "Must be > 0."),
         ("campaign . --out a.csv", "extension .csv; use .parquet."),
         ("campaign . --out a.parquet --processes 0", "Must be > 0."),
-        ("learn --sim", "Missing option: --out FOLDER"),
-        ("listen", "Missing option: --out FILE"),
         ("phases", "Missing argument: FILES"),
         ("identify a.mcap", "Missing option: --free NAMES"),
         ("export a.mcap", "Missing option: --to parquet|csv"),
-        ("acquire --sim", "Missing option: --out FILE, or --dry-run"),
+        ("setup my-rig.toml", "my-rig.toml is a rig file; give it after the step"),
+        ("replay", "Missing argument: [RIG] RECORDING"),
         ("setup", "give --yes"),
         ("plan --plot plan.foo", "file extension .foo"),
         ("plan --bench bench", "no file extension"),
         ("import a.csv --rig paper --out a.csv", "file extension .csv; use .mcap"),
         ("export a.mcap --to urdf --raw", "--raw: a URDF contains no samples"),
         ("mount --trust-homing", "--trust-homing: it concerns --touches FILE"),
-        (
-            "animate a.mcap --slw 3",
-            "Unknown option: --slw. Did you mean --slow?\nMissing option: --out",
-        ),
-        ("campaign runs --ot a.parquet", "Unknown option: --ot. Did you mean --out?\nSee"),
+        ("identify a.mcap --strts 3", "--strts. Did you mean --starts?\nSee"),
+        ("campaign runs --ot a.parquet", "Unknown option: --ot"),
     ],
 )
 def test_wrong_usage_ends_with_two(sautereau, tmp_path, words, message):
@@ -201,6 +197,72 @@ def test_wrong_usage_ends_with_two(sautereau, tmp_path, words, message):
     assert (as_json.returncode, as_json.stdout, error["status"]) == (2, "", 2)
     assert error["message"] == done.stderr.removeprefix("sautereau: ").rstrip("\n")
     assert not any(tmp_path.iterdir())
+
+
+KINDS = (
+    ("press --sim --table a.mcap", "--table", "a recording", "a CSV file of presses"),
+    ("press --sim --feed-forward rig.toml", "--feed-forward", "a rig or scene file", "a recording"),
+    ("plan --learned a.mcap", "--learned", "a recording", "the learned.json"),
+    ("mount --touches a.mcap", "--touches", "a recording", "a CSV file"),
+    ("predict --fit rig.toml", "--fit", "a rig or scene file", "the JSON of identify"),
+    ("report a.mcap", "SESSION", "a recording", "a folder"),
+    ("watch rig.toml", "FOLDER", "a rig or scene file", "a folder"),
+    ("campaign a.mcap", "FOLDER", "a recording", "a folder"),
+    ("touch a.mcap", "FILE", "a recording", "a table of `sautereau campaign`"),
+    ("survey a.mcap", "FILE", "a recording", "a table of keys"),
+    ("outline rig.toml", "PHOTO", "a rig or scene file", "a photograph"),
+    ("recover rig.toml", "FILE", "a rig or scene file", "a recording"),
+)
+
+
+@pytest.mark.parametrize(("words", "argument", "kind", "instead"), KINDS)
+def test_a_file_of_the_wrong_kind_is_recognised(
+    sautereau, tmp_path, words, argument, kind, instead
+):
+    for name in ("a.mcap", "rig.toml"):
+        (tmp_path / name).write_bytes(b"")
+    done = sautereau(*words.split())
+    assert done.returncode == 2
+    message = " ".join(done.stderr.split())
+    assert argument in message
+    assert f"It is {kind}; give {instead}" in message
+
+
+def test_swapped_arguments_get_advice_and_the_press_is_repeated(sautereau, tmp_path, bare):
+    words = ("--scene", bare, "--warm-up", 0, "--seed", 1)
+    assert sautereau("press", "paper", *words, "--out", "one").returncode == 0
+    made = "one/press-0001.mcap"
+    good = sautereau("replay", "paper", made, *words, "--out", "two")
+    assert (good.returncode, good.stderr) == (0, "")
+    swapped = sautereau("replay", made, "paper", *words, "--out", "three")
+    assert swapped.returncode == 0
+    said = " ".join(swapped.stderr.split())
+    assert f"{made} is a recording, paper is a rig: give them as" in said
+    assert f"`sautereau replay paper {made}`" in said
+
+
+def test_without_out_a_new_dated_name_is_used_and_nothing_is_replaced(sautereau, tmp_path, bare):
+    today = date.today().isoformat()
+    words = ("--scene", bare, "--warm-up", 0, "--seed", 1)
+    for name in (f"press-{today}", f"press-{today}-2"):
+        done = sautereau("press", *words)
+        assert done.returncode == 0, done.stderr
+        assert f"recordings go to {name}\n" in done.stdout
+        assert (tmp_path / name / "press-0001.mcap").is_file()
+    for number in ("", "-2"):
+        done = sautereau("listen", "--duration", "50 ms", "--json")
+        assert json.loads(done.stdout)["path"] == f"listen-{today}{number}.wav"
+    same = sautereau("press", *words, "-n", 2, "--out", f"press-{today}")
+    assert "1 of 2 presses are in" in same.stdout
+    assert len([path for path in tmp_path.iterdir() if today in path.name]) == 4
+
+
+def test_rare_options_are_shown_by_help_all_alone(sautereau):
+    few, all_ = (sautereau("identify", option).stdout for option in ("--help", "--help-all"))
+    assert "--starts" not in few
+    assert "--starts" in all_
+    assert "--free" in few
+    assert "--help-all" in few
 
 
 TOO_LONG = "none" * 99  # as the name of a file

@@ -142,3 +142,14 @@ def test_the_command_on_the_page_repeats_the_session(rig_file, tmp_path, monkeyp
     assert one.keys() == two.keys()
     for name, volts in one.items():
         assert volts.tobytes() == two[name].tobytes()
+
+
+def test_its_own_page_is_replaced_and_a_changed_one_is_not(write_session, tmp_path, sautereau):
+    write_session(tmp_path / "evening", 1)
+    for _ in range(2):
+        assert sautereau("report", "evening").returncode == 0
+    page = tmp_path / "evening" / "report.html"
+    page.write_text(page.read_text(encoding="utf-8") + "<p>my note</p>", encoding="utf-8")
+    done = sautereau("report", "evening")
+    assert done.returncode == 1
+    assert "--force" in done.stderr

@@ -14,6 +14,8 @@ from sautereau.rig.disk import (
     make_folder,
     new_file,
     read_limited,
+    sealed,
+    unchanged,
     write_durably,
 )
 from sautereau.rig.errors import RigError
@@ -38,6 +40,17 @@ def test_a_new_file_and_its_replacement(tmp_path):
     write_durably(path, b"c", replace=True)
     assert (path.read_bytes(), path.stat().st_mode & 0o777) == (b"c", 0o640)
     assert [found.name for found in tmp_path.iterdir()] == ["file.txt"]
+
+
+def test_a_page_is_known_until_somebody_changes_it(tmp_path):
+    path = tmp_path / "page.html"
+    assert not unchanged(path)
+    path.write_bytes(sealed("<p>é</p>\n"))
+    assert unchanged(path)
+    path.write_bytes(path.read_bytes().replace(b"<p>", b"<b>"))
+    assert not unchanged(path)
+    path.write_text("<p></p>")
+    assert not unchanged(path)
 
 
 def test_a_link_is_replaced_and_not_followed(tmp_path):

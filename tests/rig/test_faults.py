@@ -1,5 +1,6 @@
 """All faults of a rig file in one message, each with line, key, value and how to fix it."""
 
+import math
 import re
 from importlib import resources
 
@@ -9,6 +10,7 @@ from sautereau.rig.errors import RigError
 from sautereau.rig.instrument import Choir
 from sautereau.rig.load import load_rig, parse_rig
 from sautereau.rig.schema import Rig
+from sautereau.rig.units import parse_quantity
 
 PAPER = resources.files("sautereau.rig").joinpath("paper.toml").read_text(encoding="utf-8")
 
@@ -43,7 +45,8 @@ def test_faults_come_in_the_order_of_the_file(changed):
 @pytest.mark.parametrize(
     ("old", "new", "messages"),
     [
-        ('"108 mm"', "108", ["string.plucking_point: 108 has no unit", 'such as "14 mm"']),
+        ('"108 mm"', "108", ["string.plucking_point: 108 has no unit", 'such as "108 mm"']),
+        ('"365 Hz"', "365", ["string.frequency: 365 has no unit", 'Hz such as "365 Hz"']),
         ('"108 mm"', "true", ["string.plucking_point: True is not a quantity"]),
         ('"108 mm"', '["108 mm"]', ["string.plucking_point: ['108 mm'] is not a quantity"]),
         ('"108 mm"', '"-108 mm"', ["string.plucking_point: -0.108 m is refused", "greater than 0"]),
@@ -61,7 +64,7 @@ def test_faults_come_in_the_order_of_the_file(changed):
         ('hold = "point"', "hold = 1", ["press.hold: 1 is refused", "'point' or 'normal'"]),
         ('["0 deg", "-90 deg"]', '["0 deg"]', ["arm.home_angles.1: missing; add it"]),
         ('["0 deg", "-90 deg"]', '"0 deg"', ["arm.home_angles: '0 deg'", "give an array"]),
-        ('["0 deg", "-90 deg"]', "[0, 1]", ["arm.home_angles.0: 0 has no unit", "30 deg"]),
+        ('["0 deg", "-90 deg"]', "[0, 1]", ["arm.home_angles.1: 1 has no unit", "-90 deg"]),
         ('name = "force"', 'name = "Force 1"', ["daq.channels.1.name: 'Force 1' is refused"]),
         ("[jack]\n", "[jakc]\n", ["jack.mass: missing", "jakc: unknown key; did you mean 'jack'?"]),
         ("[jack]\n", "[jack]\ndip = 3\n", ["jack.dip: unknown key; did you mean 'key.dip'?"]),
@@ -249,3 +252,12 @@ def test_files_that_cannot_be_read(tmp_path):
 def test_a_name_that_no_rig_has(name):
     with pytest.raises(RigError, match=r"give the path of a .*file"):
         load_rig(name)
+
+
+def test_the_example_of_a_message_is_of_the_field(changed):
+    """Of its default where the packaged rig has no value; of the first string for a further one."""
+    with pytest.raises(RigError) as raised:
+        changed(("upper_length =", "tilt_limit = 3\nupper_length ="))
+    assert 'arm.tilt_limit: 3 has no unit; give a quantity in rad such as "' in str(raised.value)
+    example = str(raised.value).rpartition('such as "')[2].rstrip('"')
+    assert parse_quantity(example, "rad") == pytest.approx(math.radians(5), rel=1e-5)

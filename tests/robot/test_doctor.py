@@ -43,6 +43,13 @@ def test_every_package_of_the_installation_is_checked(tmp_path, monkeypatch):
     assert "x" not in findings
 
 
+def test_a_stand_in_that_is_not_installed_is_reported(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sautereau.sim_backend.bench", None)
+    finding = doctor._stand_in()
+    assert not finding.ok
+    assert "sim_backend" in finding.detail
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="ports of Windows have no permissions")
 def test_a_port_without_permission_is_reported_with_its_group(tmp_path, monkeypatch):
     port = tmp_path / "ttyUSB9"

@@ -4,6 +4,7 @@ Python runs one thread of a process at a time. A host that streams setpoints may
 few milliseconds only, and drawing takes longer.
 """
 
+import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -11,29 +12,35 @@ from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdo
 from io import StringIO
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from typing import Any
 
 from sautereau.commands.live import LiveError
 from sautereau.rig.errors import MissingExtraError
-from sautereau.robot.experiment.monitor import Feed, Seen, View, Watch
+from sautereau.robot.experiment.monitor import Feed, Seen, Watch
 
 
 @contextmanager
-def watching(title: str, *, in_terminal: bool, to_foxglove: bool) -> Iterator[Watch]:
+def watching(
+    title: str, *, in_terminal: bool, to_foxglove: bool, on_page: bool = False
+) -> Iterator[Watch]:
     """Yield the function to which a session reports its events; without a view it does nothing.
 
     Args:
         title: Title of the session.
         in_terminal: Whether to show the session in the terminal.
         to_foxglove: Whether to serve it to Foxglove on this machine.
+        on_page: Whether to serve it as a page to browsers on this machine.
 
     Raises:
         LiveError: A view cannot start.
     """
-    if not (in_terminal or to_foxglove):
+    if not (in_terminal or to_foxglove or on_page):
         yield lambda seen: None
         return
     with ExitStack() as stack:
-        views = ViewProcess(title, in_terminal=in_terminal, to_foxglove=to_foxglove)
+        views = ViewProcess(
+            title, in_terminal=in_terminal, to_foxglove=to_foxglove, on_page=on_page
+        )
         feed = Feed([views])
         if in_terminal:
             stack.enter_context(_held_back())
@@ -77,10 +84,10 @@ class ViewProcess:
         LiveError: The views cannot start.
     """
 
-    def __init__(self, title: str, *, in_terminal: bool, to_foxglove: bool):
+    def __init__(self, title: str, *, in_terminal: bool, to_foxglove: bool, on_page: bool = False):
         context = get_context("spawn")
         self._pipe, self._theirs = context.Pipe()
-        arguments = (self._theirs, title, in_terminal, to_foxglove)
+        arguments = (self._theirs, title, in_terminal, to_foxglove, on_page)
         self._process = context.Process(target=_run, args=arguments, name="live view", daemon=True)
         self.instructions: Sequence[str] = ()
         """How to open the views, for the operator."""
@@ -91,8 +98,8 @@ class ViewProcess:
         try:
             if not self._pipe.poll(START_TIMEOUT):
                 raise LiveError(
-                    f"live view: not started within {START_TIMEOUT:g} s; press without --view and"
-                    " --live"
+                    f"live view: not started within {START_TIMEOUT:g} s; press without --view,"
+                    " --live and --page"
                 )
             started, self.instructions = self._pipe.recv()
             if not started:
@@ -102,7 +109,7 @@ class ViewProcess:
             if isinstance(error, LiveError):
                 raise
             raise LiveError(
-                "live view: its process ended at the start; press without --view and --live"
+                "live view: its process ended at the start; press without --view, --live and --page"
             ) from error
         return self
 
@@ -125,30 +132,19 @@ class ViewProcess:
             raise LiveError(fault)
 
 
-def _run(pipe: Connection, title: str, in_terminal: bool, to_foxglove: bool) -> None:
+def _run(pipe: Connection, title: str, in_terminal: bool, to_foxglove: bool, on_page: bool) -> None:
     """Show everything received, until the other end of the pipe is closed."""
     # The session handles Ctrl-C and a closed terminal; the views end when it does.
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     with ExitStack() as stack:
-        views: list[View] = []
-        instructions = []
         try:
-            if to_foxglove:
-                from sautereau.commands.live.foxglove import FoxgloveView
-
-                served = stack.enter_context(FoxgloveView(title))
-                views.append(served)
-                instructions.append(served.instruction)
-            if in_terminal:
-                from sautereau.commands.live.terminal import TerminalView
-
-                views.append(stack.enter_context(TerminalView(title)))
-        except (LiveError, MissingExtraError) as error:
+            views = list(map(stack.enter_context, _views(title, in_terminal, to_foxglove, on_page)))
+        except (LiveError, MissingExtraError, OSError) as error:
             pipe.send((False, (str(error),)))
             return
-        pipe.send((True, tuple(instructions)))
+        pipe.send((True, tuple(v.instruction for v in views if hasattr(v, "instruction"))))
         while True:
             try:
                 seen, dropped = pipe.recv()
@@ -160,3 +156,21 @@ def _run(pipe: Connection, title: str, in_terminal: bool, to_foxglove: bool) -> 
             except Exception as error:  # noqa: BLE001 - the session reports it
                 pipe.send(f"{type(error).__name__}: {error}")
                 return
+
+
+def _views(title: str, in_terminal: bool, to_foxglove: bool, on_page: bool) -> Iterator[Any]:
+    """Yield the views that are requested, to be entered."""
+    if to_foxglove:
+        from sautereau.commands.live.foxglove import FoxgloveView
+
+        yield FoxgloveView(title)
+    if on_page:
+        from sautereau.commands.live.page import PageView
+
+        if hasattr(os, "nice"):
+            os.nice(10)  # its reports take a processor; the press comes first
+        yield PageView(title)
+    if in_terminal:
+        from sautereau.commands.live.terminal import TerminalView
+
+        yield TerminalView(title)
