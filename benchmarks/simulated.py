@@ -64,7 +64,7 @@ def acquired(rig: Rig, scene: Scene, seen: Observation, seed: int = 0) -> tuple[
     before = motions.time <= edge
     parts = {f.name: getattr(motions, f.name)[before] for f in fields(motions)}
     rest = Motions(**parts) if before.any() else None
-    terminals = tuple(channel.terminal for channel in wired.daq.channels)
+    terminals = tuple(map(wired.daq.physical, wired.daq.channels))
     n = int((motions.time[-1] - edge) * rate)
     wiring = Wiring(wired, scene, seed, FairLock())
     run = SampledRun(wiring, TaskSetup(terminals, rate, n, None), 0, rest)

@@ -190,11 +190,13 @@ def hold_card(daq: Daq, purpose: str, *, shared: bool = False) -> Iterator[None]
     Raises:
         DaqError: Another process or thread uses it; the message names it.
     """
-    device = f"DAQ device {daq.device}{f' of {daq.address}' if daq.address else ''}"
+    server, device = f" of {daq.address}" if daq.address else "", f"DAQ device {daq.device}"
     with ExitStack() as stack:
         try:
-            path = device_lock("daq", daq.driver, daq.address, daq.device)
-            stack.enter_context(locked(path, purpose, shared=shared))
+            for name in daq.devices:
+                device = f"DAQ device {name}{server}"
+                path = device_lock("daq", daq.driver, daq.address, name)
+                stack.enter_context(locked(path, purpose, shared=shared))
         except Taken as error:
             raise DaqError(
                 f"{device}: another sautereau process on this machine uses it: {error}; wait until"
