@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from sautereau.daq.errors import DaqError
 from sautereau.rig.acquisition import Daq, Tls
-from sautereau.rig.disk import read_limited, why_unreadable
+from sautereau.rig.disk import need_open_files, read_limited, why_unreadable
 from sautereau.rig.lock import Taken, device_lock, locked
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def connect(daq: Daq, longest_wait: float) -> Iterator[tuple[Any, "Answers | Non
         yield None, None
         return
     _must_be_safe(daq)
+    need_open_files()
     import grpc
     from nidaqmx import GrpcSessionOptions
 

@@ -254,13 +254,13 @@ class Imports:
     def _options(self, dice: random.Random) -> ImportOptions:
         wav = self._kind in ("wav", "flac")
         time = self._kind == "csv" and dice.random() < 0.5
-        scale: Any = {"full_scale" if wav else "unit": {"velocity": "1 V" if wav else "V"}}
+        scale: Any = {"full_scale": {"velocity": "1 V"}} if wav else {"unit": {"velocity": "V"}}
         return ImportOptions(
             column={"velocity": COLUMNS.get(self._kind, "v")},
             without=("force",),
             rate=None if self._kind in RATED or time else "1 kHz",
             time="t (s)" if time else None,
-            trigger="0 s",
+            trigger="0.5 s" if self._kind in ("lvm", "uff") else "0 s",
             started="2026-02-03T04:05:06+01:00",
             simulated=False,
             **scale,

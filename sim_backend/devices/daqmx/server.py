@@ -15,6 +15,7 @@ import grpc
 from nidaqmx._stubs import nidaqmx_pb2_grpc
 from session_pb2 import Session
 
+from sautereau.rig.disk import need_open_files
 from sautereau.sim_backend.devices.daqmx.attributes import Table, call, calls, given, number
 from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, module_of, physical_channels
 from sautereau.sim_backend.devices.daqmx.creation import CREATING, SCALE, Scale, find_scale
@@ -250,6 +251,7 @@ class DaqmxServer:
     def __init__(self, card: Card):
         self.address = ""
         """``127.0.0.1:port``, the port chosen by the operating system; empty when not served."""
+        need_open_files()
         self._servicer = Servicer(card)  # pyright: ignore[reportAbstractUsage]
         self._workers = ThreadPoolExecutor(_WORKERS, thread_name_prefix="daqmx stand-in")
         self._server = grpc.server(
