@@ -2,14 +2,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
-# File of exact versions for the environment: `make CONSTRAINTS=tests/constraints.txt test`.
-CONSTRAINTS ?= /dev/null
+# Exact versions of the environment; `make CONSTRAINTS=/dev/null test` takes the newest allowed ones.
+CONSTRAINTS ?= tests/constraints.txt
 # Links to the folders under their import names, for tools that read source text.
 LINKS := build/checked
 
 .PHONY: press test test-all fuzz kills faults lint style layers bench docs gallery clean links lock bounds audit sbom dist
 
-$(VENV)/installed: pyproject.toml
+$(VENV)/installed: pyproject.toml $(wildcard $(CONSTRAINTS))
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
 	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" --group dev

@@ -24,7 +24,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.device_types import IDEAL
-from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.devices.daqmx.card import Module, TaskSetup
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.motion import Floats
 
@@ -69,11 +69,14 @@ class FreeRun(PacedRun):
 class Card:
     """A card with sixteen inputs, in real time or not."""
 
-    name, chassis, device = "Dev1", "", IDEAL
-    terminals = tuple(f"ai{n}" for n in range(SIXTEEN))
+    chassis = ""
+    modules = (Module("Dev1", IDEAL, tuple(f"ai{n}" for n in range(SIXTEEN))),)
 
     def __init__(self, paced: bool):
         self.paced = paced
+
+    def check(self) -> None:
+        """It stays connected."""
 
     def start(self, setup: TaskSetup) -> PacedRun:
         return (PacedRun if self.paced else FreeRun)(setup)

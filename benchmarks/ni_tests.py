@@ -23,7 +23,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from sautereau.sim_backend.device_types import DEVICE_TYPES
-from sautereau.sim_backend.devices.daqmx.card import TaskSetup
+from sautereau.sim_backend.devices.daqmx.card import Module, TaskSetup
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
 TESTS = Path(__file__).with_suffix(".txt").read_text(encoding="utf-8").split()
@@ -118,11 +118,15 @@ class SineRun:
 class SineCard:
     """A simulated device."""
 
-    name, chassis, paced = "Dev1", "", True
+    chassis, paced = "", True
 
     def __init__(self, product: str):
-        self.device = DEVICE_TYPES[product]
-        self.terminals = tuple(f"ai{n}" for n in range(self.device.inputs or 2))
+        device = DEVICE_TYPES[product]
+        inputs = tuple(f"ai{n}" for n in range(device.inputs or 2))
+        self.modules = (Module("Dev1", device, inputs),)
+
+    def check(self) -> None:
+        """It stays connected."""
 
     def start(self, setup: TaskSetup) -> SineRun:
         """Start at once, also where a trigger is set, as a simulated device."""

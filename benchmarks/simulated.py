@@ -71,7 +71,7 @@ def acquired(
     before = motions.time <= edge
     parts = {f.name: getattr(motions, f.name)[before] for f in fields(motions)}
     rest = Motions(**parts) if before.any() else None
-    terminals = tuple(channel.terminal for channel in wired.daq.channels)
+    terminals = tuple(map(wired.daq.physical, wired.daq.channels))
     n = int((motions.time[-1] - edge) * rate)
     modes = world.string_modes if world else None
     wiring = Wiring(wired, scene, seed, FairLock(), modes=modes)

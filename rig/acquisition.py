@@ -126,6 +126,9 @@ class Channel(Section):
     terminal: str = Field(min_length=1)
     """Physical channel of the DAQ device, without the name of the device: `ai0`. For a sound card:
     `in1`."""
+    device: str = ""
+    """Name of the device in NI MAX, such as another module of the same chassis: `cDAQ1Mod2`. Empty
+    for `daq.device`."""
     sensor: str
     """Make and model of the sensor."""
     range: Voltage = Field(gt=0)
@@ -276,8 +279,10 @@ class Daq(Section):
 
     @model_validator(mode="after")
     def _each_channel_once(self):
-        for what in ("name", "terminal"):
-            values = [getattr(channel, what) for channel in self.channels]
+        for what, values in (
+            ("name", [channel.name for channel in self.channels]),
+            ("terminal", [self.physical(channel) for channel in self.channels]),
+        ):
             twice = sorted({value for value in values if values.count(value) > 1})
             if twice:
                 raise ValueError(
@@ -292,6 +297,15 @@ class Daq(Section):
                 "tls, insecure: both are given and contradict each other; remove insecure"
             )
         return self
+
+    def physical(self, channel: Channel) -> str:
+        """Return the complete name of a channel's terminal: ``cDAQ1Mod2/ai0``."""
+        return f"{channel.device or self.device}/{channel.terminal}"
+
+    @property
+    def devices(self) -> tuple[str, ...]:
+        """The devices of the channels, each once, in the order of the channels."""
+        return tuple(dict.fromkeys(channel.device or self.device for channel in self.channels))
 
     def channel(self, quantity: str) -> Channel | None:
         """Return the first channel that measures ``quantity``, or None."""

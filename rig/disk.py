@@ -16,6 +16,8 @@ from io import BufferedReader
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
+from sautereau.rig.errors import SautereauError
+
 _REPLACED: ContextVar[frozenset[Path]] = ContextVar("_REPLACED", default=frozenset())
 _NOT_REGULAR = "not a regular file"
 NEW = ".new"  # File extension of what is being written
@@ -149,10 +151,16 @@ def unchanged(path: Path) -> bool:
 def _beside(path: Path) -> BinaryIO:
     """Return a new file with a random name beside ``path``, which is held until it is closed."""
     while True:
-        file = path.with_name(f".{path.name}.{secrets.token_hex(4)}{NEW}").open("x+b")
+        file = path.with_name(f"{_prefix(path)}{secrets.token_hex(4)}{NEW}").open("x+b")
         if hold(file) and os.path.lexists(file.name):
             return file
         file.close()  # another writer removed it before it was held
+
+
+def _prefix(path: Path) -> str:
+    """Return how the names of the files beside one begin: hidden, and within a system's limit."""
+    name = os.fsencode(path.name)
+    return f".{hashlib.sha256(name).hexdigest()[:32] if len(name) > 240 else path.name}."
 
 
 def _named(error: OSError, path: Path) -> OSError:
@@ -163,7 +171,7 @@ def _named(error: OSError, path: Path) -> OSError:
 def _remove_left(path: Path) -> None:
     """Remove the files beside a file that nobody writes any more."""
     for name in os.listdir(path.parent):  # noqa: PTH208 (there may be thousands of others)
-        if name.startswith(f".{path.name}.") and name.endswith(NEW):
+        if name.startswith(_prefix(path)) and name.endswith(NEW):
             with suppress(OSError), path.with_name(name).open("rb") as file:
                 if hold(file):
                     path.with_name(name).unlink()
@@ -201,6 +209,28 @@ def sync_folder(folder: Path) -> None:
             raise
     finally:
         os.close(entry)
+
+
+def need_open_files(count: int = 64) -> None:
+    """Raise this process's limit of open files to a number, where it is lower.
+
+    Without files gRPC aborts the process, or answers nothing.
+
+    Raises:
+        SautereauError: The system does not allow so many.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard < count:
+        raise SautereauError(
+            f"the system allows this process {hard} open files, and the acquisition needs {count};"
+            f" raise the limit with `ulimit -n {count}`, or in a new terminal"
+        )
+    if soft < count:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (count, hard))
 
 
 def make_folder(folder: Path) -> None:

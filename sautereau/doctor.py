@@ -82,12 +82,28 @@ def _extras() -> Finding:
         if (extra := re.search(r"extra == ['\"]([\w-]+)['\"]", marker)) and "[" not in requirement:
             of_extras.setdefault(extra[1], []).append(_installed(_name(requirement)))
     there = [name for name, installed in of_extras.items() if all(installed)]
+    faults = ""
+    if "sound" in there and (why := _without_portaudio()):
+        there.remove("sound")
+        faults = f"; {why}"
     lacking = [name for name in of_extras if name not in there]
     detail = f"installed: {', '.join(there) or 'none'}"
     if lacking:
         more = f"python -m pip install 'sautereau[{lacking[0]}]'"
         detail += f"; not installed: {', '.join(lacking)}; add one, if you need it, with `{more}`"
-    return Finding("extras", True, detail)
+    return Finding("extras", True, detail + faults)
+
+
+def _without_portaudio() -> str:
+    """Return why sounddevice does not run; empty if it does."""
+    from sautereau.daq.errors import DaqError
+    from sautereau.daq.source.sound_card import library
+
+    try:
+        library()
+    except DaqError as error:
+        return str(error)
+    return ""
 
 
 def _name(requirement: str) -> str:
@@ -103,6 +119,8 @@ def _installed(name: str) -> bool:
 
 def _serial(port: str) -> Finding:
     from serial.tools.list_ports import comports
+
+    from sautereau.robot.drivers.serial_port import latency
 
     found = [p.device for p in comports()]
     if "://" in port:
@@ -123,7 +141,14 @@ def _serial(port: str) -> Finding:
         detail = f"no permission to open {port}, which belongs to the group {group}"
         fix = f"sudo usermod -aG {group} $USER, then log in again"
         return Finding("controller", False, detail, fix)
-    return Finding("controller", True, f"{port} exists and can be opened")
+    detail, wait = f"{port} exists and can be opened", latency(port)
+    if wait is not None and wait > 2e-3:  # half the interval of an ODrive's setpoints
+        detail += (
+            f"; its adapter collects bytes for {wait * 1e3:g} ms, which is set to 1 ms while the"
+            " port is open; if setpoints are skipped, `echo 1 | sudo tee /sys/bus/usb-serial/"
+            f"devices/{Path(port).resolve().name}/latency_timer`"
+        )
+    return Finding("controller", True, detail)
 
 
 def _daq(rig: Rig) -> Finding:

@@ -3,9 +3,10 @@
 import re
 from collections.abc import Callable
 
+from sautereau.rig.acquisition import Daq
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.device_types import DEVICE_TYPES
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError, TaskSetup
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, Module, TaskSetup
 from sautereau.sim_backend.devices.daqmx.runs import RetriggeredRun, SampledRun, Wiring
 from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
@@ -15,8 +16,15 @@ def _chassis_name(rig: Rig) -> str:
     """Return the chassis that the rig's trigger source or the name of its module names."""
     if rig.daq.trigger_source.startswith("/"):
         return rig.daq.trigger_source.split("/")[1]
-    name = re.fullmatch(r"(.+)Mod\d+", rig.daq.device)
+    name = re.fullmatch(r"(.+)Mod\d+", rig.daq.devices[0])
     return name[1] if name else "cDAQ1"
+
+
+def _inputs(daq: Daq, device: str, number: int | None) -> tuple[str, ...]:
+    """Return the inputs of a device; an ideal one has those of the rig."""
+    if number is not None:
+        return tuple(f"ai{n}" for n in range(number))
+    return tuple(one.terminal for one in daq.channels if (one.device or daq.device) == device)
 
 
 class BenchCard:
@@ -28,9 +36,14 @@ class BenchCard:
     """
 
     def __init__(self, wiring: Wiring, injection: FaultInjection, now: Callable[[], float]):
-        self.name = wiring.rig.daq.device
-        self.device = DEVICE_TYPES[wiring.scene.card]
-        self.chassis = _chassis_name(wiring.rig) if self.device.in_chassis else ""
+        daq = wiring.rig.daq
+        products = wiring.scene.products(daq)
+        self.modules = tuple(
+            Module(name, DEVICE_TYPES[product], _inputs(daq, name, DEVICE_TYPES[product].inputs))
+            for name, product in products.items()
+        )
+        in_chassis = any(module.device.in_chassis for module in self.modules)
+        self.chassis = _chassis_name(wiring.rig) if in_chassis else ""
         self.paced = wiring.paced
         self.runs: list[SampledRun] = []
         """Acquisitions that are not over, and those that ended since the last start."""
@@ -41,17 +54,9 @@ class BenchCard:
         self._last: Motions | None = None
         self._failure: Callable[[], DaqmxError] | None = None
 
-    @property
-    def terminals(self) -> tuple[str, ...]:
-        """The analog inputs; an ideal card has those of the rig.
-
-        Raises:
-            DaqmxError: The card is disconnected.
-        """
+    def check(self) -> None:
+        """Raise `DaqmxError` if the card is disconnected."""
         self._injection.check_plugged()
-        if self.device.inputs is None:
-            return tuple(channel.terminal for channel in self._wiring.rig.daq.channels)
-        return tuple(f"ai{n}" for n in range(self.device.inputs))
 
     def start(self, setup: TaskSetup) -> SampledRun:
         """Arm an acquisition, or start one that keeps samples before its trigger's edge.

@@ -55,6 +55,11 @@ class DeviceType:
         return self.category == C_SERIES
 
     @property
+    def has_own_clock(self) -> bool:
+        """Whether it oversamples with a clock of its own, which others in its task then follow."""
+        return self.filter_delay[0] > 0
+
+    @property
     def slowest(self) -> float:
         """Hz."""
         return 0.0 if self.timebase is None else self.timebase / self.most_divisions
@@ -109,6 +114,7 @@ class DeviceType:
 IDEAL = DeviceType("sautereau stand-in", retriggers=True)  # Without delay, with every rate
 
 _DELTA_SIGMA = DeviceType("", C_SERIES, inputs=4, most_divisions=31, triggers=2)
+_SAR_MODULE = DeviceType("", C_SERIES, bits=16, raw_bits=16, timebase=80e6, triggers=2)
 _M_AND_X_SERIES = DeviceType(
     "",
     ranges=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
@@ -124,6 +130,28 @@ DEVICE_TYPES = {
     device.product: device
     for device in (
         IDEAL,
+        # NI 9215 Datasheet, 373779: 16 bits, +-10 V, 100 kS/s, simultaneous, without a filter. Its
+        # sample clock is the chassis', an integer fraction of 80 MHz.
+        replace(
+            _SAR_MODULE,
+            product="NI 9215",
+            inputs=4,
+            fastest=100_000.0,
+            fastest_many=100_000.0,
+            configurations=(DIFF,),
+        ),
+        # NI 9205 Datasheet, 378020: 16 bits, 250 kS/s for all inputs together.
+        replace(
+            _SAR_MODULE,
+            product="NI 9205",
+            inputs=32,
+            ranges=(0.2, 1.0, 5.0, 10.0),
+            fastest=250_000.0,
+            fastest_many=250_000.0,
+            simultaneous=False,
+            settling=10e-6,
+            configurations=(DIFF, RSE, NRSE),
+        ),
         # NI 9234 Datasheet, 374238: 13.1072 MHz / 256 / n, input delay 38.4 / fs + 3.2 us.
         replace(
             _DELTA_SIGMA,

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import to_jsonable_python
 
+from sautereau.rig.acquisition import Daq
 from sautereau.rig.disk import named_text, packaged_names
 from sautereau.rig.faults import fault_list, in_text, validation_faults
 from sautereau.rig.instrument import Choir
@@ -39,11 +40,12 @@ def _accuracy(text: str) -> str:
     return text
 
 
-def _device_type(text: str) -> str:
-    if text not in DEVICE_TYPES:
-        known = ", ".join(f'"{name}"' for name in DEVICE_TYPES)
-        raise ValueError(f'"{text}" is not a known DAQ device; give one of {known}')
-    return text
+def _products(card: str | dict[str, str]) -> str | dict[str, str]:
+    for text in card.values() if isinstance(card, dict) else [card]:
+        if text not in DEVICE_TYPES:
+            known = ", ".join(f'"{name}"' for name in DEVICE_TYPES)
+            raise ValueError(f'"{text}" is not a known DAQ device; give one of {known}')
+    return card
 
 
 def _engine(name: Any) -> Any:
@@ -106,8 +108,9 @@ class Scene(Section):
     """Without it the force is measured as it is."""
     weight: Weight | None = None
     """Without it the force is that of the key."""
-    card: Annotated[str, AfterValidator(_device_type)] = IDEAL.product
-    """Product type of the DAQ device; by default an ideal one with the rig's inputs."""
+    card: Annotated[str | dict[str, str], AfterValidator(_products)] = IDEAL.product
+    """Product type of the DAQ device; by default an ideal one with the rig's inputs. Of several
+    modules of a chassis a table, by their names: `{ cDAQ1Mod1 = "NI 9215" }`."""
     faults: Faults | None = None
     controller: ControllerUnit | None = None
     """Without it the controller is a new one with `MO` burned."""
@@ -239,6 +242,10 @@ class Scene(Section):
         best = "exact" if self.solvable and find_spec("numba") else "rigid"
         return self.model_copy(update={"engine": best})
 
+    def products(self, daq: Daq) -> dict[str, str]:
+        """Return the product of each device of a rig, by name; a table may have further ones."""
+        return self.card if isinstance(self.card, dict) else dict.fromkeys(daq.devices, self.card)
+
     def true_rig(self, rig: Rig) -> Rig:
         """Return the simulated bench: the rig with the scene's `truth` and `more_choirs`.
 
@@ -257,13 +264,21 @@ class Scene(Section):
                         f"rig {rig.name}: the scene has {part} = true, and the rig has no table"
                         f" [{at}.{part}]; add it, or set {part} = false in the scene"
                     )
-        number = DEVICE_TYPES[self.card].inputs
-        for channel in rig.daq.channels if number else ():
-            if channel.terminal not in {f"ai{n}" for n in range(number or 0)}:
+        products = self.products(rig.daq)
+        for channel in rig.daq.channels:
+            key, device = f"daq.channels.{channel.name}", channel.device or rig.daq.device
+            if device not in products:
                 faults.append(
-                    f"rig {rig.name}: daq.channels.{channel.name}.terminal is"
-                    f" {channel.terminal}, and a {self.card} has {number} inputs from ai0 on;"
-                    " change the terminal, or the scene's card"
+                    f"rig {rig.name}: {key} is on the device {device}, and the scene's card has"
+                    f" {', '.join(products)}; name one of them in {key}.device, or add it to card"
+                )
+                continue
+            number = DEVICE_TYPES[products[device]].inputs
+            if number and channel.terminal not in {f"ai{n}" for n in range(number)}:
+                faults.append(
+                    f"rig {rig.name}: {key}.terminal is {channel.terminal}, and a"
+                    f" {products[device]} has {number} inputs from ai0 on; change the terminal, or"
+                    " the scene's card"
                 )
         if faults:
             raise SceneError("\n".join(faults))

@@ -9,7 +9,7 @@ import pytest
 from nidaqmx import DaqError, GrpcSessionOptions
 
 from sautereau.sim_backend.device_types import IDEAL
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, Module
 from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 
 
@@ -59,13 +59,16 @@ class Card:
     def __init__(
         self, inputs=2, *, ready=None, fault=None, paced=True, device=IDEAL, measured=volts
     ):
-        self.device, self.volts = device, measured
+        self.volts = measured
         self.chassis = "cDAQ1" if device.in_chassis else ""
-        self.name = "cDAQ1Mod1" if device.in_chassis else "Dev1"
-        self.terminals = tuple(f"ai{n}" for n in range(inputs))
+        name = "cDAQ1Mod1" if device.in_chassis else "Dev1"
+        self.modules = (Module(name, device, tuple(f"ai{n}" for n in range(inputs))),)
         self.ready, self.fault, self.paced = ready, fault, paced
         self.acquired = lambda run: run.wait_for(0, 0)
         self.runs = []
+
+    def check(self):
+        """It stays connected."""
 
     @property
     def setups(self):

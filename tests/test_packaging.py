@@ -162,7 +162,7 @@ def test_what_is_imported_is_required():
     brought_by = {
         "google": "protobuf", "PIL": "pillow", "serial": "pyserial", "skfem": "scikit-fem",
         "skimage": "scikit-image", "grpc": "nidaqmx", "session_pb2": "nidaqmx",
-        "pydantic_core": "pydantic", "markupsafe": "jinja2",
+        "lvm_read": "lvm-read", "pydantic_core": "pydantic", "markupsafe": "jinja2",
     }  # fmt: skip
     texts = [*PROJECT["dependencies"], *(text for extra in EXTRAS.values() for text in extra)]
     required = {re.split(r"[^\w-]", text)[0].lower() for text in texts}

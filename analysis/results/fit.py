@@ -27,7 +27,9 @@ from sautereau.analysis.text import (
     table,
 )
 from sautereau.rig import schema
+from sautereau.rig.disk import write_durably
 from sautereau.rig.edit import edit_rig, edited_text
+from sautereau.rig.errors import RigError
 from sautereau.rig.load import parse_rig
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.text import rig_text
@@ -181,20 +183,31 @@ class Fit(Result):
     @cached_property
     def rig(self) -> Rig:
         """The recordings' rig with `values` and what was fitted with them, with their ranges."""
+        return Rig(parse_rig(self.text))
+
+    @property
+    def text(self) -> str:
+        """Text of a new rig file with the numbers of `rig`."""
         nominal = rig_text(self.nominal)
-        text = edited_text(nominal, "fit", Path(), self._written, self._source, every=True)
-        return Rig(parse_rig(text))
+        return edited_text(nominal, "fit", Path(), self._written, self._source, every=True)
 
     def write(self, path: Path) -> None:
-        """Write the values of `rig` into a rig file and keep its others; a new file is `rig`.
+        """Write the values of `rig` into a rig file and keep its others; a new file is `text`.
 
         Without `values` nothing is written.
+
+        Raises:
+            RigError: The file cannot be read or written.
         """
         if not self.values:
             return
-        if not path.exists():
-            Rig(self.nominal).save(path)
-        edit_rig(path, self._written, self._source, every=True).save()
+        if path.exists():
+            edit_rig(path, self._written, self._source, every=True).save()
+            return
+        try:
+            write_durably(path, self.text)
+        except OSError as error:
+            raise RigError(f"rig file {path}: {error.strerror}; give another path") from error
 
     @property
     def _written(self) -> dict[str, Any]:

@@ -23,12 +23,19 @@ FORMATS = Registry(
     {
         "tdms": "sautereau.daq.convert.from_loggers:open_tdms",
         **dict.fromkeys(
-            ("csv", "txt", "tsv", "dat", "asc"), "sautereau.daq.convert.from_tables:open_csv"
+            ("csv", "txt", "tsv", "dat", "asc", "prn", "log"),
+            "sautereau.daq.convert.from_tables:open_csv",
         ),
         "wav": "sautereau.daq.convert.from_loggers:open_wav",
         "parquet": "sautereau.daq.convert.from_tables:open_parquet",
         "mat": "sautereau.daq.convert.from_arrays:open_mat",
-        "npz": "sautereau.daq.convert.from_arrays:open_npz",
+        **dict.fromkeys(("npy", "npz"), "sautereau.daq.convert.from_arrays:open_numpy"),
+        "lvm": "sautereau.daq.convert.from_arrays:open_lvm",
+        **dict.fromkeys(("uff", "unv"), "sautereau.daq.convert.from_arrays:open_uff"),
+        "xlsx": "sautereau.daq.convert.from_arrays:open_xlsx",
+        **dict.fromkeys(
+            ("flac", "w64", "aiff", "caf"), "sautereau.daq.convert.from_arrays:open_sound"
+        ),
         "h5": "sautereau.daq.convert.from_arrays:open_hdf5",
         "hdf5": "sautereau.daq.convert.from_arrays:open_hdf5",
     },
@@ -36,6 +43,12 @@ FORMATS = Registry(
 )
 """Functions that open a file, by file extension in lower case, without the dot."""
 
+NATIVE = {
+    "svd": "it is Polytec's own format, which other programs cannot read; export it in PSV or"
+    " VibSoft as a universal file (.uff) or as ASCII (.txt), with the time signals of the points,"
+    " and import that",
+}
+"""How to export files of programs that alone read them, by file extension."""
 NO_OPTIONS = ImportOptions()
 LAYOUT = ("decimal", "skip")  # Options that a format takes to open a file
 Columns = dict[str, NDArray[np.float64]]
@@ -105,6 +118,8 @@ def open_source(
         raise RecordingError(found if path.is_dir() else "no such file; check its name and folder")
     extension = path.suffix.lower().removeprefix(".")
     if extension not in FORMATS.names():
+        if extension in NATIVE:
+            raise RecordingError(NATIVE[extension])
         raise RecordingError(
             f"no import format is registered for the file extension {path.suffix!r}; convert the"
             f" file to one of {extensions()}, or add a format as docs/add-an-import-format.md shows"

@@ -1,23 +1,32 @@
-"""Import of arrays: MATLAB's .mat, numpy's .npz and HDF5."""
+"""Import of files that a library reads: arrays, instruments' files, sound and workbooks.
+
+Each library runs in a program of its own, see `sautereau.daq.convert.readers`.
+"""
 
 import importlib.util
 import io
 import json
+import shutil
 import subprocess
 import sys
-import zipfile
+import weakref
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
 
-from sautereau.daq.convert import array_reader
 from sautereau.daq.convert.document import Document, read_document, volts_name
 from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
+from sautereau.daq.convert.from_tables import open_csv
+from sautereau.daq.convert.readers.found import Found
 from sautereau.daq.errors import RecordingError
-from sautereau.rig.disk import open_regular
+from sautereau.rig.disk import new_file, open_regular
+from sautereau.rig.errors import require
 
+READERS = "sautereau.daq.convert.readers"  # Program that reads a file
 HDF5_AT = (0, 512)  # Bytes before the HDF5 signature; MATLAB writes 512 of its own
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_VALUES = 100_000_000  # Limit of the numbers in all arrays of a file, which are read together
@@ -40,7 +49,7 @@ def open_mat(path: Path) -> ImportSource:
         head = file.read(HDF5_AT[-1] + len(HDF5_SIGNATURE))
     if any(head[at:].startswith(HDF5_SIGNATURE) for at in HDF5_AT):
         return open_hdf5(path)
-    return _source("MATLAB", *_read("mat", path)[:2])
+    return _source("MATLAB", *_read("MATLAB", path)[:2])
 
 
 def open_hdf5(path: Path) -> ImportSource:
@@ -57,7 +66,7 @@ def open_hdf5(path: Path) -> ImportSource:
         raise RecordingError(
             "it is HDF5, which needs h5py; install it: pip install 'sautereau[hdf5]'"
         )
-    arrays, about, text = _read("hdf5", path)
+    arrays, about, text = _read("HDF5", path)
     document = None if text is None else read_document(text)
     if document is not None:
         raw = {volts_name(c.name): f"acquisition/{c.name}/data" for c in document.rig.daq.channels}
@@ -65,29 +74,80 @@ def open_hdf5(path: Path) -> ImportSource:
     return _source("HDF5", arrays, about, document)
 
 
-def open_npz(path: Path) -> ImportSource:
-    """Open a numpy archive; no object in it is unpickled.
+def open_numpy(path: Path) -> ImportSource:
+    """Open a numpy array or archive; no object in it is unpickled.
 
     Raises:
-        RecordingError: It is damaged, or not a numpy archive.
+        RecordingError: It is damaged, or not a numpy file.
     """
+    return _source("numpy", *_read("numpy", path)[:2])
+
+
+def open_lvm(path: Path) -> ImportSource:
+    """Open a LabVIEW measurement file; the channels of several segments have their numbers.
+
+    Raises:
+        RecordingError: It is damaged or cut off, or no such file.
+        MissingExtraError: lvm_read is not installed.
+    """
+    require("formats", f"{path}: LabVIEW measurement file", "lvm_read")
+    return _source("lvm", *_read("lvm", path)[:2])
+
+
+def open_uff(path: Path) -> ImportSource:
+    """Open a universal file; its columns are the functions of time, called by node and direction.
+
+    Raises:
+        RecordingError: It is damaged or cut off, or holds no functions of time.
+        MissingExtraError: pyuff is not installed.
+    """
+    require("formats", f"{path}: universal file", "pyuff")
+    return _source("universal", *_read("universal", path)[:2])
+
+
+def open_sound(path: Path) -> ImportSource:
+    """Open a sound file other than WAV; as there, its values are fractions of full scale.
+
+    Raises:
+        RecordingError: It is damaged or cut off, or no sound file.
+        MissingExtraError: soundfile is not installed.
+    """
+    require("formats", f"{path}: sound file", "soundfile")
+    return replace(_source("sound", *_read("sound", path)[:2]), full_scale=True)
+
+
+def open_xlsx(path: Path) -> ImportSource:
+    """Open a workbook: its active sheet, which is interpreted as a text table is.
+
+    Raises:
+        RecordingError: It is damaged, or its sheet has no rows of numbers.
+        MissingExtraError: openpyxl is not installed.
+    """
+    require("formats", f"{path}: workbook", "openpyxl")
+    arrays, about, _ = _read("workbook", path)
+    folder = Path(mkdtemp(prefix="sautereau-"))
+    table = folder / "sheet.tsv"
+    with new_file(table) as file:
+        file.write(arrays["rows"].tobytes())
     try:
-        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
-            array_reader.refuse(sum(file.file_size for file in archive.infolist()) / 8, MOST_VALUES)
-        with open_regular(path) as file, np.load(file, allow_pickle=False) as arrays:
-            read = {name: arrays[name] for name in arrays.files}
-            found = dict(array_reader.flat(read, "", array_reader.MOST_DEPTH))
-    except Exception as error:  # numpy and zipfile raise many kinds, depending on the bytes
-        raise RecordingError(
-            f"it cannot be read as a numpy archive of numbers: {type(error).__name__}: {error}; use"
-            " a copy, or save one vector for each channel"
-        ) from error
-    return _source("npz", found, {})
+        found = open_csv(table, ".")
+    except RecordingError:
+        shutil.rmtree(folder)
+        raise
+
+    def read(names: list[str]) -> Columns:
+        return found.read(names)
+
+    weakref.finalize(read, shutil.rmtree, folder, ignore_errors=True)  # with the source
+    guess = f"{about['rows']['unit']}, {found.guess}"
+    return replace(found, kind="workbook", read=read, guess=guess)
 
 
-def _read(kind: str, path: Path) -> array_reader.Found:
-    """Return the content of a file, read in a separate process."""
-    command = [sys.executable, array_reader.__file__, kind, str(path), str(MOST_VALUES)]
+def _read(kind: str, path: Path) -> Found:
+    """Return the content of a file, read by a program of its own with limited memory and time."""
+    with open_regular(path):  # no device, and no pipe
+        pass
+    command = [sys.executable, "-P", "-m", READERS, kind, str(path), str(MOST_VALUES)]
     fault = "its reader has ended"
     try:
         run = subprocess.run(command, capture_output=True, check=True, timeout=LONGEST)

@@ -26,7 +26,13 @@ from sautereau.rig.units import shown
 
 MOST_LINES = 500  # Limit of the lines that are examined, from the first or from --skip on
 MOST_SKIPPED = 100_000  # Limit of --skip: these lines are kept in memory
-DELIMITERS = (";", "\t", ",", " ")  # If several read the same numbers, the first of them is used
+DELIMITERS = (
+    ";",
+    "\t",
+    "|",
+    ",",
+    " ",
+)  # If several read the same numbers, the first of them is used
 IN_NAME = re.compile(r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+))\s*|\S+?/(\S+)")
 """A name with its unit: `force (N)`, `force [N]`, `force / N`, `F/mN`."""
 Cells = list[str]
@@ -187,7 +193,7 @@ def _fit(lines: list[str], delimiter: str, decimal: str, first: int | None) -> _
     raw = ["".join(kind_of(cell, decimal) for cell in cells) for cells in table]
     kinds = [kind.replace("g", "n") for kind in raw]
     start, length = _longest_run(kinds) if first is None else _run_from(kinds, first)
-    if not length or (delimiter not in lines[start] and delimiter not in ",;"):
+    if not length or (delimiter not in lines[start] and delimiter not in ",;|"):
         return None
     run = slice(start, start + length)
     columns = (set(column) - {" "} for column in zip(*kinds[run], strict=True))

@@ -15,7 +15,7 @@ HEAD = 262_144  # Bytes at the start of a file in which its rows must begin
 BLOCK = 1_048_576  # Characters that are read at once
 LONGEST_LINE = 100_000
 """Limit of the characters of a line; the csv module's limit of a cell is 131,072."""
-_POINT = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)"
+_POINT = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+|[dD][+-]\d+)?|[+-]?(?:nan|inf|infinity)"
 NUMBER = {
     sign: re.compile(pattern, re.IGNORECASE | re.ASCII)
     for sign, pattern in {
@@ -28,8 +28,12 @@ GROUPED = re.compile(
     r"[+-]?[1-9]\d{0,2}(?:([.,'’\u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?", re.A
 )
 """A number with separators between its thousands, or one that looks so: `1,234`."""
+FORTRAN = str.maketrans("dD", "ee")  # Its exponents of double precision: 1.5D-03
 COMMA = str.maketrans({",": ".", ".": "'"})
 """Replaces a comma by a decimal point, and a point by a character that no number contains."""
+RULED, RULE = frozenset("|+-="), re.compile(r"[-+|=:\s]{3,}")
+"""A line between the names and the rows of a table that is drawn with characters."""
+MINUS = "\u2212"  # The sign itself, which some programs write in place of a hyphen
 PLAIN = re.compile(r"[-+.\deE\n]*", re.ASCII)  # Cells that `float` reads as `NUMBER` does
 CLOCK = re.compile(
     r"(?:(?:(\d{4})-(\d\d)-(\d\d)|(\d\d?)\.(\d\d?)\.(\d{4}))(?:T|\s+)(?=\d)|(?=\d\d?:\d\d:))"
@@ -70,13 +74,14 @@ def lines_of(path: Path, encoding: str) -> Iterator[str]:
     try:
         with open_regular(path) as raw, io.TextIOWrapper(raw, encoding) as file:
             while text := file.read(BLOCK):
-                *lines, rest = (rest + text).split("\n")
+                *lines, rest = (rest + text.replace(MINUS, "-")).split("\n")
                 if len(rest) > LONGEST_LINE or any(len(line) > LONGEST_LINE for line in lines):
                     raise RecordingError(
                         f"a line is longer than LONGEST_LINE = {LONGEST_LINE} characters; give a"
                         " table with a row in each line"
                     )
-                yield from lines
+                for line in lines:
+                    yield "" if line[:1] in RULED and RULE.fullmatch(line) else line
     except UnicodeDecodeError as error:
         raise RecordingError(
             f"it begins as {encoding} text, and then has {error.object[error.start]:#x}, which is"
@@ -90,8 +95,11 @@ def cells_of(line: str, delimiter: str) -> list[str]:
     """Return the cells of a line; several spaces count as one delimiter."""
     if delimiter == " ":
         line = " ".join(line.split())
-    if '"' in line:
-        quoted = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
+    elif delimiter == "|":
+        line = line.strip().removeprefix("|").removesuffix("|")
+    if '"' in line or line.startswith("'"):
+        quote = '"' if '"' in line else "'"
+        quoted = csv.reader([line], delimiter=delimiter, quotechar=quote, skipinitialspace=True)
         return [cell.strip() for cell in next(quoted, [])]
     return [*map(str.strip, line.split(delimiter))]
 
@@ -109,7 +117,15 @@ def kind_of(cell: str, decimal: str) -> str:
 
 def number_in(text: str, decimal: str = ".") -> float | None:
     """Return the number that a text is, None if it is none."""
-    return float(text.replace(",", ".")) if NUMBER[decimal].fullmatch(text) else None
+    return _float(text) if NUMBER[decimal].fullmatch(text) else None
+
+
+def _float(text: str) -> float:
+    """Return the value of a text that is a number, with either decimal sign."""
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return float(text.replace(",", ".").translate(FORTRAN))
 
 
 class Numbers:
@@ -150,7 +166,7 @@ class Numbers:
         for at, cell in enumerate(cells):
             if cell and not known.fullmatch(cell):
                 raise NotANumberError(at, cell)
-        return [float(cell.replace(",", ".") or "nan") for cell in cells]
+        return [_float(cell or "nan") for cell in cells]
 
     def _be_sure(self, cells: Sequence[str]) -> None:
         for cell in cells:

@@ -13,7 +13,7 @@ from sautereau.daq.file.samples import Scaling
 from sautereau.daq.file.trigger_date import Counted
 from sautereau.daq.source.connection import connect, create_task
 from sautereau.daq.source.driver_faults import NOT_YET_AVAILABLE, driver_errors
-from sautereau.daq.source.inputs import read_inputs, read_scaling
+from sautereau.daq.source.inputs import add_input, read_inputs, read_scaling
 from sautereau.daq.source.source import InputSettings, SourceSettings
 from sautereau.daq.source.task import DATING, SampleCounter, build_task, plan_task, trigger_terminal
 from sautereau.rig.acquisition import Daq
@@ -108,17 +108,21 @@ class Acquisition:
                     self._trigger = trigger_terminal(daq, self._options)
                 self._task = create_task(daq, self._options, self._stack)
                 self._counter = SampleCounter(self._task, plan)
+                for channel in daq.channels:
+                    adding = f"setting up daq.channels.{channel.name}"
+                    with driver_errors(daq, adding, self._options):
+                        add_input(self._task, daq, channel)
                 self._rate = build_task(self._task, plan, self._trigger)
                 self._task.control(TaskMode.TASK_VERIFY)
                 self._inputs = read_inputs(self._task, daq)
                 self._scaling = read_scaling(self._task, self._inputs)
                 self._task.control(TaskMode.TASK_RESERVE)
             with driver_errors(self._daq, "identifying the device", self._options):
-                (device,) = self._task.devices
-                self._simulated = bool(device.is_simulated)
-                self._description = (
-                    f"{device.product_type}, serial number {device.serial_num:08X},"
-                    f" {self._daq.device}"
+                devices = list(self._task.devices)
+                self._simulated = any(bool(device.is_simulated) for device in devices)
+                self._description = "; ".join(
+                    f"{one.product_type}, serial number {one.serial_num:08X}, {one.name}"
+                    for one in devices
                 )
         except BaseException as error:
             self.__exit__(type(error), error, None)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from sautereau.daq.errors import DaqError
 from sautereau.rig.acquisition import Daq, Tls
-from sautereau.rig.disk import read_limited, why_unreadable
+from sautereau.rig.disk import need_open_files, read_limited, why_unreadable
 from sautereau.rig.lock import Taken, device_lock, locked
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def connect(daq: Daq, longest_wait: float) -> Iterator[tuple[Any, "Answers | Non
         yield None, None
         return
     _must_be_safe(daq)
+    need_open_files()
     import grpc
     from nidaqmx import GrpcSessionOptions
 
@@ -190,11 +191,13 @@ def hold_card(daq: Daq, purpose: str, *, shared: bool = False) -> Iterator[None]
     Raises:
         DaqError: Another process or thread uses it; the message names it.
     """
-    device = f"DAQ device {daq.device}{f' of {daq.address}' if daq.address else ''}"
+    server, device = f" of {daq.address}" if daq.address else "", f"DAQ device {daq.device}"
     with ExitStack() as stack:
         try:
-            path = device_lock("daq", daq.driver, daq.address, daq.device)
-            stack.enter_context(locked(path, purpose, shared=shared))
+            for name in daq.devices:
+                device = f"DAQ device {name}{server}"
+                path = device_lock("daq", daq.driver, daq.address, name)
+                stack.enter_context(locked(path, purpose, shared=shared))
         except Taken as error:
             raise DaqError(
                 f"{device}: another sautereau process on this machine uses it: {error}; wait until"

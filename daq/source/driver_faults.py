@@ -70,9 +70,9 @@ def _driver_fault(daq: Daq, doing: str, error: Any, options: Any) -> str:
         return f"{who} {code}: {text.rstrip('.')}{fix}"
     what, fix = KNOWN[code]
     facts = {
-        "channels": lambda: ", ".join(f"{daq.device}/{one.terminal}" for one in daq.channels),
+        "channels": lambda: ", ".join(map(daq.physical, daq.channels)),
         "terminals": lambda: _terminals(daq, options),
-        "devices": lambda: _devices(options),
+        "devices": lambda: _devices(daq, options),
         "block": lambda: str(daq.block),
         "rate": lambda: f"{daq.sample_rate:g}",
     }
@@ -87,13 +87,18 @@ def _terminals(daq: Daq, options: Any) -> str:
     from nidaqmx.system import Device
 
     try:
-        names = Device(daq.device, grpc_options=options).ai_physical_chans.channel_names
+        names = [
+            terminal
+            for device in daq.devices
+            for terminal in Device(device, grpc_options=options).ai_physical_chans.channel_names
+        ]
     except errors.Error as error:
         return f"its terminals could not be read ({_first_line(error)})"
     return f"it has {', '.join(names) or 'no analog input'}"
 
 
-def _devices(options: Any) -> str:
+def _devices(daq: Daq, options: Any) -> str:
+    """Say which devices the driver knows, and which key names another one."""
     from nidaqmx import errors
     from nidaqmx.system import System
 
@@ -102,7 +107,11 @@ def _devices(options: Any) -> str:
         names = list(system.devices.device_names)
     except errors.Error as error:
         return f"the driver's devices could not be read ({_first_line(error)})"
-    return f"the driver knows {', '.join(names) or 'no device'}"
+    keys = {"daq.device": daq.device}
+    keys |= {f"daq.channels.{one.name}.device": one.device for one in daq.channels if one.device}
+    known = {name.lower() for name in names}
+    unknown = [f'{key} = "{name}"' for key, name in keys.items() if name.lower() not in known]
+    return "; ".join([*unknown, f"the driver knows {', '.join(names) or 'no device'}"])
 
 
 def _first_line(error: Exception) -> str:

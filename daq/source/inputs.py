@@ -5,6 +5,7 @@ does not have a property refuses it with one of the codes `NOT_SUPPORTED`.
 """
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,7 +27,7 @@ COUNTS_REACH = (0.9, 1.5)
 """Dimensionless, smallest and largest volts of the extreme counts, as a fraction of the range."""
 
 
-def add_input(task: Any, device: str, channel: Channel) -> None:
+def add_input(task: Any, daq: Daq, channel: Channel) -> None:
     """Add one input to a nidaqmx task, configured as the rig requests."""
     from nidaqmx.constants import (
         Coupling,
@@ -36,7 +37,7 @@ def add_input(task: Any, device: str, channel: Channel) -> None:
     )
 
     added = task.ai_channels.add_ai_voltage_chan(
-        f"{device}/{channel.terminal}",
+        daq.physical(channel),
         channel.name,
         terminal_config=TerminalConfiguration[channel.terminal_configuration.upper()],
         min_val=-channel.range,
@@ -56,10 +57,15 @@ def read_inputs(task: Any, daq: Daq) -> tuple[InputSettings, ...]:
     Raises:
         DaqError: Some input differs from the rig's request.
     """
-    skew = _skew(task)
-    settings = tuple(
-        _read_input(task, channel, number * skew) for number, channel in enumerate(daq.channels)
-    )
+    skew = {device.name: _skew(task, device) for device in task.devices}
+    # Each device converts its own inputs, in the order of the task.
+    places = Counter[str]()
+    found = []
+    for channel in daq.channels:
+        device = channel.device or daq.device
+        found.append(_read_input(task, channel, places[device] * skew.get(device, 0.0)))
+        places[device] += 1
+    settings = tuple(found)
     faults = [
         fault
         for channel, actual in zip(daq.channels, settings, strict=True)
@@ -137,15 +143,16 @@ def _filter_delay(task: Any, channel: Any) -> float:
     return delay
 
 
-def _skew(task: Any) -> float:
+def _skew(task: Any, device: Any) -> float:
     """Return the time between a multiplexer's samples of two consecutive inputs, s.
 
     It converts the inputs in the order of the task, at ``AIConv.Rate``.
     """
-    (device,) = task.devices
     if _optional(device, "ai_simultaneous_sampling_supported") in (None, True):
         return 0.0
-    rate = _optional(task.timing, "ai_conv_rate")
+    # A task of one device refuses some properties for a device (NI-DAQmx, "active device").
+    timing = task.timing if len(task.devices) == 1 else task.timing[device]
+    rate = _optional(timing, "ai_conv_rate")
     if not rate:
         return 0.0
     return 1 / rate if rate > 0 else math.inf  # a delay that is refused with its input

@@ -5,8 +5,11 @@ separate audio input. This input is recorded from the start and searched for the
 the first one at or after the edge, whose time is known within one sample.
 """
 
+import math
 import queue
 import re
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -17,14 +20,21 @@ from numpy.typing import NDArray
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.samples import Scaling
+from sautereau.daq.file.trigger_date import Counted
 from sautereau.daq.source.connection import hold_card
 from sautereau.daq.source.source import InputSettings, SourceSettings
-from sautereau.daq.source.task import accepted_rate, plan_task
+from sautereau.daq.source.task import DATING, accepted_rate, plan_task
 from sautereau.rig.acquisition import Channel, Daq
 from sautereau.rig.schema import Rig
 
 EDGE = 0.25  # Fraction of full scale that the trigger's input exceeds at an edge
 FULL_SCALE = 2.0**31  # Counts of a sample at full scale, which is the channel's `range`, V
+
+_Piece = tuple[NDArray[np.int32], bool, float]
+"""Counts as PortAudio gives them, whether some were lost before, and the time of the first one."""
+_Dated = tuple[NDArray[np.int32], tuple[int, float]]
+"""Counts, and the time (s on `time.monotonic`, NaN if unknown) at which one of them, by its index,
+was at the converter."""
 
 
 class SoundCard:
@@ -45,7 +55,10 @@ class SoundCard:
         self.scaling = Scaling("int32", np.array(rows))
         self._stream: Any = None
         self._opened = ExitStack()
-        self._queue: queue.SimpleQueue[tuple[NDArray[np.int32], bool]] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[_Piece] = queue.SimpleQueue()
+        self._received = 0  # Samples of each input, counted on PortAudio's thread
+        self._filled = threading.Event()
+        """Set once enough samples before an edge are held."""
         self._description = ""
 
     @property
@@ -65,7 +78,7 @@ class SoundCard:
         return self._description
 
     def __enter__(self) -> "SoundCard":
-        sounddevice = _library()
+        sounddevice = library()
         daq = self._daq
         with ExitStack() as opened:
             opened.enter_context(hold_card(daq, "an acquisition"))
@@ -122,6 +135,13 @@ class SoundCard:
 
     def start(self) -> None:
         self._entered().start()
+        daq = self._daq
+        longest = daq.pre_trigger + daq.trigger_timeout
+        if self._plan.before and not self._filled.wait(longest):
+            raise DaqError(
+                f"sound card {daq.device}: {self._received} samples after {longest:g} s, but"
+                f" daq.pre_trigger needs {self._plan.before}; check whether it is still plugged in"
+            )
 
     def stop(self) -> None:
         self._entered().stop(ignore_errors=True)
@@ -136,26 +156,35 @@ class SoundCard:
         plan = self._plan
         first = -plan.before
         pieces = self._from_edge() if plan.triggered else self._pieces()
-        for piece in pieces:
+        for piece, (index, date) in pieces:
             left = None if plan.after is None else plan.after - first
             counts = piece[:, :left]
-            yield Block(first, counts[: len(self._daq.channels)], scaling=self.scaling)
+            # Sample `index` of the piece was at the converter on this date.
+            dated = (Counted(date, date, first + index + 1),)
+            known = math.isfinite(date) and abs(first + index) < DATING * self.rate
+            yield Block(
+                first,
+                counts[: len(self._daq.channels)],
+                dated if known else (),
+                scaling=self.scaling,
+            )
             first += counts.shape[1]
             if first == plan.after:
                 return
 
-    def _from_edge(self) -> Iterator[NDArray[np.int32]]:
+    def _from_edge(self) -> "Iterator[_Dated]":
         """Yield counts, shape (n_inputs, n), from the samples before the edge on."""
         before = self._plan.before
         sign = 1 if self._daq.trigger_edge == "rising" else -1
         held = np.empty((len(self._inputs), 0), dtype=np.int32)
         waited = 0
-        for piece in (pieces := self._pieces()):
+        for piece, (_, date) in (pieces := self._pieces()):
             held = np.concatenate([held, piece], axis=1)
             high = sign * held[-1, before:].astype(float) > EDGE * FULL_SCALE
             edges = np.flatnonzero(high[1:] & ~high[:-1])
             if len(edges):
-                yield held[:, int(edges[0]) + 1 :]
+                kept = held[:, int(edges[0]) + 1 :]
+                yield kept, (kept.shape[1] - piece.shape[1], date)
                 yield from pieces
                 return
             waited += piece.shape[1]
@@ -168,12 +197,12 @@ class SoundCard:
                 )
             held = held[:, -before - 1 :]
 
-    def _pieces(self) -> Iterator[NDArray[np.int32]]:
+    def _pieces(self) -> "Iterator[_Dated]":
         """Yield counts of all inputs as they arrive, shape (n_inputs, n)."""
         columns = np.array(self._inputs) - 1
         while True:
             try:
-                counts, lost = self._queue.get(timeout=self._daq.trigger_timeout)
+                counts, lost, date = self._queue.get(timeout=self._daq.trigger_timeout)
             except queue.Empty as error:
                 raise DaqError(
                     f"sound card {self._daq.device}: no samples within"
@@ -184,11 +213,21 @@ class SoundCard:
                     f"sound card {self._daq.device}: samples were lost because they are not read"
                     " fast enough; raise daq.block or free the machine, and record again"
                 )
-            yield counts[:, columns].T
+            yield counts[:, columns].T, (0, date)
 
-    def _take(self, counts: NDArray[np.int32], _n: int, _time: Any, status: Any) -> None:
-        """Keep samples, shape (n, inputs); called on PortAudio's thread."""
-        self._queue.put((counts.copy(), bool(status.input_overflow)))
+    def _take(self, counts: NDArray[np.int32], _n: int, times: Any, status: Any) -> None:
+        """Keep samples, shape (n, inputs); called on PortAudio's thread.
+
+        `inputBufferAdcTime` is when the first of them was at the converter, by the same clock as
+        `currentTime` is now. Host APIs that do not know it give 0.
+        """
+        converted = getattr(times, "inputBufferAdcTime", 0.0)
+        age = getattr(times, "currentTime", 0.0) - converted
+        date = time.monotonic() - age if converted > 0 and age >= 0 else math.nan
+        self._queue.put((counts.copy(), bool(status.input_overflow), date))
+        self._received += len(counts)
+        if self._received > self._plan.before:
+            self._filled.set()
 
     def _entered(self) -> Any:
         if self._stream is None:
@@ -196,7 +235,12 @@ class SoundCard:
         return self._stream
 
 
-def _library() -> Any:
+def library() -> Any:
+    """Return the module sounddevice.
+
+    Raises:
+        DaqError: It, or the PortAudio library, is missing.
+    """
     try:
         import sounddevice
     except (ImportError, OSError) as error:  # OSError: the PortAudio library is missing

@@ -11,7 +11,6 @@ from typing import Any
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.trigger_date import Counted
 from sautereau.daq.source.driver_faults import NOT_DONE
-from sautereau.daq.source.inputs import add_input
 from sautereau.rig.acquisition import Daq
 
 RATE_TOLERANCE = 1e-2
@@ -95,7 +94,7 @@ def _samples(seconds: float, rate: float) -> int:
 
 
 def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
-    """Give a new nidaqmx task its channels, clock, trigger and buffer.
+    """Give a nidaqmx task with its inputs clock, trigger and buffer.
 
     Args:
         trigger: Terminal of the trigger's edge, with its device.
@@ -106,8 +105,6 @@ def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
     from nidaqmx.constants import AcquisitionType, Edge, ReadRelativeTo
 
     daq = plan.daq
-    for channel in daq.channels:
-        add_input(task, daq.device, channel)
     task.timing.cfg_samp_clk_timing(
         daq.sample_rate,
         sample_mode=AcquisitionType.CONTINUOUS if plan.total is None else AcquisitionType.FINITE,
@@ -127,8 +124,9 @@ def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
 def trigger_terminal(daq: Daq, options: Any) -> str:
     """Return the trigger's terminal with its device: ``/Dev1/PFI0``.
 
-    A module of a CompactDAQ chassis has no trigger terminals; the terminal of its chassis is used.
-    A complete name, which starts with a slash, is returned unchanged.
+    A module of a CompactDAQ chassis has no trigger terminals; the terminal of its chassis is used,
+    and the driver routes it to every module of the task. A complete name, which starts with a
+    slash, is returned unchanged.
 
     Args:
         options: Options of the gRPC session; None for the driver of this machine.

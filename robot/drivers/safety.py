@@ -14,7 +14,7 @@ from sautereau.robot.errors import NotReady, RobotError
 
 _SAFE = "The arm was stopped and its motors are off: the controller confirms it."
 PAUSE = 1.0  # Time in s after an interrupt in which further ones wait, while the program handles it
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGXCPU")
 
 
 class State(StrEnum):

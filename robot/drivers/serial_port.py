@@ -8,10 +8,12 @@ import select
 import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from pathlib import Path
 from typing import Protocol, TypeVar
 from urllib.parse import urlsplit
 
+from sautereau.rig.disk import read_limited
 from sautereau.rig.lock import Taken, device_lock, locked
 from sautereau.robot.errors import (
     GarbledAnswer,
@@ -147,7 +149,7 @@ def _opened(name: str, baud_rate: int, timeout: float) -> Port:
     if separator and scheme not in SCHEMES:
         raise ValueError(f"{scheme}:// is not one of tcp, {', '.join(SCHEMES)}")
     try:
-        return serial.serial_for_url(
+        port = serial.serial_for_url(
             name,
             baudrate=baud_rate,
             timeout=min(timeout, _WAIT),
@@ -156,6 +158,22 @@ def _opened(name: str, baud_rate: int, timeout: float) -> Port:
         )
     except KeyError as error:  # loop:// raises it for an option that it does not know
         raise ValueError(f"{name.partition('?')[2]!r} is not an option of {scheme}://") from error
+    # A USB adapter collects bytes for up to 16 ms, unless the system has this mode (Linux).
+    with suppress(AttributeError, ValueError):
+        port.set_low_latency_mode(True)
+    return port
+
+
+def latency(name: str, devices: Path = Path("/sys/bus/usb-serial/devices")) -> float | None:
+    """Return how long the USB adapter of a port collects bytes, s; None where it is unknown.
+
+    In low-latency mode, while a port is open, the driver of FTDI's adapters uses 1 ms instead.
+    """
+    timer = devices / Path(name).resolve().name / "latency_timer"
+    try:
+        return float(read_limited(timer)) * 1e-3
+    except (OSError, ValueError):
+        return None
 
 
 def port_errors() -> tuple[type[Exception], ...]:

@@ -32,6 +32,8 @@ class Punctuality:
     """RMS difference of the setpoints from their due times, s."""
     skipped: int
     """Setpoints that were not sent because the next one was due."""
+    exchange: float
+    """Median time in which a setpoint is sent and answered, s."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ class Stream:
         self._lead = lead * setpoints.interval
         self._sent: list[int] = []
         self._times: list[float] = []
+        self._took: list[float] = []
         self._counts: list[Counts] = []
         self._torques: list[Floats | None] = []
         self.cancelled = threading.Event()
@@ -119,17 +122,26 @@ class Stream:
             float(np.diff(times).max(initial=0.0)),
             float(np.sqrt(np.mean(late**2))) if len(late) else 0.0,
             len(self._setpoints.planned) - len(self._sent),
+            float(np.median(self._took)) if self._took else 0.0,
         )
 
     def check_punctuality(self) -> None:
         """Refuse a motion with too large a gap between setpoints."""
         found, limit = self.punctuality, LARGEST_GAP * self._setpoints.interval
         if found.largest_gap > limit * (1 + 1e-9):
+            fix = "end other programs on this computer, then press again"
+            if found.exchange > self._setpoints.interval:
+                fix = (
+                    f"sending one takes {found.exchange * 1e3:.3g} ms, longer than the"
+                    f" {self._setpoints.interval * 1e3:.3g} ms between them: set the latency timer"
+                    " of the USB adapter to 1 ms, see `sautereau doctor`, or raise"
+                    " controller.baud_rate, then press again"
+                )
             raise MotionFault(
                 f"the motion had a gap of {found.largest_gap * 1e3:.3g} ms between two setpoints"
                 f" and {limit * 1e3:.3g} ms are allowed ({found.jitter * 1e3:.3g} ms RMS"
                 f" jitter, {found.skipped} setpoints skipped), so its speed was not the planned"
-                " one; end other programs on this computer, then press again"
+                f" one; {fix}"
             )
 
     def _run(self) -> None:
@@ -147,6 +159,7 @@ class Stream:
             now = polling.clock() - start
             index = max(index, min(int(now / interval), last))  # what is due, if it is late
             counts, torques = self._send_row(index)
+            self._took.append(polling.clock() - start - now)
             self._sent.append(index)
             self._times.append(now)
             self._counts.append(counts)

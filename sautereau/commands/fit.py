@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from sautereau.analysis.text import SOME_SIMULATED, counted, grouped
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, make_folders, save_plot
+from sautereau.commands.output import FileOutput, has, make_folders, save_plot
 
 if TYPE_CHECKING:
     from sautereau.analysis.transient import Source
@@ -156,7 +156,9 @@ def identify(
     names = [name.strip() for name in free.split(",") if name.strip()]
     with common.options():
         check_names(names, dict(map(read_prior, prior or ())))
-    output.refuse(out)
+    # Only the end shows whether a file of an earlier identification is the one of this command.
+    earlier = out is not None and not output.force and has(out, "identified from ", within=True)
+    output.refuse(None if earlier else out)
     make_folders(out)
     session, faults = common.opened(files, output, samples=True)
     with output.progress("fitting"):
@@ -169,7 +171,9 @@ def identify(
     if plot:
         save_plot(plot, fit.plot())
     if out:
-        fit.write(out)
+        if not (earlier and has(out, fit.text)):
+            output.refuse(out)
+            fit.write(out)
         result |= {"rig": str(out) if fit.values else None, "written": fit.values}
         written = f"{out}, with {', '.join(fit.values)}" if fit.values else "nothing was written"
         lines.append(f"rig:     {written}")

@@ -194,6 +194,21 @@ class FileOutput(Output):
         return there
 
 
+def has(path: Path, text: str, *, within: bool = False) -> bool:
+    """Return whether a file is, or contains, a text: so a command may leave it that is then killed.
+
+    A repetition of that command need not refuse it.
+    """
+    from sautereau.rig.disk import read_limited
+
+    try:
+        content = read_limited(path)
+    except OSError:
+        return False
+    known = text.encode("utf-8")
+    return known in content if within else known == content
+
+
 def make_folders(*paths: Path | None) -> None:
     """Make the folders of files to write, before a long computation.
 

@@ -18,6 +18,8 @@ from sautereau.commands.common import Dated
 from sautereau.commands.output import LATE_WARNINGS, FileOutput, Output, printable
 from sautereau.rig.disk import open_to_append
 
+ENDING = ("SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGXCPU")
+"""Signals that would end a command without a word; the last one is of a limit of processor time."""
 _ROOT = logging.getLogger("sautereau")
 
 
@@ -57,16 +59,16 @@ def _is_new_file(annotation: Any) -> bool:
 
 @contextmanager
 def signals_stop() -> Iterator[None]:
-    """Raise KeyboardInterrupt on SIGTERM and on a closed terminal, as on Ctrl-C.
+    """Raise KeyboardInterrupt on each signal of `ENDING`, as on Ctrl-C.
 
-    After one they still do, so that none of them ends the command before its message. A closed
-    terminal that is ignored from the start (nohup) stays ignored.
+    After one they still do, so that none of them ends the command before its message. A signal that
+    is ignored from the start (a closed terminal under nohup), or handled, stays so.
     """
 
     def interrupt(number: int, _frame: object) -> None:
         raise KeyboardInterrupt(signal.Signals(number).name)
 
-    names = [name for name in ("SIGTERM", "SIGHUP") if _heeded(name)]
+    names = [name for name in ENDING if _is_default(name)]
     before = _handle(names, interrupt)
     interrupted = False
     try:
@@ -91,11 +93,11 @@ def on_signals(names: tuple[str, ...], handle: Callable[[int, Any], None]) -> It
 
 def ignore_signals() -> None:
     """Ignore further interrupts: the command is about to end with its message."""
-    _handle(("SIGINT", "SIGTERM", "SIGHUP"), signal.SIG_IGN)
+    _handle(("SIGINT", *ENDING), signal.SIG_IGN)
 
 
-def _heeded(name: str) -> bool:
-    return hasattr(signal, name) and signal.getsignal(getattr(signal, name)) != signal.SIG_IGN
+def _is_default(name: str) -> bool:
+    return hasattr(signal, name) and signal.getsignal(getattr(signal, name)) == signal.SIG_DFL
 
 
 def _handle(names: tuple[str, ...] | list[str], handle: Any) -> dict[str, Any]:

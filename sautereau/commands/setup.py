@@ -14,7 +14,7 @@ from cyclopts.validators import Number as Range
 
 from sautereau.analysis.text import wrapped
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, Output
+from sautereau.commands.output import FileOutput, Output, has
 from sautereau.robot.errors import RobotError
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def _step(_: object, tokens: Sequence[Token]) -> str:
 
 
 def init(
-    file: common.OutFile = Path("my-rig.toml"),
+    file: Path = Path("my-rig.toml"),
     /,
     *,
     instrument: bool = False,
@@ -95,7 +95,9 @@ def init(
         check = f"use it with: sautereau init KEY.toml --instrument --base {quote(file.name)}"
     else:
         text = commented_rig()
-    write_durably(file, text)
+    if not has(file, text):
+        with output.creating(file):
+            write_durably(file, text)
     return output.answer(
         {"path": str(file)},
         [f"rig file: {file}, with the numbers of the packaged rig `paper`", check],

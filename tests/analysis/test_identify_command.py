@@ -54,6 +54,10 @@ def test_identify_writes_a_rig_that_compare_agrees_with(recordings, tmp_path, ca
         "plectrum.youngs_modulus", "plectrum.overlap", "key.inertia"
     }  # fmt: skip
     assert picture.stat().st_size > 1000
+    content = rig.read_bytes()
+    again = "identify", *recordings, "--free", free, "--starts", 1, "--out", rig
+    assert run(capsys, *again)[0] == 0  # killed just after it had written the file
+    assert rig.read_bytes() == content
     written = load_rig(rig)
     overlap = found["parameters"]["plectrum.overlap"]
     assert written.plectrum.overlap == pytest.approx(overlap["value"], abs=overlap["std"] / 20)

@@ -357,7 +357,16 @@ def test_a_full_disk(command_server, tmp_path, bare, rig_file):
     refused(done, "warm-up-01.mcap.part", "cannot be written")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, slow(signal.SIGTERM), signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGINT,
+        slow(signal.SIGTERM),
+        signal.SIGHUP,
+        slow(signal.SIGUSR1),
+        slow(signal.SIGXCPU),
+    ],
+)
 def test_an_interrupted_session_leaves_a_safe_arm_and_complete_files(
     command_server, rig_file, tmp_path, stand_in, number
 ):

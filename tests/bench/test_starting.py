@@ -111,6 +111,15 @@ def test_an_interrupt_while_importing_ends_with_130(monkeypatch):
 
 
 @posix
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGUSR1", "SIGUSR2", "SIGXCPU"])
+def test_a_signal_that_would_end_the_program_stops_it_like_ctrl_c(name):
+    before = signal.getsignal(getattr(signal, name))
+    with signals_stop(), pytest.raises(KeyboardInterrupt, match=name):
+        os.kill(os.getpid(), getattr(signal, name))
+    assert signal.getsignal(getattr(signal, name)) == before
+
+
+@posix
 def test_a_closed_terminal_that_is_ignored_from_the_start_stays_ignored():
     """As nohup starts a command."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)

@@ -43,7 +43,7 @@ def test_samples_are_bit_exact(bench, tmp_path, monkeypatch):
     assert [block.first_sample for block in blocks] == list(range(0, 25_600, 1024))
     found = np.concatenate([block.volts for block in blocks], axis=1)
     assert np.array_equal(found.view(np.uint64), volts(0, 25_600, 2).view(np.uint64))
-    assert card.setups[-1].terminals == ("ai0", "ai1")
+    assert card.setups[-1].terminals == ("Dev1/ai0", "Dev1/ai1")
     assert card.setups[-1].trigger == "/Dev1/PFI0"
     assert card.runs[0].stopped.is_set()
     assert list((tmp_path / "sautereau").iterdir()) == []  # its lock is removed

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from sautereau.daq.convert.from_arrays import open_mat, open_npz
+from sautereau.daq.convert.from_arrays import open_mat, open_numpy
 from sautereau.daq.errors import RecordingError
 
 T = np.arange(50) / 1e3
@@ -64,7 +64,7 @@ def test_matlab(tmp_path):
 def test_records_of_numpy(tmp_path):
     records = np.array(list(zip(T, V, strict=True)), [("t", "f8"), ("v", "f4")])
     np.savez(tmp_path / "a.npz", records=records, v=V)
-    source = open_npz(tmp_path / "a.npz")
+    source = open_numpy(tmp_path / "a.npz")
     assert source.names == ("records.t", "records.v", "v")
     assert np.array_equal(source.read(["records.v"])["records.v"], V.astype("f4"))
 
@@ -72,5 +72,5 @@ def test_records_of_numpy(tmp_path):
 def test_what_cannot_be_read_is_not_called_damaged(tmp_path):
     np.savez(tmp_path / "a.npz", ragged=cell(V, T[:7]))
     with pytest.raises(RecordingError, match="allow_pickle") as raised:
-        open_npz(tmp_path / "a.npz")
+        open_numpy(tmp_path / "a.npz")
     assert "damaged" not in str(raised.value)

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,6 +32,8 @@ class Stream:
 
     counts = np.zeros((0, 3), dtype=np.int32)
     lost_at = -1
+    pause = 0
+    started = 0.0
 
     def __init__(self, *, channels, samplerate, blocksize, callback, **_):
         if samplerate != RATE:
@@ -45,7 +48,14 @@ class Stream:
         for first in range(0, len(self.counts), self._size):
             piece = self.counts[first : first + self._size, : self._channels]
             lost = first <= self.lost_at < first + self._size
-            self._callback(piece, len(piece), None, SimpleNamespace(input_overflow=lost))
+            # The stream's clock is an hour ahead; the first sample of a piece is 0.1 s old.
+            now = time.monotonic() + 3600.0
+            times = SimpleNamespace(currentTime=now, inputBufferAdcTime=now - 0.1)
+            if first == 0:
+                type(self).started = now - 3600.1
+            self._callback(piece, len(piece), times, SimpleNamespace(input_overflow=lost))
+            if self.pause and first >= self.pause:
+                time.sleep(0.2)
 
     def stop(self, ignore_errors=True):
         pass
@@ -106,6 +116,38 @@ def test_the_edge_on_an_input_starts_the_recording_at_its_sample(played, daq, be
     early = round(before * RATE)
     assert first == -early
     np.testing.assert_array_equal(found, volts[:, edge - early : edge + 2400])
+
+
+def test_the_start_waits_for_the_samples_before_the_edge(played, daq, monkeypatch):
+    monkeypatch.setattr(Stream, "pause", 1024)
+    volts = played(3000)
+    daq = daq.model_copy(update={"pre_trigger": 50e-3})  # 2400 samples: the third piece
+    with open_source(daq, 0.05, triggered=True) as source:
+        begun = time.monotonic()
+        source.start()
+        assert time.monotonic() - begun > 0.1
+        found = np.concatenate([block.volts for block in source.blocks()], axis=1)
+    np.testing.assert_array_equal(found, volts[:, 600:5400])
+    played(edge=100)
+    monkeypatch.setattr(Stream, "counts", np.zeros((1000, 3), dtype=np.int32))
+    with (
+        open_source(daq.model_copy(update={"trigger_timeout": 0.1}), 0.05) as source,
+        pytest.raises(
+            DaqError, match=r"1000 samples after 0\.15 s, but daq\.pre_trigger needs 2400"
+        ),
+    ):
+        source.start()
+
+
+def test_the_edge_is_dated_by_the_converter_not_by_its_arrival(played, daq):
+    played(1500)
+    with open_source(daq, 0.05, triggered=True) as source:
+        source.start()
+        counts = [counted for block in source.blocks() for counted in block.counted]
+    # All pieces arrive at once, so that the first one alone has the true time of its samples.
+    first, *_ = counts
+    assert first.asked == pytest.approx(Stream.started, abs=5e-3)
+    assert first.stop == 1024 - 1500 + 1  # the edge is in the second piece
 
 
 def test_without_a_trigger_every_sample_from_the_start(played, daq):

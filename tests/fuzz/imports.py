@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+import soundfile
 from nptdms import ChannelObject, RootObject, TdmsWriter
 from scipy.io import savemat
 
@@ -19,13 +20,14 @@ from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.load import load_rig
+from tests.daq import test_convert_libraries as libraries
 from tests.fuzz import mutate
 from tests.fuzz.run import Wrong
 
 PAPER = load_rig()
 ROWS = 400
 VALUES = np.sin(np.arange(ROWS) / 5)
-RATED = ("wav", "tdms")
+RATED = ("wav", "tdms", "flac", "lvm", "uff")
 WAV_FIELDS = ((20, 2), (22, 2), (24, 4), (28, 4), (32, 2), (34, 2), (16, 4), (40, 4))
 """Offset and width of tag, channels, rate, bytes per second, block, bits, and two lengths."""
 DTYPES = ("<f8", ">f8", "<f4", "<i2", ">i4", "u1", "?", "<c16", "<U3", "<M8[ns]", "O", "<f2", "V8")
@@ -170,8 +172,53 @@ def of_h5(dice: random.Random) -> bytes:
     return file.getvalue()
 
 
+def of_lvm(dice: random.Random) -> bytes:
+    return libraries.lvm(dice.choice(("No", "One", "Multi")), dice.choice(".,")).encode()
+
+
+def of_uff(dice: random.Random) -> bytes:
+    return libraries.uff(binary=dice.random() < 0.5, spacing=dice.choice((0, 1, 1)))
+
+
+def of_xlsx(dice: random.Random) -> bytes:
+    file = io.BytesIO()
+    libraries.workbook(file)
+    with zipfile.ZipFile(file) as book:
+        parts = {name: book.read(name) for name in book.namelist()}
+    name = dice.choice(list(parts))
+    parts[name] = mutate.as_bytes(mutate.of_text(parts[name].decode(), dice), dice)
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as book:
+        for each, part in parts.items():
+            book.writestr(each, part)
+    return file.getvalue()
+
+
+def of_flac(dice: random.Random) -> bytes:
+    file = io.BytesIO()
+    kinds = ("FLAC", "W64", "CAF", "AIFF")
+    soundfile.write(file, VALUES, dice.choice((8_000, 48_000)), "PCM_24", format=dice.choice(kinds))
+    return file.getvalue()
+
+
+def of_npy(dice: random.Random) -> bytes:
+    file = io.BytesIO()
+    np.save(file, np.stack([VALUES, VALUES], axis=1))
+    return file.getvalue()
+
+
 MAKERS = {"csv": of_csv, "parquet": of_parquet, "wav": of_wav, "tdms": of_tdms, "mat": of_mat,
-          "npz": of_npz, "h5": of_h5}  # fmt: skip
+          "npz": of_npz, "npy": of_npy, "h5": of_h5, "lvm": of_lvm, "uff": of_uff, "xlsx": of_xlsx,
+          "flac": of_flac}  # fmt: skip
+COLUMNS = {
+    "wav": "1",
+    "flac": "1",
+    "npy": "data(1)",
+    "lvm": "vel",
+    "uff": "1Z",
+    "xlsx": "vel (mm/s)",
+}
+"""Column of the velocity; otherwise `v`."""
 
 
 class Imports:
@@ -188,7 +235,7 @@ class Imports:
         if kind == "csv" and dice.random() < 0.3:
             cut = dice.randrange(len(data))
             data = data[:cut]
-        elif kind == "csv" and dice.random() < 0.7:
+        elif kind in ("csv", "lvm") and dice.random() < 0.7:
             data = mutate.as_bytes(mutate.of_text(data.decode(), dice, (",", ";", "\t")), dice)
         elif dice.random() < 0.6:
             data = mutate.of_bytes(data, dice)
@@ -205,15 +252,15 @@ class Imports:
         return "imported"
 
     def _options(self, dice: random.Random) -> ImportOptions:
-        wav = self._kind == "wav"
+        wav = self._kind in ("wav", "flac")
         time = self._kind == "csv" and dice.random() < 0.5
-        scale: Any = {"full_scale" if wav else "unit": {"velocity": "1 V" if wav else "V"}}
+        scale: Any = {"full_scale": {"velocity": "1 V"}} if wav else {"unit": {"velocity": "V"}}
         return ImportOptions(
-            column={"velocity": "1" if wav else "v"},
+            column={"velocity": COLUMNS.get(self._kind, "v")},
             without=("force",),
             rate=None if self._kind in RATED or time else "1 kHz",
             time="t (s)" if time else None,
-            trigger="0 s",
+            trigger="0.5 s" if self._kind in ("lvm", "uff") else "0 s",
             started="2026-02-03T04:05:06+01:00",
             simulated=False,
             **scale,

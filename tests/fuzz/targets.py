@@ -22,7 +22,10 @@ _PLACES = {
     "fit": "texts:Fits",
     "campaign": "tables:Campaigns",
     "command": "commands:Commands",
-    **dict.fromkeys(("csv", "parquet", "wav", "tdms", "mat", "npz", "h5"), "imports:Imports"),
+    **dict.fromkeys(
+        ("csv", "parquet", "wav", "tdms", "mat", "npz", "npy", "h5", "lvm", "uff", "xlsx", "flac"),
+        "imports:Imports",
+    ),
 }
 
 

@@ -4,6 +4,7 @@ import errno
 import os
 import stat
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -165,3 +166,35 @@ def test_what_is_no_rig_file_is_named(tmp_path, monkeypatch):
     for name, kind in (("session", "a folder"), ("press-0001.mcap", "a recording")):
         with pytest.raises(RigError, match=rf"'{name}' is {kind}; give the path of a \.toml file"):
             load_rig(name)
+
+
+def test_a_name_as_long_as_the_system_allows(tmp_path):
+    path = tmp_path / ("\N{GREEK SMALL LETTER MU}" * 125 + ".toml")  # 255 bytes
+    write_durably(path, "a")
+    with pytest.raises(FileExistsError) as caught:
+        write_durably(path, "b")
+    assert caught.value.filename == str(path)
+    write_durably(path, "b", replace=True)
+    assert path.read_text() == "b"
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+
+
+FEW = """
+import resource
+from sautereau.rig.disk import need_open_files
+resource.setrlimit(resource.RLIMIT_NOFILE, (12, 80))
+need_open_files()
+print(resource.getrlimit(resource.RLIMIT_NOFILE))
+resource.setrlimit(resource.RLIMIT_NOFILE, (12, 12))
+try: need_open_files()
+except Exception as error: print(type(error).__name__, error)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="it has no such limit")
+def test_open_files_are_raised_to_what_is_needed_or_the_limit_is_named():
+    done = subprocess.run([sys.executable, "-c", FEW], capture_output=True, text=True, check=True)
+    raised, refused = done.stdout.splitlines()
+    assert raised == "(64, 80)"
+    assert "allows this process 12 open files" in refused
+    assert "ulimit -n 64" in refused

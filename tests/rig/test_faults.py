@@ -160,7 +160,7 @@ def test_all_jacks_hold_the_key_on_its_back_rail():
         ),
         ([('["-80 deg"', '["80 deg"')], ["arm: lower_limits", "joint 1", "lower the first"]),
         ([('name = "force"', 'name = "velocity"')], ["daq.channels: name velocity is used twice"]),
-        ([('"ai1"', '"ai0"')], ["daq.channels: terminal ai0 is used twice", "give each"]),
+        ([('"ai1"', '"ai0"')], ["daq.channels: terminal Dev1/ai0 is used twice", "give each"]),
         (
             [('high_pass = "0.1 Hz"', 'high_pass = "22 kHz"')],
             ["daq.channels.1.high_pass: 22000 Hz is not below low_pass", "raise low_pass"],

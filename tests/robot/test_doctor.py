@@ -9,6 +9,8 @@ import pytest
 from sautereau import doctor
 from sautereau.doctor import clock, disk_room, disk_speed, examine
 from sautereau.rig.load import load_rig, with_values
+from sautereau.robot.drivers import serial_port
+from sautereau.robot.drivers.serial_port import latency
 
 RIG = load_rig()
 
@@ -59,6 +61,24 @@ def test_a_port_without_permission_is_reported_with_its_group(tmp_path, monkeypa
     finding = found(with_values(RIG, {"controller.port": str(port)}), tmp_path)["controller"]
     assert not finding.ok
     assert f"usermod -aG {port.group()}" in finding.how_to_fix
+
+
+def test_a_slow_adapter_and_a_missing_portaudio_are_named(tmp_path, monkeypatch):
+    port = tmp_path / "ttyUSB9"
+    port.touch()
+    (tmp_path / "devices" / port.name).mkdir(parents=True)
+    (tmp_path / "devices" / port.name / "latency_timer").write_text("16\n")
+    assert latency(str(port), tmp_path / "devices") == 0.016
+    assert latency("/dev/nowhere", tmp_path / "devices") is None
+    monkeypatch.setattr(serial_port, "latency", lambda _: 0.016)
+    finding = found(with_values(RIG, {"controller.port": str(port)}), tmp_path)["controller"]
+    assert "for 16 ms" in finding.detail
+    assert "ttyUSB9/latency_timer" in finding.detail
+    monkeypatch.setitem(sys.modules, "sounddevice", None)
+    monkeypatch.setattr(doctor.metadata, "requires", lambda _: ["numpy; extra == 'sound'"])
+    detail = found(RIG, tmp_path)["extras"].detail
+    assert "installed: none; not installed: sound" in detail
+    assert "libportaudio2" in detail
 
 
 def test_a_folder_that_cannot_be_written_is_reported(tmp_path):

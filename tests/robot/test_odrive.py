@@ -370,6 +370,21 @@ def test_a_press_with_a_large_gap_is_refused(controller, segments):
         controller.wait()
 
 
+def test_a_slow_adapter_is_named_where_setpoints_are_skipped(controller, segments):
+    with fails(controller, MotionFault, r"sending one takes 16 ms, .* latency timer", OFF):
+        ready(controller, segments)
+        now, send = [0.0], controller.driver.send
+        controller.driver.polling.clock = lambda: now[0]
+
+        def slow(rows, index):
+            now[0] += 0.016
+            return send(rows, index)
+
+        controller.driver.send = slow
+        controller.start()
+        controller.wait()
+
+
 def test_stop_in_mid_motion_decelerates_and_returns_the_positions(controller, port, segments):
     with controller, controller.powered():
         ready(controller, segments)

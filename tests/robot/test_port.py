@@ -1,5 +1,7 @@
 """Ports that are missing, forbidden or in use, and real pyserial without an answer."""
 
+import os
+
 import pytest
 import serial
 
@@ -49,3 +51,17 @@ def test_urls_that_are_no_port_of_a_controller_are_refused(url, tmp_path, monkey
     with pytest.raises(PortUnavailable, match="is not one of tcp, socket"):
         open_port(url, 115_200, 0.1)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_serial_port_is_asked_for_low_latency(monkeypatch):
+    asked = []
+    monkeypatch.setattr(serial.Serial, "set_low_latency_mode", lambda _, on: asked.append(on))
+    main, device = os.openpty()
+    try:
+        open_port(os.ttyname(device), 115_200, 0.1).close()
+        monkeypatch.undo()
+        open_port(os.ttyname(device), 115_200, 0.1).close()  # it has no such mode
+    finally:
+        os.close(main)
+        os.close(device)
+    assert asked == [True]

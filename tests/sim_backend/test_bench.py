@@ -44,7 +44,7 @@ def test_an_acquisition_that_is_over_is_not_kept():
     """So that memory and time do not grow in a long session."""
     bench = Bench(load_rig(), mute_scene())
     for _ in range(50):
-        run = bench.card.start(TaskSetup(("ai0", "ai1"), 51_200.0, 10, None))
+        run = bench.card.start(TaskSetup(("Dev1/ai0", "Dev1/ai1"), 51_200.0, 10, None))
         while bench.busy:
             bench.tick()
         assert run.read(0, 10).shape == (2, 10)

@@ -58,7 +58,7 @@ def test_a_finite_triggered_acquisition_is_bit_exact(card, task):
     assert np.array_equal(found.view(np.uint64), volts(0, 25_600, 2).view(np.uint64))
     (setup,) = card.setups
     found = (setup.terminals, setup.rate, setup.n_samples, setup.trigger)
-    assert found == (("ai0", "ai1"), 51_200.0, 25_600, "/Dev1/PFI0")
+    assert found == (("Dev1/ai0", "Dev1/ai1"), 51_200.0, 25_600, "/Dev1/PFI0")
 
 
 def test_a_large_read_in_one_answer(card, task):

@@ -7,6 +7,7 @@ import pytest
 
 from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.report.facts import corrections
+from sautereau.daq.errors import DaqError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.recording import Recording
@@ -45,7 +46,7 @@ class Unmoved:
     joints = ()
 
 
-def described(product, rate="20 kHz", device="Dev1"):
+def described(product, rate="20 kHz", device="Dev1", **more):
     rig = with_values(
         load_rig(),
         {
@@ -53,13 +54,18 @@ def described(product, rate="20 kHz", device="Dev1"):
             "daq.device": device,
             "daq.channels.0.range": "5 V",
             "daq.channels.1.range": "5 V",
-        },
+        }
+        | {f"daq.channels.{key}": value for key, value in more.items()},
     )
     scene = load_scene("ideal").model_copy(update={"card": product})
-    rig = scene.as_wired(rig)
+    rig = scene.true_rig(scene.as_wired(rig))
+    return rig, bench_card(rig, product)
+
+
+def bench_card(rig, product):
+    scene = load_scene("ideal").model_copy(update={"card": product})
     injection = FaultInjection(None, Unmoved(), lambda: 0.0)
-    card = BenchCard(Wiring(rig, scene, 0, FairLock()), injection, lambda: 0.0)
-    return rig, card
+    return BenchCard(Wiring(rig, scene, 0, FairLock()), injection, lambda: 0.0)
 
 
 def vibrating():
@@ -82,18 +88,32 @@ def phase(time, values):
 @pytest.mark.parametrize(("product", "rate", "device", "terminal", "delay", "skew"), CASES)
 def test_both_sensors_are_aligned(tmp_path, product, rate, device, terminal, delay, skew):
     rig, card = described(product, rate, device)
+    path = tmp_path / "press-0001.mcap"
+    settings = recorded(rig, card, path)
+    assert settings.device.startswith(product)
+    assert settings.trigger == terminal
+    assert [one.delay for one in settings.channels] == pytest.approx([delay, delay - skew])
+    bits = 24 if product.startswith("NI") else 14 if product == "USB-6009" else 16
+    counts = read_recording(path).volts["force"] / (2 * 5.0 / 2**bits)
+    np.testing.assert_array_equal(counts, np.rint(counts))
+    kind = read_recording(path).channels["/daq"]["type"]
+    assert kind == ("int32" if bits == 24 else "int16")
+    must_be_aligned(path)
+    for channel in read_recording(path).rig.daq.channels:
+        said = corrections(channel)
+        assert (f"{channel.input_delay * 1e6:.4g} us" in said) == bool(channel.input_delay)
+
+
+def recorded(rig, card, path):
+    """Record what moves at the inputs of a card; return the settings of the acquisition."""
     with DaqmxServer(card) as server:
         rig = with_values(rig, {"daq.address": server.address})
         with Acquisition(rig.daq, DURATION) as acquisition:
             settings = acquisition.settings()
-            assert settings.device.startswith(product)
-            assert settings.trigger == terminal
-            assert [one.delay for one in settings.channels] == pytest.approx([delay, delay - skew])
             acquisition.start()
             card.edge()
             card.feed(vibrating())
             session = SessionInfo(1, datetime.now(UTC).isoformat(), True, "none", "none", seed=0)
-            path = tmp_path / "press-0001.mcap"
             with Recording(
                 path,
                 acquisition.of_device(rig),
@@ -103,11 +123,11 @@ def test_both_sensors_are_aligned(tmp_path, product, rate, device, terminal, del
             ) as recording:
                 for block in acquisition.blocks():
                     recording.write_block(block)
-    bits = 24 if product.startswith("NI") else 14 if product == "USB-6009" else 16
-    counts = read_recording(path).volts["force"] / (2 * 5.0 / 2**bits)
-    np.testing.assert_array_equal(counts, np.rint(counts))
-    kind = read_recording(path).channels["/daq"]["type"]
-    assert kind == ("int32" if bits == 24 else "int16")
+    return settings
+
+
+def must_be_aligned(path):
+    """Compare phase and step of each signal with those at the inputs, to 1 us and 10 us."""
     data = load_press(path).data
     time = data.index.to_numpy()
     inner, rise = (time > 0.005) & (time < 0.085), abs(time - STEP) < WIDTH / 3
@@ -118,9 +138,93 @@ def test_both_sensors_are_aligned(tmp_path, product, rate, device, terminal, del
         values = data[name].to_numpy()
         half = (values[before].mean() + values[after].mean()) / 2
         assert np.interp(half, values[rise], time[rise]) == pytest.approx(STEP, abs=10e-6)
-    for channel in read_recording(path).rig.daq.channels:
-        said = corrections(channel)
-        assert (f"{channel.input_delay * 1e6:.4g} us" in said) == bool(channel.input_delay)
+
+
+CHASSIS = {"cDAQ1Mod1": "NI 9215", "cDAQ1Mod2": "NI 9234", "cDAQ1Mod3": "NI 9205"}
+"""The vibrometer's module, that of the force with IEPE, and a multiplexer."""
+IEPE = 38.4 / 51_200 + 3.2e-6  # s, delay of a 9234's filter
+
+
+def of_chassis(**more):
+    modules = {"0.device": "cDAQ1Mod1", "1.device": "cDAQ1Mod2", "1.excitation": "2 mA"}
+    return described(
+        CHASSIS, "51.2 kHz", "cDAQ1Mod1", **{"1.input_coupling": "ac"} | modules | more
+    )
+
+
+def test_three_modules_of_a_chassis_are_aligned(tmp_path):
+    rig, _ = of_chassis()
+    velocity, force = rig.daq.channels
+    again = [
+        channel.model_copy(
+            update={"name": name, "device": "cDAQ1Mod3", "terminal": terminal, "excitation": 0.0}
+            | {"input_coupling": "default"}
+        )
+        for name, channel, terminal in (("v", velocity, "ai4"), ("f", force, "ai9"))
+    ]
+    rig = rig.replaced({"daq.channels": (velocity, again[0], force, again[1])})
+    card = bench_card(rig, CHASSIS)
+    settings = recorded(rig, card, path := tmp_path / "press-0001.mcap")
+    assert settings.trigger == "/cDAQ1/PFI0"
+    assert all(f"{product}, " in settings.device for product in CHASSIS.values())
+    found = {one.name: (one.terminal, one.delay) for one in settings.channels}
+    assert found["velocity"] == ("cDAQ1Mod1/ai0", 0.0)
+    assert found["force"] == ("cDAQ1Mod2/ai1", pytest.approx(IEPE))
+    assert found["v"] == ("cDAQ1Mod3/ai4", 0.0)
+    # The multiplexer is alone with its two inputs: 4 us and the settling time apart.
+    assert found["f"] == ("cDAQ1Mod3/ai9", pytest.approx(-min(14e-6, 1 / 102.4e3)))
+    assert {one.excitation for one in settings.channels} == {None, 0.002}
+    assert {one.coupling for one in settings.channels} == {"dc", "ac"}
+    must_be_aligned(path)
+    press = read_recording(path)
+    for channel in press.rig.daq.channels:
+        volts = press.volts[channel.name]
+        times = np.arange(len(volts)) / settings.rate - channel.input_delay
+        inner = (times > 0.005) & (times < 0.085)
+        late = -phase(times[inner], volts[inner]) / (2 * np.pi * FREQUENCY)
+        assert late == pytest.approx(0.0, abs=10e-6), channel.name
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"1.device": "cDAQ1Mod7"}, ["daq.channels.force", "cDAQ1Mod7", "cDAQ1Mod2"]),
+        ({"0.terminal": "ai4"}, ["daq.channels.velocity.terminal", "ai4", "NI 9215"]),
+    ],
+)
+def test_a_chassis_that_the_rig_does_not_fit_is_refused(more, words):
+    with pytest.raises(SceneError) as caught:
+        of_chassis(**more)
+    assert all(word in str(caught.value) for word in words)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"1.device": "cDAQ1Mod7"}, ['daq.channels.force.device = "cDAQ1Mod7"', "cDAQ1Mod2"]),
+        ({"1.terminal": "ai4"}, ["cDAQ1Mod2/ai4", "daq.channels.*.terminal", "cDAQ1Mod1/ai0"]),
+        ({"0.excitation": "2 mA"}, ["daq.channels.velocity", "AI_EXCIT_SRC"]),
+        ({"0.input_coupling": "ac"}, ["daq.channels.velocity", "AI_COUPLING"]),
+        ({"1.range": "9 V"}, ["AI.Max", "cDAQ1Mod2/ai1"]),
+    ],
+)
+def test_a_fault_of_one_module_names_its_key(more, words):
+    rig, card = of_chassis()
+    rig = with_values(rig, {f"daq.channels.{key}": value for key, value in more.items()})
+    with DaqmxServer(card) as server, pytest.raises(DaqError) as caught:
+        Acquisition(rig.replaced({"daq.address": server.address}).daq, 0.1).__enter__()
+    assert all(word in str(caught.value) for word in words), str(caught.value)
+
+
+def test_a_press_on_modules_of_a_chassis_and_on_an_ideal_card():
+    rig = with_values(load_rig(), {"daq.channels.1.device": "Dev2"})
+    with (
+        StandIn(rig, load_scene("ideal")) as stand_in,
+        Acquisition(stand_in.rig.daq, 0.1, triggered=False) as acquisition,
+    ):
+        assert [one.terminal for one in acquisition.settings().channels] == ["Dev1/ai0", "Dev2/ai1"]
+        acquisition.start()
+        assert sum(block.n_samples for block in acquisition.blocks()) == acquisition.n_samples
 
 
 def release(path):
@@ -163,5 +267,5 @@ def test_a_scene_names_a_card_that_has_the_inputs_of_the_rig():
     scene = load_scene("ideal").model_copy(update={"card": "NI 9234"})
     with pytest.raises(SceneError, match="4 inputs from ai0 on"):
         scene.true_rig(rig)
-    with pytest.raises(SceneError, match='one of "sautereau stand-in", "NI 9234"'):
+    with pytest.raises(SceneError, match='one of "sautereau stand-in", "NI 9215"'):
         parse_scene('card = "NI 1234"')

@@ -182,7 +182,7 @@ def leads(program, threads, **unit):
         bench.firmware.host_waits = False
         send(bench, f"DL\r#P\rWT {wait}\r{program}\rEN\r#X\rn=n+1\rJP #X\r\\")
         send(bench, "n=0;SH;PVA=2000,0,40;PVA=,,0")
-        setup = TaskSetup(("ai0", "ai1"), 51_200.0, 10, bench.rig.daq.trigger_source)
+        setup = TaskSetup(("Dev1/ai0", "Dev1/ai1"), 51_200.0, 10, bench.rig.daq.trigger_source)
         bench.card.start(setup)
         send(bench, "".join(f"XQ #X,{n + 1};" for n in range(threads)) + "XQ #P")
         path, times = [], []
@@ -218,7 +218,7 @@ def test_an_ideal_finger_has_no_encoders_to_lose():
 
 def test_an_amplifier_fault_of_a_press():
     bench = arm({"amplifier_fault": {"joint": 1, "press": 1}})
-    setup = TaskSetup(("ai0", "ai1"), 51_200.0, 10, bench.rig.daq.trigger_source)
+    setup = TaskSetup(("Dev1/ai0", "Dev1/ai1"), 51_200.0, 10, bench.rig.daq.trigger_source)
     bench.card.start(setup)
     send(bench, "SH;OE 1,1;TA 0")
     run(bench, 5)

@@ -36,7 +36,7 @@ def motions(sample):
     return Motions(time, still, spin(time), still, force(time), still, still)
 
 
-def armed(rig, *, n=2000, terminals=("ai0", "ai1"), rate=51_200.0, **others):
+def armed(rig, *, n=2000, terminals=("Dev1/ai0", "Dev1/ai1"), rate=51_200.0, **others):
     scene = load_scene("ideal").model_copy(
         update={name: others.get(name) for name in ("sensors", "faults")}
     )
@@ -105,7 +105,7 @@ def test_a_failure_ends_a_pretrigger_acquisition_with_an_error(rig, edge, kept):
 
 
 def test_terminals_come_in_the_order_asked_for(rig):
-    both, turned = triggered(rig, 10), triggered(rig, 10, terminals=("ai1", "ai0"))
+    both, turned = triggered(rig, 10), triggered(rig, 10, terminals=("Dev1/ai1", "Dev1/ai0"))
     np.testing.assert_array_equal(both.read(0, 400), turned.read(0, 400)[::-1])
 
 
@@ -212,7 +212,7 @@ def paced(rig, **settings):
     """A run of a card in real time that has been started."""
     scene = load_scene("ideal")
     setup = TaskSetup(
-        ("ai0", "ai7"), 51_200.0, **{"n_samples": ENDLESS, "trigger": None, **settings}
+        ("Dev1/ai0", "Dev1/ai7"), 51_200.0, **{"n_samples": ENDLESS, "trigger": None, **settings}
     )
     return SampledRun(Wiring(scene.as_wired(rig), scene, 0, FairLock(), paced=True), setup, 0)
 
@@ -255,7 +255,7 @@ def retriggered(rig, terminals, length):
 
 
 def test_every_edge_starts_a_part_and_none_during_it(rig):
-    run = retriggered(rig, ("ai0", "ai1"), 60)
+    run = retriggered(rig, ("Dev1/ai0", "Dev1/ai1"), 60)
     play(run, 1)
     assert run.waits_for(falling=False)
     assert run.acquired == 0
@@ -278,7 +278,7 @@ def test_every_edge_starts_a_part_and_none_during_it(rig):
 
 
 def test_an_overrun_ends_all_parts(rig):
-    run = retriggered(rig, ("ai0",), 40)
+    run = retriggered(rig, ("Dev1/ai0",), 40)
     run.trigger(0.0)
     play(run, 1)
     run.trigger(PERIOD, RunFault(15, lambda: ValueError("gone")))
@@ -291,7 +291,9 @@ def test_an_overrun_ends_all_parts(rig):
 
 def test_one_edge_starts_the_samples_and_a_later_one_is_the_reference(rig):
     scene = load_scene("ideal")
-    setup = TaskSetup(("ai0",), 51_200.0, 60, "/Dev1/PFI0", before=20, start_trigger="/Dev1/PFI0")
+    setup = TaskSetup(
+        ("Dev1/ai0",), 51_200.0, 60, "/Dev1/PFI0", before=20, start_trigger="/Dev1/PFI0"
+    )
     run = SampledRun(Wiring(scene.as_wired(rig), scene, 0, FairLock()), setup, 0)
     play(run, 2)
     assert run.acquired == 0

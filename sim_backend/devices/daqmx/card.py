@@ -35,7 +35,7 @@ class TaskSetup:
     """What a task requests of the card when it starts."""
 
     terminals: tuple[str, ...]
-    """Physical channels without the device, in the task's order: ``("ai0", "ai1")``."""
+    """Physical channels, in the task's order: ``("Dev1/ai0", "Dev1/ai1")``."""
     rate: float
     """Hz, of every channel."""
     n_samples: int
@@ -92,27 +92,35 @@ class Run(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Module:
+    """One device in the driver's sense: a card, or a module of a chassis."""
+
+    name: str
+    """As in NI MAX: ``Dev1``."""
+    device: DeviceType
+    terminals: tuple[str, ...]
+    """Its analog inputs, ``("ai0", "ai1")``."""
+
+
 class Card(Protocol):
-    """A DAQ device; `start` may raise `DaqmxError`."""
+    """The DAQ devices of a bench, whose inputs one task may have.
+
+    `start` and `check` may raise `DaqmxError`.
+    """
 
     @property
-    def name(self) -> str:
-        """Name of the device, ``"Dev1"``."""
-        ...
-
-    @property
-    def device(self) -> DeviceType:
-        """Its type."""
+    def modules(self) -> tuple[Module, ...]:
+        """Its devices: one card, or the modules of the chassis by their slots."""
         ...
 
     @property
     def chassis(self) -> str:
-        """Name of the chassis that holds it; empty where there is none."""
+        """Name of the chassis that holds them; empty where there is none."""
         ...
 
-    @property
-    def terminals(self) -> tuple[str, ...]:
-        """Its analog inputs, ``("ai0", "ai1")``; raises `DaqmxError` if it is disconnected."""
+    def check(self) -> None:
+        """Raise `DaqmxError` if it is disconnected."""
         ...
 
     @property
@@ -127,7 +135,20 @@ class Card(Protocol):
 
 def owner_of(card: Card) -> str:
     """Return the name of the device that has a card's trigger terminals."""
-    return card.chassis or card.name
+    return card.chassis or card.modules[0].name
+
+
+def module_of(card: Card, name: str) -> Module:
+    """Return the device of a name.
+
+    Raises:
+        DaqmxError: There is none, or the card is disconnected.
+    """
+    card.check()
+    for module in card.modules:
+        if module.name.lower() == name.lstrip("/").lower():
+            return module
+    raise DaqmxError(-200220, f"Device identifier is invalid. Device: {name}")
 
 
 def split_names(text: str) -> Iterable[str]:
@@ -145,21 +166,20 @@ def split_names(text: str) -> Iterable[str]:
             yield f"{span[1]}{number}"
 
 
-def physical_channels(text: str, card: Card) -> list[str]:
-    """Return the terminals that ``"Dev1/ai0:1, Dev1/ai3"`` names, without the device."""
-    known = {terminal.lower(): terminal for terminal in card.terminals}
+def physical_channels(text: str, card: Card) -> list[tuple[Module, str]]:
+    """Return device and terminal of each input that ``"Dev1/ai0:1, Dev1/ai3"`` names."""
     found = []
     for part in split_names(text):
         device, _, terminal = part.rpartition("/")
         if not part:
             raise DaqmxError(-200099, "Physical channel not specified.")
-        if device.lstrip("/").lower() != card.name.lower():
-            raise DaqmxError(-200220, f"Device identifier is invalid. Device: {device or part}")
+        module = module_of(card, device or part)
+        known = {terminal.lower(): terminal for terminal in module.terminals}
         if terminal.lower() not in known:
             raise DaqmxError(
                 -200170,
                 "Physical channel specified does not exist on this device.\n"
-                f"Physical Channel Name: {card.name}/{terminal}",
+                f"Physical Channel Name: {module.name}/{terminal}",
             )
-        found.append(known[terminal.lower()])
+        found.append((module, known[terminal.lower()]))
     return found

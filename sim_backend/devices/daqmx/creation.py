@@ -9,7 +9,7 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc
 
 from sautereau.sim_backend.device_types import DeviceType
 from sautereau.sim_backend.devices.daqmx.attributes import call, given, kept, number
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, physical_channels
 from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, invalid
 
 G = 9.80665  # m/s^2, standard gravity
@@ -129,7 +129,8 @@ def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
         elif given(request, "shunt_resistor_loc") == INTERNAL:
             raise invalid("AI.CurrentShunt.Loc", INTERNAL, "external")
         task = self._task(request)
-        kept = {sensor.units: units, **_excitation(request, task.device)}
+        (module, _), *_ = physical_channels(request.physical_channel, task.card)
+        kept = {sensor.units: units, **_excitation(request, module.device)}
         if sensor.sensitivity:
             kept[sensor.sensitivity] = sensitivity
         if sensor.sensitivity_units:

@@ -9,7 +9,7 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from numpy.typing import NDArray
 
 from sautereau.sim_backend.device_types import DeviceType
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, Module
 
 REMOVE_FILTER_DELAY = pb.CHANNEL_ATTRIBUTE_AI_REMOVE_FILTER_DELAY
 INTERNAL, NO_EXCITATION = 10200, 10230  # Sources of an excitation
@@ -19,9 +19,9 @@ INTERNAL, NO_EXCITATION = 10200, 10230  # Sources of an excitation
 class Input:
     """One channel; attributes that nothing computes are kept in ``stored`` as they were set."""
 
+    module: Module
     terminal: str
     """Without the device: ``ai0``."""
-    device: DeviceType
     low: float
     """Requested, in the channel's unit."""
     high: float
@@ -37,6 +37,16 @@ class Input:
     requested_range: float | None = None
     """V, that the device's range must take, of either sign; None for the limits themselves."""
     stored: dict[int, Any] = field(default_factory=dict)
+
+    @property
+    def device(self) -> DeviceType:
+        """Type of its device."""
+        return self.module.device
+
+    @property
+    def physical(self) -> str:
+        """Complete name of its terminal: ``Dev1/ai0``."""
+        return f"{self.module.name}/{self.terminal}"
 
     def verify(self) -> None:
         """Refuse what the device cannot do."""
@@ -61,7 +71,7 @@ class Input:
     def limits(self) -> tuple[float, float]:
         """Requested lowest and highest value, V."""
         if math.isnan(self.low + self.high):
-            raise DaqmxError(-200695, f"Set the limits of {self.terminal}, which were reset.")
+            raise DaqmxError(-200695, f"Set the limits of {self.physical}, which were reset.")
         low, high = ((limit - self.zero) * self.volts_per_unit for limit in (self.low, self.high))
         return min(low, high), max(low, high)
 
@@ -93,7 +103,7 @@ class Input:
 
 def invalid(name: str, value: object, possible: str, who: Input | None = None) -> DaqmxError:
     """Return the driver's error for a value that a property cannot have."""
-    channel = f"\nChannel: {who.terminal}" if who else ""
+    channel = f"\nChannel: {who.physical}" if who else ""
     return DaqmxError(
         -200077,
         "Requested value is not a supported value for this property.\n"

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +24,11 @@ ON_DEMAND_RATE = 1000.0  # Hz, at which reads of a task without a sample clock a
 _SLICE = 0.1  # s, after which a waiting read checks whether its client is still there
 
 
+@dataclass
 class CardTask(TaskSettings):
     """A task on a card: its settings, and what it has acquired and read."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         self.started = 0.0
         """s since 1970, when the last run was started."""
         self.position = 0

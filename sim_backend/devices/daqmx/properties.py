@@ -1,11 +1,12 @@
 """The properties of system, device, physical channel, channel and task."""
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from sautereau.sim_backend.device_types import AC, C_SERIES, DC, IDEAL, USB_DAQ
+from sautereau.sim_backend.device_types import AC, C_SERIES, DC, IDEAL, USB_DAQ, DeviceType
 from sautereau.sim_backend.devices.daqmx.attributes import (
     Attribute,
     field,
@@ -14,7 +15,7 @@ from sautereau.sim_backend.devices.daqmx.attributes import (
     stored,
     table,
 )
-from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, owner_of
+from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, Module, owner_of
 from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, NO_EXCITATION, Input
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, FINITE
@@ -22,7 +23,7 @@ from sautereau.sim_backend.devices.daqmx.triggers import terminals
 
 SERIAL_NUMBER = 0x5A07E2EA
 VERSION = (25, 0, 0)
-_CHASSIS = "cDAQ-9171"
+_CHASSIS = "cDAQ-9178"
 _BUS_PCI, _BUS_USB, _BUS_COMPACT_DAQ, _BUS_UNKNOWN = 12582, 12586, 14637, 12588
 _START, _REFERENCE = 8, 4  # bits of the driver's trigger usage
 _COUPLING_BITS = {AC: 1, DC: 2}
@@ -31,19 +32,50 @@ _VOLTAGE, _VOLTAGE_WITH_EXCITATION = 10322, 10323
 _IEPE = (10356, 15966, 15895, 10354)
 
 
-def _chassis(card: Card) -> str:
-    if not card.chassis:
+@dataclass(frozen=True)
+class Device:
+    """One device of a card, or the chassis that holds them."""
+
+    card: Card
+    module: Module | None
+    """None for the chassis."""
+
+    @property
+    def type(self) -> DeviceType:
+        """Its type; for the chassis that of its first module."""
+        return (self.module or self.card.modules[0]).device
+
+
+def _chassis(one: Device) -> str:
+    if not one.card.chassis:
         raise DaqmxError(-200197, "The device is in no chassis.")
-    return card.chassis
+    return one.card.chassis
 
 
-def _measurements(card: Card) -> list[int]:
-    return [_VOLTAGE, *(_IEPE if card.device.excitations else [])]
+def _slot(one: Device) -> int:
+    """Return the number at the end of the name of a module, or its place."""
+    name = one.module.name if one.module else ""
+    numbered = re.search(r"Mod(\d+)$", name)
+    names = [module.name for module in one.card.modules]
+    return int(numbered[1]) if numbered else 1 + names.index(name)
 
 
-def _bus(card: Card) -> int:
+def _inputs(one: Device) -> str:
+    module = one.module
+    return ", ".join(f"{module.name}/{name}" for name in module.terminals) if module else ""
+
+
+def _triggers(one: Device) -> str:
+    return ", ".join(f"/{owner_of(one.card)}/{name}" for name in terminals(one.card))
+
+
+def _measurements(one: Device) -> list[int]:
+    return [_VOLTAGE, *(_IEPE if one.type.excitations else [])]
+
+
+def _bus(one: Device) -> int:
     buses = {C_SERIES: _BUS_COMPACT_DAQ, USB_DAQ: _BUS_USB}
-    return buses.get(card.device.category, _BUS_UNKNOWN if card.device is IDEAL else _BUS_PCI)
+    return buses.get(one.type.category, _BUS_UNKNOWN if one.type is IDEAL else _BUS_PCI)
 
 
 SYSTEM = table(
@@ -52,7 +84,9 @@ SYSTEM = table(
         "NIDAQ_MAJOR_VERSION": VERSION[0],
         "NIDAQ_MINOR_VERSION": VERSION[1],
         "NIDAQ_UPDATE_VERSION": VERSION[2],
-        "DEV_NAMES": lambda card: ", ".join(dict.fromkeys([owner_of(card), card.name])),
+        "DEV_NAMES": lambda card: ", ".join(
+            dict.fromkeys([owner_of(card), *(module.name for module in card.modules)])
+        ),
         "GLOBAL_CHANS": "",
         "SCALES": "",
         "TASKS": "",
@@ -73,35 +107,35 @@ _OF_CARD = table(
     "DEVICE",
     {
         "IS_SIMULATED": True,
-        "PRODUCT_TYPE": lambda card: card.device.product,
-        "PRODUCT_CATEGORY": lambda card: card.device.category,
+        "PRODUCT_TYPE": lambda one: one.type.product,
+        "PRODUCT_CATEGORY": lambda one: one.type.category,
         "PRODUCT_NUM": 0,
         "SERIAL_NUM": SERIAL_NUMBER,
         "BUS_TYPE": _bus,
         "COMPACT_DAQ_CHASSIS_DEV_NAME": _chassis,
-        "COMPACT_DAQ_SLOT_NUM": lambda card: 1 if _chassis(card) else 0,
-        "TERMINALS": lambda card: ", ".join(f"/{owner_of(card)}/{t}" for t in terminals(card)),
+        "COMPACT_DAQ_SLOT_NUM": lambda one: _slot(one) if _chassis(one) else 0,
+        "TERMINALS": _triggers,
         "DIG_TRIG_SUPPORTED": True,
-        "ANLG_TRIG_SUPPORTED": lambda card: bool(card.device.analog_triggers),
+        "ANLG_TRIG_SUPPORTED": lambda one: bool(one.type.analog_triggers),
         "TIME_TRIG_SUPPORTED": False,
         "TEDS_HWTEDS_SUPPORTED": False,
         "NUM_TIME_TRIGS": 0,
         "NUM_DMA_CHANS": 0,
-        "AI_TRIG_USAGE": lambda card: _START | (_REFERENCE if card.device.reference_trigger else 0),
-        "AI_PHYSICAL_CHANS": lambda card: ", ".join(f"{card.name}/{t}" for t in card.terminals),
+        "AI_TRIG_USAGE": lambda one: _START | (_REFERENCE if one.type.reference_trigger else 0),
+        "AI_PHYSICAL_CHANS": _inputs,
         "AI_SUPPORTED_MEAS_TYPES": _measurements,
         "AI_SAMP_MODES": [FINITE, CONTINUOUS],
-        "AI_SIMULTANEOUS_SAMPLING_SUPPORTED": lambda card: card.device.simultaneous,
-        "AI_MAX_SINGLE_CHAN_RATE": lambda card: card.device.fastest,
-        "AI_MAX_MULTI_CHAN_RATE": lambda card: card.device.fastest_many,
-        "AI_MIN_RATE": lambda card: card.device.slowest,
+        "AI_SIMULTANEOUS_SAMPLING_SUPPORTED": lambda one: one.type.simultaneous,
+        "AI_MAX_SINGLE_CHAN_RATE": lambda one: one.type.fastest,
+        "AI_MAX_MULTI_CHAN_RATE": lambda one: one.type.fastest_many,
+        "AI_MIN_RATE": lambda one: one.type.slowest,
         "AI_NUM_SAMP_TIMING_ENGINES": 1,
-        "AI_VOLTAGE_RNGS": lambda card: [
-            volts for high in card.device.ranges for volts in (-high, high)
+        "AI_VOLTAGE_RNGS": lambda one: [
+            volts for high in one.type.ranges for volts in (-high, high)
         ],
-        "AI_CURRENT_INT_EXCIT_DISCRETE_VALS": lambda card: list(card.device.excitations),
+        "AI_CURRENT_INT_EXCIT_DISCRETE_VALS": lambda one: list(one.type.excitations),
         "AI_VOLTAGE_INT_EXCIT_DISCRETE_VALS": [],
-        "AI_COUPLINGS": lambda card: sum(_COUPLING_BITS[one] for one in card.device.couplings),
+        "AI_COUPLINGS": lambda one: sum(_COUPLING_BITS[bit] for bit in one.type.couplings),
         **dict.fromkeys(_ABSENT, ""),
     },
 )
@@ -113,8 +147,10 @@ _OF_CHASSIS = table(
         "PRODUCT_CATEGORY": 14658,
         "SERIAL_NUM": SERIAL_NUMBER + 1,
         "BUS_TYPE": _BUS_USB,
-        "CHASSIS_MODULE_DEV_NAMES": lambda card: card.name,
-        "TERMINALS": lambda card: ", ".join(f"/{owner_of(card)}/{t}" for t in terminals(card)),
+        "CHASSIS_MODULE_DEV_NAMES": lambda one: ", ".join(
+            module.name for module in one.card.modules
+        ),
+        "TERMINALS": _triggers,
         "DIG_TRIG_SUPPORTED": True,
         "AI_PHYSICAL_CHANS": "",
         **dict.fromkeys((name for name in _ABSENT if not name.startswith("CHASSIS")), ""),
@@ -122,32 +158,25 @@ _OF_CHASSIS = table(
 )
 
 
-@dataclass(frozen=True)
-class Chassis:
-    """The chassis that holds a card."""
-
-    card: Card
-
-
 def _of_either(key: int) -> Attribute:
-    def read(about: Card | Chassis) -> Any:
-        owned, card = (_OF_CHASSIS, about.card) if isinstance(about, Chassis) else (_OF_CARD, about)
+    def read(about: Device) -> Any:
+        owned = _OF_CHASSIS if about.module is None else _OF_CARD
         if key not in owned:
             raise DaqmxError(-200197, f"Property {key:#x} is not supported by the device.")
-        return owned[key].read(card)
+        return owned[key].read(about)
 
     return Attribute(read)
 
 
 DEVICE = {key: _of_either(key) for key in (*_OF_CARD, *_OF_CHASSIS)}
-"""Properties of the card and of its `Chassis`."""
+"""Properties of a device, or of the chassis."""
 
 PHYSICAL_CHANNEL = table(
     "PHYSICALCHANNEL",
     {
         "PHYSICAL_CHAN_AI_SUPPORTED_MEAS_TYPES": _measurements,
-        "PHYSICAL_CHAN_AI_TERM_CFGS": lambda card: sum(
-            _CONFIGURATION_BITS[one] for one in card.device.configurations
+        "PHYSICAL_CHAN_AI_TERM_CFGS": lambda one: sum(
+            _CONFIGURATION_BITS[bit] for bit in one.type.configurations
         ),
         "PHYSICAL_CHAN_AI_INPUT_SRCS": "_external_channel",
     },
@@ -181,19 +210,19 @@ class Seat:
 
 
 def _has_filter(seat: Seat) -> None:
-    if not any(seat.task.device.filter_delay):
+    if not any(seat.input.device.filter_delay):
         raise DaqmxError(-200452, "The device has no digital filter with a delay.")
 
 
 def _has_excitation(seat: Seat) -> None:
-    if not seat.task.device.excitations and _EXCITATION not in seat.stored:
+    if not seat.input.device.excitations and _EXCITATION not in seat.stored:
         raise DaqmxError(-200452, "The device supplies no excitation.")
 
 
 def _filter_delay(seat: Seat) -> float:
     _has_filter(seat)
     rate = seat.task.rate or 1000.0
-    samples, seconds = seat.task.device.filter_delay
+    samples, seconds = seat.input.device.filter_delay
     delay = samples / rate + seconds
     return delay * rate if seat.stored.get(_UNITS) == _PERIODS else delay
 
@@ -201,7 +230,7 @@ def _filter_delay(seat: Seat) -> float:
 def _configuration(seat: Seat) -> int:
     seat.input.verify()
     given = seat.input.configuration
-    return seat.task.device.configurations[0] if given == -1 else given
+    return seat.input.device.configurations[0] if given == -1 else given
 
 
 def _of_input(name: str, default: object, read: Callable[[Seat], object]) -> Attribute:
@@ -222,27 +251,27 @@ def _unscale(seat: Seat) -> None:
 
 
 def _scaling(seat: Seat) -> list[float]:
-    if seat.task.device is IDEAL:
+    if seat.input.device is IDEAL:
         raise DaqmxError(-200452, "An ideal device has no converter.")
     return [0.0, seat.input.step, 0.0, 0.0]
 
 
 def _coupling(seat: Seat) -> int:
-    couplings = seat.task.device.couplings
+    couplings = seat.input.device.couplings
     return AC if AC in couplings and seat.input.measurement in _IEPE else DC
 
 
 def _sources(seat: Seat) -> tuple[int, ...]:
-    internal = (INTERNAL,) if seat.task.device.excitations else ()
+    internal = (INTERNAL,) if seat.input.device.excitations else ()
     return *internal, _EXTERNAL, NO_EXCITATION
 
 
 _UNITS = number("CHANNEL", "AI_FILTER_DELAY_UNITS")
 _EXCITATION = number("CHANNEL", "AI_EXCIT_VAL")
 _CHOICES: dict[str, tuple[Any, ...]] = {
-    "AI_COUPLING": (_coupling, lambda seat: seat.task.device.couplings),
+    "AI_COUPLING": (_coupling, lambda seat: seat.input.device.couplings),
     "AI_EXCIT_SRC": (NO_EXCITATION, _sources),
-    "AI_EXCIT_VAL": (0.0, lambda seat: (0.0, *seat.task.device.excitations), _has_excitation),
+    "AI_EXCIT_VAL": (0.0, lambda seat: (0.0, *seat.input.device.excitations), _has_excitation),
     "AI_FILTER_DELAY_UNITS": (_SECONDS, lambda seat: (_SECONDS, _PERIODS), _has_filter),
     "AI_REMOVE_FILTER_DELAY": (False, lambda seat: (False, True), _has_filter),
 }
@@ -279,7 +308,7 @@ CHANNEL = {
             "AI_MEM_MAP_ENABLE": False,
             "AI_DATA_XFER_MECH": _DMA,
             "AI_RAW_DATA_COMPRESSION_TYPE": _NO_COMPRESSION,
-            "AI_LOSSY_LSB_REMOVAL_COMPRESSED_SAMP_SIZE": lambda seat: seat.task.device.raw_bits,
+            "AI_LOSSY_LSB_REMOVAL_COMPRESSED_SAMP_SIZE": lambda seat: seat.input.device.raw_bits,
             "AI_ENHANCED_ALIAS_REJECTION_ENABLE": False,
             "AI_ATTEN": 0.0,
             "AI_GAIN": 1.0,
@@ -289,7 +318,7 @@ CHANNEL = {
         "CHANNEL",
         {
             "CHAN_TYPE": _ANALOG_INPUT,
-            "PHYSICAL_CHAN_NAME": lambda seat: f"{seat.task.card.name}/{seat.input.terminal}",
+            "PHYSICAL_CHAN_NAME": lambda seat: seat.input.physical,
             "AI_MEAS_TYPE": lambda seat: seat.input.measurement,
             "AI_IS_TEDS": False,
             "AI_CUSTOM_SCALE_NAME": Attribute(lambda seat: seat.input.custom_scale, clear=_unscale),
@@ -303,7 +332,7 @@ CHANNEL = {
             "AI_FILTER_DELAY": _filter_delay,
             "AI_RESOLUTION": lambda seat: float(seat.input.bits),
             "AI_RESOLUTION_UNITS": 10109,
-            "AI_RAW_SAMP_SIZE": lambda seat: seat.task.device.raw_bits,
+            "AI_RAW_SAMP_SIZE": lambda seat: seat.input.device.raw_bits,
             "AI_RAW_SAMP_JUSTIFICATION": _RIGHT,
             "AI_DEV_SCALING_COEFF": _scaling,
         },
@@ -316,9 +345,9 @@ TASK = table(
     {
         "NAME": lambda task: task.name,
         "CHANNELS": lambda task: ", ".join(task.channels),
-        "DEVICES": lambda task: task.card.name if task.channels else "",
+        "DEVICES": lambda task: ", ".join(one.name for one in task.modules) * bool(task.channels),
         "NUM_CHANS": lambda task: len(task.channels),
-        "NUM_DEVICES": lambda task: 1 if task.channels else 0,
+        "NUM_DEVICES": lambda task: len(task.modules) if task.channels else 0,
         "COMPLETE": lambda task: task.done,
     },
 )

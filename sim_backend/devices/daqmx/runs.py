@@ -95,7 +95,7 @@ class SampledRun:
         self._end = n_samples
         self._lock = wiring.lock
         self._paced, self._passed, self._buffer = wiring.paced, wiring.passed, setup.buffer
-        wired = {channel.terminal: channel for channel in rig.daq.channels}
+        wired = {rig.daq.physical(channel): channel for channel in rig.daq.channels}
         lags = setup.lags or (0.0,) * len(setup.terminals)
         self._skew = max(0.0, *(-lag for lag in lags))
         self._chains: list[SensorChain | OpenInput] = []

@@ -15,8 +15,9 @@ import grpc
 from nidaqmx._stubs import nidaqmx_pb2_grpc
 from session_pb2 import Session
 
-from sautereau.sim_backend.devices.daqmx.attributes import Table, call, calls, given
-from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, owner_of, physical_channels
+from sautereau.rig.disk import need_open_files
+from sautereau.sim_backend.devices.daqmx.attributes import Table, call, calls, given, number
+from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, module_of, physical_channels
 from sautereau.sim_backend.devices.daqmx.creation import CREATING, SCALE, Scale, find_scale
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.properties import (
@@ -25,12 +26,12 @@ from sautereau.sim_backend.devices.daqmx.properties import (
     PHYSICAL_CHANNEL,
     SYSTEM,
     TASK,
-    Chassis,
+    Device,
     Seat,
 )
 from sautereau.sim_backend.devices.daqmx.reading import BUFFER, READ, Reading
 from sautereau.sim_backend.devices.daqmx.task_events import Events
-from sautereau.sim_backend.devices.daqmx.timing import CONFIGURING, TIMING, TRIGGER
+from sautereau.sim_backend.devices.daqmx.timing import CONFIGURING, TIMING, TRIGGER, conversion_rate
 
 _INITIALIZE, _ATTACH = 1, 2
 _START, _STOP, _VERIFY, _COMMIT, _RESERVE, _UNRESERVE, _ABORT = range(7)
@@ -63,20 +64,16 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
 
     # What a request is about
 
-    def _device(self, request: Any) -> Card | Chassis:
-        """Return the card, or its chassis, if the request names it and it is connected."""
-        names = {self._card.name.lower(), owner_of(self._card).lower()}
-        if request.device_name.lower() not in names:
-            raise DaqmxError(
-                -200220, f"Device identifier is invalid. Device: {request.device_name}"
-            )
-        _ = self._card.terminals
-        its_own = request.device_name.lower() == self._card.name.lower()
-        return self._card if its_own else Chassis(self._card)
+    def _device(self, request: Any) -> Device:
+        """Return the device or chassis that the request names, if it is connected."""
+        chassis = self._card.chassis.lower()
+        if chassis and request.device_name.lower() == chassis:
+            self._card.check()
+            return Device(self._card, None)
+        return Device(self._card, module_of(self._card, request.device_name))
 
-    def _physical(self, request: Any) -> Card:
-        physical_channels(request.physical_channel, self._card)
-        return self._card
+    def _physical(self, request: Any) -> Device:
+        return Device(self._card, physical_channels(request.physical_channel, self._card)[0][0])
 
     def _task(self, request: Any) -> CardTask:
         task = self._tasks.get(request.task.name)
@@ -187,9 +184,9 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
     @call
     def GetNthTaskDevice(self, request, context):  # noqa: N802
         task = self._task(request)
-        if request.index != 1 or not task.channels:
+        if not task.channels or not 1 <= request.index <= len(task.modules):
             raise DaqmxError(-200077, f"The task has no device number {request.index}.")
-        return {"buffer": task.card.name}
+        return {"buffer": task.modules[request.index - 1].name}
 
     @call
     def ResetDevice(self, request, context):  # noqa: N802
@@ -211,6 +208,14 @@ def _only_connected(self: Servicer, request: Any, context: Any) -> None:
 
 def _no_device_context(self: Servicer, request: Any, context: Any) -> Any:
     raise DaqmxError(-201118, "This operation does not support a device context.")
+
+
+def _convert_clock(self: Servicer, request: Any, context: Any) -> Any:
+    """Return the one property that modules of a task have each for itself."""
+    if given(request, "attribute") != number("TIMING", "AI_CONV_RATE"):
+        raise _no_device_context(self, request, context)
+    module = module_of(self._card, request.device_names)
+    return {"value": conversion_rate(self._task(request), module)}
 
 
 PROPERTIES: dict[str, tuple[Callable[[Any, Any], Any], Table]] = {
@@ -236,7 +241,8 @@ for _name in ("SelfTestDevice", "SelfCal", "RestoreLastExtCalConst"):
     setattr(Servicer, _name, call(_only_connected, _name))
 for _name in dir(nidaqmx_pb2_grpc.NiDAQmxServicer):
     if "TimingAttributeEx" in _name:
-        setattr(Servicer, _name, call(_no_device_context, _name))
+        _of_module = _convert_clock if _name == "GetTimingAttributeExDouble" else _no_device_context
+        setattr(Servicer, _name, call(_of_module, _name))
 
 
 class DaqmxServer:
@@ -245,6 +251,7 @@ class DaqmxServer:
     def __init__(self, card: Card):
         self.address = ""
         """``127.0.0.1:port``, the port chosen by the operating system; empty when not served."""
+        need_open_files()
         self._servicer = Servicer(card)  # pyright: ignore[reportAbstractUsage]
         self._workers = ThreadPoolExecutor(_WORKERS, thread_name_prefix="daqmx stand-in")
         self._server = grpc.server(

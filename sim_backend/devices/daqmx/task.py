@@ -1,14 +1,16 @@
 """The settings of a DAQmx task of the stand-in, verified before it runs."""
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from sautereau.sim_backend.device_types import IDEAL
+from sautereau.sim_backend.device_types import IDEAL, DeviceType
 from sautereau.sim_backend.devices.daqmx.attributes import number
 from sautereau.sim_backend.devices.daqmx.card import (
     ENDLESS,
     Card,
     DaqmxError,
+    Module,
     Run,
     TaskSetup,
     physical_channels,
@@ -81,8 +83,25 @@ class TaskSettings:
     run: Run | None = None
     """None while it does not run."""
 
-    def __post_init__(self) -> None:
-        self.device = self.card.device
+    @property
+    def modules(self) -> tuple[Module, ...]:
+        """The devices of its channels, in their order; the card's first one without channels."""
+        found = dict.fromkeys(channel.module for channel in self.channels.values())
+        return tuple(found) or self.card.modules[:1]
+
+    @property
+    def device(self) -> DeviceType:
+        """Type of the device whose clock samples all channels, and whose triggers start them.
+
+        Other modules follow the first delta-sigma one (NI-DAQmx, "C Series Multidevice Tasks").
+        """
+        types = [module.device for module in self.modules]
+        return next((one for one in types if one.has_own_clock), types[0])
+
+    def most_rate(self) -> float:
+        """Return the highest rate [Hz] of every channel."""
+        counts = Counter(channel.module for channel in self.channels.values())
+        return min(one.device.most(counts[one]) for one in self.modules)
 
     def add(self, physical: str, name: str, **settings: Any) -> list[Input]:
         """Add channels, `Input` by its ``settings``; the device's limits are verified later."""
@@ -92,13 +111,14 @@ class TaskSettings:
         if len(terminals) > 1 and ("," in name or ":" in name):
             names = list(split_names(name))
         added = []
-        for given, terminal_name in zip(names, terminals, strict=True):
-            virtual = given if name else f"{self.card.name}/{terminal_name}"
-            taken = (channel.terminal for channel in self.channels.values())
-            if virtual in self.channels or terminal_name in taken:
+        for given, (module, terminal_name) in zip(names, terminals, strict=True):
+            channel = Input(module, terminal_name, **settings)
+            virtual = given if name else channel.physical
+            taken = (other.physical for other in self.channels.values())
+            if virtual in self.channels or channel.physical in taken:
                 raise DaqmxError(-200489, f"Channel {virtual} is already in the task.")
-            added.append(Input(terminal_name, self.device, **settings))
-            self.channels[virtual] = added[-1]
+            added.append(channel)
+            self.channels[virtual] = channel
         return added
 
     def named(self, text: str) -> list[str]:
@@ -159,7 +179,7 @@ class TaskSettings:
         if self.clock:
             self.clock_terminal()
             return self.requested_rate
-        most = self.device.most(len(self.channels))
+        most = self.most_rate()
         # 1e-9: a rate that was divided among channels may exceed the sum by rounding only.
         if not 0 < self.requested_rate * (1 - 1e-9) <= most:
             limits = f"{self.device.slowest:.6g} to {most:.6g} Hz"
@@ -169,7 +189,7 @@ class TaskSettings:
     def clock_terminal(self) -> str:
         """Return the complete name of the sample clock's source."""
         if not self.clock:
-            return f"/{self.card.name}/ai/SampleClockTimebase"
+            return f"/{self.modules[0].name}/ai/SampleClockTimebase"
         return terminal(self.clock, self.card)
 
     def checked_samples(self) -> int:
@@ -257,7 +277,7 @@ class TaskSettings:
         both = self.keeps_before
         slopes = [each.edge == FALLING for each in (self.start_trigger, self.reference)]
         return TaskSetup(
-            tuple(channel.terminal for channel in self.channels.values()),
+            tuple(channel.physical for channel in self.channels.values()),
             rate,
             n_samples,
             edges[1] if both else edges[0],
@@ -266,7 +286,7 @@ class TaskSettings:
             falling=(slopes[both], slopes[0]),
             lags=tuple(self.lag(n, rate) for n in range(len(self.channels))),
             converters=None
-            if self.device is IDEAL
+            if any(module.device is IDEAL for module in self.modules)
             else tuple(
                 Converter(channel.range, channel.bits) for channel in self.channels.values()
             ),
@@ -277,8 +297,12 @@ class TaskSettings:
 
     def lag(self, position: int, rate: float) -> float:
         """Return by how many s the samples of one channel lag its terminal, at a rate [Hz]."""
-        channel = list(self.channels.values())[position]
-        lag = self.device.lag(rate, position, len(self.channels))
+        channels = list(self.channels.values())
+        channel = channels[position]
+        # Each module has its own convert clock, of its own channels (NI-DAQmx, "Device-Specific
+        # Sampling Methods").
+        own = [n for n, other in enumerate(channels) if other.module == channel.module]
+        lag = channel.device.lag(rate, own.index(position), len(own))
         return lag - channel.removed_delay(rate)
 
     def must_be_idle(self) -> None:

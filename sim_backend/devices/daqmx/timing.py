@@ -14,7 +14,7 @@ from sautereau.sim_backend.devices.daqmx.attributes import (
     number,
     table,
 )
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, Module
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST, UNFOLLOWED, TaskSettings
 from sautereau.sim_backend.devices.daqmx.triggers import (
@@ -130,10 +130,12 @@ def _set_timing_type(task: CardTask, kind: int) -> None:
     task.requested_rate = None if kind == _ON_DEMAND else task.requested_rate or _DEFAULT_RATE
 
 
-def _conversion_rate(task: CardTask) -> float:
-    if task.device.simultaneous:
+def conversion_rate(task: CardTask, module: Module) -> float:
+    """Return the rate [Hz] at which the multiplexer of a task's device converts its inputs."""
+    if module.device.simultaneous:
         raise DaqmxError(-200452, "The device has no convert clock: it samples simultaneously.")
-    return task.device.conversion_rate(task.rate or _DEFAULT_RATE, max(1, len(task.channels)))
+    n_inputs = sum(channel.module == module for channel in task.channels.values())
+    return module.device.conversion_rate(task.rate or _DEFAULT_RATE, max(1, n_inputs))
 
 
 def _timebase(task: CardTask) -> float:
@@ -155,11 +157,11 @@ TIMING = {
         "TIMING",
         {
             "SAMP_CLK_RATE": _RATE,
-            "SAMP_CLK_MAX_RATE": lambda task: task.device.most(len(task.channels)),
+            "SAMP_CLK_MAX_RATE": CardTask.most_rate,
             "SAMP_CLK_SRC": field("clock", "", CardTask.clock_terminal),
             "SAMP_CLK_TERM": CardTask.clock_terminal,
             "SAMP_CLK_TIMEBASE_RATE": _timebase,
-            "SAMP_CLK_TIMEBASE_SRC": lambda task: f"/{task.card.name}/ai/SampleClockTimebase",
+            "SAMP_CLK_TIMEBASE_SRC": lambda task: f"/{task.modules[0].name}/ai/SampleClockTimebase",
             "SAMP_CLK_TIMEBASE_DIV": Attribute(
                 lambda task: round(_timebase(task) / (task.rate or _DEFAULT_RATE)),
                 _set_divisor,
@@ -173,7 +175,7 @@ TIMING = {
                 _set_timing_type,
                 lambda task: _set_timing_type(task, _ON_DEMAND),
             ),
-            "AI_CONV_RATE": _conversion_rate,
+            "AI_CONV_RATE": lambda task: conversion_rate(task, task.modules[0]),
             "AI_CONV_MAX_RATE": lambda task: task.device.fastest_many,
         },
     ),

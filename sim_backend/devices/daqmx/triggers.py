@@ -43,7 +43,7 @@ class Trigger:
 
 def terminal(name: str, card: Card) -> str:
     """Return the complete name of a terminal, ``/Dev1/PFI0``, of the device or its chassis."""
-    device, owner = card.device, owner_of(card)
+    owner = owner_of(card)
     route = re.fullmatch(r"(?:/(\w+)/)?(A?PFI)(\d+)", name, re.IGNORECASE)
     if route:
         known = (route[1] or owner).lower() == owner.lower()
@@ -53,11 +53,11 @@ def terminal(name: str, card: Card) -> str:
     raise DaqmxError(
         -89120,
         "Source terminal to be routed could not be found on the device.\n"
-        f"Device: {owner}, {device.product}\nSource Terminal: {name}",
+        f"Device: {owner}\nSource Terminal: {name}",
     )
 
 
 def terminals(card: Card) -> list[str]:
     """Return the trigger terminals without the device."""
-    device = card.device
+    device = card.modules[0].device
     return [*(f"PFI{n}" for n in range(device.triggers)), *device.analog_triggers]

@@ -1,20 +1,13 @@
-"""Reads a MATLAB or HDF5 file and writes its arrays of numbers as npz on standard output.
+"""Arrays of numbers in MATLAB, HDF5 and numpy files."""
 
-It runs as a separate program, because the compiled readers crash or block their process on some
-damaged files. The first array holds, as JSON, the names of the others, their properties in the file
-(unit; rate in Hz and start in s) and the document of an export by sautereau.
-
-python array_reader.py mat|hdf5 FILE MOST_VALUES
-"""
-
-import io
-import json
 import math
-import sys
+import zipfile
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+
+from sautereau.daq.convert.readers.found import Found, refuse
 
 MOST_DEPTH = 20  # Limit of structures within each other
 UNIT_ATTRIBUTES = ("units", "unit")
@@ -39,22 +32,6 @@ UNKNOWN = (
 """Attributes, in lower case, that say that the values are others than the data."""
 BESIDE = ("channel_conversion",)  # The same as datasets beside the data
 DOCUMENT = "sautereau"
-
-Found = tuple[dict[str, np.ndarray], dict[str, dict[str, str | float]], str | None]
-"""Arrays; properties of each in the file: `unit`, `rate`, `start`, and the attributes that are
-`unknown`; the document of an export."""
-
-
-def main() -> None:
-    """Read the file; a fault is one line on standard error, and status 1."""
-    kind, path, most = sys.argv[1:]
-    try:
-        arrays, about, document = (read_mat if kind == "mat" else read_hdf5)(path, int(most))
-    except Exception as error:  # noqa: BLE001 (the readers raise many kinds)
-        sys.exit(f"{type(error).__name__}: {error}")
-    file = io.BytesIO()
-    np.savez(file, np.array(json.dumps([list(arrays), about, document])), *arrays.values())
-    sys.stdout.buffer.write(file.getbuffer())
 
 
 def read_mat(path: str, most: int) -> Found:
@@ -87,6 +64,18 @@ def flat(values: Mapping[str, Any], prefix: str, depth: int) -> Iterator[tuple[s
             elements = value if isinstance(value, list) else value.ravel(order="F")
             counted = {f"{name}({i})": element for i, element in enumerate(elements, 1)}
             yield from flat(counted, prefix, depth - 1)
+
+
+def read_numpy(path: str, most: int) -> Found:
+    """Return the arrays of an .npz file, or the one of an .npy file; no object is unpickled."""
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            refuse(sum(file.file_size for file in archive.infolist()) / 8, most)
+    loaded = np.load(path, allow_pickle=False)
+    if isinstance(loaded, np.ndarray):
+        return dict(flat({"data": loaded}, "", MOST_DEPTH)), {}, None
+    with loaded as arrays:
+        return dict(flat({name: arrays[name] for name in arrays.files}, "", MOST_DEPTH)), {}, None
 
 
 def read_hdf5(path: str, most: int) -> Found:
@@ -161,13 +150,3 @@ def _unknown(item: Any) -> str:
     if item.size and not written:
         names.add("blocks that were never written")
     return ", ".join(sorted(names))
-
-
-def refuse(values: float, most: int) -> None:
-    """Refuse a file that holds more values than the limit."""
-    if values > most:
-        raise ValueError(f"it holds {values:.0f} values, more than the limit MOST_VALUES = {most}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,63 @@
+"""Read a file with a library, and write its arrays of numbers as npz on standard output.
+
+This is a program of its own, because the libraries crash, block their process or fill its memory
+on some damaged files. The first array holds, as JSON, the names of the others, their properties in
+the file and the document of an export by sautereau.
+
+python -m sautereau.daq.convert.readers KIND FILE MOST_VALUES
+"""
+
+import io
+import json
+import sys
+from importlib import import_module
+
+import numpy as np
+
+from sautereau.daq.convert.readers.found import refuse
+
+READERS = {
+    "MATLAB": "arrays:read_mat",
+    "HDF5": "arrays:read_hdf5",
+    "numpy": "arrays:read_numpy",
+    "lvm": "lvm:read",
+    "universal": "uff:read",
+    "workbook": "xlsx:read",
+    "sound": "sound:read",
+}
+"""Function of this folder that reads a kind of file."""
+MEMORY = 0.5e9  # Bytes for the libraries themselves, besides the values and one copy of them
+LONGEST = 120  # s, limit of the processor time
+
+
+def main() -> None:
+    """Read the file; a fault is one line on standard error, and status 1."""
+    kind, path, most = sys.argv[1:]
+    limit(MEMORY + 16 * int(most))
+    module, _, function = READERS[kind].partition(":")
+    try:
+        read = getattr(import_module(f"sautereau.daq.convert.readers.{module}"), function)
+        arrays, about, document = read(path, int(most))
+        refuse(sum(array.size for array in arrays.values()), int(most))
+    except BaseException as error:  # noqa: BLE001 (the readers raise many kinds)
+        text = " ".join(str(error).split()) or "its memory is limited"
+        sys.exit(f"{type(error).__name__}: {text}")
+    file = io.BytesIO()
+    np.savez(file, np.array(json.dumps([list(arrays), about, document])), *arrays.values())
+    sys.stdout.buffer.write(file.getbuffer())
+
+
+def limit(memory: float) -> None:
+    """Limit memory (bytes) and processor time, where the system can."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    for kind, value in ((resource.RLIMIT_DATA, memory), (resource.RLIMIT_CPU, LONGEST)):
+        _, hard = resource.getrlimit(kind)
+        most = int(value) if hard == resource.RLIM_INFINITY else min(int(value), hard)
+        resource.setrlimit(kind, (most, hard))
+
+
+if __name__ == "__main__":
+    main()
