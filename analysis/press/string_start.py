@@ -74,7 +74,7 @@ def measured_start(
         waves = np.hstack([np.cos(phase), np.sin(phase)])
         design = np.hstack([waves, waves * since[:, None], np.ones((len(since), 1))])
         found, *_ = np.linalg.lstsq(design, own, rcond=None)
-        return found, float(np.sum((own - design @ found) ** 2))
+        return np.asarray(found, float), float(np.sum((own - design @ found) ** 2))
 
     grid = string.frequency * np.linspace(1 - DETUNED, 1 + DETUNED, 25)
     best = int(np.argmin([fitted(frequency)[1] for frequency in grid]))
