@@ -14,7 +14,7 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.phases.settings import SETTINGS
 from sautereau.daq.file.recorded import Event
-from tests.analysis.test_unexpected import UNEXPECTED, second, with_strings
+from tests.analysis.test_unexpected import UNEXPECTED, of_channel, second, with_strings
 
 NAMES = [field.name for field in fields(SETTINGS)]
 
@@ -40,14 +40,15 @@ def corpus() -> list[Press]:
     alone = [stiff, bends, *(ONE_FACTOR[name] for name in ("hum", "damper", "speckle 1 %"))]
     unexpected = [
         UNEXPECTED[name][0](stiff)
-        for name in ("force twice", "force late", "three times the force", "velocity half")
+        for name in ("force twice", "three times the force", "velocity half")
     ]
+    late = of_channel(stiff, "force", delay_error=0.75e-3)
     presses = [judged_press(independent(each, 7)) for each in (*alone, *together)]
     more = independent(with_strings(stiff, {}, second(stiff, 20e-3)), 0)
     own = {k: v for k, v in more.rig_values.items() if not k.startswith("more_choirs")}
     presses.append(judged_press(replace(more, rig_values=own)))
     half = UNEXPECTED["half a press"][0](bends)
-    for each in (*unexpected, half, replace(bends, speed=0.2), replace(stiff, rate=5e3)):
+    for each in (*unexpected, late, half, replace(bends, speed=0.2), replace(stiff, rate=5e3)):
         pressed = judged_press(independent(each, 0))
         presses.append(replace(pressed, motion=Event(0.0, "motion", "an edge")))
     presses += [simulated_press(*random_case(seed), seed)[0] for seed in range(400, 430)]
