@@ -1,10 +1,10 @@
 """Pages and pictures that the site generates from the program, and equations without a script."""
 
 import ast
-import json
 import re
 import tempfile
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 from latex2mathml.converter import convert
@@ -13,6 +13,7 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+from docs import executed
 from sautereau.rig.disk import named_text
 from sautereau.rig.load import load_rig
 from sautereau.rig.text import KeyDescription, TableDescription, describe
@@ -41,31 +42,25 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages."""
-    notebook = Path(config.docs_dir) / "tutorial.ipynb"
+    tutorial, shown = executed.notebook(Path(config.docs_dir) / "tutorial.ipynb")
+    first, drawn = executed.console(Path(config.docs_dir) / "first-press.md")
+    if (written := files.get_file_from_path("first-press.md")) is not None:
+        files.remove(written)
     pages = {
         "rig-file.md": rig_page(),
         "scene-file.md": scene_page(),
         "commands.md": commands_page(),
-        "tutorial.md": notebook_page(notebook),
+        "tutorial.md": tutorial,
+        "first-press.md": first,
     }
     for room in ROOMS:
         pages[_page(room)] = room_page(room)
         pages |= {_page(name): f"# {name}\n\n::: {name}\n" for name in modules(room)}
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
-    for name, picture in pictures(Path(config.docs_dir)):
+    for name, picture in chain((shown | drawn).items(), pictures(Path(config.docs_dir))):
         files.append(File.generated(config, name, content=picture))
     return files
-
-
-def notebook_page(path: Path) -> str:
-    """Return a notebook as a page: its text, and its code without outputs."""
-    parts = [f"This page is the notebook [{path.name}]({path.name}), without outputs."]
-    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
-        text = "".join(cell["source"])
-        parts.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
-    heading = parts.pop(1)
-    return "\n\n".join([heading, *parts]) + "\n"
 
 
 def pictures(docs: Path) -> Iterator[tuple[str, bytes]]:

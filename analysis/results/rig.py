@@ -54,13 +54,11 @@ class Rig(Shown):
         """Return every value by its dotted key, with its unit and its source or assumed range."""
         import pandas as pd
 
-        from sautereau.rig.units import format_quantity
-
         values = flat(load.rig_document(self.values))
         units = {key: unit_of(schema.Rig, key.split("."), self.values) or "" for key in values}
         sources = dict(self.values.sources)
         for key, ends in self.values.assumed.items():
-            low, high = (format_quantity(end, units.get(key, "")) for end in ends)
+            low, high = (f"{end:.12g} {units.get(key, '')}".strip() for end in ends)
             sources.setdefault(key, f"assumed, {low} to {high}")
         rows = [(value, units[key], sources.get(key, "")) for key, value in values.items()]
         index = pd.Index(values, name="key")

@@ -126,6 +126,12 @@ def test_the_site_builds_without_a_warning(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "WARNING" not in done.stderr
     assert (tmp_path / "api" / "trajectory" / "press.html").is_file()
+    tutorial = (tmp_path / "tutorial.html").read_text(encoding="utf-8")
+    first = (tmp_path / "first-press.html").read_text(encoding="utf-8")
+    assert "Model error" in tutorial
+    assert "tutorial/1.png" in tutorial
+    assert "first-press/press-0001-to-press-0003.png" in first
+    assert "..." not in first.partition("press-0001.mcap")[2].partition("\n")[0]
     for page in tmp_path.rglob("*.html"):
         html = page.read_text(encoding="utf-8")
         assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="https?://', html), page
