@@ -118,8 +118,12 @@ def copy_presses(paths: list[Path], total: int) -> None:
 
 
 @contextmanager
-def cluster(workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Yield the address of a Dask scheduler on this machine, and the processes of its workers."""
+def cluster(workers: int, *options: str) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Yield the address of a Dask scheduler on this machine, and the processes of its workers.
+
+    Args:
+        options: Further ones of the last worker.
+    """
     from distributed import LocalCluster
 
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
@@ -128,7 +132,8 @@ def cluster(workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]
         words = [sys.executable, "-m", "dask", "worker", address]
         words += ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
-        processes = [subprocess.Popen(words, **quiet) for _ in range(workers)]
+        commands = [words] * (workers - 1) + [[*words, *options]] * (workers > 0)
+        processes = [subprocess.Popen(command, **quiet) for command in commands]
         try:
             yield address, processes
         finally:

@@ -7,10 +7,9 @@ from pathlib import Path
 
 from sautereau.analysis.campaign.row import Fault, Row, Source, read_batch
 from sautereau.analysis.campaign.table import SCHEMA, Campaign, empty_campaign, read_campaign
-from sautereau.analysis.campaign.workers import Where, run_over
+from sautereau.analysis.campaign.workers import Where, computed_by, run_over
 from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.progress import tracked
-from sautereau.rig.version import made_by
 
 BATCH = 8  # Number of recordings that a process reads at a time: about 0.2 s of work
 WORTH_A_PROCESS = 64
@@ -38,9 +37,9 @@ def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -
     """Make a table of all recordings in a folder and its subfolders.
 
     A recording that is in the table already is read again only if its size or date has changed or
-    other code of sautereau has written the table. Faulty recordings are tried again. The table
-    contains everything that was read, however the run ends; only a killed run loses the last few
-    presses.
+    other code of sautereau, or another version of numpy or scipy, has written the table. Faulty
+    recordings are tried again. The table contains everything that was read, however the run ends;
+    only a killed run loses the last few presses.
 
     Args:
         out: Parquet file to write; an existing table is continued.
@@ -109,6 +108,6 @@ def _earlier(out: Path) -> Campaign:
     """Return the table of an earlier run; an empty one if other code has written it."""
     if out.exists():
         earlier = read_campaign(out)
-        if (earlier.made_by, earlier.schema) == (made_by(), SCHEMA):
+        if (earlier.made_by, earlier.schema) == (computed_by(), SCHEMA):
             return earlier
-    return empty_campaign(out, made_by())
+    return empty_campaign(out, computed_by())

@@ -61,7 +61,7 @@ class Campaign:
     faults: tuple[Fault, ...]
     """Ordered by path."""
     made_by: str
-    """Version and code of sautereau that computed the features, as `rig.version.made_by`."""
+    """What computed the features, see `sautereau.analysis.campaign.workers.computed_by`."""
     schema: int = SCHEMA
     """Version of the columns in the file. Those of `table` always have their present names."""
 

@@ -8,7 +8,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     CancelledError,
@@ -18,9 +18,13 @@ from concurrent.futures import (
     wait,
 )
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from typing import Any, Generic, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.rig.version import made_by
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -28,10 +32,31 @@ Where = int | str
 """Number of processes on this machine, where 1 is the calling process; or the address of a Dask
 scheduler."""
 
+LIBRARIES = ("numpy", "scipy")  # Those that compute the results besides sautereau
 QUEUED = 3  # Items that are queued for each worker
 BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Environment variables for the number of threads of numpy's linear algebra; 1 in each worker."""
 TIMEOUT = 10.0  # s, for a scheduler to answer, and to have a worker
+
+
+@cache
+def computed_by() -> str:
+    """Return what computes results here: equal texts give equal results.
+
+    Version and code of sautereau, as `sautereau.rig.version.made_by`, and versions of `LIBRARIES`.
+    """
+    libraries = (f"{name} {version(name)}" for name in LIBRARIES)
+    return f"{made_by()}, {', '.join(libraries)}"
+
+
+@dataclass(frozen=True)
+class _Stamped(Generic[Item, Result]):
+    """A function whose results state what computed them."""
+
+    function: Callable[[Item], Result]
+
+    def __call__(self, item: Item) -> tuple[str, Result]:
+        return computed_by(), self.function(item)
 
 
 def run_over(
@@ -49,7 +74,7 @@ def run_over(
 
     Raises:
         AnalysisError: The number of processes is less than 1, a process was killed, or the cluster
-            does not answer or was lost.
+            does not answer, was lost, or has workers that compute with another version.
     """
     if isinstance(where, str):
         yield from _on_cluster(function, items, where)
@@ -128,7 +153,11 @@ def _on_cluster(
     with client:
         workers = _workers(client, address)
         try:
-            yield from _through(client.get_executor(pure=False), function, items, workers)
+            pool = client.get_executor(pure=False)
+            for i, (computed, result) in _through(pool, _Stamped(function), items, workers):
+                if computed != computed_by():  # of a worker that has come since
+                    raise _mixed(address, {"a worker that has come since": computed})
+                yield i, result
         except (KilledWorker, CancelledError, CommClosedError) as error:
             raise AnalysisError(
                 f"cluster {address}: workers or the scheduler ended during the work ({error}); look"
@@ -136,8 +165,20 @@ def _on_cluster(
             ) from error
 
 
+def _mixed(address: str, others: Mapping[str, str]) -> AnalysisError:
+    listed = "".join(f"\n  {worker}: {computed}" for worker, computed in others.items())
+    return AnalysisError(
+        f"cluster {address}: these workers would compute other results than this machine"
+        f" ({computed_by()}); install the same versions there, and start them again:{listed}"
+    )
+
+
 def _workers(client: Any, address: str) -> int:
-    """Return the number of items that a cluster works on at the same time."""
+    """Return the number of items that a cluster works on at the same time.
+
+    Raises:
+        AnalysisError: It has no workers, or some compute with another version.
+    """
     try:
         client.wait_for_workers(1, timeout=TIMEOUT)
     except TimeoutError as error:
@@ -145,4 +186,14 @@ def _workers(client: Any, address: str) -> int:
             f"cluster {address}: its scheduler had no worker within {TIMEOUT:g} s; start some with"
             f" `dask worker {address}`"
         ) from error
+    found = client.run(computed_by, on_error="return")  # an older version lacks the function
+    others = {
+        worker: " ".join(f"{type(said).__name__}: {said}".split())
+        if isinstance(said, BaseException)
+        else said
+        for worker, said in found.items()
+        if said != computed_by() and not isinstance(said, OSError)  # it has ended
+    }
+    if others:
+        raise _mixed(address, others)
     return sum(client.nthreads().values())

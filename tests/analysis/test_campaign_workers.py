@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed import Client
 
 from benchmarks.campaign import cluster
 from sautereau.analysis.campaign import run as campaign_run
@@ -120,3 +121,43 @@ def test_a_cluster_without_the_folder_is_reported(address, tmp_path):
     read = partial(read_batch, tmp_path / "elsewhere")
     with pytest.raises(AnalysisError, match="does not exist on a worker"):
         list(run_over(read, [[Source("a.mcap", 1, 1)]], address))
+
+
+def test_workers_of_another_version_are_refused_by_name(address, monkeypatch):
+    monkeypatch.setattr(workers, "LIBRARIES", ("pandas",))
+    workers.computed_by.cache_clear()
+    try:
+        with pytest.raises(
+            AnalysisError, match=r"\n  tcp://127\.0\.0\.1:\d+: .*, numpy .*, scipy "
+        ):
+            list(run_over(abs, [1], address))
+    finally:
+        workers.computed_by.cache_clear()
+
+
+OTHER = """
+from sautereau.analysis.campaign import workers
+workers.computed_by = lambda: "0.1 (code 123), numpy 1"
+"""
+
+
+@pytest.mark.slow
+def test_a_mixed_cluster_writes_no_mixed_table(campaign_folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(campaign_run, "BATCH", 1)
+    (tmp_path / "other.py").write_text(OTHER)
+    here = run_campaign(campaign_folder, tmp_path / "here.parquet").campaign
+    out = tmp_path / "there.parquet"
+    with cluster(2, "--preload", str(tmp_path / "other.py")) as (address, processes):
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=60)
+        with pytest.raises(AnalysisError, match=r"0\.1 \(code 123\)"):
+            run_campaign(campaign_folder, out, address)
+        assert not out.exists()
+        # Of a worker that comes later, the first result is refused.
+        monkeypatch.setattr(workers, "_workers", lambda client, address: 2)
+        with pytest.raises(AnalysisError, match="a worker that has come since"):
+            run_campaign(campaign_folder, out, address)
+        processes[1].kill()
+        monkeypatch.undo()
+        there = run_campaign(campaign_folder, out, address).campaign
+    assert there.table.equals(here.table)
