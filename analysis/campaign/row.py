@@ -183,9 +183,14 @@ def plectrum_id(rig: Rig, string: int = 1) -> str:
     It is the same for rigs with the same name and the same values of the plectrum. Two plectra with
     equal values can be distinguished by their strings and by the names of their rigs.
     """
-    # The place of the string in the model is not a property of the plectrum.
     plectrum = choirs(rig)[string - 1].plectrum
-    description = f"{rig.name}\n{plectrum.model_dump_json(exclude={'contact'})}"
+    # The place of the string in the model is not a property of the plectrum. Fields that earlier
+    # versions did not know count where they are given, so that older tables can be continued.
+    omitted = {"contact"}
+    for name in ("transverse_modulus", "shear_modulus", "ageing"):
+        if getattr(plectrum, name) == type(plectrum).model_fields[name].default:
+            omitted.add(name)
+    description = f"{rig.name}\n{plectrum.model_dump_json(exclude=omitted)}"
     description += f"\nstring {string}" * (string > 1)
     return hashlib.sha256(description.encode()).hexdigest()[:8]
 

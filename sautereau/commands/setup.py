@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from datetime import date
+from difflib import get_close_matches
 from math import degrees
 from pathlib import Path
 from shlex import quote
@@ -51,7 +52,9 @@ def _step(_: object, tokens: Sequence[Token]) -> str:
         return text
     if text.endswith(".toml"):
         raise ValueError(f"{text} is a rig file; give it after the step: `setup all {text}`")
-    raise ValueError(f"{text!r} is no step; give one of {', '.join(get_args(StepName))}")
+    names = get_args(StepName)
+    near = "".join(f"did you mean {name!r}? or " for name in get_close_matches(text, names, 1))
+    raise ValueError(f"{text!r} is no step; {near}give one of {', '.join(names)}")
 
 
 def init(

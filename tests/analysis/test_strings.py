@@ -49,7 +49,7 @@ def test_a_quality_factor_of_1_or_less_is_refused(quality):
 
 def test_it_is_the_modal_pluck(string):
     decay = string_decay(RIG.string, 30)
-    pluck = modal_pluck(RIG, decay=decay)
+    pluck = modal_pluck(RIG, decay=decay, width=RIG.plectrum.width)
     since = np.linspace(0, 0.05, 400)
     time = string.release + since
     np.testing.assert_allclose(string.bridge_force(time), pluck.free.bridge_force(since), atol=1e-9)
