@@ -84,15 +84,17 @@ class KeyAndString:
         bend_std = np.array(strings.settings.shape_std) * max(1e-3, float(np.ptp(held.load)))
         stds = np.array([self._fall_std, *bend_std, *[0.1] * struck])
         self._string_prior = np.diag(1 / stds**2)
-        self._keys: dict[tuple[float, bool], tuple[Floats, Floats, float]] = {}
+        self._keys: dict[tuple[float, float | None, bool], tuple[Floats, Floats, float]] = {}
 
     def free(self, noise: float) -> float:
         """Return chi2 of a key without a string; the noise as in `at`."""
-        return self._key_alone(noise, falls=False)[2]
+        inverse, along, left = self._key_alone(noise, None, False)
+        bound = _beyond(float(inverse[INERTIA] @ along))
+        return left if bound is None else self._key_alone(noise, bound, False)[2]
 
     def without_string(self) -> tuple[float, Floats]:
         """Return a free key's variance of residuals over the noise, and the residuals [N]."""
-        inverse, along, _ = self._key_alone(1.0, falls=False)
+        inverse, along, _ = self._key_alone(1.0, None, False)
         left = self._load - self._key @ (inverse @ along)
         return float(left @ left) / len(left), self._white.undone(left)
 
@@ -108,24 +110,36 @@ class KeyAndString:
         first = max(0, int(start / self._held.step) - 1)
         string = self._white(self._bare(times, first).T, first).T
         string = string.reshape(len(self._string_prior), len(times), -1).swapaxes(0, 1)
-        return self._fits(string, noise)
+        found = self._fits(string, noise, None)
+        bound = _beyond(found.inertia)
+        return found if bound is None else self._fits(string, noise, bound)
 
-    def _key_alone(self, noise: float, *, falls: bool) -> tuple[Floats, Floats, float]:
+    def _key_alone(
+        self, noise: float, inertia: float | None, falls: bool
+    ) -> tuple[Floats, Floats, float]:
         """Return the fit of a key without a string.
 
         Args:
             noise: As in `at`.
+            inertia: Known relative error of the rig's inertia; None for its prior.
             falls: Whether it contains the fall at release.
 
         Returns:
             What the key's columns must be multiplied by in order to be orthonormal, the products
             of the load with these, and the sum of squared residuals.
         """
-        if found := self._keys.get((noise, falls)):
+        if found := self._keys.get((noise, inertia, falls)):
             return found
+        # At an end of its range the inertia is known.
+        mean, std = (
+            (0.0, self._expected.settings.inertia_std) if inertia is None else (inertia, 1e-3)
+        )
         # The prior is weighted in units of the noise.
-        gram = self._gram + np.diag(noise / self._prior**2)
-        right, square = self._right.copy(), self._square
+        weights = noise / self._prior**2
+        weights[INERTIA] = noise / std**2
+        gram, right = self._gram + np.diag(weights), self._right.copy()
+        right[INERTIA] += mean * weights[INERTIA]
+        square = self._square + mean**2 * weights[INERTIA]
         if falls:
             gram[INERTIA, INERTIA] += noise * self._slowed**2
             right[INERTIA] += noise * self._slowed * self._fall
@@ -135,7 +149,7 @@ class KeyAndString:
             raise np.linalg.LinAlgError("the equations of the key have no solution")
         inverse = INVERSE(factor, lower=1)[0].T
         along = right @ inverse
-        found = self._keys[noise, falls] = inverse, along, float(square - along @ along)
+        found = self._keys[noise, inertia, falls] = inverse, along, float(square - along @ along)
         return found
 
     def _bare(self, times: Floats, first: int) -> Floats:
@@ -157,15 +171,16 @@ class KeyAndString:
             columns.append(np.exp(-0.5 * ((held.time[first:] - times[:, None]) / PEAK) ** 2))
         return np.concatenate(columns)
 
-    def _fits(self, string: Floats, noise: float) -> ContactFits:
+    def _fits(self, string: Floats, noise: float, inertia: float | None) -> ContactFits:
         """Return the fits.
 
         Args:
             string: The string's columns in the last rows, in units of the noise, shape
                 (instants, columns, last rows).
             noise: As in `at`.
+            inertia: As in `_key_alone`.
         """
-        inverse, along, square = self._key_alone(noise, falls=True)
+        inverse, along, square = self._key_alone(noise, inertia, True)
         last = slice(-string.shape[-1], None)
         mixed, load = string @ self._key[last], string @ self._load[last]
         # The row of the fall at release: the complete force of the string, and the inertia's part.
@@ -188,6 +203,11 @@ class KeyAndString:
         rms = math.sqrt(float(unexplained @ unexplained) / len(unexplained))
         forces = np.asarray(factors[:, 0], dtype=float)
         return ContactFits(chi2, forces, inflation, rms, float(of_key[INERTIA]))
+
+
+def _beyond(inertia: float) -> float | None:
+    """Return the end of the range of the inertia's relative error that it exceeds, if any."""
+    return -0.5 if inertia < -0.5 else 1.0 if inertia > 1.0 else None
 
 
 def _inflation(left: Floats, parameters: int) -> float:

@@ -53,7 +53,9 @@ def pair_gains(fit: SawTeeth, found: Floats, solved: Solved) -> tuple[Floats, Fl
     base = np.concatenate([fit.base[: len(left)], solved.base[: len(left)]], 1)
     _subtract_explained(square, sums(fit.weight[:, None] * base), rise[:, None])
     climbed = rise[None, :] - rise[:, None]
-    possible = (climbed > 0.25e-3) & (of_load > 0) & (square > least)
+    # Of a release before its contact the squares are meaningless.
+    later = np.arange(n)[None, :] > np.arange(n)[:, None] + 3
+    possible = later & (climbed > 0.25e-3) & (of_load > 0) & (square > least)
     possible &= time < time[-1] - slow.width
     for release in found[:, 1]:
         possible &= np.abs(time[None, :] - release) > APART * slow.width
