@@ -2,7 +2,7 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogFormatter
 
 from sautereau.analysis.figures.made import how_made, stamp
 from sautereau.analysis.figures.palette import BEFORE, DASHES, MEASURED, OTHER, PREDICTED, SERIES
@@ -12,6 +12,8 @@ from sautereau.analysis.identify.information import IDENTIFIABLE
 from sautereau.analysis.identify.parameters import values_of_rig
 from sautereau.analysis.text import counted, in_rig_units
 
+AFTER = 1.7  # The force is drawn to this multiple of the time to its largest value
+
 
 def fit_figure(fitted: Fit, found: Identified, simulated: bool) -> Figure:
     """Return a figure of the first press's force, the residuals of all, and the correlation."""
@@ -19,7 +21,7 @@ def fit_figure(fitted: Fit, found: Identified, simulated: bool) -> Figure:
     several = len(found.estimates) > 1
     grid = figure.add_gridspec(2, 1 + several, width_ratios=(1.6, 1)[: 1 + several])
     top = figure.add_subplot(grid[0, 0])
-    below = figure.add_subplot(grid[1, 0], sharex=top)
+    below = figure.add_subplot(grid[1, 0])
     _forces(top, below, fitted)
     if several:
         _correlation(figure, figure.add_subplot(grid[0, 1]), found)
@@ -53,7 +55,9 @@ def _forces(top, below, fitted: Fit) -> None:
         model = np.full(len(time), np.nan)
         model[press.used] = force[press.used] - residual + noise[0].trend(residual)
         top.plot(time, model, color=colour, lw=1.4, ls=dashes, label=name)
-    top.set_ylabel("finger force (N)")
+    start, peak = time[press.used][0], time[np.nanargmax(force)]
+    top.set_xlim(start, start + AFTER * (peak - start))
+    top.set(ylabel="finger force (N)", xlabel="time after the trigger (ms), first press")
     top.legend(loc="upper right")
     for i, (each, residual, white) in enumerate(zip(dynamics.presses, after, noise, strict=True)):
         left = np.full(len(each.time), np.nan)
@@ -70,7 +74,7 @@ def _value(one: Estimate) -> str:
 
 def _correlation(figure, axes, found: Identified) -> None:
     names = [e.name.rpartition(".")[2] for e in found.estimates]
-    image = axes.imshow(found.correlation, cmap="RdBu_r", vmin=-1, vmax=1)
+    image = axes.imshow(found.correlation, cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto")
     axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
     axes.set_yticks(range(len(names)), names)
     for (row, column), value in np.ndenumerate(found.correlation):
@@ -91,7 +95,7 @@ def _combinations(axes, found: Identified) -> None:
     axes.tick_params(axis="y", labelsize=7)
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_minor_formatter(LogFormatter())  # where less than a decade is shown
     axes.set_xlabel("total standard uncertainty (% of the scale)")
     unseen = [str(c) for c in found.combinations if c.std is None]
     if unseen:

@@ -87,9 +87,12 @@
     return Plotly.relayout(plot, changes);
   }
 
+  // On a narrow page the tool bar would cover the legend; the buttons above do the same.
+  const wide = matchMedia("(min-width: 52rem)");
   const drawn = plots.map((plot) => {
     const figure = JSON.parse(document.getElementById(`${plot.id}-data`).textContent);
     return Plotly.newPlot(plot, figure.data, figure.layout, { responsive: true, displaylogo: false,
+      displayModeBar: wide.matches && "hover",
       toImageButtonOptions: { format: "svg", filename: plot.id } }).then(() => {
       plot.on("plotly_click", (event) => {
         const point = event.points[0];
