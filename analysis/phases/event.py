@@ -433,7 +433,9 @@ def _mean(fit: EventFit, fits: list[Fitted]) -> tuple[float, float]:
     chance /= chance.sum()
     times = np.array([f.instants[0] for f in fits])
     mean = float(times @ chance)
-    return mean, float(chance @ ((times - mean) ** 2 + [f.variance for f in fits]))
+    # Undetermined modes make a variance infinite, and its product with no chance no number.
+    spread = np.minimum([f.variance for f in fits], 1e-6)
+    return mean, float(chance @ ((times - mean) ** 2 + spread))
 
 
 def resolved(signals: Signals, near: float) -> bool:
