@@ -183,9 +183,12 @@ def plectrum_id(rig: Rig, string: int = 1) -> str:
     It is the same for rigs with the same name and the same values of the plectrum. Two plectra with
     equal values can be distinguished by their strings and by the names of their rigs.
     """
-    # The place of the string in the model is not a property of the plectrum.
     plectrum = choirs(rig)[string - 1].plectrum
-    description = f"{rig.name}\n{plectrum.model_dump_json(exclude={'contact'})}"
+    # The place of the string in the model is not a property of the plectrum, and a plectrum without
+    # these has the identifier that older versions gave it.
+    defaults = {"transverse_modulus": None, "shear_modulus": None, "ageing": 1.0}
+    omitted = {"contact", *(n for n, v in defaults.items() if getattr(plectrum, n) == v)}
+    description = f"{rig.name}\n{plectrum.model_dump_json(exclude=omitted)}"
     description += f"\nstring {string}" * (string > 1)
     return hashlib.sha256(description.encode()).hexdigest()[:8]
 

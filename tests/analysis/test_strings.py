@@ -49,12 +49,13 @@ def test_a_quality_factor_of_1_or_less_is_refused(quality):
 
 def test_it_is_the_modal_pluck(string):
     decay = string_decay(RIG.string, 30)
-    pluck = modal_pluck(RIG, decay=decay)
+    pluck = modal_pluck(RIG, decay=decay, width=RIG.plectrum.width)
     since = np.linspace(0, 0.05, 400)
     time = string.release + since
     np.testing.assert_allclose(string.bridge_force(time), pluck.free.bridge_force(since), atol=1e-9)
     moved = string.displacement(time, PLACE)[:, :, 0].T
-    np.testing.assert_allclose(moved, pluck.free.motion(since)[0], atol=1e-12)
+    at = RIG.string.plucking_point
+    np.testing.assert_allclose(moved, pluck.free.motion(since, at)[0], atol=1e-12)
     prediction = predict(RIG)
     assert string.contact == pytest.approx(prediction.contact)
     assert string.release == pytest.approx(prediction.release, rel=2e-3)
