@@ -82,6 +82,7 @@ UNCOVERED = {
     "--install-completion": "it changes the user's shell; cyclopts writes it",
     "--help": "cyclopts writes it from the options, which the group `interface` holds",
     "-h": "the same",
+    "--help-all": "the same",
     "--version": "it prints the version",
 }
 """Commands that no case runs, and why."""
