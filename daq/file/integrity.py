@@ -11,6 +11,7 @@ from typing import NamedTuple
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import (
     CHUNK_INDEX,
+    COPY,
     INDEX_OFFSET,
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
@@ -310,7 +311,7 @@ def head(file: BufferedReader, end: int) -> tuple[list[Record], bool]:
             found.append(Record(opcode, body))
             size += length
             with suppress(ValueError, struct.error):  # it is refused when it is read
-                missing.discard(text_within(body, 0)[0])
+                missing.discard(text_within(body, 0)[0].removesuffix(COPY))
         late |= opcode in (Opcode.CHUNK, Opcode.MESSAGE)
         at += PREFIX.size + length
     return found, late

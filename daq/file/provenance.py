@@ -39,7 +39,6 @@ HEAD = ("channels", "rig", "software", "session", "schemas")
 LARGEST_HEAD = LARGEST_DEFINITIONS // 2
 """Limit in bytes for one copy of them. The rest of what readers accept is for the metadata at the
 end: those of a recovery list what is missing."""
-COPIES = 2  # Number of copies of the metadata: one survives damage to the other
 LIBRARIES = ("sautereau", "numpy", "scipy", "nidaqmx", "grpcio", "pyserial", "mcap", "protobuf")
 """Distributions whose versions are recorded."""
 
@@ -136,9 +135,9 @@ def start_head(writer: McapWriter, head: dict[str, dict[str, str]]) -> None:
             *channels,
         ],
     )
-    for _ in range(COPIES):
+    for copy in (False, True):  # one survives damage to the other
         for name, values in head.items():
-            writer.add_metadata(name, values)
+            writer.add_metadata(name, values, copy=copy)
 
 
 @lru_cache(maxsize=64)

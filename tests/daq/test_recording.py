@@ -80,7 +80,7 @@ def test_the_head_stands_before_everything_else(tmp_path, record, volts):
     assert first.profile == "sautereau"
     names = [r.name for r in rest if isinstance(r, Metadata)]
     head = ["channels", "rig", "software", "session", "schemas"]
-    assert names == [*head, *head, "end"]
+    assert names == [*head, *(f"{name} (copy)" for name in head), "end"]
     assert all(isinstance(record, Metadata) for record in rest[:10])
     channels = {r.topic: r.id for r in rest if isinstance(r, Channel)}
     result = {t: text for t, text in rest[0].metadata.items() if t != "crc32"}

@@ -237,10 +237,16 @@ def _change(parts: list[Record], dice: random.Random) -> None:
 def _change_named(named: list[Record], dice: random.Random) -> None:
     """Change a Metadata record; each is written twice, and the first or both are changed."""
     part = dice.choice(named)
-    body, new = part.body, of_metadata(part.body, dice)
+    name, new = first_name(part), of_metadata(part.body, dice)
     for other in named if dice.random() < 0.8 else [part]:
-        if other.body == body:
+        if first_name(other) == name:
             other.body = new
+
+
+def first_name(part: Record) -> str:
+    """Return the name of the Metadata record that a record is, or repeats."""
+    size = int.from_bytes(part.body[:4], "little")
+    return part.body[4 : 4 + size].decode(errors="replace").removesuffix(" (copy)")
 
 
 def _change_message(chunks: list[Record], dice: random.Random) -> None:
@@ -336,7 +342,7 @@ def with_checksums(data: bytes) -> bytes:
 
 def change_metadata(parts: list[Record], dice: random.Random, name: str) -> None:
     """Change both copies of a Metadata record alike."""
-    named = [p for p in parts if p.opcode == METADATA and texts(p.body)[0] == name]
+    named = [p for p in parts if p.opcode == METADATA and first_name(p) == name]
     body = of_metadata(named[0].body, dice)
     for part in named:
         part.body = body

@@ -48,10 +48,10 @@ def with_field(topic, number, value):
 def with_text(name, key, text):
     def change(parts):
         for part in parts:
-            if part.opcode == mcap.METADATA and mcap.texts(part.body)[0] == name:
-                values = mcap.texts(part.body)[1]
+            if part.opcode == mcap.METADATA and mcap.first_name(part) == name:
+                own, values = mcap.texts(part.body)
                 new = text(values[key]) if callable(text) else text
-                part.body = mcap.metadata(name, values | {key: new})
+                part.body = mcap.metadata(own, values | {key: new})
 
     return change
 

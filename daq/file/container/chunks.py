@@ -14,6 +14,7 @@ import zstandard
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import (
+    COPY,
     CRC_KEY,
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
@@ -39,14 +40,18 @@ CHUNK = struct.Struct("<QQQII")
 _SIZE = struct.Struct("<Q")
 _UNKNOWN_SIZE = -1  # of the content of a zstd frame that was written as a stream
 NAMES = ("channels", "rig", "software", "session", "schemas", "end", "recovered")
-"""Names of a recording's Metadata records."""
+"""Names of a recording's Metadata records, without the end of those that are repeated."""
 _HEAD = 1024**2  # bytes at the start of a file that hold its first Metadata records
 _RECORD = re.compile(
     # A chunk: opcode, a length below 2**32, times, sizes and a CRC, the name of its compression.
     rb"\x06.{4}\0{4}.{28}(?:\x04\0\0\0zstd|\x03\0\0\0lz4|\0{4})"
     # A Metadata record: opcode, a length below 2**32, its name.
     + rb"|\x0c.{4}\0{4}(?:"
-    + b"|".join(re.escape(struct.pack("<I", len(n)) + n.encode()) for n in NAMES)
+    + b"|".join(
+        re.escape(struct.pack("<I", len(n)) + n.encode())
+        for name in NAMES
+        for n in (name, name + COPY)
+    )
     + rb")",
     re.DOTALL,
 )

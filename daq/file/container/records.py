@@ -24,6 +24,8 @@ __all__ = ["MAGIC", "Opcode", "crc32"]
 LIBRARY = f"sautereau; {LIBRARY_IDENTIFIER}"
 """Library in the header of a file that `McapWriter` wrote: all its checksums are available."""
 CHUNK_SIZE = 256 * 1024  # Size in bytes, uncompressed, at which a chunk is closed
+COPY = " (copy)"
+"""At the end of the name of a repeated Metadata record: viewers want names that are unique."""
 LARGEST_CHUNK = 32 * 1024**2  # Limit in bytes for any record and any unpacked chunk
 UNAVAILABLE = 0  # Any checksum that MCAP's records do not have
 LARGEST_DEFINITIONS = 4 * 1024**2
@@ -146,6 +148,8 @@ def with_checksum(name: str, data: dict[str, str]) -> dict[str, str]:
 def read_metadata(body: bytes, *, require_checksum: bool = False) -> Metadata:
     """Return a Metadata record without its checksum, after that has been verified.
 
+    A repeated record has the name of the first.
+
     The last records are kept: a file repeats them, and most are the same in all files of a session.
 
     Args:
@@ -160,11 +164,10 @@ def read_metadata(body: bytes, *, require_checksum: bool = False) -> Metadata:
     except (ValueError, struct.error) as error:
         raise DamageError(f"a Metadata record cannot be read: {error}") from error
     checksum = texts.pop(_CRC, None)
-    if checksum is None and not require_checksum:
-        return Metadata(name, texts)
-    if checksum != f"{_checksum(name, texts):08x}":
+    given = checksum is not None or require_checksum
+    if given and checksum != f"{_checksum(name, texts):08x}":
         raise DamageError(f"the checksum of the metadata {name} does not match")
-    return Metadata(name, texts)
+    return Metadata(name.removesuffix(COPY), texts)
 
 
 def _checksum(name: str, data: dict[str, str]) -> int:

@@ -9,6 +9,7 @@ from mcap.writer import CompressionType, Writer
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import (
     CHUNK_SIZE,
+    COPY,
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
     LIBRARY,
@@ -72,12 +73,18 @@ class McapWriter(Writer):
                 raise ValueError(f"number {one.id} where {number} is next")
         self._waiting = self._sizes[0] = sum(len(record_bytes(one)) for one in definitions)
 
-    def add_metadata(self, name: str, data: dict[str, str]) -> None:
+    def add_metadata(self, name: str, data: dict[str, str], *, copy: bool = False) -> None:
         """Write a Metadata record with its own checksum immediately.
+
+        Args:
+            copy: Whether it repeats the record of this name.
 
         Raises:
             RecordingError: The different ones together are larger than readers accept.
         """
+        if copy:
+            super().add_metadata(name + COPY, with_checksum(name + COPY, data))
+            return
         data = with_checksum(name, data)
         record = record_bytes(Metadata(name=name, metadata=data))
         self._sizes |= {crc32(record): len(record)}
