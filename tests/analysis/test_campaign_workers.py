@@ -123,6 +123,7 @@ def test_a_cluster_without_the_folder_is_reported(address, tmp_path):
         list(run_over(read, [[Source("a.mcap", 1, 1)]], address))
 
 
+@pytest.mark.slow
 def test_workers_of_another_version_are_refused_by_name(address, monkeypatch):
     monkeypatch.setattr(workers, "LIBRARIES", ("pandas",))
     workers.computed_by.cache_clear()

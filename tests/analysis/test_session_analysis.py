@@ -210,6 +210,7 @@ def test_a_watched_folder_gives_each_recording_once(four, tmp_path):
         st.watch(tmp_path / "press-0009.mcap")
 
 
+@pytest.mark.slow
 def test_many_conditions_are_one_bounded_picture(four):
     """The plot of a design: also of 60 conditions it is at most 12 inches by 10."""
     presses, rig = four[1], four[1][0].press.rig

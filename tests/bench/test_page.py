@@ -100,6 +100,7 @@ def test_a_browser_that_comes_late_sees_the_running_press_and_no_earlier_one(vie
     assert set(second[1]) == {None}
 
 
+@pytest.mark.slow
 def test_memory_is_bounded_and_a_browser_that_does_not_read_is_disconnected(view):
     with socket.create_connection(("127.0.0.1", port_of(view))) as lazy:
         lazy.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)

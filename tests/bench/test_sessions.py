@@ -96,6 +96,7 @@ def test_killed_at_random_moments_and_resumed(
     assert every_press_once(out, presses) == recordings
 
 
+@pytest.mark.slow
 def test_a_killed_design_continues_and_takes_more_repeats(
     command_server, sautereau, tmp_path, bare, rig_file
 ):

@@ -74,7 +74,8 @@ def recording(path: Path) -> dict[str, Any]:
         metadata = {
             one.name: {k: _short(v) for k, v in one.metadata.items() if k not in _UNSTORED}
             for one in reader.iter_metadata()
-            if one.name not in ("software", "end")
+            # A copy repeats one of these.
+            if one.name not in ("software", "end") and not one.name.endswith(" (copy)")
         }
     parts = {"plan": found.plan, "joints": found.joints}
     return {

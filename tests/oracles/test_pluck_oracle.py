@@ -188,6 +188,7 @@ def test_a_rounded_tip_releases_at_the_fold():
     assert r.height == pytest.approx(r.curve[:, 0].max(), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_tighter_tolerances_change_nothing():
     for case in list(bars())[4:14:9]:
         a, b = case.solve(1e-11, nodes=24), case.solve(1e-13, nodes=32)

@@ -71,6 +71,7 @@ def test_a_gain_off_by_2_and_a_fixture_are_measured():
     assert corrected.arm.fixture_mass == pytest.approx(5e-3, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_delay_off_by_1_ms_is_measured():
     found = proven({"daq.channels.1.delay": "1.01 ms"})
     assert found.figures["delay"] == pytest.approx(1.01e-3, abs=20e-6)
@@ -88,6 +89,7 @@ def test_a_wrong_sign_is_named_and_no_scale_written():
     assert not [key for key in found.values if "scale" in key or "fixture" in key]
 
 
+@pytest.mark.slow
 def test_a_vibrometer_of_the_wrong_sign_is_named():
     found = proven(faults={"sensor_sign": {"quantity": "velocity"}})
     assert len(found.warnings) == 1
@@ -157,6 +159,7 @@ def test_a_weight_that_was_not_taken_off(options, said):
         proof_of(*fallen(**options), MASS)
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_values_with_their_source(tmp_path, capsys):
     file, scene = tmp_path / "rig.toml", tmp_path / "scene.toml"
     file.write_text(QUICK_TEXT, encoding="utf-8")

@@ -206,6 +206,7 @@ def test_compared_with_a_rig_that_has_it_all_errors_are_within_their_intervals(r
 
 
 @pytest.mark.parametrize("ranges", [False, True])
+@pytest.mark.slow
 def test_identification_finds_it(recorded, ranges):
     presses, phases = recorded
     if not ranges:
