@@ -300,12 +300,16 @@ class Daq(Section):
 
     def physical(self, channel: Channel) -> str:
         """Return the complete name of a channel's terminal: ``cDAQ1Mod2/ai0``."""
-        return f"{channel.device or self.device}/{channel.terminal}"
+        return f"{self.device_of(channel)}/{channel.terminal}"
+
+    def device_of(self, channel: Channel) -> str:
+        """Return the device whose terminal a channel has."""
+        return channel.device or self.device
 
     @property
     def devices(self) -> tuple[str, ...]:
         """The devices of the channels, each once, in the order of the channels."""
-        return tuple(dict.fromkeys(channel.device or self.device for channel in self.channels))
+        return tuple(dict.fromkeys(map(self.device_of, self.channels)))
 
     def channel(self, quantity: str) -> Channel | None:
         """Return the first channel that measures ``quantity``, or None."""

@@ -1,7 +1,6 @@
 """Read a rig file, and report all its faults at once; give a rig other values."""
 
 import logging
-import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -10,7 +9,7 @@ from typing import Any
 from sautereau.rig.disk import named_text
 from sautereau.rig.document import current_key, rig_document, validated
 from sautereau.rig.errors import RigError
-from sautereau.rig.faults import model_keys, near_miss, unit_of
+from sautereau.rig.faults import bare_key, model_keys, near_miss, unit_of
 from sautereau.rig.layers import Layers, read_toml
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity, shown
@@ -63,7 +62,16 @@ def parse_rig(
     Raises:
         RigError: Lists every fault.
     """
-    layers = Layers(text, origin, folder or Path(), others)
+    return rig_of(Layers(text, origin, folder or Path(), others))
+
+
+def rig_of(layers: Layers) -> Rig:
+    """Build a rig from the layers of its file.
+
+    Raises:
+        RigError: Lists every fault.
+    """
+    origin = layers.own.origin
     ranges, range_faults = assumed_ranges(layers.assumed, layers.values)
     found = layers.faults + [(layers.place(key), f"{key}: {why}") for key, why in range_faults]
     try:
@@ -133,7 +141,7 @@ def assumed_ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):
     ranges: dict[str, tuple[float, float]] = {}
     faults: list[tuple[str, str]] = []
     for key, (value, pair) in assumed.items():
-        if re.sub(r"\.\d+(?=\.|$)", "", key) not in known:
+        if bare_key(key) not in known:
             continue  # the unknown key is reported elsewhere
         try:
             ranges[key] = _range(unit_of(Rig, key.split("."), values), value, pair)

@@ -24,7 +24,7 @@ def _inputs(daq: Daq, device: str, number: int | None) -> tuple[str, ...]:
     """Return the inputs of a device; an ideal one has those of the rig."""
     if number is not None:
         return tuple(f"ai{n}" for n in range(number))
-    return tuple(one.terminal for one in daq.channels if (one.device or daq.device) == device)
+    return tuple(one.terminal for one in daq.channels if daq.device_of(one) == device)
 
 
 class BenchCard:

@@ -266,7 +266,7 @@ class Scene(Section):
                     )
         products = self.products(rig.daq)
         for channel in rig.daq.channels:
-            key, device = f"daq.channels.{channel.name}", channel.device or rig.daq.device
+            key, device = f"daq.channels.{channel.name}", rig.daq.device_of(channel)
             if device not in products:
                 faults.append(
                     f"rig {rig.name}: {key} is on the device {device}, and the scene's card has"

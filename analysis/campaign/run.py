@@ -1,13 +1,12 @@
 """Make a table of a folder of recordings; an earlier run is continued."""
 
-import os
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from sautereau.analysis.campaign.row import Fault, Row, Source, read_batch
 from sautereau.analysis.campaign.table import SCHEMA, Campaign, empty_campaign, read_campaign
-from sautereau.analysis.campaign.workers import Where, computed_by, run_over
+from sautereau.analysis.campaign.workers import Where, computed_by, run_over, worthwhile
 from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.progress import tracked
 
@@ -61,7 +60,7 @@ def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -
     kept = set(campaign.sources)
     unread = [source for source in found if source not in kept]
     if where is None:
-        where = min(os.cpu_count() or 1, 1 + len(unread) // WORTH_A_PROCESS)
+        where = worthwhile(len(unread), WORTH_A_PROCESS)
     batches = [unread[i : i + BATCH] for i in range(0, len(unread), BATCH)]
     rows: list[Row] = []
     faults: list[Fault] = []

@@ -59,6 +59,11 @@ class _Stamped(Generic[Item, Result]):
         return computed_by(), self.function(item)
 
 
+def worthwhile(items: int, each: int) -> int:
+    """Return how many processes shorten the work: one more for each so many items, one per core."""
+    return min(os.cpu_count() or 1, 1 + items // each)
+
+
 def run_over(
     function: Callable[[Item], Result], items: Sequence[Item], where: Where = 1
 ) -> Generator[tuple[int, Result], None, None]:

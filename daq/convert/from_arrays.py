@@ -49,7 +49,7 @@ def open_mat(path: Path) -> ImportSource:
         head = file.read(HDF5_AT[-1] + len(HDF5_SIGNATURE))
     if any(head[at:].startswith(HDF5_SIGNATURE) for at in HDF5_AT):
         return open_hdf5(path)
-    return _source("MATLAB", *_read("MATLAB", path)[:2])
+    return _opened("MATLAB", path)
 
 
 def open_hdf5(path: Path) -> ImportSource:
@@ -80,7 +80,7 @@ def open_numpy(path: Path) -> ImportSource:
     Raises:
         RecordingError: It is damaged, or not a numpy file.
     """
-    return _source("numpy", *_read("numpy", path)[:2])
+    return _opened("numpy", path)
 
 
 def open_lvm(path: Path) -> ImportSource:
@@ -90,8 +90,7 @@ def open_lvm(path: Path) -> ImportSource:
         RecordingError: It is damaged or cut off, or no such file.
         MissingExtraError: lvm_read is not installed.
     """
-    require("formats", f"{path}: LabVIEW measurement file", "lvm_read")
-    return _source("lvm", *_read("lvm", path)[:2])
+    return _opened("lvm", path, "LabVIEW measurement file", "lvm_read")
 
 
 def open_uff(path: Path) -> ImportSource:
@@ -101,8 +100,7 @@ def open_uff(path: Path) -> ImportSource:
         RecordingError: It is damaged or cut off, or holds no functions of time.
         MissingExtraError: pyuff is not installed.
     """
-    require("formats", f"{path}: universal file", "pyuff")
-    return _source("universal", *_read("universal", path)[:2])
+    return _opened("universal", path, "universal file", "pyuff")
 
 
 def open_sound(path: Path) -> ImportSource:
@@ -112,8 +110,7 @@ def open_sound(path: Path) -> ImportSource:
         RecordingError: It is damaged or cut off, or no sound file.
         MissingExtraError: soundfile is not installed.
     """
-    require("formats", f"{path}: sound file", "soundfile")
-    return replace(_source("sound", *_read("sound", path)[:2]), full_scale=True)
+    return replace(_opened("sound", path, "sound file", "soundfile"), full_scale=True)
 
 
 def open_xlsx(path: Path) -> ImportSource:
@@ -141,6 +138,13 @@ def open_xlsx(path: Path) -> ImportSource:
     weakref.finalize(read, shutil.rmtree, folder, ignore_errors=True)  # with the source
     guess = f"{about['rows']['unit']}, {found.guess}"
     return replace(found, kind="workbook", read=read, guess=guess)
+
+
+def _opened(kind: str, path: Path, what: str = "", library: str = "") -> ImportSource:
+    """Return the columns of a file without a document, which may need a library of an extra."""
+    if library:
+        require("formats", f"{path}: {what}", library)
+    return _source(kind, *_read(kind, path)[:2])
 
 
 def _read(kind: str, path: Path) -> Found:

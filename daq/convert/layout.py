@@ -26,13 +26,8 @@ from sautereau.rig.units import shown
 
 MOST_LINES = 500  # Limit of the lines that are examined, from the first or from --skip on
 MOST_SKIPPED = 100_000  # Limit of --skip: these lines are kept in memory
-DELIMITERS = (
-    ";",
-    "\t",
-    "|",
-    ",",
-    " ",
-)  # If several read the same numbers, the first of them is used
+# If several read the same numbers, the first of them is used.
+DELIMITERS = (";", "\t", "|", ",", " ")
 IN_NAME = re.compile(r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+))\s*|\S+?/(\S+)")
 """A name with its unit: `force (N)`, `force [N]`, `force / N`, `F/mN`."""
 Cells = list[str]

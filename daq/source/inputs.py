@@ -62,7 +62,7 @@ def read_inputs(task: Any, daq: Daq) -> tuple[InputSettings, ...]:
     places = Counter[str]()
     found = []
     for channel in daq.channels:
-        device = channel.device or daq.device
+        device = daq.device_of(channel)
         found.append(_read_input(task, channel, places[device] * skew.get(device, 0.0)))
         places[device] += 1
     settings = tuple(found)

@@ -10,7 +10,6 @@ more repeats or levels adds presses behind it.
 import csv
 import io
 import math
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +24,14 @@ from sautereau.analysis.session.conditions import differing
 from sautereau.rig.disk import read_text, why_unreadable
 from sautereau.rig.document import flat, full_key, named_values, values_of
 from sautereau.rig.errors import RigError
-from sautereau.rig.faults import fault_list, in_text, model_keys, near_miss, validation_faults
+from sautereau.rig.faults import (
+    bare_key,
+    fault_list,
+    in_text,
+    model_keys,
+    near_miss,
+    validation_faults,
+)
 from sautereau.rig.layers import read_toml
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
@@ -286,7 +292,7 @@ def _known(name: str) -> str:
         RigError: The rig has no such key.
     """
     key, known = full_key(name), list(model_keys(Rig))
-    if re.sub(r"\.\d+(?=\.|$)", "", key) not in known:
+    if bare_key(key) not in known:
         raise RigError(f"{name}: no such quantity in a rig{near_miss(key, known)}")
     return key
 

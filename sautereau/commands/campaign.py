@@ -157,11 +157,11 @@ def survey(
     rig
         Rig of all other values, by path or packaged name. Default: the table's `base`, or paper.
     """
-    import os
-
+    from sautereau.analysis.campaign.workers import worthwhile
     from sautereau.analysis.model.choirs import choirs
     from sautereau.analysis.results.survey import survey
     from sautereau.entrance.found import recordings_of
+    from sautereau.entrance.session import WORTH_A_PROCESS
     from sautereau.rig.keys import read_keys
 
     if processes is not None and cluster is not None:
@@ -175,9 +175,9 @@ def survey(
     # Maps of elements may be new, and a recording takes 0.1 s; else a process takes longer to start
     heavy = sum(any(c.plectrum.described for c in choirs(key.rig)) for key in keys)
     heavy += sum(map(len, recordings.values()))
-    where = processes or (min(os.cpu_count() or 1, 1 + heavy // 8))
+    where = cluster or processes or worthwhile(heavy, WORTH_A_PROCESS)
     with output.progress("predicting and reading"):
-        made = survey(keys, recordings, level, cluster or where)
+        made = survey(keys, recordings, level, where)
     made = replace(made, warnings=(*made.warnings, *warnings))
     if plot:
         save_plot(plot, made.plot())

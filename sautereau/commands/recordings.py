@@ -37,12 +37,12 @@ def _rig_info(file: Path, output: Output) -> int:
     from sautereau.rig.document import flat
     from sautereau.rig.errors import RigError
     from sautereau.rig.layers import Layers
-    from sautereau.rig.load import parse_rig
+    from sautereau.rig.load import rig_of
     from sautereau.rig.units import shown
 
     text, origin, folder = named_text(file, "sautereau.rig", "rig", RigError)
-    rig = parse_rig(text, origin, folder)
     layers = Layers(text, origin, folder)
+    rig = rig_of(layers)
     changes, count = layers.differences, len(flat(layers.values))
     origins = [layer.origin for layer in layers.bases]
     lines = [f"rig: {rig.name}", f"base: {', '.join(origins) or 'none'}"]

@@ -1,13 +1,12 @@
 """The presses of one or more sessions."""
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 from sautereau.analysis.campaign.row import row_of, unit_of
-from sautereau.analysis.campaign.workers import run_over
+from sautereau.analysis.campaign.workers import run_over, worthwhile
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.identified import evaluate
@@ -104,7 +103,7 @@ class Session(Shown, Sequence[PressFile]):
             SautereauError: No recording can be analysed.
         """
         if processes is None:
-            processes = min(os.cpu_count() or 1, 1 + len(self) // WORTH_A_PROCESS)
+            processes = worthwhile(len(self), WORTH_A_PROCESS)
         if processes > 1 and not samples:
             work = run_over(_analysed, [press.path for press in self], processes)
             for _, (number, one) in zip(tracked(self), work, strict=True):

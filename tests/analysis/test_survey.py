@@ -91,9 +91,7 @@ def compass(rng, count=61):
     return keys, f"k{twice}"
 
 
-@pytest.mark.parametrize(
-    "tables", [1, pytest.param(24, marks=[pytest.mark.slow, pytest.mark.timeout(1800)])]
-)
+@pytest.mark.parametrize("tables", [1, pytest.param(24, marks=pytest.mark.timeout(1800))])
 @pytest.mark.slow
 def test_a_plectrum_cut_twice_as_deep_is_an_outlier(tables):
     """At least 95 % of those are; of the other keys at most 2 %."""
