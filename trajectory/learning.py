@@ -10,13 +10,22 @@ press does not repeat, are not learned. The filter Q limits learning to frequenc
 follows its plan, so that noise and errors that the arm cannot correct do not accumulate.
 
 A string is touched and released at a certain rise, and not at a certain time: what was measured
-between these events is shifted in time to where the plan has the same rise. Where the arm follows
-a correction only in part or late, this fixed-point iteration is accelerated: the next correction is
-the combination of c[1] ... c[k+1] whose combined residuals c[j+1]' - c[j]' are least (D. G.
-Anderson, J. ACM 12 (1965) 547). Where the residuals are noise, that is their average.
+between these events is shifted in time to where the plan has the same rise.
+
+By how much the arm yields depends not only on the force, but also on how fast it grows, and a jack
+that slows down meets the force otherwise than the plan will. How the arm yields is therefore fitted
+to the measured force F while a string is held: with the lag d of the jack behind what was sent,
+
+    d + damping d' + inertia d'' = compliance F.
+
+The correction is that of the plan, which meets the same force at the same rise; what the fit does
+not explain is corrected as measured. What then remains is a fixed-point iteration, accelerated
+where the arm follows a correction only in part or late: the next correction is the combination of
+c[1] ... c[k+1] whose combined residuals c[j+1]' - c[j]' are least (D. G. Anderson, J. ACM 12 (1965)
+547). Where the residuals are noise, that is their average.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,7 +42,10 @@ FADE_IN = 4e-3  # s, over which learning is faded in from the start of the run-u
 IMPROVEMENT = 0.05  # Dimensionless, fraction by which an error must fall to count as an improvement
 PATIENCE = 2  # Presses without improvement after which learning stops
 DIVERGENCE = 1.5  # Dimensionless, error relative to the best one above which learning stops at once
-
+UNEXPLAINED = 0.3
+"""Dimensionless, part of the lag that a fit of how the arm yields may leave. Position loops of 3 to
+27 N m/rad leave 0.03 to 0.28; a coarse encoder or backlash leaves 0.5 to 0.8, and there such a fit
+increases the error."""
 
 LEAST_INTERVAL = 0.999e-6  # s, between the knots of a correction
 LARGEST_RISE = 1.0  # m, that a correction may add
@@ -153,6 +165,7 @@ def residual(
     speed: Floats,
     period: float,
     held: Floats = NEVER,
+    force: Floats | None = None,
 ) -> Residual:
     """Return what a press lacked.
 
@@ -162,6 +175,8 @@ def residual(
         speed: m/s, of the jack as measured; shape (n,).
         period: s, of the controller's samples.
         held: As in `speed_error`.
+        force: N, of the finger on the key as measured; shape (n,). Without it, the presses alone
+            show how the arm yields.
 
     Raises:
         TrajectoryError: As `speed_error`.
@@ -171,12 +186,21 @@ def residual(
     until = float(planned[-1]) if len(held) else law.cruise_end
     # Outside the events both times run alike.
     ends = np.array([-1.0, 1.0]) * time[-1]
-    planned, measured = (
+    before, after = (
         np.concatenate([x[:1] + ends[:1], x, x[-1:] + ends[1:]]) for x in (planned, measured)
     )
-    pace = np.diff(measured) / np.diff(planned)
-    at = pace[np.searchsorted(planned[1:-1], time, "right")]
-    lacked = np.interp(np.interp(time, planned, measured), time, sent - speed) * at
+    shifted = np.interp(time, before, after)
+    step = time[1] - time[0]
+    lag = np.cumsum(sent - speed) * step
+    yielding = planned_yielding = np.zeros_like(lag)
+    if force is not None and len(measured) > 2 and law.steady:
+        respond = _response(time, sent - speed, force, measured[1] - FADE_IN, measured[-1])
+        rises = np.maximum.accumulate(_rise(law, time, speed))
+        same_rise = np.interp(law.law.at(time).position, rises, time)
+        held_now = (time > planned[1]) & (time < until)
+        met = np.where(held_now, np.minimum(same_rise, measured[-1]), shifted)
+        yielding, planned_yielding = respond(force), respond(np.interp(met, time, force))
+    lacked = np.gradient(np.interp(shifted, time, lag - yielding) + planned_yielding, step)
     if len(held):
         # The string may be released later than planned; until then the jack must keep its speed.
         # What follows is the jump of a soft arm: learned, it would pull the jack back too early.
@@ -191,6 +215,50 @@ def residual(
     return Residual(grid, needed, needed - had, until, len(held) > 0)
 
 
+def _response(
+    time: Floats, late: Floats, force: Floats, since: float, until: float
+) -> Callable[[Floats], Floats]:
+    """Return a function from forces [N] to the lag [m] of the jack by which the arm yields.
+
+    It is 0 where the force does not explain the lag; see `UNEXPLAINED`.
+
+    Args:
+        late: m/s, the sent less the measured speed of the jack.
+        since: s, start of the fit; the constant lag of before is fitted, too.
+        until: s, its end.
+    """
+    from scipy.optimize import lsq_linear
+    from scipy.signal import lfilter
+
+    step = time[1] - time[0]
+    late, force = (_low_pass(x, CUTOFF, time) for x in (late, force))
+    fitted = (time >= since) & (time <= until)
+    columns = np.stack([force, -late, -np.gradient(late, step), np.ones_like(time)], -1)[fitted]
+    scales = np.abs(columns).max(axis=0)
+    scales[scales == 0] = 1.0
+    least = [0.0, 0.0, 0.0, -np.inf]  # an arm that yields towards the force cannot be inverted
+    lag = np.cumsum(late)[fitted] * step
+    found = lsq_linear(columns / scales, lag, (least, np.inf))
+    if np.std(found.fun) > UNEXPLAINED * np.std(lag):
+        return np.zeros_like
+    compliance, damping, inertia, _ = found.x / scales
+    # By the trapezoidal rule: d' is 2/step (1 - z)/(1 + z), with a delay z of one step.
+    first, second = 2 * damping / step, 4 * inertia / step**2
+    numerator = [compliance, 2 * compliance, compliance]
+    denominator = [1 + first + second, 2 - 2 * second, 1 - first + second]
+    return lambda force: np.asarray(lfilter(numerator, denominator, force - force[0]))
+
+
+def _rise(law: PressLaw, time: Floats, speed: Floats) -> Floats:
+    """Return the measured rise [m]; at the start of the cruise it is the planned one."""
+    rise = np.cumsum(speed) * (time[1] - time[0])
+    return (
+        rise
+        + law.law.at(np.array(law.cruise_start)).position
+        - np.interp(law.cruise_start, time, rise)
+    )
+
+
 def _events(law: PressLaw, time: Floats, speed: Floats, held: Floats) -> tuple[Floats, Floats]:
     """Return times [s] of contacts and releases as planned, and as measured, with a start before.
 
@@ -199,10 +267,10 @@ def _events(law: PressLaw, time: Floats, speed: Floats, held: Floats) -> tuple[F
     measured = np.concatenate([[law.cruise_start], np.sort(held, axis=None)])
     if not law.steady:  # a gesture may pass a rise twice
         return measured, measured
-    rises = np.interp(measured, time, np.cumsum(speed) * (time[1] - time[0]))
     down = time[(time >= law.cruise_start) & (time <= law.bottom)]
-    rise = law.law.at(down).position
-    planned = np.interp(rises - rises[0] + rise[0], rise, down)
+    planned = np.interp(
+        np.interp(measured, time, _rise(law, time, speed)), law.law.at(down).position, down
+    )
     later = np.concatenate([[True], np.diff(np.maximum.accumulate(planned)) > LEAST_APART])
     later &= np.concatenate([[True], np.diff(measured) > LEAST_APART])
     return planned[later], measured[later]
@@ -268,6 +336,7 @@ class Learner:
         sent: Floats,
         speed: Floats,
         held: Floats = NEVER,
+        force: Floats | None = None,
     ) -> Correction | None:
         """Evaluate one press's measured speed; return the next correction, or None at the end.
 
@@ -277,9 +346,10 @@ class Learner:
             sent: m/s, of the jack as sent to the controller; shape (n,).
             speed: m/s, of the jack as measured; shape (n,).
             held: As in `speed_error`.
+            force: As in `residual`.
         """
         error = speed_error(self.law, time, speed, held)
-        found = residual(self.law, time, sent, speed, self.period, held)
+        found = residual(self.law, time, sent, speed, self.period, held, force)
         self._compare(found)
         least = min(self.errors, default=np.inf)
         self.errors.append(error)

@@ -304,7 +304,7 @@ class Wire:
         """Return the error of a controller that does not answer; ``so_far`` was received."""
         return SilentController(
             f"controller on {self.name} did not answer {asked!r} within"
-            f" {self.timeout:g} s{f' after {so_far}' if so_far else ''}; check its power, the"
+            f" {self._patience:g} s{f' after {so_far}' if so_far else ''}; check its power, the"
             " cable, that controller.port is its port and controller.baud_rate its baud rate"
         )
 

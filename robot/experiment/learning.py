@@ -211,13 +211,13 @@ class IterativeLearning:
                 " output"
             )
         time = press.time - start.time
-        speed = press.samples["jack_speed"]
+        speed, force = press.samples["jack_speed"], press.samples["force"]
         segments = item.trajectory.segments
         ticks = np.clip(time / self._rig.controller.sample_period, 0, segments.total_samples)
         sent = sent_motion(self._rig, segments, ticks).velocity
         held = [(held.contact, held.release) for held in find_phases(press).plucks]
         strings = np.array(held).reshape(-1, 2) - start.time
-        correction = self._learner.learn(self._used, time, sent, speed, strings)
+        correction = self._learner.learn(self._used, time, sent, speed, strings, force)
         self._rounding.append(item.trajectory.cruise.rms_error)
         self._trajectory = None
         if correction is not None:

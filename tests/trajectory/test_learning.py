@@ -179,6 +179,39 @@ def test_a_second_order_arm_with_a_sudden_release():
     assert min(learner.errors) < 0.02
 
 
+def soft_arm(sent):
+    """Return speed, contact and release, and force of an arm that a string pushes back.
+
+    The arm's fingertip yields as a mass of 0.15 kg on 1500 N/m and 9 N s/m; the string pushes with
+    1 N per mm between 2 and 3.5 mm of rise.
+    """
+    step = 1 / RATE
+    place = np.cumsum(sent) * step
+    lag = speed = 0.0
+    force, rise, plucked = np.zeros_like(place), np.zeros_like(place), False
+    for i, at in enumerate(place):
+        rise[i] = at - lag
+        plucked |= rise[i] > 3.5e-3
+        force[i] = 0.0 if plucked else max(0.0, (rise[i] - 2e-3) * 1e3)
+        speed += step * (force[i] - 1500 * lag - 9 * speed) / 0.15
+        lag += step * speed
+    released = int(np.argmax(rise > 3.5e-3))
+    contact = int(np.argmax(force > 0))
+    measured = np.gradient(rise, step)
+    return measured, TIME[[[contact, released]]], force
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_measured_force_shows_how_a_soft_arm_yields(known):
+    learner, used = Learner(LAW, PERIOD), None
+    for _ in range(3):
+        sent = commanded(used)
+        speed, held, force = soft_arm(sent)
+        used = learner.learn(used, TIME, sent, speed, held, force if known else None)
+    assert learner.errors[0] > 0.2
+    assert (learner.errors[2] < 0.02) == known
+
+
 def test_a_plant_with_inverse_response_stops_learning():
     learner = run(lambda speed, _: 2 * commanded(None) - speed + DIP)
     assert "grew" in learner.stopped
