@@ -1,6 +1,7 @@
 """Files that a library reads in a program of its own: instruments' files, workbooks, sound."""
 
 import pickle
+import re
 import struct
 import sys
 import zipfile
@@ -249,6 +250,21 @@ def test_damaged_and_hostile_files_are_refused_in_a_sentence(tmp_path, name):
         open_source(tmp_path / name)
     assert "Traceback" not in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_workbook_may_have_more_rows_than_it_states(tmp_path):
+    workbook(path := tmp_path / "a.xlsx")
+    with zipfile.ZipFile(path) as book:
+        parts = {name: book.read(name) for name in book.namelist()}
+    sheet = "xl/worksheets/sheet1.xml"
+    parts[sheet] = re.sub(rb'(<dimension ref="A1:\w+?)\d+"', rb'\g<1>9"', parts[sheet])
+    assert b'9"' in parts[sheet]
+    with zipfile.ZipFile(path, "w") as book:
+        for name, part in parts.items():
+            book.writestr(name, part)
+    _, (time, velocity) = read(path, "t (s)", "vel (mm/s)")
+    np.testing.assert_array_equal(time, T)
+    np.testing.assert_array_equal(velocity, V)
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ def read(path: str, most: int) -> Found:
     """Return the UTF-8 bytes of the active sheet, a line for each row, its cells parted by tabs."""
     book: Any = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
     sheet, lines, count = book.active, [], 0
+    sheet.reset_dimensions()  # rows beyond those that the file states are data as well
     for row in sheet.iter_rows(values_only=True):
         count += max(1, len(row))
         refuse(count, most // 10)  # a cell takes about 100 bytes
