@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from sautereau.robot.drivers.galil import axes
-from sautereau.robot.drivers.galil.program import controller_program
+from sautereau.robot.drivers.galil.dmc import controller_program
 from sautereau.robot.experiment.setup.verify import run
 
 PAGE = Path(__file__).with_suffix(".md")

@@ -69,7 +69,7 @@ OTHER_WAYS = {
     "analysis/report/build.py": "styles and scripts of the package",
     "sim_backend/devices/galil/reference.py": "a table of the package",
     "sim_backend/physics/exact/compile.py": "modules of the package",
-    "robot/drivers/galil/program.py": "the controller's program, of the package",
+    "robot/drivers/galil/dmc.py": "the controller's program, of the package",
     "sautereau/doctor.py": "measures the speed of a disk with a file that has no name",
     "sautereau/commands/app.py": "the terminal, and the device that drops everything",
     "sautereau/entrance/package.py": "files inside an archive that `rig.disk` writes",

@@ -100,8 +100,6 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
         for channel in recorded.rig.daq.channels
         for flag in find_quality_flags(volts[channel.name], channel, rate, recorded.first_sample)
     ]
-    # The gaps are exported as events, so that no import of the rest counts as complete.
-    gaps = [Event(gap.start, "aborted", str(gap)) for gap in recorded.gaps]
     return json.dumps(
         {
             "format": FORMAT,
@@ -116,7 +114,7 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
             "session": recorded.session.to_metadata(),
             "rig": json.loads(rig_json(recorded.rig)),
             "software": recorded.software,
-            "events": [asdict(event) for event in (*recorded.events, *gaps)],
+            "events": [asdict(event) for event in recorded.events_and_gaps],
             "plan": _lists(recorded.plan),
             "joints": _lists(recorded.joints),
             "quality_flags": [asdict(flag) for flag in flags],

@@ -36,7 +36,7 @@ from sautereau.rig.layers import read_toml
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan_table import MOST_PRESSES, MOST_ROWS, Row
+from sautereau.robot.experiment.plan import MOST_PRESSES, MOST_ROWS, Row
 
 RECORD = "design.csv"  # File of a session's folder with the presses of its design
 Levels = tuple[tuple[str, str], ...]  # Factors with their levels, in the order of the design

@@ -30,8 +30,7 @@ from sautereau.rig.lock import Taken, locked
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.serial_port import hold_port
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan import Plan, RigDocument, check_same
-from sautereau.robot.experiment.plan_table import MOST_PRESSES
+from sautereau.robot.experiment.plan import MOST_PRESSES, Plan, RigDocument, check_same
 
 MANIFEST = "session.json"  # Name of the file in the session's folder
 VERSION = 1  # Version of the file

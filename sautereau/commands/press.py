@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sautereau.entrance.bench import Bench
     from sautereau.entrance.devices import Connected
     from sautereau.entrance.pressing import Settings
-    from sautereau.robot.experiment.control import Control
+    from sautereau.robot.experiment.monitor import Control
 
 
 def press(

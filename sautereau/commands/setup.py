@@ -20,8 +20,8 @@ from sautereau.robot.errors import RobotError
 
 if TYPE_CHECKING:
     from sautereau.rig.edit import Edit, TomlValue
-    from sautereau.robot.experiment.answers import Answer, Answers
     from sautereau.robot.experiment.setup.step import Found
+    from sautereau.robot.experiment.steps import Answer, Answers
 
 _TIMEOUT = "60 s"
 """Timeout of the stand-in's controller, which answers only after the motion has ended."""
@@ -162,8 +162,8 @@ def setup(
     """
     from sautereau.rig.faults import fault_list
     from sautereau.rig.load import with_values
-    from sautereau.robot.experiment.answers import STAND_IN, answers_of
     from sautereau.robot.experiment.setup.steps import make_steps
+    from sautereau.robot.experiment.steps import STAND_IN, answers_of
 
     simulated, typed = simulation.requested, sys.stdin.isatty()
     if yes and answers:
@@ -344,7 +344,7 @@ class _Operator:
             agreed: The answer where all motions were agreed to in advance.
             choices: The answers that are possible; none for any.
         """
-        from sautereau.robot.experiment.answers import Answer
+        from sautereau.robot.experiment.steps import Answer
 
         if self._answers is not None:
             found = self._answers.take(question, *choices)

@@ -11,6 +11,7 @@ import numpy as np
 
 from sautereau.rig.schema import Arm, Rig
 from sautereau.trajectory.arm import fingertip_motion, follow_key, nearest_turn, tilt
+from sautereau.trajectory.checks import SINGULARITY_MARGIN
 from sautereau.trajectory.dynamics import gravity_torque, tip_torque
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.key import (
@@ -22,7 +23,6 @@ from sautereau.trajectory.key import (
 )
 from sautereau.trajectory.motion import Floats, Motion, dot
 from sautereau.trajectory.timing import press_law
-from sautereau.trajectory.verify import SINGULARITY_MARGIN
 
 ELBOWS = ("up", "down")
 LIMITS = {

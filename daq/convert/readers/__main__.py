@@ -14,7 +14,7 @@ from importlib import import_module
 
 import numpy as np
 
-from sautereau.daq.convert.readers.found import refuse
+from sautereau.daq.convert.readers import refuse
 
 READERS = {
     "MATLAB": "arrays:read_mat",

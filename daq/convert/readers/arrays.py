@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sautereau.daq.convert.readers.found import Found, refuse
+from sautereau.daq.convert.readers import Found, refuse
 
 MOST_DEPTH = 20  # Limit of structures within each other
 UNIT_ATTRIBUTES = ("units", "unit")

@@ -2,7 +2,7 @@
 
 import soundfile
 
-from sautereau.daq.convert.readers.found import Found, refuse, refuse_cut
+from sautereau.daq.convert.readers import Found, refuse, refuse_cut
 
 
 def read(path: str, most: int) -> Found:

@@ -4,11 +4,20 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
+from sautereau.robot.drivers.driver import STOPPING
 from sautereau.robot.drivers.galil.connection import Connection
-from sautereau.robot.drivers.galil.dmc import CAUSES, stop_reason
-from sautereau.robot.drivers.galil.program import FAULT, LEFT, LIMIT, RESOLUTION, SIGN, TICK, WATCH
+from sautereau.robot.drivers.galil.dmc import (
+    CAUSES,
+    FAULT,
+    LEFT,
+    LIMIT,
+    RESOLUTION,
+    SIGN,
+    TICK,
+    WATCH,
+    stop_reason,
+)
 from sautereau.robot.drivers.keep_alive import TICKS
-from sautereau.robot.drivers.polling import STOPPING
 from sautereau.robot.errors import (
     CommandRefused,
     GarbledAnswer,

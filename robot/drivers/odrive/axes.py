@@ -8,11 +8,10 @@ import math
 import numpy as np
 
 from sautereau.rig.schema import Rig
-from sautereau.robot.drivers.driver import Clock, Sleep
+from sautereau.robot.drivers.driver import MARGIN, Clock, Sleep
 from sautereau.robot.drivers.odrive.line import framed
 from sautereau.robot.drivers.odrive.power import AXES, POSITION_FILTER, Power
 from sautereau.robot.drivers.odrive.setpoints import Setpoints, bandwidth
-from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, to_counts

@@ -11,11 +11,10 @@ from pathlib import Path
 
 from sautereau.rig.disk import table_beside
 from sautereau.rig.schema import Rig
-from sautereau.robot.drivers.driver import Clock, Sleep, refuse_changes
+from sautereau.robot.drivers.driver import POLL, Clock, Sleep, refuse_changes
 from sautereau.robot.drivers.keep_alive import first_wait
 from sautereau.robot.drivers.odrive.line import OdriveLine, same
 from sautereau.robot.drivers.odrive.setpoints import Setpoints
-from sautereau.robot.drivers.polling import POLL
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.drivers.streamed import StreamedDriver
 from sautereau.robot.errors import (

@@ -16,13 +16,16 @@ from sautereau.sim_backend.devices.daqmx.attributes import (
 )
 from sautereau.sim_backend.devices.daqmx.card import DaqmxError, Module
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
-from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST, UNFOLLOWED, TaskSettings
-from sautereau.sim_backend.devices.daqmx.triggers import (
+from sautereau.sim_backend.devices.daqmx.task import (
     ANALOG_EDGE,
     ANALOG_WINDOW,
+    CONTINUOUS,
     DIGITAL_EDGE,
+    LEAST,
     NONE,
     RISING,
+    UNFOLLOWED,
+    TaskSettings,
     Trigger,
     terminal,
 )
