@@ -23,7 +23,7 @@ from sautereau.daq.file.recorded import (
 )
 from sautereau.daq.signals.quality_flags import find_quality_flags
 from sautereau.rig.acquisition import Channel
-from sautereau.rig.disk import open_regular, read_limited
+from sautereau.rig.disk import explained, open_regular, read_limited
 from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
@@ -167,10 +167,8 @@ def read_sidecar(path: Path) -> Document | None:
     sidecar = path.with_name(path.name + SIDECAR)
     if not sidecar.is_file():
         return None
-    try:
+    with explained(RecordingError, f"its metadata {sidecar}", "use a copy"):
         return read_document(read_limited(sidecar, MOST_DOCUMENT))
-    except OSError as error:
-        raise RecordingError(f"its metadata {sidecar}: {error.strerror}; use a copy") from error
 
 
 def _faults(document: Document) -> list[str]:

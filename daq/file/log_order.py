@@ -191,18 +191,6 @@ class LogOrder:
 
     def write_block(self, writer: McapWriter, first: int, samples: Samples) -> None:
         """Write a block, after the previews and events up to its first sample."""
-        self._preview(samples)
-        self._write_views(writer, first)
-        head = block_head(self.t0 or 0, first, self._rate, self._begin, samples.nbytes)
-        date = self._date(first / self._rate)
-        writer.add_message(self.topics[TOPIC], date, head + samples.tobytes(), date)
-
-    def write_rest(self, writer: McapWriter) -> None:
-        """Write the remaining previews and all pending messages."""
-        self._write_views(writer, None)
-
-    def _preview(self, samples: Samples) -> None:
-        """Filter samples, shape (n_channels, n), and keep the new values of the preview."""
         with np.errstate(over="ignore", invalid="ignore"):  # samples may be any double
             room = self._decimator.room(samples.shape[1])
             if self._linear:
@@ -212,6 +200,14 @@ class LogOrder:
             offset, gain = self._scale
             values = self._decimator.rest() * gain + offset
         self._values = np.concatenate([self._values, values], axis=1)
+        self._write_views(writer, first)
+        head = block_head(self.t0 or 0, first, self._rate, self._begin, samples.nbytes)
+        date = self._date(first / self._rate)
+        writer.add_message(self.topics[TOPIC], date, head + samples.tobytes(), date)
+
+    def write_rest(self, writer: McapWriter) -> None:
+        """Write the remaining previews and all pending messages."""
+        self._write_views(writer, None)
 
     def _write_views(self, writer: McapWriter, stop: int | None) -> None:
         """Write the previews and the pending messages up to a sample; None for all."""

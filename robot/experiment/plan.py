@@ -251,12 +251,8 @@ def digest(path: Path) -> str:
     Raises:
         RobotError: It cannot be read.
     """
-    try:
+    with disk.explained(RobotError, f"{path}: cannot be read", "check its name"):
         return disk.digest(path)
-    except OSError as error:
-        raise RobotError(
-            f"{path}: cannot be read: {disk.why_unreadable(error)}; check its name"
-        ) from error
 
 
 def to_set(rig: Rig, set_before: Mapping[str, Any], row: Row) -> dict[str, Any]:

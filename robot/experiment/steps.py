@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sautereau.rig.disk import read_text, why_unreadable
 from sautereau.rig.faults import fault_list
-from sautereau.rig.layers import read_toml
+from sautereau.rig.layers import read_toml_file
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan import Row
 
@@ -228,8 +227,4 @@ def answers_of(given: Given) -> Answers:
     if isinstance(given, Mapping):
         return Answers(given)
     origin = f"answers {given}"
-    try:
-        text = read_text(Path(given))
-    except (OSError, UnicodeDecodeError) as error:
-        raise RobotError(f"{origin}: cannot be read: {why_unreadable(error)}") from error
-    return Answers(read_toml(text, origin, RobotError), origin)
+    return Answers(read_toml_file(Path(given), origin, RobotError)[1], origin)

@@ -13,7 +13,6 @@ from sautereau.commands.output import FileOutput, Output
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.errors import UsageError
-from sautereau.rig.faults import fault_list
 
 if TYPE_CHECKING:
     from sautereau.daq.convert.importing import Imported
@@ -195,18 +194,13 @@ def export(
 
 def _export_rig(file: Path, target: Path) -> Path:
     """Write the URDF of a recording's rig."""
-    from sautereau.daq.errors import RecordingError
     from sautereau.daq.file.reading import read_recording
-    from sautereau.rig.disk import write_durably
+    from sautereau.rig.disk import explained, write_durably
     from sautereau.trajectory.urdf import rig_urdf
 
-    try:
-        write_durably(target, rig_urdf(read_recording(file).rig))
-    except OSError as error:
-        raise RecordingError(
-            f"export of {file} to {target}: {error.strerror}; nothing is overwritten: give"
-            " another --out"
-        ) from error
+    text, fix = rig_urdf(read_recording(file).rig), "nothing is overwritten: give another --out"
+    with explained(RecordingError, f"export of {file} to {target}", fix):
+        write_durably(target, text)
     return target
 
 
@@ -297,6 +291,8 @@ def targets(files: list[Path], extension: str, out: Path | None) -> list[tuple[P
         RecordingError: Several files would be converted to the same file.
         UsageError: The file to write has the file extension of another format.
     """
+    from sautereau.rig.faults import fault_list
+
     pairs = []
     is_folder = out is not None and (out.is_dir() or not out.suffix)
     if out and not is_folder and out.suffix.lower() != f".{extension}":

@@ -56,26 +56,8 @@ class Axes(Power):
         self._per_ampere = np.ones(2)
 
     def set_up_axes(self) -> None:
-        line = self.line
         self.abort()
-        self._set_limits()
-        self.renew()
-        guards = {f"{name}.config.enable_watchdog": 1.0 for name in AXES}
-        line.set(guards)
-        gains = line.read_many(f"{name}.{gain}" for name in AXES for gain in _GAINS)
-        self.due |= guards | gains
-        constants = [gains[f"{name}.motor.config.torque_constant"] for name in AXES]
-        self._per_ampere = np.array(constants) * self._rig.arm.gear_ratios
-
-    def _set_limits(self) -> None:
-        """Set limits, filter and watchdog timeout of both axes; the watchdog does not run yet.
-
-        Nothing is saved in the controller.
-
-        Raises:
-            RobotError: Lists every setting that the controller does not take, or that differs from
-                the rig file.
-        """
+        # Limits, filter and watchdog timeout; the watchdog does not run yet. Nothing is saved.
         line, arm, controller = self.line, self._rig.arm, self._settings
         width = bandwidth(controller.sample_period)
         self.due, settings = {}, {}
@@ -103,6 +85,13 @@ class Axes(Power):
         )
         line.set(settings)
         self.due |= settings
+        self.renew()
+        guards = {f"{name}.config.enable_watchdog": 1.0 for name in AXES}
+        line.set(guards)
+        gains = line.read_many(f"{name}.{gain}" for name in AXES for gain in _GAINS)
+        self.due |= guards | gains
+        constants = [gains[f"{name}.motor.config.torque_constant"] for name in AXES]
+        self._per_ampere = np.array(constants) * self._rig.arm.gear_ratios
 
     def _commands(self, setpoints: Setpoints, row: int) -> tuple[str, str]:
         """Return the commands of a row of setpoints, for both axes."""

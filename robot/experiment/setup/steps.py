@@ -156,7 +156,18 @@ def check_encoders(rig: Rig, ask: Ask) -> Found:
             controller.move_to(start, approach_speed(rig))
         if faults := _turn_faults(scales):
             raise MotionFault(f"setup encoders: {'; '.join(faults)}")
-    return _turns_found(rig, scales)
+    known = [scale for scale in scales if scale is not None]
+    if not known:
+        line = "encoders: both joints moved and returned; the turns were not measured"
+        return Found((line,), warnings=("direction and scale of the encoders are not checked",))
+    scale = sum(known) / len(known)
+    figures = {f"joint_{i}_scale": s for i, s in enumerate(scales, 1) if s is not None}
+    lines = (f"encoders: the joints turn the right way, {scale:.3f} times as far as requested",)
+    if abs(scale - 1) <= SCALE:
+        return Found(lines, figures=figures)
+    counts = round(rig.arm.counts_per_revolution / scale)
+    advice = f"{counts} counts per turn would fit; take the data sheet's nearest value"
+    return Found((*lines, advice), {"arm.counts_per_revolution": counts}, figures)
 
 
 def _turn_faults(scales: list[float | None]) -> list[str]:
@@ -178,21 +189,6 @@ def _turn_faults(scales: list[float | None]) -> list[str]:
             " resolution"
         )
     return faults
-
-
-def _turns_found(rig: Rig, scales: list[float | None]) -> Found:
-    known = [scale for scale in scales if scale is not None]
-    if not known:
-        line = "encoders: both joints moved and returned; the turns were not measured"
-        return Found((line,), warnings=("direction and scale of the encoders are not checked",))
-    scale = sum(known) / len(known)
-    figures = {f"joint_{i}_scale": s for i, s in enumerate(scales, 1) if s is not None}
-    lines = (f"encoders: the joints turn the right way, {scale:.3f} times as far as requested",)
-    if abs(scale - 1) <= SCALE:
-        return Found(lines, figures=figures)
-    counts = round(rig.arm.counts_per_revolution / scale)
-    advice = f"{counts} counts per turn would fit; take the data sheet's nearest value"
-    return Found((*lines, advice), {"arm.counts_per_revolution": counts}, figures)
 
 
 def play_in_air(rig: Rig, ask: Ask) -> Found:

@@ -46,30 +46,29 @@ class TerminalView:
     def show(self, seen: Sequence[Seen], dropped: int) -> None:
         """Show everything new since the last call."""
         for one in seen:
-            self._take(one)
+            match one:
+                case Stage():
+                    self._arm, self._daq = one.arm, one.daq
+                    if one.press is not None and one.press != self._press:
+                        self._press = one.press
+                        self._traces = {}
+                case Samples():
+                    for channel, volts in zip(one.channels, one.block.volts, strict=True):
+                        label = f"{channel.name} ({channel.unit})"
+                        trace = thinned(volts, STRETCH) * channel.scale
+                        self._traces.setdefault(label, []).append(trace)
+                case Made():
+                    self._made += not one.path.match(WARM_UPS)
+                case _:
+                    self._arm, self._daq = "see below", "ended"
+                    # The answer of a device must not contain control characters for the terminal.
+                    self._fault = "".join(
+                        c if c.isprintable() or c == "\n" else "?" for c in one.text
+                    )
         changed = bool(seen) or dropped != self._dropped
         self._dropped = dropped
         if self._live is not None and changed:
             self._live.update(self._drawn(), refresh=True)
-
-    def _take(self, one: Seen) -> None:
-        match one:
-            case Stage():
-                self._arm, self._daq = one.arm, one.daq
-                if one.press is not None and one.press != self._press:
-                    self._press = one.press
-                    self._traces = {}
-            case Samples():
-                for channel, volts in zip(one.channels, one.block.volts, strict=True):
-                    label = f"{channel.name} ({channel.unit})"
-                    trace = thinned(volts, STRETCH) * channel.scale
-                    self._traces.setdefault(label, []).append(trace)
-            case Made():
-                self._made += not one.path.match(WARM_UPS)
-            case _:
-                self._arm, self._daq = "see below", "ended"
-                # The answer of a device must not contain control characters for the terminal.
-                self._fault = "".join(c if c.isprintable() or c == "\n" else "?" for c in one.text)
 
     def _drawn(self) -> RenderableType:
         state = Text.assemble(

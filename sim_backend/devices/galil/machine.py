@@ -315,7 +315,13 @@ class Machine(CheckedAxes):
             if not axis.motor_on:
                 axis.follow(counts[index])
                 axis.brake_samples = max(0, axis.brake_samples - 1)
-            self._read_encoder(index, axis, counts[index])
+            raw = counts[index]
+            latched = self.plant.index(index)
+            if axis.latch_armed and latched is not None:
+                axis.latched, axis.latch_armed = latched, False
+            speed = (raw - axis.last_raw) * SAMPLES_PER_SECOND
+            axis.filtered_speed += (speed - axis.filtered_speed) / 256
+            axis.last_raw = raw
         active = self.check(counts)
         if self.capture.running:
             self.capture.sample()
@@ -329,14 +335,6 @@ class Machine(CheckedAxes):
             self.tasks.run(self.period, self.program, held)
         self.tasks.phase = 0.0
         self.samples += 1
-
-    def _read_encoder(self, index: int, axis: Axis, raw: int) -> None:
-        latched = self.plant.index(index)
-        if axis.latch_armed and latched is not None:
-            axis.latched, axis.latch_armed = latched, False
-        speed = (raw - axis.last_raw) * SAMPLES_PER_SECOND
-        axis.filtered_speed += (speed - axis.filtered_speed) / 256
-        axis.last_raw = raw
 
     def _store(self, code: int) -> None:
         self.error_code = code

@@ -117,20 +117,17 @@ class OdriveAxis:
         if state == State.HOMING and not self.settings["min_endstop.config.enabled"]:
             self.error |= HOMING_WITHOUT_ENDSTOP
         elif state in (State.CLOSED_LOOP_CONTROL, State.HOMING):
-            self._close_loop(State(state))
+            # The present position is held; the input's velocity stays what it was.
+            self.state, self._found = State(state), None
+            self.setpoint = Setpoint(self.position, 0.0)
+            self._target, self._updated = self.position, True
+            if state == State.CLOSED_LOOP_CONTROL:
+                self.feed()
+            else:
+                self.settings |= {"is_homed": 0.0, "controller.input_vel": 0.0}
+                self.error &= ~ENDSTOP_PRESSED
         elif state != State.IDLE:
             self.error |= INVALID_STATE
-
-    def _close_loop(self, state: State) -> None:
-        """Hold the present position; the input's velocity stays what it was."""
-        self.state, self._found = state, None
-        self.setpoint = Setpoint(self.position, 0.0)
-        self._target, self._updated = self.position, True
-        if state == State.CLOSED_LOOP_CONTROL:
-            self.feed()
-        else:
-            self.settings |= {"is_homed": 0.0, "controller.input_vel": 0.0}
-            self.error &= ~ENDSTOP_PRESSED
 
     def take_position(self) -> None:
         """Replace setpoint and input by the position, as writing the control mode does."""
@@ -169,15 +166,6 @@ class OdriveAxis:
             period: s, of the sample.
             watching: Whether the watchdog counts: else the host is infinitely slow, but alive.
         """
-        self._look(raw, home, period)
-        if watching:
-            self._watch_over(period)
-        else:
-            self.feed()
-        self._step(period)
-
-    def _look(self, raw: int, home: int, period: float) -> None:
-        """Read encoder and endstop at the start of a sample."""
         self.home = home
         self.velocity = (raw - self.raw) / self.per_turn / period
         self.raw = raw
@@ -185,6 +173,11 @@ class OdriveAxis:
             self._debounce(raw <= home, period)
         if self.error:
             self.state = State.IDLE
+        if watching:
+            self._watch_over(period)
+        else:
+            self.feed()
+        self._step(period)
 
     def _debounce(self, pin: bool, period: float) -> None:
         """Read the endstop; pressing it is an error, except during homing."""
