@@ -23,7 +23,7 @@ READERS = {
     "lvm": "lvm:read",
     "universal": "uff:read",
     "workbook": "xlsx:read",
-    "sound": "sound:read",
+    "sound": "arrays:read_sound",
 }
 """Function of this folder that reads a kind of file."""
 MEMORY = 0.5e9  # Bytes for the libraries themselves, besides the values and one copy of them

@@ -2,7 +2,7 @@
 
 import logging
 
-from sautereau.rig.galil_models import GalilModel, families
+from sautereau.rig.capabilities import GalilModel, families
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.driver import Clock, Polling, Sleep
 from sautereau.robot.drivers.galil.dmc import (

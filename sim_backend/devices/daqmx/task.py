@@ -11,14 +11,15 @@ from sautereau.sim_backend.devices.daqmx.card import (
     ENDLESS,
     Card,
     DaqmxError,
+    Input,
     Module,
     Run,
     TaskSetup,
+    invalid,
     owner_of,
     physical_channels,
     split_names,
 )
-from sautereau.sim_backend.devices.daqmx.inputs import Input, invalid
 from sautereau.sim_backend.sensors.chain import Converter
 
 NONE, DIGITAL_EDGE, ANALOG_EDGE, ANALOG_WINDOW = 10230, 10150, 10099, 10103  # Types of a trigger

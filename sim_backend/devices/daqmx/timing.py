@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from sautereau.sim_backend.devices.daqmx import tdms_log
+from sautereau.sim_backend.devices.daqmx import progress
 from sautereau.sim_backend.devices.daqmx.attributes import (
     Attribute,
     Table,
@@ -92,10 +92,10 @@ def _configure_logging(self: Any, request: Any, context: Any) -> None:
     task = self._task(request)
     task.must_be_idle()
     task.stored |= {
-        tdms_log.PATH: request.file_path,
-        tdms_log.MODE: given(request, "logging_mode"),
-        tdms_log.GROUP: request.group_name,
-        tdms_log.OPERATION: given(request, "operation"),
+        progress.PATH: request.file_path,
+        progress.MODE: given(request, "logging_mode"),
+        progress.GROUP: request.group_name,
+        progress.OPERATION: given(request, "operation"),
     }
 
 
@@ -108,7 +108,7 @@ CONFIGURING = {
         ),
         "ConfigureLogging": _configure_logging,
         "StartNewFile": lambda self, request, _: self._task(request).stored.update(
-            {tdms_log.PATH: request.file_path}
+            {progress.PATH: request.file_path}
         ),
         "DisableStartTrig": _disable_trigger(_START),
         "DisableRefTrig": _disable_trigger(_REFERENCE),

@@ -8,7 +8,7 @@ The table is `reference.csv`, one command per line:
 - valid: B burnable, T in the terminal, M while in motion, P in a program;
 - heading: of the command's entry in the reference.
 
-`sautereau.rig.galil_models` lists the commands that a model lacks.
+`sautereau.rig.capabilities` lists the commands that a model lacks.
 
 Where the reference contradicts itself, its examples are followed: `WT` is used in motion, and `BN`
 lists `EO` among the burned parameters. Limits are those of a controller with two axes.
