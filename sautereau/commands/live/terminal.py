@@ -9,6 +9,7 @@ from rich.live import Live
 from rich.panel import Panel
 from rich.text import Text
 
+from sautereau.analysis.report.drawing import envelope
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 from sautereau.robot.experiment.session import WARM_UPS
 
@@ -55,8 +56,8 @@ class TerminalView:
                 case Samples():
                     for channel, volts in zip(one.channels, one.block.volts, strict=True):
                         label = f"{channel.name} ({channel.unit})"
-                        trace = thinned(volts, STRETCH) * channel.scale
-                        self._traces.setdefault(label, []).append(trace)
+                        drawn = envelope(volts, 2 * len(volts) // STRETCH)
+                        self._traces.setdefault(label, []).append(volts[drawn] * channel.scale)
                 case Made():
                     self._made += not one.path.match(WARM_UPS)
                 case _:
@@ -122,15 +123,3 @@ def trace_lines(values: NDArray[np.float64], width: int, height: int) -> list[st
         for row in range(rows - 1 - top, rows - bottom):
             cells[row // 4, column // 2] |= _DOTS[column % 2][row % 4]
     return ["".join(map(chr, line)) for line in cells]
-
-
-def thinned(values: NDArray[np.float64], stretch: int) -> NDArray[np.float64]:
-    """Return the smallest and the largest of every stretch of samples, so that peaks stay.
-
-    Args:
-        values: Signal, shape (n,), n >= 1.
-        stretch: Length of a stretch, in samples; the last one may be shorter.
-    """
-    starts = np.arange(0, len(values), stretch)
-    ends = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
-    return np.stack(ends, -1).ravel()

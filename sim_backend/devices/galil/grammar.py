@@ -4,7 +4,7 @@ import operator
 import re
 from collections.abc import Callable
 
-from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import function, operand, variable
 

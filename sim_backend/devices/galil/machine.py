@@ -4,9 +4,8 @@ import re
 from collections.abc import Callable
 
 from sautereau.sim_backend.devices.emulators import SERIAL, OnOutput, Plant
+from sautereau.sim_backend.devices.galil.answers import CommandError, write_line
 from sautereau.sim_backend.devices.galil.axis import AXES, Axis
-from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.formats import write_line
 from sautereau.sim_backend.devices.galil.memory import Memory, Parameters
 from sautereau.sim_backend.devices.galil.motion import SAMPLES_PER_SECOND
 from sautereau.sim_backend.devices.galil.ports import HANDLES, Ports

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from importlib.resources import files
 
-from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.answers import CommandError
 
 _ABSENT = """
 AD AO AP AQ AR AS AU AV BC BD BI BK BX BZ CA CC CD CI CM CR CS DH DR DT DV EA EB EC EG EM EP EQ ES

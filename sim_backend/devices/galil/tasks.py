@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection
 
-from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.program import ERROR_ROUTINES, Program, Thread
 
 THREADS = 8  # Threads, numbered from 0

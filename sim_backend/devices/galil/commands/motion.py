@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import NamedTuple
 
+from sautereau.sim_backend.devices.galil.answers import CommandError, write_list
 from sautereau.sim_backend.devices.galil.axis import SEARCHES, Axis
 from sautereau.sim_backend.devices.galil.commands.call import Call
-from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.formats import write_list
 from sautereau.sim_backend.devices.galil.grammar import (
     evaluate,
     named_axes,
