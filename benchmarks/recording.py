@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.figures import LOWER, Figure, check, timed
-from sautereau.daq.file.container.writer import McapWriter
+from sautereau.daq.file.container.durable import McapWriter
 from sautereau.daq.file.reading import read_recording, stream
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording, SessionInfo

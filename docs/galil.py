@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from sautereau.robot.drivers.galil import axes
-from sautereau.robot.drivers.galil.program import controller_program
-from sautereau.robot.experiment.setup.verify import run
+from sautereau.robot.drivers.galil.dmc import controller_program
+from sautereau.robot.experiment.setup import steps, verify
 
 PAGE = Path(__file__).with_suffix(".md")
 _TEXT = PAGE.read_text(encoding="utf-8")
 _DRIVER = Path(axes.__file__).parent
-_VERIFY = Path(run.__file__).parent
+_VERIFY = Path(str(verify.__file__)).parent
 _COMMAND = re.compile(r"^\s*(\^R\^V|[A-Z]{2})(?=[ A-Z0-9=,#\\]|$)")
 _OPERAND = re.compile(r"_[A-Z]{2}|\bTIME\b")
 _ROW = re.compile(r"^\| `([^`]+)` \| (.*) \|[^|]*\|$", re.MULTILINE)
@@ -61,8 +61,8 @@ def page() -> str:
     def row(found: re.Match[str]) -> str:
         return f"| `{found[1]}` | {found[2]} | {', '.join(sorted(used.get(found[1], ())))} |"
 
-    steps = (*run.BEFORE_POWER, *run.WITH_POWER)
-    rows = "".join(f"| {step.number} | {step.name} | {step.what} |\n" for step in steps)
+    every = (*steps.BEFORE_POWER, *steps.WITH_POWER)
+    rows = "".join(f"| {step.number} | {step.name} | {step.what} |\n" for step in every)
     program = "".join(f"{line}\n" for line in controller_program(1))
     text = _PROGRAM.sub(lambda _: program, _ROW.sub(row, _TEXT))
     return _STEPS.sub(lambda _: rows, text)

@@ -260,6 +260,19 @@ def read_text(path: Path) -> str:
     return read_limited(path).decode("utf-8-sig")
 
 
+@contextmanager
+def explained(error_type: type[Exception], what: str, fix: str) -> Iterator[None]:
+    """Report a file that cannot be read or written in the block: what, the reason, how to fix it.
+
+    Raises:
+        Exception: An ``error_type``.
+    """
+    try:
+        yield
+    except (OSError, UnicodeDecodeError) as error:
+        raise error_type(f"{what}: {why_unreadable(error)}; {fix}") from error
+
+
 def why_unreadable(error: Exception) -> str:
     """Return the reason for a message that already names the file."""
     if isinstance(error, UnicodeDecodeError):

@@ -9,7 +9,7 @@ from typing import Any
 import tomlkit
 from tomlkit.items import Array
 
-from sautereau.rig.disk import read_text, why_unreadable, write_durably
+from sautereau.rig.disk import explained, read_text, write_durably
 from sautereau.rig.document import current_key, rename_keys
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import bare_key, fault_list, model_keys, near_miss
@@ -49,13 +49,9 @@ class Edit:
                 f"rig file {self.path}: another program changed it since it was read, so nothing"
                 " was written; check that change, then repeat this step"
             )
-        try:
+        origin = f"rig file {self.path}: nothing was changed"
+        with explained(RigError, origin, "check its folder and disk"):
             write_durably(self.path, self.after, replace=True)
-        except OSError as error:
-            raise RigError(
-                f"rig file {self.path}: nothing was changed: {error.strerror}; check its"
-                " folder and disk"
-            ) from error
 
 
 def edit_rig(
@@ -146,10 +142,6 @@ def _put(node: Any, keys: list[str], value: TomlValue, source: str, every: bool)
 
 def _read(path: Path) -> str:
     """Return the text of the file with its line ends unchanged."""
-    try:
+    fix = "give the path of your own rig file: packaged rigs are never changed"
+    with explained(RigError, f"rig file {path}: cannot be read", fix):
         return read_text(path)
-    except (OSError, ValueError) as error:
-        raise RigError(
-            f"rig file {path}: cannot be read: {why_unreadable(error)}; give the path of your own"
-            " rig file: packaged rigs are never changed"
-        ) from error

@@ -4,7 +4,7 @@ import difflib
 import re
 import tomllib
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from typing import Any, NamedTuple, get_args
 
@@ -46,6 +46,26 @@ def fault_list(origin: str, faults: list[str]) -> str:
     if len(faults) == 1:
         return f"{origin}: {faults[0]}"
     return f"{origin}: {len(faults)} faults\n" + "\n".join(f"  {fault}" for fault in faults)
+
+
+@contextmanager
+def validating(
+    model: type[BaseModel],
+    error_type: type[Exception],
+    origin: str,
+    place: Callable[[str], Place] | None = None,
+    fix: str = "",
+) -> Iterator[None]:
+    """Report all faults of what is validated in the block, and how to fix them; see below.
+
+    Raises:
+        Exception: An ``error_type``.
+    """
+    try:
+        yield
+    except ValidationError as error:
+        listed = fault_list(origin, validation_faults(error, model, place))
+        raise error_type(f"{listed}\n{fix}".strip()) from error
 
 
 def first_fault(error: ValidationError) -> str:

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from sautereau.rig.csv_files import read_rows
-from sautereau.rig.disk import read_text, why_unreadable
 from sautereau.rig.document import full_key, typed_value
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import bare_key, fault_list, line_of, model_keys, near_miss
-from sautereau.rig.layers import read_toml
+from sautereau.rig.layers import read_toml_file
 from sautereau.rig.load import parse_rig
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import shown
@@ -85,11 +84,7 @@ def read_keys(path: Path, base: str | None = None) -> tuple[InstrumentKey, ...]:
 
 def _of_toml(path: Path, origin: str) -> tuple[Any, list[tuple[str, str, dict[str, Any]]]]:
     """Return the base, and name, place and differences of each key."""
-    try:
-        text = read_text(path)
-    except (OSError, ValueError) as error:
-        raise RigError(f"{origin}: cannot be read: {why_unreadable(error)}") from error
-    document = read_toml(text, origin, RigError)
+    text, document = read_toml_file(path, origin, RigError)
     base, keys = document.pop("base", None), document.pop("keys", None)
     faults = [f"{name}: unknown key; write it into the tables of keys" for name in document]
     if not isinstance(keys, dict) or not keys or not all(map(_is_table, keys.values())):

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 from sautereau.rig.csv_files import read_gesture
-from sautereau.rig.disk import named_text
+from sautereau.rig.disk import explained, named_text, read_text
 from sautereau.rig.document import RENAMED_KEYS, flat, rename_keys
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import Place, fault_list, line_of, near_miss
@@ -116,6 +116,7 @@ class Layers:
     ) -> None:
         """Read a file after its bases; one that is inherited twice counts where it comes first."""
         document = {**others, **read_toml(text, origin, RigError)}
+        refuse_other(document, "a rig", origin, RigError)
         bases = document.pop("base", [])
         faults = []
         self._inside.append(identity)
@@ -199,6 +200,34 @@ def _indices(table: dict[str, Any]) -> bool:
 def _entries(value: Any) -> bool:
     """Return whether a value is a list of tables."""
     return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
+
+
+def read_toml_file(
+    path: Path,
+    origin: str,
+    error_type: type[Exception],
+    fix: str = "give the path of a TOML file",
+) -> tuple[str, dict[str, Any]]:
+    """Return the text of a file and its values; ``error_type`` is raised as by `read_toml`."""
+    with explained(error_type, f"{origin}: cannot be read", fix):
+        text = read_text(path)
+    return text, read_toml(text, origin, error_type)
+
+
+_MARKS = {
+    "a rig": ("key", "jack", "press", "arm", "daq"),
+    "a scene": ("finger", "friction", "felt"),
+}
+
+
+def refuse_other(
+    document: Mapping[str, Any], what: str, origin: str, error_type: type[Exception]
+) -> None:
+    """Refuse a scene in place of a rig, and the reverse, which would have a fault in each line."""
+    marks = {kind: len({*names} & {*document}) for kind, names in _MARKS.items()}
+    kind = max(marks, key=lambda kind: marks[kind])
+    if kind != what and marks[kind] > 1 and not marks[what]:
+        raise error_type(f"{origin}: it is {kind}, not {what}; give the file of {what}")
 
 
 def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, Any]:
@@ -295,16 +324,14 @@ class Origins:
             return node
         if not path or "value" not in node:
             return {key: self._values(value, (*path, key)) for key, value in node.items()}
-        self._keep(".".join(path), node)
-        return node["value"]
-
-    def _keep(self, key: str, table: dict[str, Any]) -> None:
-        for unknown in sorted(set(table) - {"value", *_ORIGIN}):
+        key = ".".join(path)
+        for unknown in sorted(set(node) - {"value", *_ORIGIN}):
             known = near_miss(unknown, ["value", *_ORIGIN]).replace("the top level", "a quantity")
             self.faults.append((f"{key}.{unknown}", f"unknown key{known}"))
-        if "assumed" in table:
-            self.assumed[key] = (table["value"], table["assumed"])
-        if "source" in table:
-            source = self.sources[key] = table["source"]
+        if "assumed" in node:
+            self.assumed[key] = (node["value"], node["assumed"])
+        if "source" in node:
+            source = self.sources[key] = node["source"]
             if not isinstance(source, str):
                 self.faults.append((f"{key}.source", f"{shown(source)} is refused: give a text"))
+        return node["value"]

@@ -5,7 +5,7 @@ import os
 import platform
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -87,6 +87,33 @@ def device_lock(*names: str) -> Path:
     # The folder may be on a disk that other machines use as well.
     key = hashlib.sha256(" ".join((platform.node(), *names)).encode()).hexdigest()[:16]
     return folder / f"{names[0]}-{key}.lock"
+
+
+@contextmanager
+def held_device(
+    error_type: type[Exception], who: str, purpose: str, *names: str, shared: bool = False
+) -> Iterator[None]:
+    """Hold a device of this machine in the block; see `locked`.
+
+    Args:
+        error_type: Raised where another process or thread holds it; the message names both.
+        who: Name of the device in that message.
+        names: Kind and name of the device, see `device_lock`.
+    """
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(locked(device_lock(*names), purpose, shared=shared))
+        except Taken as error:
+            raise error_type(
+                f"{who}: another program uses it: end that program, or wait until it has ended:"
+                f" {error}"
+            ) from error
+        except OSError as error:
+            raise error_type(
+                f"{who}: {error.filename}: {error.strerror}; give this user a folder for its cache"
+                " (XDG_CACHE_HOME) that can be written"
+            ) from error
+        yield
 
 
 def _named(owner: Path) -> str:

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 import tomlkit
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
-from tomlkit.items import InlineTable, Table
+from tomlkit.items import Table
 
 from sautereau.rig.disk import named_text
 from sautereau.rig.document import rig_document
@@ -234,7 +234,14 @@ def _add(holder: Any, name: str, value: Any, rig: Rig, dotted: str) -> None:
             tables.append(_table(entry, rig, f"{dotted}.{number}"))
         holder[name] = tables
     elif dotted in rig.assumed or dotted in rig.sources:
-        holder[name] = _with_origin(value, rig, dotted)
+        table = tomlkit.inline_table()
+        table["value"] = value
+        if dotted in rig.assumed:
+            unit = unit_of(Rig, dotted.split("."), rig) or ""
+            table["assumed"] = [format_quantity(end, unit) for end in rig.assumed[dotted]]
+        if dotted in rig.sources:
+            table["source"] = rig.sources[dotted]
+        holder[name] = table
     elif not (isinstance(value, list) and not value):
         holder[name] = value
 
@@ -244,17 +251,6 @@ def _table(values: dict[str, Any], rig: Rig, dotted: str) -> Table:
     # Inner tables come last: in TOML all keys after them would belong to them.
     for name in sorted(values, key=lambda n: isinstance(values[n], dict)):
         _add(table, name, values[name], rig, f"{dotted}.{name}")
-    return table
-
-
-def _with_origin(value: Any, rig: Rig, dotted: str) -> InlineTable:
-    table = tomlkit.inline_table()
-    table["value"] = value
-    if dotted in rig.assumed:
-        unit = unit_of(Rig, dotted.split("."), rig) or ""
-        table["assumed"] = [format_quantity(end, unit) for end in rig.assumed[dotted]]
-    if dotted in rig.sources:
-        table["source"] = rig.sources[dotted]
     return table
 
 

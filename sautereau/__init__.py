@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from sautereau.entrance.press_file import PressFile as PressFile
     from sautereau.entrance.session import Session as Session
     from sautereau.entrance.session import open as open
-    from sautereau.entrance.watching import watch as watch
+    from sautereau.entrance.session import watch as watch
     from sautereau.robot.experiment.design import design as design
     from sautereau.robot.experiment.steps import ask as ask
     from sautereau.robot.experiment.steps import press as press
@@ -45,9 +45,8 @@ _NAMES = {
     "analysis.results.prediction": ("Prediction",),
     "analysis.results.rig": ("Rig",),
     "entrance.press_file": ("PressFile",),
-    "entrance.session": ("Session", "open"),
+    "entrance.session": ("Session", "open", "watch"),
     "analysis.results.sweep": ("Sweep",),
-    "entrance.watching": ("watch",),
     "robot.experiment.design": ("design",),
     "robot.experiment.steps": ("ask", "press", "repeat_until", "scan"),
 }

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, cast
 
 from pydantic import AfterValidator, Field
 
-from sautereau.rig.galil_models import GalilModel, families
+from sautereau.rig.capabilities import GalilModel, families
 from sautereau.rig.units import (
     Angle,
     Force,

@@ -5,14 +5,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import to_jsonable_python
 
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.disk import named_text, packaged_names
-from sautereau.rig.faults import fault_list, in_text, validation_faults
+from sautereau.rig.faults import in_text, validating
 from sautereau.rig.instrument import Choir
-from sautereau.rig.layers import read_toml
+from sautereau.rig.layers import read_toml, refuse_other
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY, Angle, Section, Time
@@ -337,9 +337,6 @@ def packaged_scenes() -> list[str]:
 def parse_scene(text: str, origin: str = "scene") -> Scene:
     """Build a scene from the text of a TOML file; ``origin`` names it in errors."""
     document = read_toml(text, origin, SceneError)
-    try:
+    refuse_other(document, "a scene", origin, SceneError)
+    with validating(Scene, SceneError, origin, in_text(text)):
         return Scene.model_validate(document)
-    except ValidationError as error:
-        raise SceneError(
-            fault_list(origin, validation_faults(error, Scene, in_text(text)))
-        ) from error

@@ -69,12 +69,12 @@ OTHER_WAYS = {
     "analysis/report/build.py": "styles and scripts of the package",
     "sim_backend/devices/galil/reference.py": "a table of the package",
     "sim_backend/physics/exact/compile.py": "modules of the package",
-    "robot/drivers/galil/program.py": "the controller's program, of the package",
+    "robot/drivers/galil/dmc.py": "the controller's program, of the package",
     "sautereau/doctor.py": "measures the speed of a disk with a file that has no name",
     "sautereau/commands/app.py": "the terminal, and the device that drops everything",
     "sautereau/entrance/package.py": "files inside an archive that `rig.disk` writes",
     "sautereau/commands/output.py": "the device that drops everything",
-    "sim_backend/devices/daqmx/tdms_log.py": "the log that a client of the card asks for",
+    "sim_backend/devices/daqmx/progress.py": "the log that a client of the card asks for",
 }
 """Files of the package that open files in another way than `rig.disk`, and why."""
 _READS = {"read_text", "read_bytes", "write_text", "write_bytes", "touch", "rename", "link_to"}

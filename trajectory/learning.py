@@ -350,7 +350,14 @@ class Learner:
         """
         error = speed_error(self.law, time, speed, held)
         found = residual(self.law, time, sent, speed, self.period, held, force)
-        self._compare(found)
+        # While corrections change much, so may what is needed: the least difference is taken.
+        if self._residuals:
+            inside = found.inside(self.law)
+            change = found.needed[inside] - self._residuals[-1].needed[inside]
+            planned = np.abs(self.law.law.at(found.time[inside]).velocity).max()
+            least = float(np.sqrt(np.mean(change**2) / 2) / planned)
+            self.scatter = least if self.scatter is None else min(least, self.scatter)
+        self._residuals.append(found)
         least = min(self.errors, default=np.inf)
         self.errors.append(error)
         if error < least:
@@ -370,19 +377,6 @@ class Learner:
                 self.stopped = f"no improvement over the last {PATIENCE} presses"
                 return None
         return corrected(self.law, self._residuals, self.period)
-
-    def _compare(self, found: Residual) -> None:
-        """Update the scatter by the press before.
-
-        While corrections change much, so may what is needed: the least difference is taken.
-        """
-        if self._residuals:
-            inside = found.inside(self.law)
-            change = found.needed[inside] - self._residuals[-1].needed[inside]
-            planned = np.abs(self.law.law.at(found.time[inside]).velocity).max()
-            least = float(np.sqrt(np.mean(change**2) / 2) / planned)
-            self.scatter = least if self.scatter is None else min(least, self.scatter)
-        self._residuals.append(found)
 
 
 def _low_pass(values: Floats, cutoff: float, time: Floats) -> Floats:

@@ -6,7 +6,7 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import Path, follow_down, follow_key, jack_under_finger, tilt
-from sautereau.trajectory.checks import Check
+from sautereau.trajectory.checks import Check, verify
 from sautereau.trajectory.dynamics import joint_torques, mass_matrix, tip_torque
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
@@ -22,7 +22,6 @@ from sautereau.trajectory.segments import (
     to_counts,
 )
 from sautereau.trajectory.timing import PressLaw, approach_law, press_law
-from sautereau.trajectory.verify import verify
 
 FINE = np.linspace(0.0, 1.0, 65)
 """Points in each segment of the cruise at which its speed is evaluated."""

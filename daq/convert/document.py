@@ -23,7 +23,7 @@ from sautereau.daq.file.recorded import (
 )
 from sautereau.daq.signals.quality_flags import find_quality_flags
 from sautereau.rig.acquisition import Channel
-from sautereau.rig.disk import open_regular, read_limited
+from sautereau.rig.disk import explained, open_regular, read_limited
 from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
@@ -100,8 +100,6 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
         for channel in recorded.rig.daq.channels
         for flag in find_quality_flags(volts[channel.name], channel, rate, recorded.first_sample)
     ]
-    # The gaps are exported as events, so that no import of the rest counts as complete.
-    gaps = [Event(gap.start, "aborted", str(gap)) for gap in recorded.gaps]
     return json.dumps(
         {
             "format": FORMAT,
@@ -116,7 +114,7 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
             "session": recorded.session.to_metadata(),
             "rig": json.loads(rig_json(recorded.rig)),
             "software": recorded.software,
-            "events": [asdict(event) for event in (*recorded.events, *gaps)],
+            "events": [asdict(event) for event in recorded.events_and_gaps],
             "plan": _lists(recorded.plan),
             "joints": _lists(recorded.joints),
             "quality_flags": [asdict(flag) for flag in flags],
@@ -169,10 +167,8 @@ def read_sidecar(path: Path) -> Document | None:
     sidecar = path.with_name(path.name + SIDECAR)
     if not sidecar.is_file():
         return None
-    try:
+    with explained(RecordingError, f"its metadata {sidecar}", "use a copy"):
         return read_document(read_limited(sidecar, MOST_DOCUMENT))
-    except OSError as error:
-        raise RecordingError(f"its metadata {sidecar}: {error.strerror}; use a copy") from error
 
 
 def _faults(document: Document) -> list[str]:

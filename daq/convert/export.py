@@ -5,11 +5,11 @@ sampled, each with its start and rate.
 """
 
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,16 +98,8 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
     document = document_text(recorded, {column.name: column.about for column in columns})
     ways = {"parquet": to_parquet, "csv": to_csv, "h5": to_hdf5, "wav": to_wav, "tdms": to_tdms}
     parts = ways[to](recorded, columns, document)
-    return _write({out.with_name(out.name + end): write for end, write in parts.items()})
-
-
-def files_of(to: str, out: Path) -> list[Path]:
-    """Return the files that the export to `out` writes."""
-    return [out, out.with_name(out.name + SIDECAR)] if to in ("csv", "wav") else [out]
-
-
-def _write(files: dict[Path, Callable[[BinaryIO], object]]) -> list[Path]:
-    """Write all files and return their paths; after an error none of them exists."""
+    # After an error none of the files exists.
+    files = {out.with_name(out.name + end): write for end, write in parts.items()}
     opened: list[DurableFile] = []
     try:
         for path, write in files.items():
@@ -124,6 +116,11 @@ def _write(files: dict[Path, Callable[[BinaryIO], object]]) -> list[Path]:
     for file in reversed(opened):
         file.publish()
     return list(files)
+
+
+def files_of(to: str, out: Path) -> list[Path]:
+    """Return the files that the export to `out` writes."""
+    return [out, out.with_name(out.name + SIDECAR)] if to in ("csv", "wav") else [out]
 
 
 def columns_of(recorded: Recorded, raw: bool) -> Iterator[Column]:

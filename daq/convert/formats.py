@@ -5,7 +5,8 @@ docs/add-an-import-format.md shows how another package adds one.
 """
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -130,6 +131,24 @@ def open_source(
     if useless := [f"--{name}" for name in given if name not in known]:
         raise RecordingError(f"a {path.suffix} file has no use for {', '.join(useless)}; remove it")
     return opener(path, **given, **({"columns": columns} if "columns" in known else {}))
+
+
+@contextmanager
+def reading(kind: str) -> Iterator[None]:
+    """Report what a format's library raises, of a kind that depends on the bytes, as damage.
+
+    Raises:
+        RecordingError: The file is damaged, or not of the kind.
+    """
+    try:
+        yield
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(
+            f"it is damaged, or not a {kind} file: {type(error).__name__}: {error}; use a copy of"
+            " it"
+        ) from error
 
 
 def refuse_missing(

@@ -21,7 +21,7 @@ import numpy as np
 from sautereau.daq.convert.document import Document, read_document, volts_name
 from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.convert.from_tables import open_csv
-from sautereau.daq.convert.readers.found import Found
+from sautereau.daq.convert.readers import Found
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.disk import new_file, open_regular
 from sautereau.rig.errors import require

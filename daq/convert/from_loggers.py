@@ -16,7 +16,7 @@ from sautereau.daq.convert.document import (
     read_sidecar,
     volts_name,
 )
-from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
+from sautereau.daq.convert.formats import Columns, ImportSource, reading, refuse_rows
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.disk import open_regular
 from sautereau.rig.errors import require
@@ -42,14 +42,9 @@ def open_tdms(path: Path) -> ImportSource:
     require("tdms", f"{path}: TDMS", "nptdms")
     from nptdms import TdmsFile
 
-    try:
-        with open_regular(path) as file:
-            file_metadata = TdmsFile.read_metadata(file)
-            missing = _missing_bytes(file, path.stat().st_size)
-    except Exception as error:  # nptdms raises many kinds, depending on the bytes
-        raise RecordingError(
-            f"it is damaged, or not a TDMS file: {type(error).__name__}: {error}"
-        ) from error
+    with reading("TDMS"), open_regular(path) as file:
+        file_metadata = TdmsFile.read_metadata(file)
+        missing = _missing_bytes(file, path.stat().st_size)
     if missing:
         statuses = file_metadata.file_status.channel_statuses or {}
         listed = ", ".join(
@@ -78,13 +73,8 @@ def open_tdms(path: Path) -> ImportSource:
 
     def read(names: list[str]) -> Columns:
         refuse_rows(max((len(of[name]) for name in names), default=0))
-        try:
-            with open_regular(path) as opened, TdmsFile.open(opened) as file:
-                data = {n: file[of[n].group_name][of[n].name][:] for n in names}
-        except Exception as error:
-            raise RecordingError(
-                f"its samples cannot be read: {type(error).__name__}: {error}; use a copy of it"
-            ) from error
+        with reading("TDMS"), open_regular(path) as opened, TdmsFile.open(opened) as file:
+            data = {n: file[of[n].group_name][of[n].name][:] for n in names}
         for name, values in data.items():
             if not np.issubdtype(values.dtype, np.number) or np.iscomplexobj(values):
                 raise RecordingError(
@@ -142,26 +132,19 @@ def open_wav(path: Path) -> ImportSource:
     """
     from scipy.io import wavfile
 
-    try:
-        with open_regular(path) as file, warnings.catch_warnings():
-            if lie := _lie_of_header(file, path.stat().st_size):
-                raise RecordingError(
-                    f"its header and its content differ: {lie}; use a complete copy, or correct its"
-                    " header, for example with sox --ignore-length"
-                )
-            file.seek(0)
-            # Chunks of notes and markers are no fault; a truncated file is.
-            warnings.filterwarnings("ignore", "Chunk", wavfile.WavFileWarning)
-            warnings.filterwarnings("error", "Reached EOF", wavfile.WavFileWarning)
-            rate, samples = wavfile.read(file)
+    with reading("WAV"), open_regular(path) as file, warnings.catch_warnings():
+        if lie := _lie_of_header(file, path.stat().st_size):
+            raise RecordingError(
+                f"its header and its content differ: {lie}; use a complete copy, or correct its"
+                " header, for example with sox --ignore-length"
+            )
+        file.seek(0)
+        # Chunks of notes and markers are no fault; a truncated file is.
+        warnings.filterwarnings("ignore", "Chunk", wavfile.WavFileWarning)
+        warnings.filterwarnings("error", "Reached EOF", wavfile.WavFileWarning)
+        rate, samples = wavfile.read(file)
         if rate <= 0 or not samples.size:
             raise ValueError(f"it has {samples.size} samples at {rate} Hz")
-    except RecordingError:
-        raise
-    except Exception as error:  # scipy raises many kinds, depending on the bytes
-        raise RecordingError(
-            f"it is damaged, or not a WAV file: {type(error).__name__}: {error}; use a copy of it"
-        ) from error
     samples = samples.reshape(len(samples), -1)
     names, scales = tuple(str(i + 1) for i in range(samples.shape[1])), itertools.repeat(1.0)
     document = read_sidecar(path)

@@ -11,6 +11,7 @@ from sautereau.daq.convert.document import PARQUET_KEY, read_document, read_side
 from sautereau.daq.convert.formats import (
     Columns,
     ImportSource,
+    reading,
     refuse_missing,
     refuse_rows,
 )
@@ -166,10 +167,9 @@ def open_parquet(path: Path) -> ImportSource:
     Raises:
         RecordingError: It is damaged, or not a Parquet file.
     """
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
+    with reading("Parquet"):
         file = pq.ParquetFile(path)
         schema, rows = file.schema_arrow, file.metadata.num_rows
         names, metadata = tuple(schema.names), schema.metadata or {}
@@ -178,17 +178,13 @@ def open_parquet(path: Path) -> ImportSource:
             for field in schema
             if field.metadata and b"unit" in field.metadata
         }
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise RecordingError(f"it is damaged, or not a Parquet file: {error}") from error
     refuse_rows(rows)
     document = read_document(metadata[PARQUET_KEY]) if PARQUET_KEY in metadata else None
 
     def read(names: list[str]) -> Columns:
-        try:
+        with reading("Parquet"):
             table = pq.read_table(path, columns=names)
             return {name: _floats(name, table.column(name)) for name in names}
-        except (pa.ArrowException, OSError, ValueError) as error:
-            raise RecordingError(f"it is damaged: {error}; use a copy of it") from error
 
     return ImportSource("Parquet", names, read, units=units, document=document)
 

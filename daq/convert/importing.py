@@ -3,9 +3,9 @@
 Values that suggest an inverted sensor, a wrong unit or a channel without a signal are reported.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,16 @@ from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolv
 from sautereau.daq.convert.times import PLAUSIBLE, UNIX, own_axis, start_and_rate
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.limits import FARTHEST_SAMPLE, time_faults
-from sautereau.daq.file.recorded import Block, SessionInfo, Signal
+from sautereau.daq.file.recorded import (
+    SPLIT,
+    Block,
+    Event,
+    Joints,
+    Plan,
+    Recorded,
+    SessionInfo,
+    Signal,
+)
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
 from sautereau.rig.acquisition import MEASURED, Channel
@@ -114,16 +123,9 @@ def _restore(
     session = replace(document.session, notes=_joined(document.session.notes, notes, origin))
     volts, first = np.stack(list(columns.values())), document.first_sample
     rig, rate = document.rig, document.rate
-    t0 = document.t0_ns, document.t0_std
-    with new_recording(out, rig, session, volts, first, rate, *t0) as recording:
-        if document.plan is not None:
-            plan = document.plan
-            recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
-        if document.joints is not None:
-            recording.write_joints(document.joints)
-        for event in document.events:
-            recording.event(event.kind, event.text, event.time, event.std)
-        recording.event("imported", origin, 0.0)
+    events = (*document.events, Event(0.0, "imported", origin))
+    moved, t0 = (document.plan, document.joints), (document.t0_ns, document.t0_std)
+    _write(out, rig, session, volts, first, rate, events, *t0, *moved)
     return Imported(out, session.simulated, document.rate, volts.shape[1], first, 0.0)
 
 
@@ -176,11 +178,10 @@ def _import(
         warnings += doubts(values, column.channel)
         if column.unit == "m":
             warnings.append(f"{column.channel.name}: derivative of the displacement in the file")
-    with new_recording(out, part, session, volts, first, rate, settings.t0_ns) as recording:
-        for warning in warnings:
-            recording.event("warning", warning, 0.0)
-        read = f"{origin}; read as: {read_as}" if read_as else origin
-        recording.event("imported", read, 0.0)
+    read = f"{origin}; read as: {read_as}" if read_as else origin
+    events = [Event(0.0, "warning", warning) for warning in warnings]
+    events.append(Event(0.0, "imported", read))
+    _write(out, part, session, volts, first, rate, events, settings.t0_ns)
     shift = settings.trigger - start + first / rate
     made = out, session.simulated, rate, volts.shape[1], first, shift
     return Imported(*made, tuple(warnings), read_as)
@@ -297,18 +298,20 @@ def _share(fraction: float, values: Signal) -> int:
     return max(1, round(fraction * len(values)))
 
 
-@contextmanager
-def new_recording(
+def _write(
     out: Path,
     rig: Rig,
     session: SessionInfo,
     volts: Signal,
     first: int,
     rate: float,
+    events: Iterable[Event],
     t0_ns: int,
     t0_std: float | None = None,
-) -> Iterator[Recording]:
-    """Open a recording with its volts and the date of its trigger; after an error delete it.
+    plan: Plan | None = None,
+    joints: Joints | None = None,
+) -> None:
+    """Write a recording; after an error delete it.
 
     Args:
         volts: V, shape (n_channels, n_samples).
@@ -341,8 +344,67 @@ def new_recording(
             opened = True
             for at in range(0, volts.shape[1], rig.daq.block):
                 recording.write_block(Block(first + at, volts[:, at : at + rig.daq.block]))
-            yield recording
+            if plan is not None:
+                recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
+            if joints is not None:
+                recording.write_joints(joints)
+            for event in events:
+                recording.event(event.kind, event.text, event.time, event.std)
     except BaseException:
         if opened:  # the samples are in the imported file
             recording.part_path.unlink(missing_ok=True)
         raise
+
+
+OF_ALL = ("imported", "warning")  # Events about all samples of a file
+
+
+def write_part(recorded: Recorded, start: int, stop: int, out: Path, press: int) -> None:
+    """Write consecutive samples of a recording, bit for bit, with the events during them.
+
+    Time 0 of the new recording is its first sample. Its notes and an event state where it was in
+    the other one.
+
+    Args:
+        start: Index of the first sample, counted from the first of the recording.
+        stop: Index after the last.
+        press: Number of the press.
+
+    Raises:
+        RecordingError: An arm has made the recording, so that all of it is one press; or the new
+            one cannot be written.
+    """
+    if recorded.arm is not None or recorded.motion is not None:
+        raise RecordingError(
+            f"recording {recorded.path}: it holds the motion of an arm, and thus one press; it is"
+            " not split"
+        )
+    rate, first = recorded.rate, recorded.first_sample + start
+    begin, end = first / rate, (recorded.first_sample + stop) / rate
+    text = (
+        f"samples {first} to {recorded.first_sample + stop - 1} of {recorded.path.name}: time"
+        f" 0 is {begin:.9g} s after its trigger"
+    )
+    events = [
+        replace(event, time=0.0 if event.kind in OF_ALL else event.time - begin)
+        for event in recorded.events_and_gaps
+        if event.kind in OF_ALL or begin <= event.time <= end
+    ]
+    session = replace(
+        recorded.session,
+        press=press,
+        started=_later(recorded.session.started, begin),
+        notes="\n".join(filter(None, (recorded.session.notes, text))),
+    )
+    volts = np.stack([recorded.volts[c.name][start:stop] for c in recorded.rig.daq.channels])
+    t0_ns = recorded.t0_ns + round(begin * 1e9)
+    events.append(Event(0.0, SPLIT, text))
+    _write(out, recorded.rig, session, volts, 0, rate, events, t0_ns, recorded.t0_std)
+
+
+def _later(date: str, seconds: float) -> str:
+    """Return an ISO date some seconds later; another text unchanged."""
+    try:
+        return (datetime.fromisoformat(date) + timedelta(seconds=seconds)).isoformat()
+    except (ValueError, OverflowError):
+        return date

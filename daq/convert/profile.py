@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
-from pydantic import ConfigDict, Field, ValidationError, create_model
+from pydantic import ConfigDict, Field, create_model
 
 from sautereau.daq.convert.options import MODIFIED, ImportOptions
 from sautereau.daq.errors import RecordingError
-from sautereau.rig.disk import read_text, why_unreadable, write_durably
-from sautereau.rig.faults import fault_list, in_text, validation_faults
-from sautereau.rig.layers import read_toml
+from sautereau.rig.disk import explained, write_durably
+from sautereau.rig.faults import in_text, validating
+from sautereau.rig.layers import read_toml_file
 
 
 @dataclass(frozen=True)
@@ -49,24 +49,12 @@ def load_profile(path: Path) -> Profile:
         RecordingError: It cannot be read; lists every fault with its line.
     """
     origin = f"import profile {path}"
-    try:
-        text = read_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(
-            f"{origin}: cannot be read: {why_unreadable(error)}; give a file of --save-profile"
-        ) from error
-    try:
-        table = _TABLE.model_validate(read_toml(text, origin, RecordingError))
-    except ValidationError as error:
-        raise RecordingError(
-            fault_list(origin, validation_faults(error, _TABLE, in_text(text)))
-        ) from error
-    profile = Profile(**dict(table))
-    try:
+    text, values = read_toml_file(path, origin, RecordingError, "give a file of --save-profile")
+    with validating(_TABLE, RecordingError, origin, in_text(text)):
+        profile = Profile(**dict(_TABLE.model_validate(values)))
+    with explained(RecordingError, f"{origin}: rig", "shorten the path"):
         if profile.rig is not None and (near := path.parent / profile.rig).is_file():
             return replace(profile, rig=str(near))
-    except OSError as error:
-        raise RecordingError(f"{origin}: rig: {error.strerror}; shorten the path") from error
     return profile
 
 
@@ -83,9 +71,6 @@ def save_profile(path: Path, options: ImportOptions, rig: str | None) -> None:
         is_file = Path(rig).is_file()
         values["rig"] = Path(os.path.relpath(rig, path.parent)).as_posix() if is_file else rig
     ordered = dict(sorted(values.items(), key=lambda item: isinstance(item[1], dict)))
-    try:
+    fix = "nothing is overwritten: give another name"
+    with explained(RecordingError, f"import profile {path}", fix):
         write_durably(path, tomlkit.dumps(ordered))
-    except OSError as error:
-        raise RecordingError(
-            f"import profile {path}: {error.strerror}; nothing is overwritten: give another name"
-        ) from error

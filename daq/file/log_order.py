@@ -2,7 +2,8 @@
 
 A block has the log time of its first sample. Previews and events before this time precede the
 block. Messages that are given only after the samples of their time, such as the motion of the
-joints, follow at the end.
+joints, follow at the end. Previews are signals decimated without aliasing, for viewers that plot
+scalars.
 """
 
 import math
@@ -12,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.daq.file.container.writer import McapWriter, refuse_oversized
-from sautereau.daq.file.preview import Decimator
+from sautereau.daq.file.container.durable import McapWriter, refuse_oversized
 from sautereau.daq.file.recorded import Event, Signal
 from sautereau.daq.file.samples import TOPIC, SampleLayout, Samples, block_head, write_volts
 from sautereau.daq.file.schemas import (
@@ -25,6 +25,99 @@ from sautereau.daq.file.schemas import (
     encode_transforms,
 )
 from sautereau.rig.schema import Rig
+
+PREVIEW_RATE = 1000.0  # Largest rate of a preview, Hz
+ATTENUATION = 60.0  # Stop-band attenuation, from half the preview's rate up, dB
+PASS_BAND = 0.2  # Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %
+
+Values = NDArray[np.float32]
+"""A preview has single precision, as in the file; this halves the time of the filter."""
+
+
+def low_pass(factor: int) -> NDArray[np.float64]:
+    """Return the weights of the anti-aliasing filter: symmetric, of sum 1.
+
+    A sinc with a Kaiser window (Oppenheim and Schafer, Discrete-Time Signal Processing,
+    7.6): its length follows from the attenuation and the transition band, from `PASS_BAND` to
+    half the preview's rate.
+
+    Args:
+        factor: Decimation factor: samples per sample of the preview.
+    """
+    if factor == 1:
+        return np.ones(1)
+    width = 2 * math.pi * (0.5 - PASS_BAND) / factor
+    attenuation = ATTENUATION + 2  # the formulas reach 1 dB less than they are given
+    half = math.ceil((attenuation - 8) / (2.285 * width) / 2)
+    cutoff = (0.5 + PASS_BAND) / 2 / factor
+    beta = 0.1102 * (attenuation - 8.7)
+    n = np.arange(-half, half + 1)
+    weights = np.sinc(2 * cutoff * n) * np.kaiser(len(n), beta)
+    return weights / weights.sum()
+
+
+class Decimator:
+    """Low-pass filter and decimate signals given in blocks of any length."""
+
+    def __init__(self, rate: float, n_channels: int):
+        """Start with ``n_channels`` signals sampled at ``rate`` Hz."""
+        self.factor = math.ceil(rate / PREVIEW_RATE)
+        """Samples per sample of the preview."""
+        weights = low_pass(self.factor)
+        self.margin = len(weights) // 2
+        """Samples at either end without a preview: half the filter's length."""
+        # One column for each stretch of `factor` weights; the last one ends with zeros.
+        self._columns = np.zeros((-(-len(weights) // self.factor), self.factor), np.float32)
+        self._columns.reshape(-1)[: len(weights)] = weights
+        self._columns = self._columns.T.copy()
+        self._length = len(weights)
+        self._held = np.empty((n_channels, 0), np.float32)
+        self._fill = 0
+        self.place = self.margin
+        """Index of the sample at the next value of the preview, counted from the very first."""
+
+    def room(self, n: int) -> Values:
+        """Return a buffer for the next ``n`` samples, shape (n_channels, n), to be filled."""
+        start, self._fill = self._fill, self._fill + n
+        if self._fill > self._held.shape[1]:
+            held = self._held[:, :start]
+            self._held = np.empty((len(held), self._fill + self._length), np.float32)
+            self._held[:, :start] = held
+        return self._held[:, start : self._fill]
+
+    def feed(self, values: NDArray[np.float64]) -> tuple[NDArray[np.int64], Values]:
+        """Add samples, shape (n_channels, n), in any unit; return places and values as `rest`."""
+        first = self.place
+        self.room(values.shape[1])[:] = values
+        found = self.rest()
+        return np.arange(first, self.place, self.factor), found
+
+    def rest(self) -> Values:
+        """Return the new values of the preview, shape (n_channels, n), in the unit of the samples.
+
+        The filter has no delay.
+        """
+        n, fill = max(0, (self._fill - self._length) // self.factor + 1), self._fill
+        values = self._filtered(n)
+        used = n * self.factor
+        self._held[:, : fill - used] = self._held[:, used:fill].copy()
+        self.place, self._fill = self.place + used, fill - used
+        return values
+
+    def _filtered(self, n: int) -> Values:
+        """Return ``n`` values; each sums the products of consecutive rows and columns."""
+        columns = self._columns.shape[1]
+        rows = n + columns - 1 if n else 0
+        # The weights that the last row has beyond the samples are zero.
+        self.room(max(0, rows * self.factor - self._fill))[:] = 0
+        grouped = self._held[:, : rows * self.factor].reshape(len(self._held), rows, self.factor)
+        # Samples may be inf or NaN, which makes the preview NaN without a warning.
+        with np.errstate(invalid="ignore", over="ignore"):
+            products = np.ascontiguousarray(grouped @ self._columns)
+            signal, row, column = products.strides
+            shape, strides = (len(products), n, columns), (signal, row, row + column)
+            return np.ndarray(shape, np.float32, products, 0, strides).sum(2)
+
 
 LAST_DATE = 2**63 - 1  # ns since 1970, in the year 2262
 
@@ -98,18 +191,6 @@ class LogOrder:
 
     def write_block(self, writer: McapWriter, first: int, samples: Samples) -> None:
         """Write a block, after the previews and events up to its first sample."""
-        self._preview(samples)
-        self._write_views(writer, first)
-        head = block_head(self.t0 or 0, first, self._rate, self._begin, samples.nbytes)
-        date = self._date(first / self._rate)
-        writer.add_message(self.topics[TOPIC], date, head + samples.tobytes(), date)
-
-    def write_rest(self, writer: McapWriter) -> None:
-        """Write the remaining previews and all pending messages."""
-        self._write_views(writer, None)
-
-    def _preview(self, samples: Samples) -> None:
-        """Filter samples, shape (n_channels, n), and keep the new values of the preview."""
         with np.errstate(over="ignore", invalid="ignore"):  # samples may be any double
             room = self._decimator.room(samples.shape[1])
             if self._linear:
@@ -119,6 +200,14 @@ class LogOrder:
             offset, gain = self._scale
             values = self._decimator.rest() * gain + offset
         self._values = np.concatenate([self._values, values], axis=1)
+        self._write_views(writer, first)
+        head = block_head(self.t0 or 0, first, self._rate, self._begin, samples.nbytes)
+        date = self._date(first / self._rate)
+        writer.add_message(self.topics[TOPIC], date, head + samples.tobytes(), date)
+
+    def write_rest(self, writer: McapWriter) -> None:
+        """Write the remaining previews and all pending messages."""
+        self._write_views(writer, None)
 
     def _write_views(self, writer: McapWriter, stop: int | None) -> None:
         """Write the previews and the pending messages up to a sample; None for all."""

@@ -12,9 +12,9 @@ from typing import NamedTuple
 from mcap.records import Channel, Schema
 
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.container.durable import McapWriter
 from sautereau.daq.file.container.records import LARGEST_DEFINITIONS
-from sautereau.daq.file.container.writer import McapWriter
-from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator
+from sautereau.daq.file.log_order import ATTENUATION, PASS_BAND, Decimator
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.samples import TOPIC, SampleLayout, sample_layout
 from sautereau.daq.file.schemas import (

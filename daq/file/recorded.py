@@ -364,6 +364,12 @@ class Recorded(Stretch):
         return None if arm is None else replace(arm, t=arm.t - self.origin)
 
     @property
+    def events_and_gaps(self) -> tuple[Event, ...]:
+        """Events, the gaps among them, so that no file made of the rest counts as complete."""
+        gaps = (Event(gap.start, "aborted", str(gap)) for gap in self.gaps)
+        return *self.events, *gaps
+
+    @property
     def complete(self) -> bool:
         """Whether the press was recorded to its end and no sample is missing."""
         return not self.gaps and all(event.kind != "aborted" for event in self.events)

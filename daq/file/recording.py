@@ -191,7 +191,10 @@ class Recording:
         if self._first is None:
             self._first = self._next = block.first_sample
         if self._order.t0 is None:
-            self._date(block)
+            # The counts of the block and its arrival narrow down the time of the trigger.
+            end = block.first_sample + block.n_samples
+            for counted in (*block.counted, Counted(-math.inf, self._monotonic(), end)):
+                self._trigger.add(counted)
         at, size, room = 0, samples.shape[1], self._held.shape[1]
         while at < size:
             n = min(size - at, room - self._fill)
@@ -278,12 +281,6 @@ class Recording:
             )
         t0 = self._order.t0
         self._refuse_faults(time_faults(t0 or 0, self._rate, first, first + shape[1]))
-
-    def _date(self, block: Block) -> None:
-        """Narrow down the time of the trigger with the counts of a block and its arrival."""
-        end = block.first_sample + block.n_samples
-        for counted in (*block.counted, Counted(-math.inf, self._monotonic(), end)):
-            self._trigger.add(counted)
 
     def _dated(self) -> tuple[int, float | None]:
         """Return the date of the trigger, ns since 1970, and its standard uncertainty, s."""

@@ -12,9 +12,8 @@ from mcap.records import Channel, Schema
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.chunks import find_intact, unpack_chunk
-from sautereau.daq.file.container.durable import PART, DurableFile
+from sautereau.daq.file.container.durable import PART, DurableFile, McapWriter
 from sautereau.daq.file.container.records import MESSAGE, Bytes, Opcode, records_within
-from sautereau.daq.file.container.writer import McapWriter
 from sautereau.daq.file.integrity import opened, verified
 from sautereau.daq.file.provenance import HEAD, start_head
 from sautereau.daq.file.recorded import Gap

@@ -84,7 +84,19 @@ def find_quality_flags(
     """
     # Samples may be any double, whose differences may overflow.
     with np.errstate(over="ignore", invalid="ignore"):
-        found = _stretches(np.asarray(volts, dtype=float), channel, rate)
+        volts = np.asarray(volts, dtype=float)
+        noise, magnitude = white_noise(volts), np.abs(volts)
+        high = magnitude >= channel.range * (1 - CLIPPING_MARGIN)
+        # Kind, first sample and sample after the last of each flag.
+        found: list[tuple[Kind, int, int]] = []
+        for start, stop in runs_of(high):
+            beyond = magnitude[start:stop].max() > channel.range * (1 + CLIPPING_MARGIN)
+            found.append(("overload" if beyond else "clipped", start, stop))
+        for start, stop in _saturated(volts, magnitude, noise, channel.range, high):
+            found.append(("overload", start, stop))
+        if channel.quantity == "velocity":
+            for start, stop in _drop_outs(volts, channel, rate, noise, high):
+                found.append(("drop-out", start, stop))
 
     def time(sample: int) -> float:
         return (first_sample + sample) / rate - channel.lag
@@ -107,22 +119,6 @@ def quality_warnings(flags: Iterable[QualityFlag]) -> list[str]:
             f" {group[0].start * 1e3:.5g} ms after the trigger; {HOW_TO_FIX[kind]}"
         )
     return lines
-
-
-def _stretches(volts: Signal, channel: Channel, rate: float) -> list[tuple[Kind, int, int]]:
-    """Return kind, first sample and sample after the last of each flag."""
-    noise, magnitude = white_noise(volts), np.abs(volts)
-    high = magnitude >= channel.range * (1 - CLIPPING_MARGIN)
-    found: list[tuple[Kind, int, int]] = []
-    for start, stop in runs_of(high):
-        beyond = magnitude[start:stop].max() > channel.range * (1 + CLIPPING_MARGIN)
-        found.append(("overload" if beyond else "clipped", start, stop))
-    for start, stop in _saturated(volts, magnitude, noise, channel.range, high):
-        found.append(("overload", start, stop))
-    if channel.quantity == "velocity":
-        for start, stop in _drop_outs(volts, channel, rate, noise, high):
-            found.append(("drop-out", start, stop))
-    return found
 
 
 def _saturated(

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sautereau.daq.errors import DaqError
-from sautereau.rig.acquisition import Daq, Tls
+from sautereau.rig.acquisition import Daq
 from sautereau.rig.disk import need_open_files, read_limited, why_unreadable
-from sautereau.rig.lock import Taken, device_lock, locked
+from sautereau.rig.lock import held_device
 
 if TYPE_CHECKING:
     import grpc
@@ -97,17 +97,10 @@ def _channel(daq: Daq, limit: float) -> "grpc.Channel":
     options = [*_OPTIONS, ("grpc.service_config", json.dumps(calls))]
     if daq.tls is None:
         return grpc.insecure_channel(daq.address, options)
-    root, certificate, key = _certificates(daq.tls)
-    credentials = grpc.ssl_channel_credentials(root, key, certificate)
-    return grpc.secure_channel(daq.address, credentials, options)
-
-
-def _certificates(tls: Tls) -> list[bytes | None]:
-    """Return root certificate, client certificate and its key; None if not given."""
     found: list[bytes | None] = []
     faults = []
     for name in ("root_certificate", "client_certificate", "client_key"):
-        path = getattr(tls, name)
+        path = getattr(daq.tls, name)
         try:
             found.append(read_limited(Path(path).expanduser()) if path else None)
         except (OSError, RuntimeError) as error:  # the latter for the home of an unknown user
@@ -117,7 +110,9 @@ def _certificates(tls: Tls) -> list[bytes | None]:
             )
     if faults:
         raise DaqError("\n".join(faults))
-    return found
+    root, certificate, key = found
+    credentials = grpc.ssl_channel_credentials(root, key, certificate)
+    return grpc.secure_channel(daq.address, credentials, options)
 
 
 def _must_answer(daq: Daq, channel: "grpc.Channel") -> None:
@@ -191,21 +186,9 @@ def hold_card(daq: Daq, purpose: str, *, shared: bool = False) -> Iterator[None]
     Raises:
         DaqError: Another process or thread uses it; the message names it.
     """
-    server, device = f" of {daq.address}" if daq.address else "", f"DAQ device {daq.device}"
+    server = f" of {daq.address}" if daq.address else ""
     with ExitStack() as stack:
-        try:
-            for name in daq.devices:
-                device = f"DAQ device {name}{server}"
-                path = device_lock("daq", daq.driver, daq.address, name)
-                stack.enter_context(locked(path, purpose, shared=shared))
-        except Taken as error:
-            raise DaqError(
-                f"{device}: another sautereau process on this machine uses it: {error}; wait until"
-                " that one has ended, or end it, and try again"
-            ) from error
-        except OSError as error:
-            raise DaqError(
-                f"{device}: {error.filename}: {error.strerror}; give this user a folder for its"
-                " cache (XDG_CACHE_HOME) that can be written"
-            ) from error
+        for name in daq.devices:
+            who, names = f"DAQ device {name}{server}", ("daq", daq.driver, daq.address, name)
+            stack.enter_context(held_device(DaqError, who, purpose, *names, shared=shared))
         yield

@@ -82,32 +82,27 @@ class SoundCard:
         daq = self._daq
         with ExitStack() as opened:
             opened.enter_context(hold_card(daq, "an acquisition"))
-            self._description = f"{self._open(sounddevice)}, sound card"
+            try:
+                index, found = _device(sounddevice, daq.device)
+                self._stream = sounddevice.InputStream(
+                    device=index,
+                    channels=max(self._inputs),
+                    samplerate=daq.sample_rate,
+                    blocksize=daq.block,
+                    dtype="int32",
+                    callback=self._take,
+                )
+            except sounddevice.PortAudioError as error:
+                raise DaqError(
+                    f"sound card {daq.device}: {error} while opening {max(self._inputs)} inputs at"
+                    f" {daq.sample_rate:g} Hz; set daq.sample_rate and daq.channels.*.terminal to"
+                    " what it supports"
+                ) from error
+            self._description = f"{found}, sound card"
             opened.callback(self._stream.close, ignore_errors=True)
             accepted_rate(self.rate, daq)
             self._opened = opened.pop_all()
         return self
-
-    def _open(self, sounddevice: Any) -> str:
-        """Open the stream, and return the device's name."""
-        daq = self._daq
-        try:
-            index, found = _device(sounddevice, daq.device)
-            self._stream = sounddevice.InputStream(
-                device=index,
-                channels=max(self._inputs),
-                samplerate=daq.sample_rate,
-                blocksize=daq.block,
-                dtype="int32",
-                callback=self._take,
-            )
-        except sounddevice.PortAudioError as error:
-            raise DaqError(
-                f"sound card {daq.device}: {error} while opening {max(self._inputs)} inputs at"
-                f" {daq.sample_rate:g} Hz; set daq.sample_rate and daq.channels.*.terminal to what"
-                " it supports"
-            ) from error
-        return found
 
     def __exit__(self, *exception: object) -> None:
         self._stream = None

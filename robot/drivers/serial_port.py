@@ -14,7 +14,7 @@ from typing import Protocol, TypeVar
 from urllib.parse import urlsplit
 
 from sautereau.rig.disk import read_limited
-from sautereau.rig.lock import Taken, device_lock, locked
+from sautereau.rig.lock import held_device
 from sautereau.robot.errors import (
     GarbledAnswer,
     LineLost,
@@ -93,20 +93,10 @@ def hold_port(name: str, purpose: str, *, shared: bool = False) -> Iterator[None
     Raises:
         PortUnavailable: Another process or thread uses it; the message names it.
     """
-    with ExitStack() as stack:
-        try:
-            if not name.startswith(_NO_DEVICE):
-                stack.enter_context(locked(device_lock("port", name), purpose, shared=shared))
-        except Taken as error:
-            raise PortUnavailable(
-                f"port {name}: another program uses it: end that program, or wait until it has"
-                f" ended: {error}"
-            ) from error
-        except OSError as error:
-            raise PortUnavailable(
-                f"port {name}: {error.filename}: {error.strerror}; give this user a folder for its"
-                " cache (XDG_CACHE_HOME) that can be written"
-            ) from error
+    if name.startswith(_NO_DEVICE):
+        yield
+        return
+    with held_device(PortUnavailable, f"port {name}", purpose, "port", name, shared=shared):
         yield
 
 

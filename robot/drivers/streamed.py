@@ -11,9 +11,8 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture
-from sautereau.robot.drivers.driver import Clock, Driver, Sleep
+from sautereau.robot.drivers.driver import POLL, Clock, Driver, Polling, Sleep
 from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.polling import POLL, Polling
 from sautereau.robot.drivers.serial_port import Wire
 from sautereau.robot.errors import MotionFault, NotReady
 from sautereau.trajectory.motion import Floats

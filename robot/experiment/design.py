@@ -18,10 +18,9 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field
 
 from sautereau.analysis.session.conditions import differing
-from sautereau.rig.disk import read_text, why_unreadable
 from sautereau.rig.document import flat, full_key, named_values, values_of
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import (
@@ -30,13 +29,13 @@ from sautereau.rig.faults import (
     in_text,
     model_keys,
     near_miss,
-    validation_faults,
+    validating,
 )
-from sautereau.rig.layers import read_toml
+from sautereau.rig.layers import read_toml_file
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan_table import MOST_PRESSES, MOST_ROWS, Row
+from sautereau.robot.experiment.plan import MOST_PRESSES, MOST_ROWS, Row
 
 RECORD = "design.csv"  # File of a session's folder with the presses of its design
 Levels = tuple[tuple[str, str], ...]  # Factors with their levels, in the order of the design
@@ -321,18 +320,9 @@ def read_design(path: Path) -> Design:
         RobotError: Lists every fault of the file.
     """
     origin = f"design {path}"
-    try:
-        text = read_text(path)
-    except (OSError, ValueError) as error:
-        raise RobotError(
-            f"{origin}: cannot be read: {why_unreadable(error)}; give the path of a TOML file"
-        ) from error
-    document = read_toml(text, origin, RobotError)
-    try:
-        file = _File.model_validate(document)
-    except ValidationError as error:
-        found = validation_faults(error, _File, in_text(text))
-        raise RobotError(fault_list(origin, found)) from error
+    text, values = read_toml_file(path, origin, RobotError)
+    with validating(_File, RobotError, origin, in_text(text)):
+        file = _File.model_validate(values)
     return design(
         _merged(file.factors), file.repeats, file.block, file.seed, file.set_ups,
         origin=origin, folder=path.parent,

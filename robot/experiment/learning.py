@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import AwareDatetime, BaseModel, Field, FiniteFloat, ValidationError
+from pydantic import AwareDatetime, BaseModel, Field, FiniteFloat
 
 from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.phases import find_phases
-from sautereau.rig.disk import read_limited, why_unreadable, write_durably
+from sautereau.rig.disk import explained, read_limited, write_durably
 from sautereau.rig.document import comparable, current_document, rig_document
-from sautereau.rig.faults import fault_list, validation_faults
+from sautereau.rig.faults import validating
 from sautereau.rig.schema import Controller, Rig
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import torque_table
@@ -272,12 +272,10 @@ def write_learned(
         "learned_for": _learned_for(rig, feed_forward),
         "load": _part(rig, _LOAD),
     }
-    try:
-        write_durably(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
-    except OSError as error:
-        raise RobotError(
-            f"learned correction {path}: cannot be written: {error.strerror}; give another folder"
-        ) from error
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    origin = f"learned correction {path}: cannot be written"
+    with explained(RobotError, origin, "give another folder"):
+        write_durably(path, text)
 
 
 def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> LearnedCorrection:
@@ -291,17 +289,9 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> LearnedCorrect
             controller.
         TrajectoryError: It holds no valid correction.
     """
-    try:
+    origin, fix = f"learned correction {path}: cannot be read", "give the file of `sautereau learn`"
+    with validating(_Learned, RobotError, origin, fix=fix), explained(RobotError, origin, fix):
         found = _Learned.model_validate_json(read_limited(path))
-    except ValidationError as error:
-        origin = f"learned correction {path}: cannot be read"
-        faults = fault_list(origin, validation_faults(error, _Learned))
-        raise RobotError(f"{faults}\ngive the file that `sautereau learn` wrote") from error
-    except OSError as error:
-        raise RobotError(
-            f"learned correction {path}: cannot be read: {why_unreadable(error)}; give the file"
-            " that `sautereau learn` wrote"
-        ) from error
     then, now = current_document(found.learned_for.model_dump()), _learned_for(rig, feed_forward)
     if faults := [*differences(_motion(then, now), _motion(now, now))]:
         raise RobotError(

@@ -1,8 +1,12 @@
-"""The events of a running session, passed to live views without waiting for them."""
+"""The events of a running session, passed to live views without waiting for them; its control.
+
+`Control` pauses, resumes and aborts a session from another thread.
+"""
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, Full, Queue
@@ -10,6 +14,8 @@ from typing import Protocol
 
 from sautereau.daq.file.recorded import Block
 from sautereau.rig.acquisition import Channel
+from sautereau.robot.controller import MotionController
+from sautereau.robot.errors import RobotError
 
 _LOG = logging.getLogger(__name__)
 PERIOD = 0.1  # s, between two updates of the views
@@ -145,3 +151,71 @@ class Feed:
             except Exception as error:  # noqa: BLE001 - reported in `faults`
                 self._views.remove(view)
                 self.faults.append(f"{type(view).__name__}: {type(error).__name__}: {error}")
+
+
+class Control:
+    """What the operator has requested; methods may be called from any thread."""
+
+    def __init__(self):
+        self._running = threading.Event()
+        self._running.set()
+        self._aborted = False
+        self._controller: MotionController | None = None
+
+    @property
+    def paused(self) -> bool:
+        """Whether no further press may start."""
+        return not self._running.is_set()
+
+    def pause(self) -> None:
+        """Let the present press end, then go home and switch the motors off."""
+        self._running.clear()
+
+    def resume(self) -> None:
+        """Continue with the next press."""
+        self._running.set()
+
+    def abort(self) -> None:
+        """End the session: the arm is stopped at once, and its motors are switched off.
+
+        While samples are read it stops within a block of them.
+        """
+        self._aborted = True
+        self._running.set()
+        if (controller := self._controller) is not None:
+            controller.request_abort()
+
+    def wait(self) -> None:
+        """Wait while the session is paused.
+
+        Raises:
+            RobotError: It was aborted.
+        """
+        self._running.wait()
+        self._check()
+
+    @contextmanager
+    def over(self, controller: MotionController) -> Iterator[MotionController]:
+        """Abort the motions of a controller in the block as well."""
+        self._controller = controller
+        try:
+            yield controller
+        finally:
+            self._controller = None
+
+    def watched(self, watch: Watch) -> Watch:
+        """Return a watch that also ends an aborted session."""
+
+        def seen(event: Seen) -> None:
+            watch(event)
+            if isinstance(event, Fault):
+                self._aborted = False
+            else:
+                self._check()
+
+        return seen
+
+    def _check(self) -> None:
+        if self._aborted:
+            self._aborted = False
+            raise RobotError("session: aborted by the operator; run the same again to continue it")

@@ -1,8 +1,11 @@
-"""The plan of a session: its presses, where the operator must act, and the changes of a plan."""
+"""The plan of a session: its presses, where the operator must act, and the changes of a plan.
+
+A plan table is a CSV file: each row is a press with some values of the rig changed.
+"""
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +13,161 @@ from pydantic import BaseModel, JsonValue
 
 from sautereau.daq.file.provenance import check_recordable
 from sautereau.rig import disk
-from sautereau.rig.document import comparable, rig_document
-from sautereau.rig.faults import fault_list
+from sautereau.rig.csv_files import read_rows
+from sautereau.rig.document import comparable, current_key, rig_document, typed_value
+from sautereau.rig.errors import RigError
+from sautereau.rig.faults import fault_list, model_keys, near_miss
+from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan_table import MOST_PRESSES, Row
+
+EXAMPLE = "press.jack_speed,plectrum.overlap,repeats,notes"
+MOST_PRESSES = 100_000
+"""Largest number of presses of one row, and of a session: a day of them at full speed."""
+MOST_ROWS = 1000  # Limit of a table's lines
+
+
+@dataclass(frozen=True)
+class Row:
+    """One or more equal presses."""
+
+    rig: Rig
+    """The bench with the row's values."""
+    repeats: int = 1
+    """Presses, without those for warm-up."""
+    values: Mapping[str, str | int | float] = field(default_factory=dict)
+    """Values that differ from the rig file, as `with_values` takes them, by dotted key."""
+    notes: str = ""
+    """The operator's."""
+    line: int | None = None
+    """Line of the table; None without a table."""
+    levels: Mapping[str, str] = field(default_factory=dict)
+    """Levels of the factors of a design; empty without one."""
+    block: int | None = None
+    """Block of the design, from 1."""
+
+    @property
+    def set_up(self) -> dict[str, str | int | float]:
+        """Those of `values` that the operator must set on the instrument."""
+        return {key: value for key, value in self.values.items() if not key.startswith("press.")}
+
+    def document(self) -> dict[str, Any]:
+        """Return the row as a JSON document."""
+        row = {"values": dict(self.values), "repeats": self.repeats, "notes": self.notes}
+        return row | ({"levels": dict(self.levels), "block": self.block} if self.levels else {})
+
+    def in_block(self, block: int) -> "Row":
+        """Return the row as a press of a block."""
+        return replace(self, block=block)
+
+    def on(self, rig: Rig) -> Rig:
+        """Return another bench, such as a stand-in's, with the `press` values of this row."""
+        return rig.model_copy(update={"press": self.rig.press})
+
+
+def read_plan_table(path: Path, rig: Rig, repeats: int, notes: str = "") -> tuple[Row, ...]:
+    """Read a CSV file whose columns are dotted keys of the rig, `repeats` and `notes`.
+
+    An empty cell leaves a value as the rig has it.
+
+    Args:
+        path: The file, as `read_rows` reads it; the first row names the columns, and cells contain
+            their units.
+        repeats: Presses of a row with an empty `repeats`.
+        notes: The operator's, for all rows; those of a row are appended.
+
+    Raises:
+        RobotError: Lists every fault of the table, with its line.
+    """
+    origin = f"plan table {path}"
+    shorten = "divide it into sessions, or give equal presses as repeats of one row"
+    lines, decimal = read_rows(path, origin, RobotError, MOST_ROWS, shorten)
+    columns = [current_key(cell.strip()) for cell in lines[0]] if lines else []
+    table = _Table(rig, columns, decimal, repeats, notes, list(_column_faults(columns)))
+    read = (
+        table.read(line, [cell.strip() for cell in cells])
+        for line, cells in enumerate(lines[1:], 2)
+    )
+    rows = [row for row in read if row is not None]
+    if not rows and not table.faults:
+        table.faults.append("it has no row; add a row for each set of equal presses")
+    if table.faults:
+        raise RobotError(fault_list(origin, table.faults))
+    return tuple(rows)
+
+
+@dataclass
+class _Table:
+    """Reads the rows of a table one by one, and collects their faults."""
+
+    rig: Rig
+    columns: list[str]
+    decimal: str
+    """Separator of decimals."""
+    repeats: int
+    notes: str
+    faults: list[str]
+    _benches: dict[tuple[tuple[str, Any], ...], Rig | list[str]] = field(default_factory=dict)
+
+    def read(self, line: int, cells: list[str]) -> Row | None:
+        """Return a row; None if it is empty or has a fault."""
+        if not any(cells):
+            return None
+        if len(cells) > len(self.columns):
+            self.faults.append(
+                f"line {line}: {len(cells)} cells under {len(self.columns)} columns; quote a cell"
+                " that contains the separator"
+            )
+            return None
+        given = {name: text for name, text in zip(self.columns, cells, strict=False) if text}
+        faults = []
+        count = given.pop("repeats", str(self.repeats))
+        if not (count.isdecimal() and 1 <= int(count) <= MOST_PRESSES):
+            limit = f"give an integer from 1 to {MOST_PRESSES}"
+            faults.append(f"repeats: {count!r} is refused: {limit}")
+        notes = "; ".join(filter(None, (self.notes, given.pop("notes", ""))))
+        values = {
+            key: typed_value(key, text.replace(self.decimal, ".")) for key, text in given.items()
+        }
+        bench = self._bench(values)
+        faults += [] if isinstance(bench, Rig) else bench
+        self.faults += [f"line {line}: {fault}" for fault in faults]
+        if faults or not isinstance(bench, Rig):
+            return None
+        return Row(bench, int(count), values, notes, line)
+
+    def _bench(self, values: dict[str, Any]) -> Rig | list[str]:
+        """Return the rig with a row's values, or its faults; equal rows share it."""
+        known = {key: value for key, value in values.items() if key in set(model_keys(Rig))}
+        key = tuple(known.items())
+        if key not in self._benches:
+            try:
+                self._benches[key] = with_values(self.rig, known)
+            except RigError as error:
+                self._benches[key] = _single(str(error), self.rig)
+        return self._benches[key]
+
+
+def _column_faults(columns: list[str]) -> Iterator[str]:
+    """Yield the faults of the first row."""
+    if not any(columns):
+        yield f'line 1: no columns; start the file like "{EXAMPLE}"'
+        return
+    known = set(model_keys(Rig))
+    for place, name in enumerate(columns, 1):
+        if not name:
+            yield f"line 1: column {place} has no name; name it, or remove it"
+        elif columns.index(name) < place - 1:
+            yield f"line 1: column {name} occurs twice; remove one"
+        elif name not in known | {"repeats", "notes"}:
+            yield f"line 1: {name}: no such quantity in a rig{near_miss(name, sorted(known))}"
+
+
+def _single(message: str, rig: Rig) -> list[str]:
+    """Return the faults of a message one by one."""
+    head, *more = message.split("\n")
+    return [line.strip() for line in more] or [head.removeprefix(f"rig {rig.name}: ")]
+
 
 LEARNING = "from these presses"
 """In the place of a file's SHA-256: the correction of a session that learns it."""
@@ -98,12 +251,8 @@ def digest(path: Path) -> str:
     Raises:
         RobotError: It cannot be read.
     """
-    try:
+    with disk.explained(RobotError, f"{path}: cannot be read", "check its name"):
         return disk.digest(path)
-    except OSError as error:
-        raise RobotError(
-            f"{path}: cannot be read: {disk.why_unreadable(error)}; check its name"
-        ) from error
 
 
 def to_set(rig: Rig, set_before: Mapping[str, Any], row: Row) -> dict[str, Any]:

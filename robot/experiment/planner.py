@@ -20,8 +20,7 @@ from sautereau.robot.controller import TorqueTable
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of, torque_table
 from sautereau.robot.experiment.learning import LearnedCorrection, read_learned
-from sautereau.robot.experiment.plan import digest
-from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.plan import Row, digest
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory, plan_press

@@ -13,15 +13,12 @@ from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import TorqueTable, motion_controller
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.answers import OPERATOR, Answer
-from sautereau.robot.experiment.control import Control
 from sautereau.robot.experiment.health import Health
-from sautereau.robot.experiment.monitor import Watch
-from sautereau.robot.experiment.plan import instrument_of, to_set
-from sautereau.robot.experiment.plan_table import MOST_PRESSES, Row
+from sautereau.robot.experiment.monitor import Control, Watch
+from sautereau.robot.experiment.plan import MOST_PRESSES, Row, instrument_of, to_set
 from sautereau.robot.experiment.session import Item, Origin, make_presses, with_warm_ups
 from sautereau.robot.experiment.session_folder import SessionFolder
-from sautereau.robot.experiment.steps import Ask, Plan, Step
+from sautereau.robot.experiment.steps import OPERATOR, Answer, Ask, Plan, Step
 from sautereau.trajectory.press import Trajectory
 
 Planned = tuple[Trajectory, TorqueTable | None]

@@ -14,7 +14,7 @@ import numpy as np
 
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Recording, SessionInfo
-from sautereau.rig.disk import make_folder
+from sautereau.rig.disk import explained, make_folder
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, MotionController, TorqueTable, play
 from sautereau.robot.errors import RobotError
@@ -30,6 +30,7 @@ from sautereau.trajectory.urdf import JACK
 PRESS, WARM_UP = "press-{:04d}.mcap", "warm-up-{:02d}.mcap"
 """Names of the recordings of presses, and of warm-up presses."""
 WARM_UPS = "warm-up-*.mcap"  # Pattern of the second
+WRITABLE = "give a folder that can be written"  # How to fix one that cannot
 _NAME = re.compile(r"(press|warm-up)-(\d+)\.mcap")
 
 
@@ -267,13 +268,9 @@ def _joints(capture: Capture, start: float, rig: Rig) -> Joints:
 
 def _free_numbers(out: Path) -> dict[str, Iterator[int]]:
     """Return the free numbers of recordings in a folder, which is created if it is missing."""
-    try:
+    with explained(RobotError, f"session folder {out}", WRITABLE):
         make_folder(out)
         found = [_NAME.match(path.name) for path in out.iterdir()]
-    except OSError as error:
-        raise RobotError(
-            f"session folder {out}: {error.strerror}; give a folder that can be written"
-        ) from error
     used = {"press": [0], "warm-up": [0]}
     for match in filter(None, found):
         used[match[1]].append(int(match[2]))

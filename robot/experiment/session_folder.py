@@ -12,26 +12,26 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, Field, FiniteFloat, JsonValue, ValidationError
+from pydantic import BaseModel, Field, FiniteFloat, JsonValue
 
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.daq.source.connection import hold_card
 from sautereau.rig.disk import (
     TEXT_LIMIT,
+    explained,
     make_folder,
     read_limited,
-    why_unreadable,
     write_durably,
 )
 from sautereau.rig.document import comparable, current_document, current_key
-from sautereau.rig.faults import fault_list, validation_faults
+from sautereau.rig.faults import validating
 from sautereau.rig.lock import Taken, locked
 from sautereau.rig.schema import Rig
 from sautereau.robot.drivers.serial_port import hold_port
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan import Plan, RigDocument, check_same
-from sautereau.robot.experiment.plan_table import MOST_PRESSES
+from sautereau.robot.experiment.plan import MOST_PRESSES, Plan, RigDocument, check_same
+from sautereau.robot.experiment.session import WRITABLE
 
 MANIFEST = "session.json"  # Name of the file in the session's folder
 VERSION = 1  # Version of the file
@@ -246,9 +246,13 @@ def read_manifest(folder: Path) -> Manifest | None:
     Raises:
         RobotError: It cannot be read, or another version has written it.
     """
-    path = folder / MANIFEST
-    try:
-        text = read_limited(path)
+    path, fix = folder / MANIFEST, "restore it from a copy, or give another folder"
+    origin = f"session {path}: cannot be read"
+    with validating(_Manifest, RobotError, origin, fix=fix), explained(RobotError, origin, fix):
+        try:
+            text = read_limited(path)
+        except FileNotFoundError:
+            return None
         if (version := _Manifest.model_validate_json(text).version) != VERSION:
             raise RobotError(
                 f"session {path}: it is of version {version}, not {VERSION}; continue with the"
@@ -260,17 +264,6 @@ def read_manifest(folder: Path) -> Manifest | None:
             row["values"] = {current_key(key): value for key, value in row["values"].items()}
         found["set_up"] = {current_key(key): value for key, value in found["set_up"].items()}
         return Manifest(**{n: found[n] for n in Manifest.__dataclass_fields__ if n in found})
-    except FileNotFoundError:
-        return None
-    except ValidationError as error:
-        origin = f"session {path}: cannot be read"
-        faults = fault_list(origin, validation_faults(error, _Manifest))
-        raise RobotError(f"{faults}\nrestore it from a copy, or give another folder") from error
-    except OSError as error:
-        raise RobotError(
-            f"session {path}: cannot be read: {why_unreadable(error)}; restore it from a copy, or"
-            " give another folder"
-        ) from error
 
 
 def _text_of(folder: Path, manifest: Manifest) -> str:
@@ -280,16 +273,13 @@ def _text_of(folder: Path, manifest: Manifest) -> str:
         RobotError: It is beyond the limits of the reader.
     """
     origin = f"session {folder / MANIFEST}: the plan cannot be written"
+    fix = "change the plan, or divide it into sessions"
     try:
         text = json.dumps({"version": VERSION} | vars(manifest), indent=1, allow_nan=False)
-        _Manifest.model_validate_json(text)
-    except ValidationError as error:
-        raise RobotError(
-            fault_list(origin, validation_faults(error, _Manifest))
-            + "\nchange the plan, or divide it into sessions"
-        ) from error
     except ValueError as error:
         raise RobotError(f"{origin}: {error}; change the plan") from error
+    with validating(_Manifest, RobotError, origin, fix=fix):
+        _Manifest.model_validate_json(text)
     if len(text) >= TEXT_LIMIT:
         raise RobotError(
             f"{origin}: {len(text) / 1e6:.3g} MB, {TEXT_LIMIT / 1e6:g} MB at most; shorten the"
@@ -304,14 +294,10 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
     Raises:
         RobotError: It cannot be written, or not be read again.
     """
-    path = folder / MANIFEST
-    try:
-        write_durably(path, _text_of(folder, manifest), replace=True)
-    except OSError as error:
-        raise RobotError(
-            f"session {path}: cannot be written: {error.strerror}; give a folder that can be"
-            " written, with room on its disk"
-        ) from error
+    path, text = folder / MANIFEST, _text_of(folder, manifest)
+    fix = "give a folder that can be written, with room on its disk"
+    with explained(RobotError, f"session {path}: cannot be written", fix):
+        write_durably(path, text, replace=True)
 
 
 @contextmanager
@@ -333,16 +319,13 @@ def only_session(folder: Path, rig: Rig | None = None) -> Iterator[None]:
         if not folder.exists():
             stack.callback(_remove_empty, folder)
         try:
-            make_folder(folder)
-            stack.enter_context(locked(folder / LOCK))
+            with explained(RobotError, f"session folder {folder}", WRITABLE):
+                make_folder(folder)
+                stack.enter_context(locked(folder / LOCK))
         except Taken as error:
             raise RobotError(
                 f"session folder {folder}: {error} runs a session in it; wait until it has ended,"
                 " or give another --out"
-            ) from error
-        except OSError as error:
-            raise RobotError(
-                f"session folder {folder}: {error.strerror}; give a folder that can be written"
             ) from error
         if rig is not None:
             purpose = f"a session in {folder.absolute()}"

@@ -41,7 +41,6 @@ from sautereau.commands import (
     recordings,
     running,
     setup,
-    simulate,
     voicing,
 )
 from sautereau.commands.common import HELP_ALL
@@ -71,7 +70,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 GROUPS = {
-    "Bench": (setup.init, plan.mount, setup.setup, setup.doctor, simulate.stand_in),
+    "Bench": (setup.init, plan.mount, setup.setup, setup.doctor, acquire.stand_in),
     "Press": (
         plan.plan,
         press.press,
@@ -105,7 +104,7 @@ GROUPS = {
         campaign.survey,
         campaign.campaign,
         campaign.touch,
-        simulate.trade,
+        acquire.trade,
     ),
 }
 """Commands as the help shows them, each group in the order of use."""

@@ -9,7 +9,8 @@ from cyclopts import Parameter
 from sautereau.analysis.results.result import part_of
 from sautereau.analysis.text import SOME_SIMULATED, counted
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, Output, make_folders, save_plot
+from sautereau.commands.output import FileOutput, Output, has, make_folders, save_plot
+from sautereau.rig.errors import UsageError
 
 Processes = Annotated[
     common.Count | None,
@@ -17,6 +18,13 @@ Processes = Annotated[
     Parameter(help="Number of processes. Default: one per core, fewer for little work."),
 ]
 Cluster = Annotated[str | None, common.RARE, Parameter(help="Address of a Dask scheduler.")]
+
+
+def _exclusive(processes: int | None, cluster: str | None) -> None:
+    if processes is not None and cluster is not None:
+        raise UsageError("--processes and --cluster exclude each other; give one of them")
+
+
 SHOWN = 20  # Faulty recordings that the text lists; JSON lists all
 
 
@@ -45,8 +53,7 @@ def campaign(
     """
     from sautereau.analysis.campaign.run import run_campaign
 
-    if processes is not None and cluster is not None:
-        return output.fail("--processes and --cluster exclude each other; give one of them", 2)
+    _exclusive(processes, cluster)
     make_folders(out)
     where = processes if cluster is None else cluster
     with output.progress("reading recordings"):
@@ -137,9 +144,16 @@ def effects(
     return output.answer(found.document | {"faults": faults}, found.lines(), plot, faults)
 
 
+_TABLE = common.read_as("a table of keys", ".csv", ".toml")
+
+
+def _is_table(path: Path) -> bool:
+    return path.suffix.lower() == ".csv" or has(path, "[keys", within=True)
+
+
 def survey(
-    file: Annotated[Path, common.read_as("a table of keys", ".csv", ".toml")],
-    rig: Annotated[str | None, "RIG"] = None,
+    first: Annotated[Path, _TABLE, Parameter(name="[RIG] FILE")],
+    second: Annotated[Path | None, _TABLE, Parameter(name="FILE", show=False)] = None,
     /,
     *,
     level: common.RareLevel = "auto",
@@ -152,10 +166,10 @@ def survey(
 
     Parameters
     ----------
-    file
-        Table of the keys (.csv or .toml): their names, and values that differ from the rig.
-    rig
-        Rig of all other values, by path or packaged name. Default: the table's `base`, or paper.
+    first
+        Table of the keys (.csv or .toml): their names, and values that differ from the rig. Before
+        it the rig of all other values, by path or packaged name. Default: the table's `base`, or
+        paper.
     """
     from sautereau.analysis.campaign.workers import worthwhile
     from sautereau.analysis.model.choirs import choirs
@@ -164,8 +178,8 @@ def survey(
     from sautereau.entrance.session import WORTH_A_PROCESS
     from sautereau.rig.keys import read_keys
 
-    if processes is not None and cluster is not None:
-        return output.fail("--processes and --cluster exclude each other; give one of them", 2)
+    _exclusive(processes, cluster)
+    file, rig = common.rig_first("survey", first, second, _is_table, "a table of keys", output)
     keys = read_keys(file, rig)
     recordings, warnings = {}, []
     for key in keys:

@@ -1,7 +1,7 @@
 """Shared by the commands: their parameters, and the bench and recordings that they name."""
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import date
@@ -100,13 +100,18 @@ class Quantity(float):
         return f"{float(self):g} s"
 
 
-def _seconds(_: object, tokens: Sequence[Token]) -> Quantity:
-    from sautereau.rig.units import parse_quantity
+def in_unit(unit: str, example: str) -> Parameter:
+    """Return the parameter of a quantity, which becomes a number in a unit."""
 
-    try:
-        return Quantity(parse_quantity(tokens[0].value, "s"))
-    except ValueError as error:
-        raise ValueError(f'{error}; write it like "1.5 s"') from error
+    def convert(_: object, tokens: Sequence[Token]) -> float:
+        from sautereau.rig.units import parse_quantity
+
+        try:
+            return parse_quantity(tokens[0].value, unit)
+        except ValueError as error:
+            raise ValueError(f'{error}; write it like "{example}"') from error
+
+    return Parameter(converter=convert)
 
 
 def _integer(_: object, tokens: Sequence[Token]) -> int:
@@ -131,7 +136,7 @@ Drawing = Annotated[
 ]
 Level = Annotated[str, Parameter(help=levels_help(), validator=_check_level)]
 RareLevel = Annotated[Level, RARE]
-Time = Annotated[Quantity, "QUANTITY", Parameter(converter=_seconds)]
+Time = Annotated[Quantity, "QUANTITY", in_unit("s", "1.5 s")]
 Duration = Annotated[Time, Parameter(validator=Range(gte=0))]
 ABOVE_0 = Parameter(validator=Range(gt=0))
 Integer = Annotated[int, Parameter(converter=_integer, validator=Range(gte=0))]
@@ -214,6 +219,31 @@ def bench(rig: "str | Rig", simulation: Simulation, *, moves: bool = True) -> "B
     if simulation.requested:
         return benches.stand_in(rig, simulation.scene or "paper", simulation.seed)
     return benches.bench(rig) if moves else benches.Bench(Own(rig))
+
+
+def rig_first(
+    command: str,
+    first: Path,
+    second: Path | None,
+    is_own: Callable[[Path], bool],
+    kind: str,
+    output: Output,
+) -> tuple[Path, str | None]:
+    """Return the file of a command, and the rig before it; the other order is understood.
+
+    Args:
+        is_own: Whether a file is of the kind that the command takes.
+        kind: Name of the kind: "a recording".
+    """
+    if second is None:
+        return first, None
+    if is_own(first) and not is_own(second):
+        first, second = second, first
+        output.warn(
+            f"{second} is {kind}, {first} is a rig: give them as"
+            f" `sautereau {command} {first} {second}`"
+        )
+    return second, str(first)
 
 
 def opened(

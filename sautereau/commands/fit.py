@@ -35,7 +35,7 @@ def phases(
         plucks. All commands use the values until you delete FILE.phases.toml beside the recording.
     """
     from sautereau.analysis.results.press import HEADER
-    from sautereau.entrance.each import each
+    from sautereau.entrance.found import each
     from sautereau.entrance.session import Session, open
 
     if at:
@@ -91,7 +91,7 @@ def compare(
         rig saved in each recording.
     """
     from sautereau.analysis.errors import AnalysisError
-    from sautereau.entrance.each import every
+    from sautereau.entrance.found import every
     from sautereau.entrance.session import open
 
     bench = common.load_rig(rig) if rig else None
@@ -199,7 +199,7 @@ def transient(
     from sautereau.analysis.alike import check_alike
     from sautereau.analysis.results.transient import Transient
     from sautereau.analysis.transient import attribute, combine, examine
-    from sautereau.entrance.each import each
+    from sautereau.entrance.found import each
 
     measured = _known(known or [])
     session, faults = common.opened(files, output, samples=True)

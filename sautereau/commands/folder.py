@@ -34,7 +34,7 @@ def watch(
     """
     from sautereau.analysis.results.press import HEADER
     from sautereau.analysis.text import counted
-    from sautereau.entrance.watching import watch as watch_folder
+    from sautereau.entrance.session import watch as watch_folder
 
     sessions = watch_folder(folder)
     output.say(f"waiting for recordings in {folder}; Ctrl-C ends\n{HEADER}")

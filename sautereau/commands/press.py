@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sautereau.entrance.bench import Bench
     from sautereau.entrance.devices import Connected
     from sautereau.entrance.pressing import Settings
-    from sautereau.robot.experiment.control import Control
+    from sautereau.robot.experiment.monitor import Control
 
 
 def press(
@@ -106,17 +106,12 @@ def replay(
     from sautereau.entrance.pressing import Replay, Settings
     from sautereau.rig.disk import kind_of
 
-    recording = second or first
-    if second:
-        if kind_of(first) == "a recording" != kind_of(second):
-            recording, first = first, second
-            output.warn(
-                f"{recording} is a recording, {first} is a rig: give them as"
-                f" `sautereau replay {first} {recording}`"
-            )
-        rig = str(first)
+    kind = "a recording"
+    recording, own = common.rig_first(
+        "replay", first, second, lambda path: kind_of(path) == kind, kind, output
+    )
     what, settings = Replay(recording, n), Settings(recorded.warm_up, notes=recorded.notes)
-    return _run(common.bench(rig, simulation), what, out, settings, recorded, output)
+    return _run(common.bench(own or rig, simulation), what, out, settings, recorded, output)
 
 
 def learn(

@@ -1,5 +1,6 @@
 """Recordings as files: described, recovered, split, exported, and imported from other formats."""
 
+from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -10,6 +11,8 @@ from sautereau.analysis.text import counted, grouped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output
 from sautereau.daq.convert.options import ImportOptions
+from sautereau.daq.errors import RecordingError
+from sautereau.rig.errors import UsageError
 
 if TYPE_CHECKING:
     from sautereau.daq.convert.importing import Imported
@@ -110,7 +113,7 @@ def split(
         Folder for the new recordings, NAME-0001.mcap and so on.
     """
     from sautereau.analysis.loading.presses import presses_of
-    from sautereau.daq.convert.part import write_part
+    from sautereau.daq.convert.importing import write_part
     from sautereau.daq.file.reading import read_recording
     from sautereau.rig.progress import tracked
 
@@ -167,8 +170,7 @@ def export(
     """
     from sautereau.daq.convert.export import export as export_recording
     from sautereau.daq.convert.export import files_of
-    from sautereau.daq.convert.targets import targets
-    from sautereau.entrance.each import each
+    from sautereau.entrance.found import each
     from sautereau.entrance.session import open
 
     to = "h5" if to == "hdf5" else to  # the file extension
@@ -192,18 +194,13 @@ def export(
 
 def _export_rig(file: Path, target: Path) -> Path:
     """Write the URDF of a recording's rig."""
-    from sautereau.daq.errors import RecordingError
     from sautereau.daq.file.reading import read_recording
-    from sautereau.rig.disk import write_durably
+    from sautereau.rig.disk import explained, write_durably
     from sautereau.trajectory.urdf import rig_urdf
 
-    try:
-        write_durably(target, rig_urdf(read_recording(file).rig))
-    except OSError as error:
-        raise RecordingError(
-            f"export of {file} to {target}: {error.strerror}; nothing is overwritten: give"
-            " another --out"
-        ) from error
+    text, fix = rig_urdf(read_recording(file).rig), "nothing is overwritten: give another --out"
+    with explained(RecordingError, f"export of {file} to {target}", fix):
+        write_durably(target, text)
     return target
 
 
@@ -248,8 +245,7 @@ def import_(
     from sautereau.daq.convert.importing import import_file
     from sautereau.daq.convert.profile import load_profile
     from sautereau.daq.convert.profile import save_profile as write_profile
-    from sautereau.daq.convert.targets import targets
-    from sautereau.entrance.each import each
+    from sautereau.entrance.found import each
 
     options: ImportOptions = unstated
     if profile is not None:
@@ -281,3 +277,39 @@ def _lines(done: "Imported") -> list[str]:
         f"trigger: {done.trigger_shift * 1e6:.3g} us after sample 0",
         *([f"read as: {done.read_as}"] if done.read_as else []),
     ]
+
+
+def targets(files: list[Path], extension: str, out: Path | None) -> list[tuple[Path, Path]]:
+    """Return each file to read with the file to write.
+
+    Args:
+        extension: File extension of the files to write, without the dot.
+        out: File to write, or folder: one that exists, or a name without file extension; None for
+            the folder of each file.
+
+    Raises:
+        RecordingError: Several files would be converted to the same file.
+        UsageError: The file to write has the file extension of another format.
+    """
+    from sautereau.rig.faults import fault_list
+
+    pairs = []
+    is_folder = out is not None and (out.is_dir() or not out.suffix)
+    if out and not is_folder and out.suffix.lower() != f".{extension}":
+        raise UsageError(
+            f"{out}: the file to write has the file extension {out.suffix}; use .{extension}, or"
+            " give a folder that exists"
+        )
+    for file in files:
+        name = f"{file.stem}.{extension}"
+        pairs.append((file, out / name if out and is_folder else out or file.with_name(name)))
+    counts = Counter(target for _, target in pairs)
+    faults = [
+        f"{target}: {n} files would be converted to it; give files with different names, and a"
+        " folder as the target"
+        for target, n in counts.items()
+        if n > 1
+    ]
+    if faults:
+        raise RecordingError(fault_list("several files", faults))
+    return pairs

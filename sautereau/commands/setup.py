@@ -16,12 +16,13 @@ from cyclopts.validators import Number as Range
 from sautereau.analysis.text import wrapped
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output, has
+from sautereau.rig.errors import UsageError
 from sautereau.robot.errors import RobotError
 
 if TYPE_CHECKING:
     from sautereau.rig.edit import Edit, TomlValue
-    from sautereau.robot.experiment.answers import Answer, Answers
     from sautereau.robot.experiment.setup.step import Found
+    from sautereau.robot.experiment.steps import Answer, Answers
 
 _TIMEOUT = "60 s"
 """Timeout of the stand-in's controller, which answers only after the motion has ended."""
@@ -29,16 +30,9 @@ _TIMEOUT = "60 s"
 UNKNOWN = "unknown"  # Answer to a question about a value that is not measured
 
 
-def _mass(_: object, tokens: Sequence[Token]) -> float:
-    from sautereau.rig.units import parse_quantity
-
-    try:
-        return parse_quantity(tokens[0].value, "kg")
-    except ValueError as error:
-        raise ValueError(f'{error}; write it like "50 g"') from error
-
-
-Weight = Annotated[float, "QUANTITY", Parameter(converter=_mass, validator=Range(gt=0))]
+Weight = Annotated[
+    float, "QUANTITY", common.in_unit("kg", "50 g"), Parameter(validator=Range(gt=0))
+]
 
 StepName = Literal[
     "all", "port", "controller", "verify", "home", "encoders", "force", "contact", "touch", "tap",
@@ -46,15 +40,33 @@ StepName = Literal[
 ]  # fmt: skip
 
 
-def _step(_: object, tokens: Sequence[Token]) -> str:
-    text = tokens[0].value
-    if text in get_args(StepName):
-        return text
-    if text.endswith(".toml"):
-        raise ValueError(f"{text} is a rig file; give it after the step: `setup all {text}`")
+def _no_step(text: str) -> str:
+    """Return what is wrong with a name that is no step."""
     names = get_args(StepName)
     near = "".join(f"did you mean {name!r}? or " for name in get_close_matches(text, names, 1))
-    raise ValueError(f"{text!r} is no step; {near}give one of {', '.join(names)}")
+    fix = near or f"give the rig first, `sautereau setup {text} STEP`; the step is "
+    return f"{text!r} is no step; {fix}{'give ' * bool(near)}one of {', '.join(names)}"
+
+
+def _rig_and_step(rig: str, step: str) -> tuple[str, Any]:
+    """Return rig and step, where a step alone is that of the packaged rig.
+
+    Raises:
+        UsageError: What is given alone resembles a step, and is none.
+    """
+    if step != "all" or Path(rig).suffix or Path(rig).is_file():
+        return rig, step
+    if rig in get_args(StepName):
+        return "paper", rig
+    if get_close_matches(rig, get_args(StepName), 1):
+        raise UsageError(_no_step(rig))
+    return rig, step
+
+
+def _step(_: object, tokens: Sequence[Token]) -> str:
+    if (text := tokens[0].value) in get_args(StepName):
+        return text
+    raise ValueError(_no_step(text))
 
 
 def init(
@@ -122,8 +134,8 @@ def doctor(rig: common.RigName = "paper", *, output: Output = Output()) -> int:
 
 
 def setup(
-    step: Annotated[StepName, Parameter(converter=_step)] = "all",
     rig: common.RigName = "paper",
+    step: Annotated[StepName, Parameter(converter=_step)] = "all",
     *,
     yes: bool = False,
     answers: Annotated[Path | None, common.read_as("a TOML file of answers", ".toml")] = None,
@@ -162,9 +174,10 @@ def setup(
     """
     from sautereau.rig.faults import fault_list
     from sautereau.rig.load import with_values
-    from sautereau.robot.experiment.answers import STAND_IN, answers_of
     from sautereau.robot.experiment.setup.steps import make_steps
+    from sautereau.robot.experiment.steps import STAND_IN, answers_of
 
+    rig, step = _rig_and_step(rig, step)
     simulated, typed = simulation.requested, sys.stdin.isatty()
     if yes and answers:
         return output.fail("--yes and --answers exclude each other; give one of them", 2)
@@ -344,7 +357,7 @@ class _Operator:
             agreed: The answer where all motions were agreed to in advance.
             choices: The answers that are possible; none for any.
         """
-        from sautereau.robot.experiment.answers import Answer
+        from sautereau.robot.experiment.steps import Answer
 
         if self._answers is not None:
             found = self._answers.take(question, *choices)

@@ -13,8 +13,8 @@ from sautereau.entrance.pressing import Observer, Pressing, Replay, Settings
 from sautereau.entrance.session import Session
 from sautereau.rig import schema
 from sautereau.rig.errors import RigError
-from sautereau.robot.experiment.answers import Answer, Given
 from sautereau.robot.experiment.monitor import Watch
+from sautereau.robot.experiment.steps import Answer, Given
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.scene import Scene, load_scene
 

@@ -13,7 +13,7 @@ from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.text import wrapped
 from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
-from sautereau.robot.experiment.control import Control
+from sautereau.robot.experiment.monitor import Control
 from sautereau.robot.experiment.run import Bench
 from sautereau.robot.experiment.session_folder import Manifest
 

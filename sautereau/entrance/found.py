@@ -1,12 +1,16 @@
-"""Recordings that paths, patterns and tables name."""
+"""Recordings that paths, patterns and tables name; work on several, of which some may be faulty."""
 
+from collections.abc import Callable, Sequence
 from glob import glob
 from pathlib import Path
+from typing import TypeVar
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_session
+from sautereau.rig.errors import SautereauError
+from sautereau.rig.progress import tracked
 from sautereau.robot.experiment.session import WARM_UPS
 from sautereau.robot.experiment.session_folder import read_manifest
 
@@ -63,3 +67,46 @@ def recordings_in(folder: Path) -> tuple[list[Path], list[str]]:
     if len(own) < len(found):
         warnings.append(f"{len(found) - len(own)} recordings in the folder are from other sessions")
     return own, warnings
+
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def each(
+    items: Sequence[Item], work: Callable[[Item], Result]
+) -> tuple[list[Result], list[tuple[Item, SautereauError]]]:
+    """Do some work on every item; return the results, and the items without one with their errors.
+
+    Raises:
+        SautereauError: No item has a result: that of the first, with the others as notes.
+    """
+    results: list[Result] = []
+    faults: list[tuple[Item, SautereauError]] = []
+    for item in tracked(items):
+        try:
+            results.append(work(item))
+        except SautereauError as error:
+            faults.append((item, error))
+    if faults and not results:
+        raise _together(faults)
+    return results, faults
+
+
+def every(items: Sequence[Item], work: Callable[[Item], Result]) -> list[Result]:
+    """Do some work on every item, and return the results.
+
+    Raises:
+        SautereauError: Of the first item without a result, with those of the others as notes.
+    """
+    results, faults = each(items, work)
+    if faults:
+        raise _together(faults)
+    return results
+
+
+def _together(faults: Sequence[tuple[object, SautereauError]]) -> SautereauError:
+    first = faults[0][1]
+    for _, error in faults[1:]:
+        first.add_note(str(error))
+    return first

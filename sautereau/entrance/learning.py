@@ -23,8 +23,7 @@ from sautereau.robot.experiment.learning import (
     LearnedCorrection,
     write_learned,
 )
-from sautereau.robot.experiment.plan import LEARNING, Plan, digest
-from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.plan import LEARNING, Plan, Row, digest
 from sautereau.robot.experiment.run import seed_from
 from sautereau.robot.experiment.session import Item, Origin, make_presses, with_warm_ups
 from sautereau.robot.experiment.session_folder import Manifest, SessionFolder, only_session

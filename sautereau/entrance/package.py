@@ -8,6 +8,7 @@ fixed, and nothing is compressed, because recordings are compressed already.
 import hashlib
 import json
 import mimetypes
+import os
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -63,13 +64,20 @@ class _Part:
     description: str
 
     def pieces(self) -> Iterator[bytes]:
-        """Yield the content."""
+        """Yield the content; a file that changes meanwhile is refused."""
         if isinstance(self.source, bytes):
             yield self.source
             return
         with open_regular(self.source) as file:
+            before = os.fstat(file.fileno())
             while piece := file.read(PIECE):
                 yield piece
+            after = os.fstat(file.fileno())
+        if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
+            raise AnalysisError(
+                f"package: {self.name} has changed while it was packed; end what writes into the"
+                " folder, and pack it again"
+            )
 
 
 def package_of(folder: Path) -> Path:
@@ -121,28 +129,30 @@ def write_package(
     ]  # fmt: skip
     parts.sort(key=lambda part: part.name)
     with new_file(out) as file:
-        digests = {part.name: _digest(part) for part in parts}
-        about = _described(folder, parts, digests, presses, software, licence, authors)
-        parts.append(_Part(METADATA, _json(about), "Description of this archive"))
-        digests[METADATA] = _digest(parts[-1])
-        _write(file, parts)
+        with zipfile.ZipFile(file, "w") as archive:
+            digests = {part.name: _written(archive, part) for part in parts}
+            about = _described(folder, parts, digests, presses, software, licence, authors)
+            description = _Part(METADATA, _json(about), "Description of this archive")
+            digests[METADATA] = _written(archive, description)
         _check(file, out, digests)
         file.seek(0)
         digest = hashlib.file_digest(file, "sha256").hexdigest()  # pyright: ignore
-    names = tuple(part.name for part in parts[:-1])
+    names = tuple(part.name for part in parts)
     return Package(out, names, digest, any(press.press.simulated for press in presses))
 
 
-def _write(file: BinaryIO, parts: Sequence[_Part]) -> None:
-    """Write an archive without compression."""
-    with zipfile.ZipFile(file, "w") as archive:
-        for part in parts:
-            entry = zipfile.ZipInfo(part.name, DATED)
-            entry.external_attr = 0o644 << 16
-            entry.create_system = 3  # Unix, wherever it is written
-            with archive.open(entry, "w", force_zip64=True) as target:
-                for piece in part.pieces():
-                    target.write(piece)
+def _written(archive: zipfile.ZipFile, part: _Part) -> tuple[str, int]:
+    """Write a file into an archive, uncompressed; return its SHA-256, and its size in bytes."""
+    entry = zipfile.ZipInfo(part.name, DATED)
+    entry.external_attr = 0o644 << 16
+    entry.create_system = 3  # Unix, wherever it is written
+    digest, size = hashlib.sha256(), 0
+    with archive.open(entry, "w", force_zip64=True) as target:
+        for piece in part.pieces():
+            target.write(piece)
+            digest.update(piece)
+            size += len(piece)
+    return digest.hexdigest(), size
 
 
 def _check(file: BinaryIO, out: Path, digests: Mapping[str, tuple[str, int]]) -> None:
@@ -158,19 +168,10 @@ def _check(file: BinaryIO, out: Path, digests: Mapping[str, tuple[str, int]]) ->
         for name, (digest, _) in digests.items():
             with archive.open(name) as content:
                 if hashlib.file_digest(content, "sha256").hexdigest() != digest:  # pyright: ignore
-                    faults.append(f"{name}: its content differs from the file; it has changed")
+                    faults.append(f"{name}: its content differs")
     if faults:
         fault = fault_list(f"package {out}: it does not read back as written", faults)
-        raise AnalysisError(f"{fault}\nend what writes into the folder, and pack it again")
-
-
-def _digest(part: _Part) -> tuple[str, int]:
-    """Return the SHA-256 of a file, and its size in bytes."""
-    digest, size = hashlib.sha256(), 0
-    for piece in part.pieces():
-        digest.update(piece)
-        size += len(piece)
-    return digest.hexdigest(), size
+        raise AnalysisError(f"{fault}\npack it again, on another disk")
 
 
 def _described(

@@ -14,12 +14,10 @@ from sautereau.rig.disk import write_durably
 from sautereau.rig.faults import fault_list
 from sautereau.rig.units import parse_quantity
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.answers import OPERATOR, STAND_IN, Answer, Given, answers_of
 from sautereau.robot.experiment.design import RECORD, Design, read_design, record
 from sautereau.robot.experiment.health import Health
 from sautereau.robot.experiment.monitor import Seen, Watch
-from sautereau.robot.experiment.plan import Plan
-from sautereau.robot.experiment.plan_table import Row, read_plan_table
+from sautereau.robot.experiment.plan import Plan, Row, read_plan_table
 from sautereau.robot.experiment.planner import Planner, rows_of_recording
 from sautereau.robot.experiment.run import Crew, Place, PlanRun
 from sautereau.robot.experiment.session_folder import (
@@ -28,7 +26,16 @@ from sautereau.robot.experiment.session_folder import (
     only_session,
     read_manifest,
 )
-from sautereau.robot.experiment.steps import Ask, of_rows, plan_of
+from sautereau.robot.experiment.steps import (
+    OPERATOR,
+    STAND_IN,
+    Answer,
+    Ask,
+    Given,
+    answers_of,
+    of_rows,
+    plan_of,
+)
 from sautereau.sim_backend.scene import current_scene
 
 

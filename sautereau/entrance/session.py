@@ -1,9 +1,10 @@
-"""The presses of one or more sessions."""
+"""The presses of one or more sessions, also while their recordings arrive."""
 
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 from sautereau.analysis.campaign.row import row_of, unit_of
 from sautereau.analysis.campaign.workers import run_over, worthwhile
@@ -22,8 +23,7 @@ from sautereau.analysis.session.conditions import analyse, differing, what_is_al
 from sautereau.analysis.session.difference import side_by_side
 from sautereau.analysis.text import counted
 from sautereau.daq.file.reading import read_recording
-from sautereau.entrance.each import each, every
-from sautereau.entrance.found import recordings_of
+from sautereau.entrance.found import each, every, recordings_in, recordings_of
 from sautereau.entrance.press_file import PressFile
 from sautereau.rig import schema
 from sautereau.rig.errors import SautereauError, require
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from sautereau.entrance.package import Package
     from sautereau.entrance.report import Report
+
 
 WORTH_A_PROCESS = 8  # Recordings whose analysis takes longer than the start of a process
 PAGE = "report.html"  # Name of the report in the session's folder
@@ -315,3 +316,46 @@ def open(what: "str | Path | Iterable[str | Path]", *, folder: str | Path | None
     home = Path(parts[0]) if len(parts) == 1 and Path(parts[0]).is_dir() else None
     paths = [path for some, _ in found for path in some]
     return Session(paths, [warning for _, some in found for warning in some], home)
+
+
+PERIOD = 0.5  # s, between two looks into a watched folder
+
+
+def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iterator[Session]:
+    """Return an endless iterator that gives the session of a folder whenever recordings arrive.
+
+    A recording that cannot be analysed is omitted, with a warning.
+
+    Args:
+        folder: Folder of the recordings.
+        wait: Waits for seconds.
+
+    Raises:
+        AnalysisError: It is not a folder.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        fault = "this is not a folder" if folder.exists() else "there is no such folder"
+        raise AnalysisError(f"{folder}: {fault}; give the folder of the recordings")
+    return _sessions(folder, wait)
+
+
+def _sessions(folder: Path, wait: Callable[[float], Any]) -> Iterator[Session]:
+    presses: dict[Path, PressFile] = {}
+    known: set[Path] = set()
+    faults: list[str] = []
+    while True:
+        names = set(folder.glob("*.mcap"))
+        if names - known:
+            found, _ = recordings_in(folder)
+            for path in found:
+                if path not in known:
+                    press = PressFile(path)
+                    try:
+                        _ = press.analysed
+                        presses[path] = press
+                    except SautereauError as error:
+                        faults.append(f"omitted: {path}: {error}")
+            known = names
+            yield Session(presses.values(), faults)
+        wait(PERIOD)

@@ -104,19 +104,15 @@ class ArmPlant:
             self._latched[axis] = None
             if joint in self._no_index or self._frozen[axis] is not None:
                 continue
-            first, turn = self._index_places(joint)
+            arm, world = self._world.rig.arm, self._world
+            angle = arm.home_angles[joint] + self._index_angles[joint] - world.start[joint]
+            turn = arm.counts_per_revolution / arm.gear_ratios[joint]
+            first = angle / world.radians_per_count  # place of an index, in counts
             both = self._places[joint], before[joint]
             here, there = (math.floor((place - first) / turn) for place in both)
             if here != there:
                 passed = first + max(here, there) * turn
                 self._latched[axis] = round(self._signs[axis] * passed + self._slipped[axis])
-
-    def _index_places(self, joint: int) -> Pair:
-        """Return a place of a joint's index and the distance to the next, in counts."""
-        arm, world = self._world.rig.arm, self._world
-        angle = arm.home_angles[joint] + self._index_angles[joint] - world.start[joint]
-        turn = arm.counts_per_revolution / arm.gear_ratios[joint]
-        return angle / world.radians_per_count, turn
 
     def wired(self, reference: Reference) -> Reference:
         """Return the controller's reference as the position loops apply it to the arm.

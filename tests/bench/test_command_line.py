@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from datetime import date
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -175,7 +176,7 @@ def test_a_press_is_heard(sautereau, tmp_path):
         ("phases", "Missing argument: FILES"),
         ("identify a.mcap", "Missing option: --free NAMES"),
         ("export a.mcap", "Missing option: --to parquet|csv"),
-        ("setup my-rig.toml", "my-rig.toml is a rig file; give it after the step"),
+        ("setup port my-rig.toml", "give the rig first, `sautereau setup my-rig.toml STEP`"),
         ("replay", "Missing argument: [RIG] RECORDING"),
         ("setup", "give --yes"),
         ("plan --plot plan.foo", "file extension .foo"),
@@ -228,6 +229,29 @@ def test_a_file_of_the_wrong_kind_is_recognised(
     assert f"It is {kind}; give {instead}" in message
 
 
+def test_a_scene_and_a_rig_are_distinguished(sautereau, bare):
+    rig = str(files("sautereau.rig").joinpath("paper.toml"))
+    for command in ("plan", "doctor"):
+        refused(sautereau(command, bare), "it is a scene, not a rig; give the file of a rig")
+    done = sautereau("press", "--scene", rig, "--out", "out")
+    refused(done, "it is a rig, not a scene; give the file of a scene")
+
+
+def test_the_rig_comes_first_and_the_other_order_is_understood(sautereau, tmp_path):
+    (tmp_path / "keys.csv").write_text("key,string.length [mm]\na,600\nb,700\n")
+    words = ("--level", "beam", "--json")
+    good = sautereau("survey", "paper", "keys.csv", *words)
+    assert (good.returncode, good.stderr) == (0, "")
+    swapped = sautereau("survey", "keys.csv", "paper", *words[:2])
+    assert swapped.returncode == 0
+    assert "give them as `sautereau survey paper keys.csv`" in " ".join(swapped.stderr.split())
+    alone = sautereau("survey", "keys.csv", *words)
+    assert json.loads(alone.stdout) == json.loads(good.stdout)
+    home = ("--sim", "--seed", 1, "--yes", "--json")
+    both = [sautereau("setup", *given, *home).stdout for given in (("paper", "home"), ("home",))]
+    assert json.loads(both[0]) == json.loads(both[1])
+
+
 def test_swapped_arguments_get_advice_and_the_press_is_repeated(sautereau, tmp_path, bare):
     words = ("--scene", bare, "--warm-up", 0, "--seed", 1)
     assert sautereau("press", "paper", *words, "--out", "one").returncode == 0
@@ -267,7 +291,7 @@ def test_rare_options_are_shown_by_help_all_alone(sautereau):
 
 TOO_LONG = "none" * 99  # as the name of a file
 ERRORS = (
-    f"init {TOO_LONG}", "setup all none --yes", "plan none", "mount none", "predict none",
+    f"init {TOO_LONG}", "setup none all --yes", "plan none", "mount none", "predict none",
     "survey none.csv",
     "press none --out out", "learn none --out out", "acquire none --out a.mcap",
     "phases none.mcap", "compare none.mcap", "identify none.mcap --free key.inertia",

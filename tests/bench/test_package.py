@@ -7,6 +7,7 @@ import re
 import shutil
 import zipfile
 from datetime import date
+from pathlib import Path
 
 import pytest
 
@@ -114,10 +115,27 @@ def test_the_description_keeps_the_rules_of_ro_crate_1_1(packed):
 
 
 def test_a_file_that_changes_while_it_is_packed_is_noticed(folder, tmp_path, monkeypatch):
-    def changed(file, parts, write=package._write):
-        write(file, [*parts[:-1], package._Part(parts[-1].name, b"{}", "")])
+    copy = shutil.copytree(folder, tmp_path / "session")
 
-    monkeypatch.setattr(package, "_write", changed)
+    def changed(part, pieces=package._Part.pieces):
+        for number, piece in enumerate(pieces(part)):
+            if isinstance(part.source, Path) and not number:
+                with part.source.open("ab") as file:
+                    file.write(b" ")
+            yield piece
+
+    monkeypatch.setattr(package._Part, "pieces", changed)
+    with pytest.raises(AnalysisError, match="has changed"):
+        st.open(copy).package(tmp_path / "a.zip")
+    assert list(tmp_path.iterdir()) == [copy]
+
+
+def test_an_archive_that_does_not_read_back_is_refused(folder, tmp_path, monkeypatch):
+    def other(archive, part, written=package._written):
+        _, size = written(archive, part)
+        return "0" * 64, size
+
+    monkeypatch.setattr(package, "_written", other)
     with pytest.raises(AnalysisError, match="does not read back"):
         st.open(folder).package(tmp_path / "a.zip")
     assert list(tmp_path.iterdir()) == []

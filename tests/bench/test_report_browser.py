@@ -12,8 +12,7 @@ from sautereau.analysis.report.contents import gather
 from sautereau.commands.folder import report
 from sautereau.commands.output import FileOutput
 from sautereau.rig.load import with_values
-from sautereau.robot.experiment.plan import Plan
-from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.plan import Plan, Row
 from sautereau.robot.experiment.session_folder import SessionFolder
 from tests.budget import slow
 

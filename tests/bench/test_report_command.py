@@ -15,8 +15,7 @@ from sautereau.commands.output import FileOutput
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.errors import MissingExtraError
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.plan import Plan
-from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.plan import Plan, Row
 from sautereau.robot.experiment.session_folder import MANIFEST, SessionFolder
 from sautereau.sim_backend.scene import load_scene
 

@@ -125,7 +125,7 @@ def test_a_card_in_use_is_refused_before_it_is_started(bench):
     _, _, rig = bench()
     with Acquisition(rig.daq, 0.05):
         fault = fault_of(rig.daq)
-    assert "another sautereau process on this machine uses it" in str(fault)
+    assert "another program uses it" in str(fault)
 
 
 def test_a_card_in_use_by_another_program(bench):

@@ -9,8 +9,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
+from sautereau.commands.recordings import targets
 from sautereau.daq.convert.export import ENDING, export
-from sautereau.daq.convert.targets import targets
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.signals.calibration import to_si, undo_high_pass

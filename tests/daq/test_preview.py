@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from sautereau.daq.file.preview import ATTENUATION, PASS_BAND, Decimator, low_pass
+from sautereau.daq.file.log_order import ATTENUATION, PASS_BAND, Decimator, low_pass
 from sautereau.daq.file.schemas import FRAME
 from sautereau.daq.file.survey import LAYOUT, describe
 from tests.daq.declared import declared_class

@@ -20,8 +20,7 @@ from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import load_rig
 from sautereau.rig.text import rig_text
 from sautereau.robot.experiment.learning import LearnedCorrection, read_learned, write_learned
-from sautereau.robot.experiment.plan import Plan
-from sautereau.robot.experiment.plan_table import Row, read_plan_table
+from sautereau.robot.experiment.plan import Plan, Row, read_plan_table
 from sautereau.robot.experiment.session_folder import SessionFolder, read_manifest
 from sautereau.sim_backend.scene import current_scene, load_scene
 from sautereau.trajectory.learning import Correction

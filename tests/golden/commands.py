@@ -11,9 +11,9 @@ ON_BENCH = {
     "press": "press {rig} --sim --seed 1 -n 2 --out {o} --log {o}/log.txt",
     "press two": "press {rig} --scene two-choirs --seed 5 -n 2 --out {o} --log {o}/log.txt",
     "learn": "learn {rig} --sim --seed 1 -n 2 --out {o} --log {o}/log.txt",
-    "setup touch": "setup touch {rig} --scene {mute} --seed 1 --yes --log {o}/log.txt",
-    "setup home": "setup home {rig} --scene {mute} --seed 1 --yes --log {o}/log.txt",
-    "setup contact": "setup contact {rig} --scene {mute} --seed 1 --yes --log {o}/log.txt",
+    "setup touch": "setup {rig} touch --scene {mute} --seed 1 --yes --log {o}/log.txt",
+    "setup home": "setup {rig} home --scene {mute} --seed 1 --yes --log {o}/log.txt",
+    "setup contact": "setup {rig} contact --scene {mute} --seed 1 --yes --log {o}/log.txt",
     "replay": "replay {press}/press-0001.mcap {rig} --scene ideal --seed 2 --out {o}"
     " --log {o}/log.txt",
     "acquire": 'acquire {rig} --sim --seed 3 --duration "0.2 s" --out {o}.mcap',

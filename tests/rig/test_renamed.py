@@ -10,7 +10,7 @@ from sautereau.rig.document import RENAMED_KEYS, current_key, rename_keys
 from sautereau.rig.edit import edit_rig
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, parse_rig, with_values
-from sautereau.robot.experiment.plan_table import read_plan_table
+from sautereau.robot.experiment.plan import read_plan_table
 
 OLD = Path(__file__).parents[1] / "data" / "written_by_0.1"
 MOMENT = 4e-3  # N m, in all of them

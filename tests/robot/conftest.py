@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import load_rig, with_values
-from sautereau.robot.drivers.galil.dmc import LONGEST_LINE, pack
+from sautereau.robot.drivers.galil.dmc import LONGEST_LINE, controller_program, pack, signature
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.drivers.galil.program import controller_program, signature
 from sautereau.trajectory.segments import Segments
 from tests.emulated import ScriptedPort
 from tests.robot.motions import no_keep_alive

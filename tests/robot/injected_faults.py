@@ -8,7 +8,7 @@ from functools import partial
 
 from sautereau.rig.load import with_values
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.motion import StopCode
 from tests.robot.fault_desk import HOLD, Desk
 

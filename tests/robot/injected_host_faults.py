@@ -15,8 +15,7 @@ from sautereau.daq.file.recording import Recording
 from sautereau.rig.document import rig_json
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.experiment.plan import Plan
-from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.plan import Plan, Row
 from sautereau.robot.experiment.session_folder import SessionFolder
 from tests.robot.fault_desk import HOLD
 from tests.robot.injected_faults import (

@@ -3,7 +3,7 @@
 import pytest
 
 from sautereau.robot.errors import RobotError
-from sautereau.robot.experiment.answers import Answers, answers_of
+from sautereau.robot.experiment.steps import Answers, answers_of
 
 
 def test_a_question_is_named_by_its_beginning_and_the_longest_name_counts():

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sautereau.robot.drivers.galil.arrays import plan_capture
-from sautereau.robot.drivers.galil.program import SETTLE, controller_program
+from sautereau.robot.drivers.galil.dmc import SETTLE, controller_program
 from sautereau.robot.errors import UnsafeRequest
 
 

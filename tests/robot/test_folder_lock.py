@@ -16,8 +16,7 @@ from sautereau.rig.text import rig_text
 from sautereau.robot.drivers.serial_port import open_port
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.monitor import Made
-from sautereau.robot.experiment.plan import MOST_PRESSES, Plan
-from sautereau.robot.experiment.plan_table import Row
+from sautereau.robot.experiment.plan import MOST_PRESSES, Plan, Row
 from sautereau.robot.experiment.session_folder import LOCK, only_session
 from sautereau.sim_backend.bench import StandIn
 from tests.presses import QUICK, mute_scene

@@ -3,7 +3,7 @@
 import re
 
 from docs.galil import COMMANDS, OPERANDS, PAGE, ROUTINES, page, sent
-from sautereau.robot.drivers.galil.program import controller_program
+from sautereau.robot.drivers.galil.dmc import controller_program
 
 
 def test_the_page_is_up_to_date():

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from sautereau.rig.load import with_values
-from sautereau.robot.drivers.galil.dmc import check_segments, pieces
+from sautereau.robot.drivers.galil.dmc import check_segments, controller_program, pieces, signature
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.drivers.galil.program import controller_program, signature
 from sautereau.robot.errors import (
     GarbledAnswer,
     MotionFault,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sautereau.robot.drivers.odrive.setpoints import INTERVAL, LEAD, Setpoints, bandwidth
-from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, filtered
+from sautereau.sim_backend.devices.odrive.axis import Setpoint, filtered
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.segments import motion_at, segment_cubics
 

@@ -9,8 +9,8 @@ import pytest
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.drivers.galil.arrays import LEAST_INTERVAL, MOST_ROWS, plan_push
+from sautereau.robot.drivers.galil.dmc import PUSH, PUSHES
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.drivers.galil.program import PUSH, PUSHES
 from sautereau.robot.drivers.safety import State
 from sautereau.robot.errors import MotionFault, SettingNotTaken, UnsafeRequest
 from sautereau.sim_backend.bench import StandIn

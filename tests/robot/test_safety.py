@@ -14,8 +14,7 @@ from sautereau.robot.errors import (
     SettingNotTaken,
     SilentController,
 )
-from sautereau.robot.experiment.control import Control
-from sautereau.robot.experiment.monitor import Fault
+from sautereau.robot.experiment.monitor import Control, Fault
 from tests.robot.motions import NOT_OFF, OFF, fails, press
 
 

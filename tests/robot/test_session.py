@@ -15,8 +15,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.learning import IterativeLearning
 from sautereau.robot.experiment.monitor import Samples
-from sautereau.robot.experiment.plan import Plan, check_same, to_set
-from sautereau.robot.experiment.plan_table import Row, read_plan_table
+from sautereau.robot.experiment.plan import Plan, Row, check_same, read_plan_table, to_set
 from sautereau.robot.experiment.planner import Planner, rows_of_recording
 from sautereau.robot.experiment.session import Item, is_lifted, with_warm_ups
 from sautereau.robot.experiment.session_folder import (

@@ -37,7 +37,7 @@ def test_what_was_found_is_written_on_save(bench, capsys):
     file, simulation = bench
     assert (
         setup(
-            "touch", str(file), yes=True, save=True, simulation=simulation, output=Output(json=True)
+            str(file), "touch", yes=True, save=True, simulation=simulation, output=Output(json=True)
         )
         == 0
     )
@@ -54,16 +54,16 @@ def test_what_was_found_is_written_on_save(bench, capsys):
 
 def test_the_port_of_the_stand_in_never_gets_into_a_file(bench, capsys):
     file, simulation = bench
-    assert setup("port", str(file), yes=True, save=True, simulation=simulation) == 0
+    assert setup(str(file), "port", yes=True, save=True, simulation=simulation) == 0
     assert "DMC4020" in capsys.readouterr().out
     assert file.read_text() == TEXT
 
 
 def test_without_a_terminal_the_hardware_does_not_move_and_the_stand_in_agrees(bench, capsys):
     file, simulation = bench
-    assert setup("home", str(file)) == 2
+    assert setup(str(file), "home") == 2
     assert "--yes or --answers" in " ".join(capsys.readouterr().err.split())
-    assert setup("home", str(file), simulation=simulation, output=Output(json=True)) == 0
+    assert setup(str(file), "home", simulation=simulation, output=Output(json=True)) == 0
     (answer,) = json.loads(capsys.readouterr().out)["answers"]
     assert "Is its way free?" in answer["question"]
     assert (answer["answer"], answer["by"]) == ("yes", "the stand-in")
@@ -74,7 +74,7 @@ def test_a_file_answers_the_questions(bench, tmp_path, capsys):
     answers = tmp_path / "answers.toml"
     answers.write_text('"The arm homes" = "yes"\n"By how much" = ["20 deg", "unknown"]\n')
     words = {"answers": answers, "save": True, "simulation": simulation}
-    assert setup("encoders", str(file), **words) == 0
+    assert setup(str(file), "encoders", **words) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert f"20 deg (by answers {answers})" in printed
     assert "written into" in printed
@@ -86,17 +86,17 @@ def test_a_file_answers_the_questions(bench, tmp_path, capsys):
     ):
         answers.write_text(text)
         with pytest.raises(RobotError, match=f"(?s){said}"):
-            setup("encoders", str(file), **words)
-    assert setup("home", str(file), yes=True, **words) == 2
+            setup(str(file), "encoders", **words)
+    assert setup(str(file), "home", yes=True, **words) == 2
     answers.write_text('"The arm" = "yes"\n"Which" = "this"\n')
-    assert setup("home", str(file), **words) == 1
+    assert setup(str(file), "home", **words) == 1
     assert "'Which': no such question" in " ".join(capsys.readouterr().err.split())
-    assert setup("verify", str(file), answers=answers) == 2
+    assert setup(str(file), "verify", answers=answers) == 2
     assert "needs an operator: give it without --answers" in capsys.readouterr().err
 
 
 def test_a_packaged_rig_is_not_saved_into(capsys):
-    assert setup("home", "paper", yes=True, save=True, simulation=Simulation(sim=True)) == 2
+    assert setup("paper", "home", yes=True, save=True, simulation=Simulation(sim=True)) == 2
     assert "write one with `sautereau init`" in capsys.readouterr().err
 
 
@@ -104,13 +104,13 @@ def test_missing_hardware_is_named(bench):
     file, _ = bench
     file.write_text(TEXT.replace("/dev/ttyUSB0", "/dev/ttyNONE"))
     with pytest.raises(RobotError, match="ttyNONE"):
-        setup("controller", str(file), yes=True)
+        setup(str(file), "controller", yes=True)
 
 
 @pytest.mark.slow
 def test_all_steps_in_their_order(bench, capsys):
     file, simulation = bench
-    assert setup("all", str(file), yes=True, simulation=simulation, output=Output(json=True)) == 0
+    assert setup(str(file), "all", yes=True, simulation=simulation, output=Output(json=True)) == 0
     steps = json.loads(capsys.readouterr().out)["steps"]
     assert list(steps) == [
         "port", "controller", "verify", "home", "encoders", "force", "contact", "touch", "tap",
@@ -128,12 +128,12 @@ def test_modes_from_recorded_taps_are_written_into_the_rig(tmp_path, capsys):
     late = [np.interp(time - c.lag, time, signals[c.quantity]) for c in rig.daq.channels]
     volts = [to_volts(signal, c) for signal, c in zip(late, rig.daq.channels, strict=True)]
     write_recording(taps, rig, volts)
-    assert setup("tap", str(file), save=True, recording=[taps], output=Output(json=True)) == 0
+    assert setup(str(file), "tap", save=True, recording=[taps], output=Output(json=True)) == 0
     assert json.loads(capsys.readouterr().out)["saved"]
     modes = load_rig(file).key.modes
     assert 1 <= len(modes) <= 3
     assert all(0 < mode.frequency_std < 0.1 * mode.frequency for mode in modes)
-    assert setup("home", str(file), recording=[taps]) == 2
+    assert setup(str(file), "home", recording=[taps]) == 2
     assert "only the steps tap" in capsys.readouterr().err
 
 
@@ -151,7 +151,7 @@ def type_in(monkeypatch, *answers):
 def test_a_person_is_asked_measures_and_agrees(bench, capsys, monkeypatch):
     file, simulation = bench
     type_in(monkeypatch, "y", "20", "20 deg", "", "y")  # a unit is missing; one is not measured
-    assert setup("encoders", str(file), simulation=simulation) == 0
+    assert setup(str(file), "encoders", simulation=simulation) == 0
     answered = capsys.readouterr()
     questions = " ".join(answered.err.split())
     assert "Is its way free" in questions
@@ -164,7 +164,7 @@ def test_a_person_is_asked_measures_and_agrees(bench, capsys, monkeypatch):
 def test_without_agreement_nothing_is_written(bench, capsys, monkeypatch):
     file, simulation = bench
     type_in(monkeypatch, "y", "20 deg", "20 deg", "n")
-    assert setup("encoders", str(file), simulation=simulation) == 0
+    assert setup(str(file), "encoders", simulation=simulation) == 0
     assert "not written: arm.counts_per_revolution" in capsys.readouterr().out
     assert file.read_text() == TEXT
 
@@ -173,4 +173,4 @@ def test_a_person_who_does_not_agree_moves_nothing(bench, monkeypatch):
     file, simulation = bench
     type_in(monkeypatch)
     with pytest.raises(Declined):
-        setup("home", str(file), simulation=simulation)
+        setup(str(file), "home", simulation=simulation)

@@ -166,7 +166,7 @@ def test_the_command_writes_the_values_with_their_source(tmp_path, capsys):
     truth = 'truth = { "daq.channels.1.scale" = "2 N/V", "arm.fixture_mass" = "4 g" }'
     scene.write_text(f'{MUTE_TEXT}{truth}\n[weight]\nmass = "50 g"\n', encoding="utf-8")
     words = {"yes": True, "save": True, "simulation": Simulation(scene=str(scene))}
-    assert setup("force", str(file), weight=MASS, output=Output(json=True), **words) == 0
+    assert setup(str(file), "force", weight=MASS, output=Output(json=True), **words) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["saved"]
     rig = load_rig(file)
@@ -180,12 +180,12 @@ def test_the_command_reads_a_recording(tmp_path, capsys):
     path, (daq, volts) = tmp_path / "weight.mcap", fallen(gain=1.5)
     rig = load_rig().model_copy(update={"daq": daq})
     write_recording(path, rig, [volts[channel.name] for channel in daq.channels])
-    assert setup("force", "paper", recording=[path], weight=MASS, output=Output(json=True)) == 0
+    assert setup("paper", "force", recording=[path], weight=MASS, output=Output(json=True)) == 0
     found = json.loads(capsys.readouterr().out)["steps"]["force"]
     assert "gain is 1.5 times that of the rig" in found["warnings"][0]
-    assert setup("force", "paper", recording=[path]) == 2
+    assert setup("paper", "force", recording=[path]) == 2
     assert "force with one recording and --weight" in " ".join(capsys.readouterr().err.split())
-    assert setup("tap", "paper", recording=[path], weight=MASS) == 2
+    assert setup("paper", "tap", recording=[path], weight=MASS) == 2
 
 
 def test_taps_of_a_finger_with_a_fixture_are_doubted():

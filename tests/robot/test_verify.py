@@ -9,8 +9,8 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.controller import Capture
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.contact import NoContact
+from sautereau.robot.experiment.setup.steps import trial_torque, verify
 from sautereau.robot.experiment.setup.verify.alignment import delay_of, onset, place_at, stroke
-from sautereau.robot.experiment.setup.verify.run import trial_torque, verify
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.parts import ControllerUnit
 from sautereau.trajectory.arm import fingertip_place

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from sautereau.sim_backend.devices.odrive.axis import Trapezoid
+from sautereau.sim_backend.devices.odrive.axis import Setpoint, Trapezoid, filtered
 from sautereau.sim_backend.devices.odrive.firmware import OdriveFirmware
-from sautereau.sim_backend.devices.odrive.setpoint import Setpoint, filtered
 from tests.emulated import Encoders
 
 PERIOD = 1e-3

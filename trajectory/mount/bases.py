@@ -11,6 +11,7 @@ import numpy as np
 
 from sautereau.rig.schema import Arm, Rig
 from sautereau.trajectory.arm import fingertip_motion, follow_key, nearest_turn, tilt
+from sautereau.trajectory.checks import SINGULARITY_MARGIN
 from sautereau.trajectory.dynamics import gravity_torque, tip_torque
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.key import (
@@ -22,7 +23,6 @@ from sautereau.trajectory.key import (
 )
 from sautereau.trajectory.motion import Floats, Motion, dot
 from sautereau.trajectory.timing import press_law
-from sautereau.trajectory.verify import SINGULARITY_MARGIN
 
 ELBOWS = ("up", "down")
 LIMITS = {
@@ -116,7 +116,10 @@ def assess_bases(rig: Rig, elbow: str, bases: Floats, angles: Floats) -> BaseAss
         margins.append(np.minimum(low - arm.lower_limits[j], arm.upper_limits[j] - high) / np.pi)
     lowest = np.sin(np.hstack([first, hover1])).min(-1) * arm.upper_length + bases[:, 1]
     margins.append((lowest - key.neighbour_height) / scale)
-    torque = _torque(arm, np.stack([first, second], -1), FINGER_FORCE * normal)
+    joints = np.stack([first, second], -1)  # with and without a force on the key
+    weight = gravity_torque(arm, joints)
+    carried = weight - tip_torque(arm, joints, FINGER_FORCE * normal)
+    torque = np.maximum(np.abs(weight), np.abs(carried)).max((-2, -1))
     margins.append(1 - torque / arm.torque_limit)
     return BaseAssessment(residual, np.array(margins))
 
@@ -148,13 +151,6 @@ def _normal(rig: Rig, bases: Floats, angles: Floats) -> tuple[Floats, Floats, Fl
     second = second - 2 * np.pi * np.round(second.mean(-1, keepdims=True) / (2 * np.pi))
     reach = (arm.upper_length - np.abs(above)).min(-1)
     return first, second, reach, base_along + across + key.press_arm
-
-
-def _torque(arm: Arm, joints: Floats, push: Floats) -> Floats:
-    """Return the largest static torque [N m], with and without a force on the key; (n,)."""
-    weight = gravity_torque(arm, joints)
-    carried = weight - tip_torque(arm, joints, push)
-    return np.maximum(np.abs(weight), np.abs(carried)).max((-2, -1))
 
 
 @dataclass(frozen=True)

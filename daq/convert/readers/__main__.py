@@ -14,7 +14,7 @@ from importlib import import_module
 
 import numpy as np
 
-from sautereau.daq.convert.readers.found import refuse
+from sautereau.daq.convert.readers import refuse
 
 READERS = {
     "MATLAB": "arrays:read_mat",
@@ -23,7 +23,7 @@ READERS = {
     "lvm": "lvm:read",
     "universal": "uff:read",
     "workbook": "xlsx:read",
-    "sound": "sound:read",
+    "sound": "arrays:read_sound",
 }
 """Function of this folder that reads a kind of file."""
 MEMORY = 0.5e9  # Bytes for the libraries themselves, besides the values and one copy of them

@@ -1,4 +1,4 @@
-"""Arrays of numbers in MATLAB, HDF5 and numpy files."""
+"""Arrays of numbers in MATLAB, HDF5, numpy and sound files."""
 
 import math
 import zipfile
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sautereau.daq.convert.readers.found import Found, refuse
+from sautereau.daq.convert.readers import Found, refuse, refuse_cut
 
 MOST_DEPTH = 20  # Limit of structures within each other
 UNIT_ATTRIBUTES = ("units", "unit")
@@ -150,3 +150,18 @@ def _unknown(item: Any) -> str:
     if item.size and not written:
         names.add("blocks that were never written")
     return ", ".join(sorted(names))
+
+
+def read_sound(path: str, most: int) -> Found:
+    """Return the channels of a sound file that scipy does not read (FLAC, Wave64, AIFF, CAF).
+
+    They are called 1, 2 and so on, in fractions of full scale.
+    """
+    import soundfile
+
+    with soundfile.SoundFile(path) as file:
+        refuse(file.frames * file.channels, most)
+        samples = file.read(dtype="float64", always_2d=True)
+        refuse_cut("each channel", len(samples), file.frames)
+        arrays = {str(n): column for n, column in enumerate(samples.T, 1)}
+        return arrays, {name: {"rate": float(file.samplerate)} for name in arrays}, None

@@ -5,7 +5,7 @@ from typing import Any
 
 import lvm_read
 
-from sautereau.daq.convert.readers.found import Found, even, refuse, refuse_cut
+from sautereau.daq.convert.readers import Found, even, refuse, refuse_cut
 from sautereau.rig.disk import open_regular
 
 NAN = float("nan")

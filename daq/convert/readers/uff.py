@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyuff
 
-from sautereau.daq.convert.readers.found import Found, even, refuse, refuse_cut
+from sautereau.daq.convert.readers import Found, even, refuse, refuse_cut
 from sautereau.rig.disk import open_regular
 
 MARK = re.compile(rb"    -1(?:[\r\n]|$| {74})")

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import openpyxl
 
-from sautereau.daq.convert.readers.found import Found, refuse
+from sautereau.daq.convert.readers import Found, refuse
 
 
 def read(path: str, most: int) -> Found:

@@ -6,8 +6,8 @@ import numpy as np
 
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, TorqueTable
+from sautereau.robot.drivers.galil.dmc import PUSH, PUSH_EVERY, PUSHES, RESOLUTION, SETTLE
 from sautereau.robot.drivers.galil.line import Line
-from sautereau.robot.drivers.galil.program import PUSH, PUSH_EVERY, PUSHES, RESOLUTION, SETTLE
 from sautereau.robot.errors import SettingNotTaken, UnsafeRequest
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Segments

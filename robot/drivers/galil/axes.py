@@ -4,11 +4,20 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
+from sautereau.robot.drivers.driver import STOPPING
 from sautereau.robot.drivers.galil.connection import Connection
-from sautereau.robot.drivers.galil.dmc import CAUSES, stop_reason
-from sautereau.robot.drivers.galil.program import FAULT, LEFT, LIMIT, RESOLUTION, SIGN, TICK, WATCH
+from sautereau.robot.drivers.galil.dmc import (
+    CAUSES,
+    FAULT,
+    LEFT,
+    LIMIT,
+    RESOLUTION,
+    SIGN,
+    TICK,
+    WATCH,
+    stop_reason,
+)
 from sautereau.robot.drivers.keep_alive import TICKS
-from sautereau.robot.drivers.polling import STOPPING
 from sautereau.robot.errors import (
     CommandRefused,
     GarbledAnswer,
@@ -109,7 +118,19 @@ class Axes(Connection):
     def switch_on(self) -> None:
         """Start the watchdog and see it count; then switch the motors on, and verify."""
         self._check_verified()
-        self._check_inputs()
+        abort, *allowed = self.line.read("_AB", "_LFA", "_LFB", "_LRA", "_LRB")
+        if not abort:
+            raise SettingNotTaken(
+                f"controller on {self.line.name}: its abort input is active; release the emergency"
+                " stop, then enter powered() again"
+            )
+        names = [f"{side} limit of joint {j}" for side in ("forward", "reverse") for j in (1, 2)]
+        active = [name for name, allows in zip(names, allowed, strict=True) if not allows]
+        if active and self._settings.limit_switches != "none":
+            raise SettingNotTaken(
+                f"controller on {self.line.name}: active: {', '.join(active)}; move the arm off"
+                " the switch by hand, or correct controller.limit_switches in the rig file"
+            )
         self.start_watchdog()
         self.line.ask("SH AB")
         if any(self.line.read("_MOA", "_MOB")):
@@ -131,22 +152,6 @@ class Axes(Connection):
                 f"powered: the controller on {self.line.name}"
                 f" {since if rig.verified else 'was never verified on this bench'}; run"
                 " `sautereau setup verify` with your rig file"
-            )
-
-    def _check_inputs(self) -> None:
-        """Refuse to switch on while the abort input or a limit switch is active."""
-        abort, *allowed = self.line.read("_AB", "_LFA", "_LFB", "_LRA", "_LRB")
-        if not abort:
-            raise SettingNotTaken(
-                f"controller on {self.line.name}: its abort input is active; release the emergency"
-                " stop, then enter powered() again"
-            )
-        names = [f"{side} limit of joint {j}" for side in ("forward", "reverse") for j in (1, 2)]
-        active = [name for name, allows in zip(names, allowed, strict=True) if not allows]
-        if active and self._settings.limit_switches != "none":
-            raise SettingNotTaken(
-                f"controller on {self.line.name}: active: {', '.join(active)}; move the arm off"
-                " the switch by hand, or correct controller.limit_switches in the rig file"
             )
 
     def start_watchdog(self) -> None:

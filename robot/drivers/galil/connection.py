@@ -2,21 +2,20 @@
 
 import logging
 
-from sautereau.rig.galil_models import GalilModel, families
+from sautereau.rig.capabilities import GalilModel, families
 from sautereau.rig.schema import Rig
-from sautereau.robot.drivers.driver import Clock, Sleep
-from sautereau.robot.drivers.galil.line import Line
-from sautereau.robot.drivers.galil.program import (
+from sautereau.robot.drivers.driver import Clock, Polling, Sleep
+from sautereau.robot.drivers.galil.dmc import (
     BOTH,
     PRESS,
     TORQUES,
     controller_program,
     signature,
 )
+from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.drivers.galil.settings import ControllerSettings
 from sautereau.robot.drivers.keep_alive import first_wait
 from sautereau.robot.drivers.limits import Limits
-from sautereau.robot.drivers.polling import Polling
 from sautereau.robot.drivers.serial_port import TCP, Port
 from sautereau.robot.errors import (
     CommandRefused,

@@ -18,7 +18,7 @@ import numpy as np
 from sautereau.rig.capabilities import Capabilities, HomingKind
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, TorqueTable
-from sautereau.robot.drivers.driver import Clock, Sleep
+from sautereau.robot.drivers.driver import MARGIN, Clock, Sleep
 from sautereau.robot.drivers.galil.arrays import (
     EXPONENTS,
     SOURCES,
@@ -36,13 +36,14 @@ from sautereau.robot.drivers.galil.dmc import (
     END_OF_MOTION,
     INDEX_FOUND,
     NORMAL_ENDS,
+    PRESS,
+    RATE,
+    WATCH,
     check_segments,
     halting,
     profile,
     segment_commands,
 )
-from sautereau.robot.drivers.galil.program import PRESS, RATE, WATCH
-from sautereau.robot.drivers.polling import MARGIN
 from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.drivers.serial_port import Port
 from sautereau.robot.errors import MotionFault, NotReady, SettingNotTaken

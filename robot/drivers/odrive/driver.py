@@ -25,10 +25,9 @@ import numpy as np
 
 from sautereau.rig.capabilities import Capabilities, HomingKind
 from sautereau.robot.controller import TorqueTable
-from sautereau.robot.drivers.odrive.axes import Axes
-from sautereau.robot.drivers.odrive.power import AXES, IDLE, SWITCHING
+from sautereau.robot.drivers.driver import MARGIN, STOPPING
+from sautereau.robot.drivers.odrive.axes import AXES, IDLE, SWITCHING, Axes
 from sautereau.robot.drivers.odrive.setpoints import INTERVAL, LEAD, Setpoints
-from sautereau.robot.drivers.polling import MARGIN, STOPPING
 from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.errors import GarbledAnswer, MotionFault, RobotError, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments

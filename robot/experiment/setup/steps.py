@@ -3,6 +3,7 @@
 import logging
 import math
 from collections.abc import Callable, Iterable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +12,87 @@ from sautereau.rig.capabilities import HomingKind, capabilities_of
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import motion_controller
+from sautereau.robot.drivers.galil.driver import GalilDriver
+from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.drivers.serial_port import machine_ports
 from sautereau.robot.errors import MotionFault, RobotError
 from sautereau.robot.experiment.setup.contact import find_contact, locate_by_touch, play_measured
 from sautereau.robot.experiment.setup.force import prove_force
 from sautereau.robot.experiment.setup.step import Ask, Found, approach_speed, ask_first, homed
 from sautereau.robot.experiment.setup.tap import tap_key
-from sautereau.robot.experiment.setup.verify.run import verify
+from sautereau.robot.experiment.setup.verify import alignment, motion, power_off
+from sautereau.robot.experiment.setup.verify.workbench import Workbench
+from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.press import Trajectory, plan_press
 from sautereau.trajectory.segments import to_counts
+
+BEFORE_POWER = power_off.STEPS  # Group A: the amplifiers have no power
+WITH_POWER = (*motion.STEPS, *alignment.STEPS, *motion.BY_HAND)
+"""Group B: the motors are switched on with little torque."""
+LEAST_TORQUE = 0.05  # Fraction of the torque limit in group B; more where the arm's weight needs it
+_WEIGHT = 2.0  # times the largest weight that the joints can hold
+
+
+def verify(rig: Rig, ask: Ask) -> Found:
+    """Verify the controller of a rig, and return what to store in its file.
+
+    Raises:
+        Surprise: The first step whose result contradicts the rig or the command reference.
+        RobotError: A step failed in another way, or the operator did not agree. The motors are
+            off after any error.
+    """
+    if rig.controller.kind != "galil":
+        return Found(
+            (f"verify: nothing is measured of a controller of kind {rig.controller.kind}",)
+        )
+    fraction = trial_torque(rig)
+    low = {"controller.home_torque": 1.0}  # of the trial's
+    controller = PoweredArm(GalilDriver, with_values(rig, low))
+    bench = Workbench(rig, ask, controller)
+    ask_first(
+        ask,
+        "verify",
+        "Part A. Cut the power of the amplifiers, not that of the controller. Nothing can move"
+        " then, and the program in the controller is replaced. Is it cut, and the emergency stop at"
+        " hand?",
+    )
+    try:
+        for step in BEFORE_POWER:
+            step(bench)
+            if controller.connected:
+                allow_trial(bench, fraction)
+        ask_first(
+            ask,
+            "verify",
+            f"Part B. Give the amplifiers power. The motors are switched on with"
+            f" {100 * fraction:.0f} % of the torque, and the arm moves slowly. Is its way"
+            " free, and the emergency stop in your hand?",
+        )
+        for step in WITH_POWER:
+            step(bench)
+            allow_trial(bench, fraction)
+    finally:
+        controller.disconnect()
+    results = [*bench.lines, *(f"{warning} (warning)" for warning in bench.warnings)]
+    bench.values["controller.verified_results"] = results
+    bench.values["controller.verified_on"] = datetime.now(UTC).date().isoformat()
+    return Found(tuple(bench.lines), bench.values, bench.figures, tuple(bench.warnings))
+
+
+def allow_trial(bench: Workbench, fraction: float) -> None:
+    """Let the controller be switched on although it is not verified, with little torque."""
+    driver = bench.driver
+    if not driver.on_trial:
+        driver.on_trial, driver.settings.trial = True, fraction
+        driver.settings.limit_torque(1.0)
+
+
+def trial_torque(rig: Rig) -> float:
+    """Return the fraction of the torque limit that the verification uses."""
+    joints = np.array([[0.0, 0.0], [rig.arm.home_angles[0], rig.arm.home_angles[1]]])
+    weight = float(np.abs(gravity_torque(rig.arm, joints)).max())
+    return min(1.0, max(LEAST_TORQUE, _WEIGHT * weight / rig.arm.torque_limit))
+
 
 _LOG = logging.getLogger(__name__)
 BAUD_RATES = (115_200, 19_200, 57_600, 38_400, 9_600)
@@ -156,7 +229,18 @@ def check_encoders(rig: Rig, ask: Ask) -> Found:
             controller.move_to(start, approach_speed(rig))
         if faults := _turn_faults(scales):
             raise MotionFault(f"setup encoders: {'; '.join(faults)}")
-    return _turns_found(rig, scales)
+    known = [scale for scale in scales if scale is not None]
+    if not known:
+        line = "encoders: both joints moved and returned; the turns were not measured"
+        return Found((line,), warnings=("direction and scale of the encoders are not checked",))
+    scale = sum(known) / len(known)
+    figures = {f"joint_{i}_scale": s for i, s in enumerate(scales, 1) if s is not None}
+    lines = (f"encoders: the joints turn the right way, {scale:.3f} times as far as requested",)
+    if abs(scale - 1) <= SCALE:
+        return Found(lines, figures=figures)
+    counts = round(rig.arm.counts_per_revolution / scale)
+    advice = f"{counts} counts per turn would fit; take the data sheet's nearest value"
+    return Found((*lines, advice), {"arm.counts_per_revolution": counts}, figures)
 
 
 def _turn_faults(scales: list[float | None]) -> list[str]:
@@ -178,21 +262,6 @@ def _turn_faults(scales: list[float | None]) -> list[str]:
             " resolution"
         )
     return faults
-
-
-def _turns_found(rig: Rig, scales: list[float | None]) -> Found:
-    known = [scale for scale in scales if scale is not None]
-    if not known:
-        line = "encoders: both joints moved and returned; the turns were not measured"
-        return Found((line,), warnings=("direction and scale of the encoders are not checked",))
-    scale = sum(known) / len(known)
-    figures = {f"joint_{i}_scale": s for i, s in enumerate(scales, 1) if s is not None}
-    lines = (f"encoders: the joints turn the right way, {scale:.3f} times as far as requested",)
-    if abs(scale - 1) <= SCALE:
-        return Found(lines, figures=figures)
-    counts = round(rig.arm.counts_per_revolution / scale)
-    advice = f"{counts} counts per turn would fit; take the data sheet's nearest value"
-    return Found((*lines, advice), {"arm.counts_per_revolution": counts}, figures)
 
 
 def play_in_air(rig: Rig, ask: Ask) -> Found:

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from sautereau.commands.live import LOOPBACK, LiveError
-from sautereau.daq.file.preview import Decimator
+from sautereau.daq.file.log_order import Decimator
 from sautereau.daq.file.recorded import Event
 from sautereau.daq.file.schemas import LOG, PACKAGE, encode_log, encode_rows, schema_data
 from sautereau.daq.file.survey import LAYOUT

@@ -9,6 +9,7 @@ from rich.live import Live
 from rich.panel import Panel
 from rich.text import Text
 
+from sautereau.analysis.report.drawing import envelope
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 from sautereau.robot.experiment.session import WARM_UPS
 
@@ -46,30 +47,29 @@ class TerminalView:
     def show(self, seen: Sequence[Seen], dropped: int) -> None:
         """Show everything new since the last call."""
         for one in seen:
-            self._take(one)
+            match one:
+                case Stage():
+                    self._arm, self._daq = one.arm, one.daq
+                    if one.press is not None and one.press != self._press:
+                        self._press = one.press
+                        self._traces = {}
+                case Samples():
+                    for channel, volts in zip(one.channels, one.block.volts, strict=True):
+                        label = f"{channel.name} ({channel.unit})"
+                        drawn = envelope(volts, 2 * len(volts) // STRETCH)
+                        self._traces.setdefault(label, []).append(volts[drawn] * channel.scale)
+                case Made():
+                    self._made += not one.path.match(WARM_UPS)
+                case _:
+                    self._arm, self._daq = "see below", "ended"
+                    # The answer of a device must not contain control characters for the terminal.
+                    self._fault = "".join(
+                        c if c.isprintable() or c == "\n" else "?" for c in one.text
+                    )
         changed = bool(seen) or dropped != self._dropped
         self._dropped = dropped
         if self._live is not None and changed:
             self._live.update(self._drawn(), refresh=True)
-
-    def _take(self, one: Seen) -> None:
-        match one:
-            case Stage():
-                self._arm, self._daq = one.arm, one.daq
-                if one.press is not None and one.press != self._press:
-                    self._press = one.press
-                    self._traces = {}
-            case Samples():
-                for channel, volts in zip(one.channels, one.block.volts, strict=True):
-                    label = f"{channel.name} ({channel.unit})"
-                    trace = thinned(volts, STRETCH) * channel.scale
-                    self._traces.setdefault(label, []).append(trace)
-            case Made():
-                self._made += not one.path.match(WARM_UPS)
-            case _:
-                self._arm, self._daq = "see below", "ended"
-                # The answer of a device must not contain control characters for the terminal.
-                self._fault = "".join(c if c.isprintable() or c == "\n" else "?" for c in one.text)
 
     def _drawn(self) -> RenderableType:
         state = Text.assemble(
@@ -123,15 +123,3 @@ def trace_lines(values: NDArray[np.float64], width: int, height: int) -> list[st
         for row in range(rows - 1 - top, rows - bottom):
             cells[row // 4, column // 2] |= _DOTS[column % 2][row % 4]
     return ["".join(map(chr, line)) for line in cells]
-
-
-def thinned(values: NDArray[np.float64], stretch: int) -> NDArray[np.float64]:
-    """Return the smallest and the largest of every stretch of samples, so that peaks stay.
-
-    Args:
-        values: Signal, shape (n,), n >= 1.
-        stretch: Length of a stretch, in samples; the last one may be shorter.
-    """
-    starts = np.arange(0, len(values), stretch)
-    ends = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
-    return np.stack(ends, -1).ravel()

@@ -8,8 +8,7 @@ from typing import Any
 import grpc
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError, ServerGone
-from sautereau.sim_backend.devices.daqmx.inputs import invalid
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, ServerGone, invalid
 
 KINDS = (
     "Bool",

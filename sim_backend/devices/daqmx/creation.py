@@ -9,8 +9,12 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc
 
 from sautereau.sim_backend.device_types import DeviceType
 from sautereau.sim_backend.devices.daqmx.attributes import call, given, kept, number
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError, physical_channels
-from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, invalid
+from sautereau.sim_backend.devices.daqmx.card import (
+    INTERNAL,
+    DaqmxError,
+    invalid,
+    physical_channels,
+)
 
 G = 9.80665  # m/s^2, standard gravity
 POUND_FORCE = 0.45359237 * G  # N

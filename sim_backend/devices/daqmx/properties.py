@@ -15,11 +15,17 @@ from sautereau.sim_backend.devices.daqmx.attributes import (
     stored,
     table,
 )
-from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, Module, owner_of
-from sautereau.sim_backend.devices.daqmx.inputs import INTERNAL, NO_EXCITATION, Input
+from sautereau.sim_backend.devices.daqmx.card import (
+    INTERNAL,
+    NO_EXCITATION,
+    Card,
+    DaqmxError,
+    Input,
+    Module,
+    owner_of,
+)
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
-from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, FINITE
-from sautereau.sim_backend.devices.daqmx.triggers import terminals
+from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, FINITE, terminals
 
 SERIAL_NUMBER = 0x5A07E2EA
 VERSION = (25, 0, 0)

@@ -17,8 +17,7 @@ from sautereau.sim_backend.devices.daqmx.attributes import (
     kept,
     table,
 )
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError
-from sautereau.sim_backend.devices.daqmx.inputs import invalid
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, invalid
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import REFERENCES, UNFOLLOWED
 

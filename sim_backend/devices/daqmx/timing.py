@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from sautereau.sim_backend.devices.daqmx import tdms_log
+from sautereau.sim_backend.devices.daqmx import progress
 from sautereau.sim_backend.devices.daqmx.attributes import (
     Attribute,
     Table,
@@ -16,13 +16,16 @@ from sautereau.sim_backend.devices.daqmx.attributes import (
 )
 from sautereau.sim_backend.devices.daqmx.card import DaqmxError, Module
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
-from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, LEAST, UNFOLLOWED, TaskSettings
-from sautereau.sim_backend.devices.daqmx.triggers import (
+from sautereau.sim_backend.devices.daqmx.task import (
     ANALOG_EDGE,
     ANALOG_WINDOW,
+    CONTINUOUS,
     DIGITAL_EDGE,
+    LEAST,
     NONE,
     RISING,
+    UNFOLLOWED,
+    TaskSettings,
     Trigger,
     terminal,
 )
@@ -89,10 +92,10 @@ def _configure_logging(self: Any, request: Any, context: Any) -> None:
     task = self._task(request)
     task.must_be_idle()
     task.stored |= {
-        tdms_log.PATH: request.file_path,
-        tdms_log.MODE: given(request, "logging_mode"),
-        tdms_log.GROUP: request.group_name,
-        tdms_log.OPERATION: given(request, "operation"),
+        progress.PATH: request.file_path,
+        progress.MODE: given(request, "logging_mode"),
+        progress.GROUP: request.group_name,
+        progress.OPERATION: given(request, "operation"),
     }
 
 
@@ -105,7 +108,7 @@ CONFIGURING = {
         ),
         "ConfigureLogging": _configure_logging,
         "StartNewFile": lambda self, request, _: self._task(request).stored.update(
-            {tdms_log.PATH: request.file_path}
+            {progress.PATH: request.file_path}
         ),
         "DisableStartTrig": _disable_trigger(_START),
         "DisableRefTrig": _disable_trigger(_REFERENCE),

@@ -5,7 +5,7 @@ from collections import deque
 
 from sautereau.sim_backend.devices.emulators import hermite
 from sautereau.sim_backend.devices.galil import motion
-from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.reference import entries
 
 AXES = "AB"

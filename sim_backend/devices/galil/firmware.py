@@ -9,8 +9,8 @@ from collections import deque
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.devices.emulators import SERIAL, OnOutput, Plant, along
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.commands.table import execute
-from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.ports import Download, Port, answer_line
 from sautereau.sim_backend.parts import ControllerUnit

@@ -4,7 +4,7 @@ import operator
 import re
 from collections.abc import Callable
 
-from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import function, operand, variable
 
@@ -77,33 +77,27 @@ class _Expression:
             raise CommandError(83)
         self._at = token.end()
         if token.lastgroup == "sign":
-            return self._signed(token[0])
+            match token[0]:
+                case "-":
+                    return -self._term()
+                case "+":
+                    return self._term()
+                case "(":
+                    return self._closed(")", 59)
+                case _:
+                    raise CommandError(83)
         if token.lastgroup == "name":
-            return self._named(token[0])
-        return _OPERANDS[token.lastgroup](self._machine, token[0])
-
-    def _signed(self, sign: str) -> float:
-        match sign:
-            case "-":
-                return -self._term()
-            case "+":
-                return self._term()
-            case "(":
-                return self._closed(")", 59)
-            case _:
-                raise CommandError(83)
-
-    def _named(self, text: str) -> float:
-        """Return a variable, an element of an array, or a function's value."""
-        if self._peek() != "[":
+            text = token[0]
+            if self._peek() != "[":
+                if text.startswith("@"):
+                    raise CommandError(55)
+                return variable(self._machine, text)
+            self._at += 1
+            index = self._closed("]", 55)
             if text.startswith("@"):
-                raise CommandError(55)
-            return variable(self._machine, text)
-        self._at += 1
-        index = self._closed("]", 55)
-        if text.startswith("@"):
-            return _bounded(function(self._machine, text, index))
-        return self._machine.arrays.element(text, index)
+                return _bounded(function(self._machine, text, index))
+            return self._machine.arrays.element(text, index)
+        return _OPERANDS[token.lastgroup](self._machine, token[0])
 
     def _closed(self, bracket: str, code: int) -> float:
         result = self._sum()

@@ -6,8 +6,8 @@ import struct
 from collections.abc import Callable
 
 from sautereau.sim_backend.devices.emulators import SERIAL
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.axis import AXES
-from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.memory import OUTPUTS
 from sautereau.sim_backend.devices.galil.ports import HANDLES

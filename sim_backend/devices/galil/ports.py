@@ -8,8 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from sautereau.sim_backend.devices.emulators import SERIAL
-from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.formats import write_line
+from sautereau.sim_backend.devices.galil.answers import CommandError, write_line
 from sautereau.sim_backend.devices.galil.program import split_commands
 
 HANDLES = "ABCDEFGH"  # Ethernet handles

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.answers import CommandError
 
 _LABEL = re.compile(r"#[A-Za-z][A-Za-z0-9]{0,6}")
 

@@ -8,7 +8,7 @@ The table is `reference.csv`, one command per line:
 - valid: B burnable, T in the terminal, M while in motion, P in a program;
 - heading: of the command's entry in the reference.
 
-`sautereau.rig.galil_models` lists the commands that a model lacks.
+`sautereau.rig.capabilities` lists the commands that a model lacks.
 
 Where the reference contradicts itself, its examples are followed: `WT` is used in motion, and `BN`
 lists `EO` among the burned parameters. Limits are those of a controller with two axes.
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from importlib.resources import files
 
-from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.answers import CommandError
 
 _ABSENT = """
 AD AO AP AQ AR AS AU AV BC BD BI BK BX BZ CA CC CD CI CM CR CS DH DR DT DV EA EB EC EG EM EP EQ ES

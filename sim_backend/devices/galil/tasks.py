@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection
 
-from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.program import ERROR_ROUTINES, Program, Thread
 
 THREADS = 8  # Threads, numbered from 0
@@ -144,18 +144,15 @@ class Tasks:
         try:
             thread.run_line(self._execute)
         except CommandError as error:
-            self._fail(number, thread, error, program)
+            # #CMDERR ends the failing thread unless that is thread 0; without it, all end.
+            self._store(error.code)
+            self.failed_line, self.failed_thread = thread.line, number
+            if number != 0:
+                self.halt([number])
+            if not (self._error_routine and self.enter("#CMDERR", program)):
+                self._report(f"?{thread.line} {thread.command}\r\n")
+                self.halt()
         finally:
             self.current = -1
         if not thread.running and self.threads.get(number) is thread:
             del self.threads[number]
-
-    def _fail(self, number: int, thread: Thread, error: CommandError, program: Program) -> None:
-        """Enter #CMDERR, which ends the failing thread unless that is thread 0; or end them all."""
-        self._store(error.code)
-        self.failed_line, self.failed_thread = thread.line, number
-        if number != 0:
-            self.halt([number])
-        if not (self._error_routine and self.enter("#CMDERR", program)):
-            self._report(f"?{thread.line} {thread.command}\r\n")
-            self.halt()

@@ -282,7 +282,11 @@ def _for_axis(command: Callable[..., list[str]], least: int) -> Callable[[str], 
     """Return a command on a line whose leading numbers, at least ``least``, begin with an axis."""
 
     def carry_out(text: str) -> list[str]:
-        found = _numbers(text)
+        found: list[float] = []  # leading numbers after the command's letter
+        for word in text[1:].split():
+            if (value := FLOAT.scan(word)) is None:
+                break
+            found.append(value)
         if len(found) < least:
             return ["invalid command format"]
         if found[0] not in (0, 1):
@@ -295,13 +299,3 @@ def _for_axis(command: Callable[..., list[str]], least: int) -> Callable[[str], 
 def _checksum(text: str) -> int:
     """Return the exclusive or of a line's bytes."""
     return functools.reduce(operator.xor, text.encode("latin-1"), 0)
-
-
-def _numbers(text: str) -> list[float]:
-    """Return the leading numbers after a command's letter."""
-    found: list[float] = []
-    for word in text[1:].split():
-        if (value := FLOAT.scan(word)) is None:
-            break
-        found.append(value)
-    return found

@@ -4,8 +4,7 @@ import time
 
 import numpy as np
 
-from sautereau.robot.drivers.galil.dmc import CLEAR_SEGMENTS
-from sautereau.robot.drivers.galil.program import PRESS, PUSHES, RATE
+from sautereau.robot.drivers.galil.dmc import CLEAR_SEGMENTS, PRESS, PUSHES, RATE
 from sautereau.robot.errors import CommandRefused
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
 

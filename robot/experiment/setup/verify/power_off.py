@@ -8,9 +8,8 @@ import numpy as np
 from sautereau.daq.errors import DaqError
 from sautereau.rig.load import with_values
 from sautereau.robot.drivers.galil.arrays import VOLTS_RECORDED
-from sautereau.robot.drivers.galil.dmc import LONGEST_LINE
+from sautereau.robot.drivers.galil.dmc import FAULT, LONGEST_LINE, PRESS, PUSHES, RATE, WATCH
 from sautereau.robot.drivers.galil.driver import GalilDriver
-from sautereau.robot.drivers.galil.program import FAULT, PRESS, PUSHES, RATE, WATCH
 from sautereau.robot.drivers.serial_port import open_port
 from sautereau.robot.errors import CommandRefused
 from sautereau.robot.experiment.setup.step import Declined

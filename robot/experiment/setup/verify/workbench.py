@@ -5,9 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from sautereau.rig.schema import Rig
+from sautereau.robot.drivers.driver import POLL
 from sautereau.robot.drivers.galil.driver import GalilDriver
 from sautereau.robot.drivers.galil.line import Line
-from sautereau.robot.drivers.polling import POLL
 from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.step import Ask, Declined

@@ -3,10 +3,9 @@
 import re
 from collections.abc import Callable
 
+from sautereau.sim_backend.devices.galil.answers import CommandError, write_number
 from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.commands.report import CONTROL_Z
-from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.formats import write_number
 from sautereau.sim_backend.devices.galil.grammar import QUERY, evaluate, parse_axes, split_arguments
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, variable, whole

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from sautereau.sim_backend.devices.galil.faults import CommandError
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.grammar import (
     QUERY,
     evaluate,

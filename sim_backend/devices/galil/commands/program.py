@@ -1,9 +1,9 @@
 """Commands about programs: download, run, jump, branch, wait."""
 
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.commands.call import Call
 from sautereau.sim_backend.devices.galil.commands.report import write_variable
 from sautereau.sim_backend.devices.galil.commands.settings import BURN_TIME
-from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.grammar import evaluate, parse_assignment, split_arguments
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.motion import StopCode

@@ -4,9 +4,9 @@ import re
 from collections.abc import Iterable
 
 from sautereau.sim_backend.devices.emulators import SERIAL
-from sautereau.sim_backend.devices.galil.commands.call import Call, Handler
-from sautereau.sim_backend.devices.galil.faults import TEXTS, CommandError
-from sautereau.sim_backend.devices.galil.formats import (
+from sautereau.sim_backend.devices.galil.answers import (
+    TEXTS,
+    CommandError,
     Unended,
     write_as,
     write_in,
@@ -14,6 +14,7 @@ from sautereau.sim_backend.devices.galil.formats import (
     write_list,
     write_number,
 )
+from sautereau.sim_backend.devices.galil.commands.call import Call, Handler
 from sautereau.sim_backend.devices.galil.grammar import evaluate, split_arguments
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, DATA_RECORD

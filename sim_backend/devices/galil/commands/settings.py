@@ -1,9 +1,8 @@
 """Commands that set numbers of axes and controller, outputs, ports, and the memory."""
 
 from sautereau.sim_backend.devices.emulators import SERIAL
+from sautereau.sim_backend.devices.galil.answers import CommandError, write_list, write_number
 from sautereau.sim_backend.devices.galil.commands.call import Call
-from sautereau.sim_backend.devices.galil.faults import CommandError
-from sautereau.sim_backend.devices.galil.formats import write_list, write_number
 from sautereau.sim_backend.devices.galil.grammar import (
     QUERY,
     evaluate,

@@ -2,10 +2,10 @@
 
 import re
 
+from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.commands import arrays, motion, report, settings
 from sautereau.sim_backend.devices.galil.commands import program as programs
 from sautereau.sim_backend.devices.galil.commands.call import Handler, parse_call
-from sautereau.sim_backend.devices.galil.faults import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.program import Thread
 from sautereau.sim_backend.devices.galil.reference import ABSENT, entries
