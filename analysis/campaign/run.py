@@ -55,7 +55,9 @@ def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -
             f"campaign {out}: tables are written as Parquet only; use the file extension .parquet"
         )
     found = find_recordings(folder)
-    earlier = _earlier(out)
+    earlier = read_campaign(out) if out.exists() else empty_campaign(out, computed_by())
+    if (earlier.made_by, earlier.schema) != (computed_by(), SCHEMA):  # other code has written it
+        earlier = empty_campaign(out, computed_by())
     campaign = earlier.only(set(found))
     kept = set(campaign.sources)
     unread = [source for source in found if source not in kept]
@@ -101,12 +103,3 @@ def find_recordings(folder: Path) -> list[Source]:
         )
     stats = [(path.relative_to(folder).as_posix(), path.stat()) for path in paths]
     return [Source(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
-
-
-def _earlier(out: Path) -> Campaign:
-    """Return the table of an earlier run; an empty one if other code has written it."""
-    if out.exists():
-        earlier = read_campaign(out)
-        if (earlier.made_by, earlier.schema) == (computed_by(), SCHEMA):
-            return earlier
-    return empty_campaign(out, computed_by())

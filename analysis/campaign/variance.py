@@ -82,8 +82,9 @@ class Nested:
         squares = (x[:, :, None] * x[:, None, :]).reshape(len(n), -1)
         matrix = (weights @ squares).reshape(len(residual), *sums.within.shape)
         matrix += sums.within / residual2[:, :, None]
-        matrix -= _weighted_products(h, shifts)
-        matrix += _weighted_products(h / (1 + group2 * h), means)
+        # Minus and plus the sums over the groups of w r r'.
+        matrix -= np.swapaxes(h[:, :, None] * shifts, 1, 2) @ shifts
+        matrix += np.swapaxes((h / (1 + group2 * h))[:, :, None] * means, 1, 2) @ means
         determinant = 2 * np.log(residual) * (n - 1).sum() + np.log(n / weights).sum(axis=1)
         return matrix, determinant + np.log1p(group2 * h).sum(axis=1)
 
@@ -106,19 +107,11 @@ class _Sums:
 
     within: Floats
     """Sums of products of X and y, each minus the mean of its subgroup, shape (k + 1, k + 1)."""
-    counts: NDArray[np.intp]
-    """Number of values of each subgroup."""
+    counts: NDArray[np.intp]  # Number of values of each subgroup
     deviations: Floats
     """Means of the subgroups minus the centre of their group, shape (subgroups, k + 1)."""
-    centres: Floats
-    """Mean of the subgroups of each group, shape (groups, k + 1)."""
-    starts: NDArray[np.intp]
-    """Number of the first subgroup of each group."""
-
-
-def _weighted_products(weights: Floats, rows: Floats) -> Floats:
-    """Return sum_g w_g r_g r_g' from weights of shape (m, g) and rows of shape (m, g, k)."""
-    return np.swapaxes(weights[:, :, None] * rows, 1, 2) @ rows
+    centres: Floats  # Mean of the subgroups of each group, shape (groups, k + 1)
+    starts: NDArray[np.intp]  # Number of the first subgroup of each group
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.gridspec import SubplotSpec
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.made import how_made, stamp
-from sautereau.analysis.figures.palette import AGAINST, MEASURED, PREDICTED, SERIES
-from sautereau.analysis.figures.pressed import scale_to_pluck, shade_phases
+from sautereau.analysis.figures.palette import AGAINST, MEASURED, PREDICTED, SERIES, how_made, stamp
+from sautereau.analysis.figures.phases import scale_to_pluck, shade_phases
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases

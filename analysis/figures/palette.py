@@ -5,6 +5,11 @@ The hues are those of Okabe and Ito (Color Universal Design, 2008). Every pair o
 tritanopia; lines differ in their dashes as well, areas in their hatching, points in their markers.
 """
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+
 BLUE, VERMILLION, GREEN = "#0072b2", "#d55e00", "#009e73"
 PURPLE, ORANGE, SKY, YELLOW = "#cc79a7", "#e69f00", "#56b4e9", "#f0e442"
 
@@ -16,8 +21,7 @@ PHASES = {
     "free": ("#ffffff", ""),
     "string held": ("#fbdcc0", "//"),
     "string released": ("#cfe3f5", "."),
-}
-"""Colour and hatching of the phases by their names."""
+}  # Colour and hatching of the phases by their names
 SEVERAL = ("#f0b27a", "xx")
 """Those of a phase in which several strings are held."""
 HATCH = "#00000018"
@@ -44,7 +48,25 @@ GROUPS = {
     "series": SERIES,
     "levels": LEVELS,
     "bench": (ARM, PRESSED, METAL),
-}
-"""Colours that stand for different things in one plot."""
+}  # Colours that stand for different things in one plot
 LEAST_DIFFERENCE = 10.0
 """In CAM02-UCS, of any two colours of a group; 1 is just noticeable side by side."""
+
+
+def how_made(simulated: bool) -> str:
+    """Return whether presses are simulated or measured, for a plot's title."""
+    return "SIMULATED" if simulated else "measured"
+
+
+def stamp(figure: "FigureBase", simulated: bool, size: float = 90) -> None:
+    """Write *simulated* across a figure of simulated presses.
+
+    Args:
+        simulated: Whether any of its presses is simulated; if not, nothing is written.
+        size: pt, of the letters.
+    """
+    if simulated:
+        figure.text(
+            0.5, 0.5, "simulated", fontsize=size, color="#00000014", rotation=25,
+            ha="center", va="center",
+        )  # fmt: skip

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sautereau.analysis.identify.fit import Fit, rms
-from sautereau.analysis.identify.noise import WINDOW
-from sautereau.analysis.identify.observed import BACK, FREE, HELD, Observed
-from sautereau.analysis.identify.parameter_names import FORCE_GAIN, TIME, VELOCITY_GAIN
+from sautereau.analysis.identify.observed import BACK, FREE, HELD, WINDOW, Observed
+from sautereau.analysis.identify.parameters import FORCE_GAIN, TIME, VELOCITY_GAIN
 from sautereau.trajectory.motion import Floats
 
 NOISE_MAX = 1.2
@@ -181,14 +180,10 @@ def _independent(presses: Sequence[Observed], period: float) -> float:
 class _Repeated:
     """The part of the residual that repeats from press to press."""
 
-    size: float
-    """N, RMS."""
-    allowed: float
-    """N, largest size of a model that fits."""
-    chance: float
-    """N, largest size that noise explains."""
-    repetition: float
-    """See `Quality`."""
+    size: float  # N, RMS
+    allowed: float  # N, largest size of a model that fits
+    chance: float  # N, largest size that noise explains
+    repetition: float  # See `Quality`
 
 
 def _repeated(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,8 +39,7 @@ VARIABLES = (
     *(f"key.{n}" for n in ("dip", "felt_stiffness", "felt_damping")),
     *(f"press.{n}" for n in ("jack_speed", "jack_rise")),
     "arm.fingertip_friction",
-)
-"""Values of a rig that may vary between cases, SI."""
+)  # Values of a rig that may vary between cases, SI
 DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
 """Values that may be given instead of those from which they follow, SI."""
 
@@ -85,7 +85,7 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
     except ValueError as error:
         shapes = ", ".join(f"{name} {v.shape}" for name, v in given.items())
         raise ModelError(f"values: shapes do not fit together: {shapes}; {error}") from None
-    of_rig = {name: _of(rig, name) for name in VARIABLES}
+    of_rig = {name: attrgetter(name)(rig) for name in VARIABLES}
     varying = {n: np.broadcast_to(v, shape).ravel() for n, v in given.items() if v.ndim}
     fixed = of_rig | {name: float(v) for name, v in given.items() if not v.ndim}
     count = int(np.prod(shape))
@@ -107,11 +107,6 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
             for result, value in zip(results, found, strict=True):
                 result[part] = value
     return PredictionBatch(*(result.reshape(shape) for result in results))
-
-
-def _of(rig: Rig, name: str) -> float:
-    section, field = name.split(".")
-    return getattr(getattr(rig, section), field)
 
 
 def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
@@ -239,10 +234,7 @@ def _key_in_range(v: Mapping[str, Floats]) -> np.ndarray:
     """Return which cases have positive arms and inertias and finite other values."""
     names = ("key.press_arm", "key.jack_arm", "key.inertia", "jack.mass")
     positive = [_positive(v[name]) for name in names]
-    rest = ("key.gravity_moment", "key.jack_surface_height", "key.pivot_coulomb_friction")
-    rest = (*rest, "key.pivot_viscous_friction", "jack.register_friction")
-    rest = (*rest, "key.dip", "key.felt_stiffness", "key.felt_damping")
-    rest = (*rest, "key.surface_height", "arm.fingertip_friction")
+    rest = [name for name in VARIABLES if name.startswith(("key.", "jack.", "arm."))]
     return np.logical_and.reduce([*positive, *(np.isfinite(v[name]) for name in rest)])
 
 

@@ -121,7 +121,8 @@ def silhouette(image: Floats) -> Silhouette:
     rings = find_contours(np.pad(own, 1, constant_values=0.0), 0.5)
     ring = max(rings, key=len)[:-1] - 1
     contour = ring[:, ::-1]
-    if _area(contour * [1, -1]) < 0:
+    x, y = contour.T
+    if x @ np.roll(y, -1) > np.roll(x, -1) @ y:  # clockwise as displayed
         contour = contour[::-1]
     blur, level_std = _edge(share, smooth, contour)
     noise = _noise(share)
@@ -143,11 +144,6 @@ def at_border(contour: Floats, shape: tuple[int, ...]) -> dict[str, NDArray[np.b
         "top": y < BORDER,
         "bottom": y > rows - 1 - BORDER,
     }
-
-
-def _area(ring: Floats) -> float:
-    x, y = ring.T
-    return float(np.dot(x, np.roll(y, -1)) - np.dot(np.roll(x, -1), y)) / 2
 
 
 def _light(image: Floats) -> tuple[Floats, Floats]:

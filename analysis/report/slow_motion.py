@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.made import how_made
+from sautereau.analysis.figures.palette import how_made
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import choirs, string_names
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.replay import Replay, replay
-from sautereau.analysis.report.drawing import Frames
 from sautereau.analysis.report.pictures import (
+    Frames,
     force_picture,
     head_picture,
     key_picture,

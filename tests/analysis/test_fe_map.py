@@ -6,7 +6,7 @@ import pytest
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.batch import predict_many
 from sautereau.analysis.model.plectrum.elastica import Elastica
-from sautereau.analysis.model.plectrum.fe import cache
+from sautereau.analysis.model.plectrum.fe import level as cache
 from sautereau.analysis.model.plectrum.fe.build import Solver
 from sautereau.analysis.model.plectrum.fe.level import FE
 from sautereau.analysis.model.plectrum.fe.solve import Elastic

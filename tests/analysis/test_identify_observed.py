@@ -7,11 +7,9 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.elastic import Mode, cloth_parameter, mode_parameters
-from sautereau.analysis.identify.excluded import landing
 from sautereau.analysis.identify.fit import inverse_dynamics
-from sautereau.analysis.identify.observed import MIN_INSTANTS, observed
-from sautereau.analysis.identify.parameter_names import FORCE, MODULUS, NAMES
-from sautereau.analysis.identify.parameters import parameters
+from sautereau.analysis.identify.observed import MIN_INSTANTS, landing, observed
+from sautereau.analysis.identify.parameters import FORCE, MODULUS, NAMES, parameters
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.phases import find_phases

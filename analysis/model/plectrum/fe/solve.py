@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.fe.load import Patch
-from sautereau.analysis.model.plectrum.fe.mesh import Grid
+from sautereau.analysis.model.plectrum.fe.mesh import Grid, Patch
 
 ITERATIONS = 12  # Maximum per load step
 RESIDUAL = 1e-10
