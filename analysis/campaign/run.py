@@ -11,12 +11,9 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.progress import tracked
 
 BATCH = 8  # Number of recordings that a process reads at a time: about 0.2 s of work
-WORTH_A_PROCESS = 64
-"""Number of recordings for which a further process is worth its start of about 1.5 s."""
-UNWRITTEN = 256
-"""Number of presses after which the table is written. A killed run loses at most these."""
-UNWRITTEN_FRACTION = 0.02
-"""The same as a fraction of the table's rows, used if it is larger: limits the time of writing."""
+WORTH_A_PROCESS = 64  # Recordings that are worth a further process, which starts in 1.5 s
+UNWRITTEN = 256  # Presses after which the table is written: a killed run loses no more
+UNWRITTEN_FRACTION = 0.02  # Or this fraction of the rows, if more: limits the time of writing
 
 
 @dataclass(frozen=True)

@@ -37,11 +37,9 @@ from sautereau.trajectory.motion import Floats
 if TYPE_CHECKING:
     import pandas as pd
 
-FELT = ("release_force", "force_slope", "force_drop")
-"""Columns of a campaign that describe touch; `sautereau.rig.quantities` defines them."""
+FELT = ("release_force", "force_slope", "force_drop")  # Columns that describe touch
 PLECTRA = 2  # Number of the stratum of what varies between plectra only; see `_stratum`
-MOST_OMITTED = 0.05
-"""Largest fraction of a plectrum's presses without a quantity for which exponents are estimated."""
+MOST_OMITTED = 0.05  # Largest fraction of presses without a quantity for which it has exponents
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.repeatability import COVERAGE, Spread
 from sautereau.trajectory.motion import Floats
 
-LOG_RANGE = 8.0
-"""If the ratio of two standard deviations has a larger logarithm, the smaller one counts as 0."""
+LOG_RANGE = 8.0  # Logarithm of a ratio of standard deviations from which the smaller counts as 0
 GRID = 21  # Values of each logarithm in the first search. It finds the deeper of two minima.
 FINER_GRID = 7  # Values in each further search, between the two neighbours of the best value so far
 LOG_TOLERANCE = 1e-3  # Tolerance of a logarithm

@@ -70,8 +70,7 @@ def scale_to_pluck(axes: Axes, press: Press, found: Phases, highest: float = 0.0
 
 
 MOST = 8  # Maximum number of presses in one plot
-MARGIN = 0.15
-"""Displayed time before the start and after full rise, as a fraction of the time between them."""
+MARGIN = 0.15  # Time before the start and after full rise, over that between them
 COVERAGE = 1.96  # Half width of a band in standard uncertainties: 95 %
 
 

@@ -27,9 +27,7 @@ from sautereau.trajectory.motion import Floats
 FREQUENCIES = np.geomspace(80.0, 1200.0, 30)  # Frequencies at which a mode is tried (Hz)
 DAMPINGS = (0.03, 0.15)  # Damping ratios at which a mode is tried
 WEIGHT = 0.02  # Weight of a mode for numerical derivatives, dimensionless
-FINGERTIP_STD = 0.2
-"""Standard uncertainty of the fingertip's friction on the key, dimensionless. Friction of 0.2
-changes the moment of the force by 1 %."""
+FINGERTIP_STD = 0.2  # Of the fingertip's friction [1]; 0.2 changes the force's moment by 1 %
 TAPPED_STD = 0.2
 """Standard uncertainty of a mode that was found by tapping the resting key: relative for its
 frequency, absolute for its damping ratio. The pressed key has other modes."""

@@ -37,18 +37,15 @@ a jack of a few grams on its cloth."""
 SHAPE_STD = 0.4  # Prior standard uncertainty of u and of v
 WEIGHT_STD = 1.5  # Prior standard uncertainty of r
 RINGING_STD = 0.3  # Prior standard uncertainty of the ringing amplitudes (N)
-CLOTH_STD = 1e-5
-"""Prior standard uncertainty of the compliance under the jack of a compliant key (m/N)."""
+CLOTH_STD = 1e-5  # Prior std of the compliance under the jack of a compliant key (m/N)
 LOWEST = 60.0  # Lower bound of the frequencies (Hz)
 HIGHEST = 3000.0  # Upper bound of the frequencies (Hz)
 LEAST_DAMPING = 5e-3  # Lower bound of the damping ratios: that of wood without felt
-LARGEST_STEP = 0.45 * np.pi
-"""Largest w T / 2 of a time step T up to which the frequency of a mode is exact."""
+LARGEST_STEP = 0.45 * np.pi  # Largest w T / 2 of a step T with an exact frequency
 LEAST_PERIODS = 4.0  # Smallest number of periods of a mode in a press
 CLOSE = 1.15  # Ratio of two frequencies below which the modes are too close to be separated
 MOST = 3  # Largest number of modes
-NEAR_BOUND = 1.02
-"""Ratio of a compliant key's inertia to a bound up to which it counts as being at the bound."""
+NEAR_BOUND = 1.02  # Ratio of an inertia to a bound up to which it counts as being at the bound
 BAND = 2.0  # Highest frequency that passes the smoothing, times the width of the window
 POINTS = 400  # Number of frequencies up to it at which the noise gain is computed
 

@@ -46,8 +46,7 @@ from sautereau.trajectory.motion import Floats
 
 DEPENDENT = 2.4  # Instants per independent value of the smoothed force
 PART = 0.3  # `FLOOR` of the noise that weights a fit
-ROUNDS = 3
-"""Number of fits. Each one after the first is whitened with the residuals of the previous one."""
+ROUNDS = 3  # Fits; each after the first is whitened with the residuals of the one before
 
 
 @dataclass(frozen=True)

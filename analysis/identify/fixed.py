@@ -20,16 +20,11 @@ from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-CHANGE = 0.01
-"""Relative change in the table of effects of a number for which the rig assumes no range."""
-FRICTION_CHANGE = 0.1
-"""The same for a number that is 0, such as a coefficient of friction; absolute."""
+CHANGE = 0.01  # Relative change in the table of effects of a number without an assumed range
+FRICTION_CHANGE = 0.1  # The same for a number that is 0, such as a friction; absolute
 STEP = 1e-3  # Relative step of numerical derivatives
-LIKELY = 0.4
-"""The string is suggested to lie on the surface if its fitted offset from the mid-line is more than
-this fraction of the offset on the surface."""
-SUGGESTED = 16.0
-"""Reduction of the sum of squares above which freeing is suggested: 4 standard deviations."""
+LIKELY = 0.4  # Least fitted offset from the mid-line, over that on the surface, to suggest it
+SUGGESTED = 16.0  # Reduction of the sum of squares to suggest freeing: 4 standard deviations
 
 
 @dataclass(frozen=True)

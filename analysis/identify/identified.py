@@ -40,9 +40,7 @@ from sautereau.analysis.phases import Phases
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-SIGNIFICANT = 3.0
-"""A hidden friction is reported as a result if it differs from the rig's value by this number of
-standard uncertainties."""
+SIGNIFICANT = 3.0  # Standard uncertainties off the rig's value to report a hidden friction
 
 
 NORMAL_95 = 1.96  # Half the 95 % interval of a normal error, in standard uncertainties

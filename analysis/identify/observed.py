@@ -22,15 +22,12 @@ from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.key import rise_of_angle, surface_axes
 from sautereau.trajectory.motion import Floats, Motion, dot
 
-RELEASE_MARGIN = 1.5e-3
-"""Time excluded before and after a release (s). Filters spread the force drop over it."""
+RELEASE_MARGIN = 1.5e-3  # Excluded beside a release (s): filters spread the force drop over it
 DIP_MARGIN = 0.1e-3  # Travel of the pressing point that is excluded before the front felt (m)
 CATCH_RATIO = 2.5
 """Multiple of the planned return acceleration above which the finger catches a key that it had
 lost. What precedes a catch is excluded: the force transducer does not measure the load then."""
-STRING_MARGIN = 0.3e-3
-"""Height of the jack above the string below which its way down is excluded (m). Tongue and damper
-act there."""
+STRING_MARGIN = 0.3e-3  # Least height above the string on the way down (m): tongue and damper act
 
 
 def landing(key: Key, time: Floats, motion: Motion, contact: float) -> float | None:
@@ -105,9 +102,7 @@ def coupled_force(rig: Rig) -> Channel | None:
 
 WINDOW = 2e-3  # Width of the smoothing window (s)
 REST_SPEED = 0.03  # Fraction of the largest speed below which the key counts as at rest
-TURN_MARGIN = 4e-3
-"""Time excluded before and after a reversal or a rest of the key (s). The friction is
-indeterminate there."""
+TURN_MARGIN = 4e-3  # Excluded beside a reversal or a rest (s): the friction is indeterminate there
 MIN_REST = 10e-3  # Shortest rest from which the noise is estimated (s)
 RETURN_MARGIN = 10e-3  # Time from the end of the return to the start of that rest (s)
 
@@ -190,10 +185,8 @@ STEP = 0.5e-3  # Approximate time between fitted instants (s)
 SUBSTEPS = 4  # Evaluations of the string's force per step, before smoothing
 ARM_LAG = 6e-3  # Time constant with which a servo-driven arm deflects under the force (s)
 REST_TIME = 5e-3  # Time at the start of a recording in which the finger is at rest (s)
-LIFT_OFF_ANGLE = 2.5e-5
-"""Key angle from which the key counts as lifted off its back rail (rad). Noise is smaller."""
-RISE_STD = 1e-6
-"""Standard uncertainty of the jack's rise at release (m), without that of the time of release."""
+LIFT_OFF_ANGLE = 2.5e-5  # From which the key counts as lifted off its rail (rad), above the noise
+RISE_STD = 1e-6  # Of the jack's rise at release (m), without that of the time of release
 FREE = 0  # Phase of a press: the key moves down and no string is held
 HELD = 1  # Phase of a press: a string is held
 BACK = 2  # Phase of a press: the key moves up

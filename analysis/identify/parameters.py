@@ -40,15 +40,12 @@ VELOCITY_GAIN = "offset.velocity_gain"  # True velocity divided by measured velo
 SLIDING = "offset.sliding"
 """Relative error of the force's moment on the key, per newton (1/N): the finger of a compliant arm
 slides along the key while the force bends the arm; hidden."""
-LATE_SLIDING = "offset.late_sliding"
-"""The same for the lagged force, since a servo-driven arm deflects later (1/N); hidden."""
+LATE_SLIDING = "offset.late_sliding"  # Of the lagged force, as a servo-driven arm deflects later
 # Errors of the model.
 CLOTH = "offset.foot"  # Compliance of the cloth under the jack (m/N); hidden
 MODE = "offset.mode"  # Start of the names of the elastic modes' parameters; hidden
-RELEASE = "offset.release"
-"""Relative error of the height at which the static string is released; hidden."""
-VIBRATION = "offset.vibration"
-"""Vibration of the held strings divided by that of undamped strings; hidden."""
+RELEASE = "offset.release"  # Relative error of the height of a static release; hidden
+VIBRATION = "offset.vibration"  # Of the held strings over that of undamped strings; hidden
 DAMPER = "offset.damper"  # True stiffness of the dampers divided by the rig's; hidden
 DAMPER_LIFT = "offset.damper_lift"  # Lift of the first damper (m); hidden
 OF_STRING = ("offset.string{}.stiffness", "offset.string{}.overlap", "offset.string{}.clearance")
@@ -394,14 +391,10 @@ FRICTION_STD = 0.1
 with stiffness and overlap because its effect resembles theirs: an error of 0.03 disappears in the
 noise and makes the overlap 8 % too large. A string on the mid-line, which no instrument has, also
 resembles friction. Friction is therefore not fitted there: the place of the string comes first."""
-DAMPER_STD = 0.2
-"""Relative standard uncertainty of the dampers' stiffness if the rig assumes no range."""
-DAMPER_LIFT_STD = 0.1e-3
-"""Standard uncertainty of the dampers' lift if the rig assumes no range (m)."""
-STRING_STD = 0.3
-"""Relative standard uncertainty of stiffness and overlap of the plectra of further strings."""
-BOUND_STDS = 10
-"""Distance of the bounds of a hidden parameter from its value, in standard uncertainties."""
+DAMPER_STD = 0.2  # Relative, of the dampers' stiffness if the rig assumes no range
+DAMPER_LIFT_STD = 0.1e-3  # Of the dampers' lift if the rig assumes no range (m)
+STRING_STD = 0.3  # Relative, of stiffness and overlap of the plectra of further strings
+BOUND_STDS = 10  # Standard uncertainties from a hidden parameter's value to its bounds
 
 
 def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:

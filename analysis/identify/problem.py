@@ -149,8 +149,7 @@ def autocovariance(
 AT_BOUND = 1e-6  # A parameter is at a bound if it is closer to it than this fraction of its range
 TOLERANCE = 1e-6  # Relative tolerance of the solver for a result
 COARSE = 1e-4  # Relative tolerance of the solver for a fit that only serves to estimate the noise
-UNSOLVED = 1e6
-"""Value of every residual where the model has no solution. The solver then rejects the step."""
+UNSOLVED = 1e6  # Residuals where the model has no solution: the solver rejects the step
 
 
 @dataclass(frozen=True)

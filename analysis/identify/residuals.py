@@ -24,10 +24,8 @@ NOT_OF_STRINGS = {
     *("key.gravity_moment", "key.pivot_coulomb_friction", "key.pivot_viscous_friction"),
     "jack.register_friction",
 }  # Parameters that affect neither the strings' forces nor the bending of the key
-NOT_OF_RIGID_KEY = {parameters.FORCE_GAIN, "key.inertia", "jack.mass"}
-"""Further parameters of this kind if the key is rigid."""
-CACHED_POINTS = 3
-"""Number of points whose string forces are cached. Most derivatives do not change the forces."""
+NOT_OF_RIGID_KEY = {parameters.FORCE_GAIN, "key.inertia", "jack.mass"}  # And if the key is rigid
+CACHED_POINTS = 3  # Points whose string forces are kept: most derivatives do not change them
 ITERATIONS = 2  # Iterations of the strings' forces, which hardly depend on bending and vibration
 
 

@@ -34,8 +34,7 @@ AMOUNT = 0.1  # Weight of the depth itself relative to its bends
 STEP = 1e-6  # m, of the depth, for derivatives of the press by the table's derivatives
 MOST_STEPS = 20
 
-Observe = Callable[[Rig, Prediction], Floats]
-"""Returns what a press is compared by: logarithms of quantities, or relative deviations."""
+Observe = Callable[[Rig, Prediction], Floats]  # Logarithms, or relative deviations
 
 
 @dataclass(frozen=True)

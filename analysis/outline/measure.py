@@ -16,8 +16,7 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.outline.picture import Silhouette, at_border
 
 MEMBERS = 30  # Outlines of an ensemble
-PLACES = np.linspace(0.0, 1.0, 27)
-"""Vertices of an outline in lengths. The string's patch at the tip is about as long as a part."""
+PLACES = np.linspace(0.0, 1.0, 27)  # Vertices [lengths]; a part is about the string's patch
 MOST_TILT, DOUBTFUL_TILT = math.radians(15), math.radians(8)
 FACE = 0.3  # Height of the jack's face on each side of the plectrum, over the thickness there
 SLENDER = 3.0  # Least length over thickness

@@ -20,8 +20,7 @@ MOST_PIXELS = 60e6
 SMOOTHING = 1.0  # Pixels, of the Gaussian that averages noise before the contour is taken
 LEAST_CONTRAST = 6.0  # Contrast over the standard deviation of a pixel's noise
 LEAST_RANGE = 0.04  # Contrast as a fraction of full scale: about 10 grey levels of 256
-DUST, OTHER = 0.002, 0.05
-"""Areas over that of the largest object: smaller ones are dust, larger ones are other objects."""
+DUST, OTHER = 0.002, 0.05  # Areas over the largest object's: of the largest dust, of other objects
 LARGEST_SIDE = 500  # Pixels of the reduced picture in which light and object are separated
 LEAST_AREA = 0.003  # Of the picture, that a plectrum covers
 BLUR = 6.0  # Pixels; a larger standard deviation of the edge is out of focus

@@ -23,10 +23,8 @@ from sautereau.analysis.report.contents import (
 from sautereau.analysis.report.tables import Course
 from sautereau.rig.quantities import QUANTITIES
 
-TEMPLATE = {"data": {"scatter": [{"type": "scatter"}]}}
-"""Without a template, plotly.js uses its own style."""
-POWERS = {"exponentformat": "power"}
-"""Labels of ticks have powers of ten, and not prefixes without a unit, such as `50µ`."""
+TEMPLATE = {"data": {"scatter": [{"type": "scatter"}]}}  # Else plotly.js uses its own style
+POWERS = {"exponentformat": "power"}  # In labels of ticks, not prefixes without a unit: `50µ`
 TOP = 30  # px above the highest row: a line of text, which is its title
 BOTTOM = 50  # px below the lowest row: labels of ticks, and the title of the horizontal axis
 

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from sautereau.analysis.identify.parameters import (
     value_of,
 )
 from sautereau.analysis.model.predict import expected_of
-from sautereau.analysis.results.result import Result, frame_of, json_of, shown
+from sautereau.analysis.results.result import Result, frame_of, named, plain, shown
 from sautereau.analysis.text import counted, in_rig_units, table
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
@@ -77,10 +77,10 @@ class Expected(Result):
             "presses": self.presses,
             "jack_speed": self.rig.press.jack_speed,
             "sample_rate": self.rig.daq.sample_rate,
-            "noise": asdict(self.noise),
+            "noise": plain(self.noise),
             "instruments": self.instruments,
-            "parameters": {p.name: json_of(p, "name") for p in self.parameters},
-            "choices": [asdict(choice) for choice in self.choices],
+            "parameters": named(self.parameters),
+            "choices": plain(self.choices),
             "warnings": list(self.warnings),
         }
 

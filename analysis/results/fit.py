@@ -1,6 +1,6 @@
 """Values of a rig that were fitted to recordings."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +22,7 @@ from sautereau.analysis.identify.information import IDENTIFIABLE
 from sautereau.analysis.identify.parameters import CONTACT, rig_numbers, rig_values, values_of_rig
 from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.results.prediction import Predicted, predicted
-from sautereau.analysis.results.result import Result, frame_of, json_of, part_of, shown
+from sautereau.analysis.results.result import Result, frame_of, json_of, named, plain, shown
 from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.text import (
     SOME_SIMULATED,
@@ -94,43 +94,27 @@ class Fit(Result):
     @property
     def document(self) -> dict[str, Any]:
         """The fit as JSON; SI units."""
-        names = [e.name for e in self.found.estimates]
-        result: dict[str, Any] = {
-            "parameters": {e.name: json_of(e, "name") for e in self.found.estimates},
-            "correlation": {
-                name: dict(zip(names, row, strict=True))
-                for name, row in zip(names, self.found.correlation.tolist(), strict=True)
-            },
+        found, names = self.found, [e.name for e in self.found.estimates]
+        correlation = zip(names, found.correlation.tolist(), strict=True)
+        own = ("rig", "estimates", "combinations", "warnings")
+        result = {name: plain(v) for name, v in vars(found).items() if name not in own} | {
+            "parameters": named(found.estimates),
+            "correlation": {name: dict(zip(names, row, strict=True)) for name, row in correlation},
             "identifiable": {
-                "all": all(c.identifiable for c in self.found.combinations),
+                "all": all(c.identifiable for c in found.combinations),
                 "identifiable_below": IDENTIFIABLE,
-                "combinations": [asdict(c) for c in self.found.combinations],
+                "combinations": plain(found.combinations),
             },
-            "distribution": {
-                name: np.asarray(part).tolist()
-                for name, part in vars(self.found.distribution).items()
-            },
-            "also_fitted": {e.name: json_of(e, "name") for e in self.found.also_fitted},
-            "modes": [asdict(mode) for mode in self.found.modes],
-            "fits": self.found.quality.fits,
-            "quality": json_of(self.found.quality, "repetition", "quiet", "repeats"),
-            "suggested": [asdict(s) for s in self.found.suggested],
-            "sensitivity": {s.name: json_of(s, "name") for s in self.found.sensitivity},
-            "presses": list(self.found.presses),
-            **part_of(
-                self.found, "releases", "level", "residual", "residual_before", "rise_residual"
-            ),
-            "force_offsets": list(self.found.force_offsets),
+            "also_fitted": named(found.also_fitted),
+            "fits": found.quality.fits,
+            "quality": json_of(found.quality, "repetition", "quiet", "repeats"),
+            "sensitivity": named(found.sensitivity),
             "simulated": self.simulated,
             "warnings": list(self.warnings),
         }
         if self.profiles:
             result["profiles"] = {
-                p.name: {
-                    "values": p.values.tolist(),
-                    "rises": p.rises.tolist(),
-                    "ci95": [p.low, p.high],
-                }
+                p.name: json_of(p, "name", "low", "high") | {"ci95": [p.low, p.high]}
                 for p in self.profiles
             }
         return result

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sautereau.analysis.figures.palette import PRESSED, PURPLE
-from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.results.result import Result, frame_of, plain, shown
 from sautereau.analysis.text import table
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import follow_key
@@ -38,10 +38,8 @@ class Clamping(Result):
     @property
     def document(self) -> dict[str, Any]:
         """Both places as JSON; SI units."""
-        if self.located is None:
-            return asdict(self.found)
-        arrays = {name: getattr(self.located, name).tolist() for name in ("std", "covariance")}
-        return {"located": asdict(self.located) | arrays} | asdict(self.found)
+        located = {"located": plain(self.located)} if self.located else {}
+        return located | plain(self.found)
 
     def lines(self) -> list[str]:
         """Return both places as text."""

@@ -15,7 +15,7 @@ from sautereau.analysis.identify.parameters import ENDS, split_name, with_parame
 from sautereau.analysis.model import predict as model
 from sautereau.analysis.model.choirs import hold, string_names
 from sautereau.analysis.model.string.string import first_mode_release_speed
-from sautereau.analysis.results.result import Result, frame_of, json_of, part_of, shown
+from sautereau.analysis.results.result import Result, frame_of, named, part_of, shown
 from sautereau.analysis.session.compare import pluck_features
 from sautereau.analysis.text import counted, table
 from sautereau.rig.disk import read_limited, why_unreadable
@@ -40,8 +40,7 @@ OF_OUTLINE: tuple[str, ...] = (
     "release_angle", "release_lift", "v_osc",
 )  # fmt: skip
 """Quantities of the press of a photographed plectrum."""
-MATERIAL = ("youngs_modulus", "poisson_ratio", "width", "friction")
-"""Values of a plectrum that its outline does not have, and whose assumed range counts."""
+MATERIAL = ("youngs_modulus", "poisson_ratio", "width", "friction")  # Not in an outline
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ class Predicted(Result):
         return {
             "level": self.level,
             "draws": len(self.draws),
-            "quantities": {i.name: json_of(i, "name") for i in self.intervals},
+            "quantities": named(self.intervals),
         }
 
     def lines(self) -> list[str]:

@@ -50,9 +50,7 @@ OCTAVE = 13  # Nearest keys of which the trend at a key is, itself included
 LEAST = 5  # Fewest keys for a trend that an uneven one does not move, and for outliers
 MAD_OF_NORMAL = 0.6745  # Median absolute deviation of a normal distribution over its std
 LIMIT = 3.5  # Modified z-score of an outlier, as Iglewicz and Hoaglin recommend
-FELT = 0.07
-"""Dimensionless, smallest difference that fingers feel, of forces of 2.5 to 10 N (Pang, Tan and
-Durlach, 1991)."""
+FELT = 0.07  # Least difference of 2.5 to 10 N that is felt (Pang, Tan and Durlach, 1991)
 
 
 @dataclass(frozen=True)

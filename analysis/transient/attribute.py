@@ -111,30 +111,23 @@ AGAIN = "more presses at the same speed: a mode of the bench returns at the same
 DECIDED = 0.8  # Smallest probability from which an oscillation is attributed to a source
 
 
-AFTER_ANOTHER = 0.3
-"""Probability that the released phase shows a string if the rig has several choirs."""
+AFTER_ANOTHER = 0.3  # Chance that the released phase shows a string if there are several choirs
 FULL = (20.0, 20000.0)  # Range of a frequency about which nothing is known (Hz)
-ODD = 0.05
-"""Weight of `FULL` in every source, and of the source's `band` in addition to a measured mode."""
+ODD = 0.05  # Weight of `FULL` in every source, and of its `band` beside a measured mode
 STRING_STD = 0.03  # Relative standard uncertainty of a string's frequency
-FREE_PART = 0.2
-"""Weight of the partials of the free string; those of the held string have the remaining weight."""
-SERVO_PART = 0.15
-"""Weight of the multiples of the controller's sample frequency among oscillations of the finger."""
+FREE_PART = 0.2  # Weight of the free string's partials; the held string's have the rest
+SERVO_PART = 0.15  # Weight of the sample frequency's multiples among the finger's oscillations
 SERVO_STD = 0.01  # Relative standard uncertainty of these multiples
-KNOWN_STD = 0.03
-"""Relative standard uncertainty of a mode that was measured without contact of the finger."""
+KNOWN_STD = 0.03  # Relative, of a mode that was measured without contact of the finger
 MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)  # Frequencies of mains hum (Hz)
 MAINS_STD = 0.004  # Relative standard uncertainty of these frequencies
 FLEXIBLE_PART = 0.25  # Probability that the key bends or heaves under an oscillating finger
 FLEXIBLE_RATIO = 0.0  # Mean of the decimal logarithm of the finger's ratio in that case
 FLEXIBLE_STD = 0.5  # Standard deviation of that logarithm
 IN_PHASE_STD = 20.0  # Standard deviation of an expected phase (deg)
-HIGHEST = 8e3
-"""Highest partial of a string (Hz). Partials are weighted with 1 / f^2, as for a bent string."""
+HIGHEST = 8e3  # Hz, of a string's partials, whose weight is 1 / f^2, as for a bent string
 DELAY_STD = 30e-6  # Standard uncertainty of the delay between the channels (s)
-SCALING = 0.2
-"""Relative range of jack speeds from which a constant frequency excludes a ripple of the drive."""
+SCALING = 0.2  # Relative range of speeds from which a constant frequency is no ripple
 
 
 @dataclass(frozen=True)

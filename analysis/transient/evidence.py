@@ -26,10 +26,8 @@ LEAST_RATE = 10e3  # Smallest sampling rate after decimation (Hz)
 TAPS = 12  # Length of the low-pass filter in decimated samples
 DEVIATIONS = 3.0  # Standard uncertainties within which two values count as the same
 FULL_SPEED = 0.95  # Fraction of the free speed at which the run-up ends
-CONTACT_LOST = 0.3
-"""Fraction of the force in the free phase below which the key is not in contact with the finger."""
-ABOVE_REST = 4.0
-"""Smallest amplitude of a mode, in its uncertainties at the noise level at its frequency."""
+CONTACT_LOST = 0.3  # Force over that of the free phase below which the finger is off the key
+ABOVE_REST = 4.0  # Smallest amplitude of a mode, in its uncertainties at the noise's level
 
 
 @dataclass(frozen=True)

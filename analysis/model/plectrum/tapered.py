@@ -22,12 +22,9 @@ from sautereau.rig.instrument import Plectrum
 
 DRAGS, LOADS, POSITIONS = 9, 20, 6  # Nodes of a table over T, over q, and over s in each part
 PARTS = 8  # Largest number of parts; it is doubled from 1 until the table is accurate
-ACCURACY = 1e-6
-"""Dimensionless; error of a table between its nodes below which more parts are not tried."""
+ACCURACY = 1e-6  # Error between a table's nodes below which more parts are not tried
 CELLS = 32  # Cells of the table over q
-STEPS = 96
-"""Least number of steps from the tip to the clamp; the error of the method falls as its 4th
-power."""
+STEPS = 96  # Least number from tip to clamp; the method's error falls as its 4th power
 
 
 def laws(

@@ -111,8 +111,7 @@ STEP_FRACTION_MAX = 0.35
 more than the omitted ones. Force and modes of a stiff plectrum then excite each other from step to
 step."""
 NEWTON_STEPS = 40  # Maximum per time step; 2 are usual
-CLOSE = 1e-9
-"""Tolerance on Newton's last step, in plectrum lengths; the error is of the order of its square."""
+CLOSE = 1e-9  # Tolerance on Newton's last step, in lengths; the error is about its square
 TIP_CLOSE = 1e-12  # Tolerance on the residual of a contact at the tip, in plectrum lengths
 
 

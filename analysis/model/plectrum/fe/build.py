@@ -30,13 +30,11 @@ from sautereau.rig.progress import tracked
 ACCURACY = 4e-4
 """Dimensionless; error of a table, relative to displacement and rotation, below which more
 solutions are not tried."""
-_SIZES = ((3, 4, 5), (3, 7, 6), (4, 12, 7))
-"""Numbers of drags, positions and loads, tried one after another until the table is accurate."""
+_SIZES = ((3, 4, 5), (3, 7, 6), (4, 12, 7))  # Drags, positions and loads, until it is accurate
 LOAD_LIMIT = 2.0
 """Largest load f = F L^2 / EI, dimensionless; EI follows from the plectrum's rotation under a small
 load at its tip. A uniform plectrum turns by 56 degrees at this load."""
-STRAIN_LIMIT = 0.2
-"""Largest strain of the edges at the clamp, which limits the load of thick plectra."""
+STRAIN_LIMIT = 0.2  # Largest strain of the edges at the clamp: limits the load of thick plectra
 
 
 DEPTH = 1e-7
