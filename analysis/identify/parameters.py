@@ -415,7 +415,7 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         _hidden(LATE_SLIDING, 0.0, SLIDING_STD, "1/N"),
         _hidden(RELEASE, 0.0, RELEASE_STD),
         # Of a uniform distribution from 0 to 1.
-        hidden(VIBRATION, 0.5, 12**-0.5, ENDS[VIBRATION]),
+        hidden(VIBRATION, 0.5, 1 / 12**0.5, ENDS[VIBRATION]),
     ]
     for string in range(2, len(rig.more_choirs) + 2):
         stiffness, overlap, clearance = (name.format(string) for name in OF_STRING)
