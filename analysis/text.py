@@ -14,8 +14,7 @@ if TYPE_CHECKING:
 IN_RIG = DISPLAYED | {
     **{"kg": (1e3, "g"), "N": (1e3, "mN"), "Pa": (1e-9, "GPa"), "N*m": (1e3, "mN m")},
     "N*m*s/rad": (1e3, "mN m s/rad"),
-}
-"""Factor and unit in which rig files state a quantity, by its SI unit."""
+}  # Factor and unit in which rig files state a quantity, by its SI unit
 SOME_SIMULATED = "SIMULATED: at least one of these presses is simulated"
 """First line of the text on presses of which any was made on a stand-in."""
 WIDTH = 80  # Columns of the narrowest usual terminal, to which texts are wrapped

@@ -19,7 +19,7 @@ from sautereau.analysis.identify.compliant import fit_presses
 from sautereau.analysis.identify.fit import informative
 from sautereau.analysis.identify.forecast import Planned, WhiteNoise, forecast, together
 from sautereau.analysis.identify.information import Information
-from sautereau.analysis.identify.parameter_names import MODE as MODE_NAME
+from sautereau.analysis.identify.parameters import MODE as MODE_NAME
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases

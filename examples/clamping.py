@@ -7,7 +7,7 @@ import math
 import sys
 from pathlib import Path
 
-from sautereau.analysis.figures.mount import mount_figure
+from sautereau.analysis.results.mount import mount_figure
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.mount.find import Mount, find_mount, mount_map

@@ -18,7 +18,7 @@ from benchmarks.micrographs import Camera, carved, draw
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.outline.carve import Knife
 from sautereau.analysis.results.outlined import Outlined, outline
-from sautereau.analysis.results.predicted import quantities
+from sautereau.analysis.results.prediction import quantities
 from sautereau.analysis.results.voiced import Voiced, voice
 from sautereau.rig.instrument import Outline
 from sautereau.rig.load import load_rig

@@ -4,23 +4,22 @@
 
 X has the levels of the factors (treatment coding) and, on request, products of two factors. The
 deviations of blocks and presses are independent and normal. The model is estimated by restricted
-maximum likelihood (`statsmodels.MixedLM`), and by least squares where a deviation of the blocks is
-not identifiable or estimated as zero. A mean of a level is that over all levels of the others with
+maximum likelihood, and by least squares where a deviation of the blocks is not identifiable or
+estimated as zero. A mean of a level is that over all levels of the others with
 equal weights. Intervals are Student's; their degrees of freedom are those of the blocks for a
 comparison between blocks, and those of the presses for one within blocks (containment).
 """
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
 from types import MappingProxyType
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sautereau.analysis.campaign.variance import Nested, fit_nested
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.repeatability import COVERAGE, Spread
 from sautereau.trajectory.motion import Floats
@@ -117,8 +116,7 @@ def fit_effects(
     columns = _Columns.of(own, order, interaction)
     numbers = np.unique(blocks[known], return_inverse=True)[1]
     fit = _Fit.of(values[known], columns, numbers)
-    found = [_of_factor(fit, name) for name in columns.levels]
-    found += [_of_interaction(fit, *pair) for pair in columns.pairs]
+    found = [fit.effects_of(*own) for own in (*((f,) for f in columns.levels), *columns.pairs)]
     residuals = np.full(len(values), np.nan)
     residuals[known] = values[known] - columns.matrix @ fit.coefficients
     return FittedEffects(
@@ -139,8 +137,7 @@ class _Columns:
 
     factors: Mapping[str, Sequence[str]]
     levels: Mapping[str, tuple[str, ...]]
-    pairs: tuple[tuple[str, str], ...]
-    """Factors with an interaction."""
+    pairs: tuple[tuple[str, str], ...]  # Factors with an interaction
 
     @classmethod
     def of(
@@ -177,16 +174,10 @@ class _Columns:
         """Row of each press."""
         return self.rows(self.factors)
 
-    @cached_property
-    def _grid(self) -> tuple[list[dict[str, str]], Floats]:
-        """All combinations of levels, and their rows."""
-        cells = [dict(zip(self.levels, c, strict=True)) for c in product(*self.levels.values())]
-        return cells, self.rows({f: [cell[f] for cell in cells] for f in self.levels})
-
     def mean(self, at: Mapping[str, str]) -> Floats:
         """Return the combination of coefficients that is the mean at some levels."""
-        cells, rows = self._grid
-        return rows[[all(cell[f] == level for f, level in at.items()) for cell in cells]].mean(0)
+        every = product(*([at[f]] if f in at else own for f, own in self.levels.items()))
+        return self.rows(dict(zip(self.levels, zip(*every, strict=True), strict=True))).mean(0)
 
 
 def in_order(levels: Sequence[str]) -> tuple[str, ...]:
@@ -209,10 +200,8 @@ class _Fit:
     columns: _Columns
     coefficients: Floats
     covariance: Floats
-    between: NDArray[np.bool_]
-    """Which columns are constant within all blocks."""
-    degrees: tuple[int, int]
-    """Degrees of freedom of the presses and of the blocks."""
+    between: NDArray[np.bool_]  # Which columns are constant within all blocks
+    degrees: tuple[int, int]  # Degrees of freedom of the presses and of the blocks
     press_std: float
     block_std: float | None
     reason: str
@@ -231,7 +220,8 @@ class _Fit:
         between = np.abs(x - means[blocks]).max(axis=0) < ROUNDING
         of_blocks = len(counts) - int(np.linalg.matrix_rank(means[:, between]))
         of_presses = n - len(counts) - int((~between).sum())
-        if n - x.shape[1] < 1:
+        free = n - x.shape[1]
+        if free < 1:
             raise AnalysisError(
                 f"effects: {n} presses for {x.shape[1]} coefficients leave no degree of freedom for"
                 " a spread; make more presses"
@@ -241,33 +231,32 @@ class _Fit:
             raise AnalysisError(
                 "effects: the values have no spread; give presses that were really made, each once"
             )
-        y, found, reason = (values - values.mean()) / scale, None, ""
+        y, reason, degrees = (values - values.mean()) / scale, "", (of_presses, of_blocks)
         if len(counts) == 1:
             reason = "all presses are of one block"
         elif of_blocks < 1:
-            names = [f for f in columns.levels if between[_first(columns, f)]]
+            owners = [f for f, own in columns.levels.items() for _ in own[1:]]
+            names = dict.fromkeys(f for f, one in zip(owners, between[1:], strict=False) if one)
             reason = (
                 "each level is in one block only, so that the effect of setting it up again is part"
                 f" of the effect of {', '.join(names)}; make a second block of each (set_ups = 2)"
             )
         elif of_presses < 1:
             reason = "no block has several presses of one combination"
-        else:
-            found, reason = _mixed(y, x, blocks)
-        degrees = of_presses, of_blocks
-        if found is None:
-            free = n - x.shape[1]
-            known = len(counts) > 1 and of_blocks > 0 and of_presses > 0
+        known = not reason
+        found = fit_nested(Nested(y, x, blocks, blocks), subgroups=False, groups=known)
+        press, block = np.exp(found.logs[[0, 2]]).tolist()
+        if known and block <= SAME * press:
+            reason = "the blocks differ by no more than the presses within them"
+            found = fit_nested(Nested(y, x, blocks, blocks), subgroups=False, groups=False)
+            press, block = float(np.exp(found.logs[0])), 0.0
+        if reason:
             degrees = free, of_blocks if known else free
-            b: Any = np.linalg.lstsq(x, y)[0]
-            press = float(np.sqrt(((y - x @ b) ** 2).sum() / free))
-            covariance: Any = press**2 * np.linalg.inv(x.T @ x)
-            found = _Mixed(b, covariance, press, 0.0 if known else None)
         coefficients = found.coefficients * scale
         coefficients[0] += values.mean()
         return cls(
             columns, coefficients, found.covariance * scale**2, between, degrees,
-            found.press * scale, None if found.block is None else found.block * scale, reason,
+            press * scale, block * scale if known else None, reason,
         )  # fmt: skip
 
     def spread(self, combination: Floats) -> tuple[tuple[float, float, float], float, int]:
@@ -280,87 +269,33 @@ class _Fit:
         reach = float(t.ppf((1 + COVERAGE) / 2, degrees)) * std
         return (value, value - reach, value + reach), std, degrees
 
-    def effect(self, factor: str, level: str, combination: Floats) -> Effect:
-        """Return a combination of coefficients as an effect."""
-        ends, std, degrees = self.spread(_clean(combination))
-        return Effect(*ends, factor, level, std, degrees)
-
-    def p_value(self, combinations: Sequence[Floats], degrees: int) -> float:
-        """Return the p value of the hypothesis that all combinations are 0."""
+    def effects_of(self, *factors: str) -> FactorEffects:
+        """Return the differences from the first level of a factor, or of two their differences."""
         from scipy.stats import f
 
-        rows = np.array(combinations)
+        columns, effects, found = self.columns, [], []
+        levels = [columns.levels[factor] for factor in factors]
+        for cell in product(*(own[1:] for own in levels)):
+            row = np.zeros(len(self.coefficients))
+            for taken in product((True, False), repeat=len(factors)):
+                chosen = zip(factors, taken, cell, levels, strict=True)
+                at = {name: level if own else every[0] for name, own, level, every in chosen}
+                row += (-1) ** taken.count(False) * columns.mean(at)
+            row[np.abs(row) < ROUNDING] = 0.0
+            ends, std, degrees = self.spread(row)
+            effects.append(Effect(*ends, " x ".join(factors), " x ".join(cell), std, degrees))
+            found.append(row)
+        rows = np.array(found)
         b, covariance = rows @ self.coefficients, rows @ self.covariance @ rows.T
-        return float(f.sf(b @ np.linalg.solve(covariance, b) / len(rows), len(rows), degrees))
-
-
-def _first(columns: _Columns, factor: str) -> int:
-    """Return the first column of a factor."""
-    before = list(columns.levels).index(factor)
-    return 1 + sum(len(own) - 1 for own in list(columns.levels.values())[:before])
-
-
-def _clean(combination: Floats) -> Floats:
-    """Return a combination of coefficients without what is rounding."""
-    return np.where(np.abs(combination) < ROUNDING, 0.0, combination)
-
-
-class _Mixed(NamedTuple):
-    """Coefficients with their covariance, and the standard deviations of presses and blocks."""
-
-    coefficients: Floats
-    covariance: Floats
-    press: float
-    block: float | None
-
-
-def _mixed(y: Floats, x: Floats, blocks: NDArray[np.intp]) -> tuple[_Mixed | None, str]:
-    """Return the mixed model, or why there is none.
-
-    The likelihood is largest without a deviation of blocks, or the search for its maximum fails.
-    """
-    from sautereau.rig.errors import require
-
-    require("ordinal", "effects", "statsmodels")
-    from statsmodels.regression.mixed_linear_model import MixedLM
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # at a boundary it warns, which is found below
-        try:
-            found: Any = MixedLM(y, x, groups=blocks).fit(reml=True)
-        except (np.linalg.LinAlgError, ValueError) as error:
-            return None, f"the mixed model is singular ({error})"
-    press = float(np.sqrt(found.scale))
-    block = float(np.sqrt(max(float(np.asarray(found.cov_re)[0, 0]), 0.0)))
-    covariance = np.asarray(found.cov_params())[: x.shape[1], : x.shape[1]]
-    if block <= SAME * press:
-        return None, "the blocks differ by no more than the presses within them"
-    if not (found.converged and np.isfinite(covariance).all()):
-        return None, "the search for the largest likelihood of the mixed model fails"
-    return _Mixed(np.asarray(found.fe_params), covariance, press, block), ""
-
-
-def _of_factor(fit: _Fit, name: str) -> FactorEffects:
-    columns = fit.columns
-    first, *others = columns.levels[name]
-    counts = {level: list(columns.factors[name]).count(level) for level in columns.levels[name]}
-    means = [
-        LevelMean(*fit.spread(columns.mean({name: level}))[0], level, count)
-        for level, count in counts.items()
-    ]
-    rows = [_clean(columns.mean({name: level}) - columns.mean({name: first})) for level in others]
-    effects = [fit.effect(name, level, row) for level, row in zip(others, rows, strict=True)]
-    p_value = fit.p_value(rows, effects[0].degrees)
-    return FactorEffects((name,), tuple(means), tuple(effects), p_value)
-
-
-def _of_interaction(fit: _Fit, a: str, b: str) -> FactorEffects:
-    columns, name = fit.columns, f"{a} x {b}"
-    first_a, *others_a = columns.levels[a]
-    first_b, *others_b = columns.levels[b]
-    effects, rows = [], []
-    for one, other in product(others_a, others_b):
-        cells = [columns.mean({a: i, b: j}) for i in (one, first_a) for j in (other, first_b)]
-        rows.append(_clean(cells[0] - cells[1] - cells[2] + cells[3]))
-        effects.append(fit.effect(name, f"{one} x {other}", rows[-1]))
-    return FactorEffects((a, b), (), tuple(effects), fit.p_value(rows, effects[0].degrees))
+        wald = b @ np.linalg.solve(covariance, b) / len(rows)
+        p_value = float(f.sf(wald, len(rows), effects[0].degrees))
+        means = [
+            LevelMean(
+                *self.spread(columns.mean({factors[0]: level}))[0],
+                level,
+                list(columns.factors[factors[0]]).count(level),
+            )
+            for level in levels[0]
+            if len(factors) == 1
+        ]
+        return FactorEffects(factors, tuple(means), tuple(effects), p_value)

@@ -2,12 +2,12 @@
 
 import hashlib
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sautereau.analysis.campaign.labels import TOUCH, touch_in
 from sautereau.analysis.campaign.shape import DESCRIPTORS, PLECTRUM, numbers_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import choirs
@@ -21,12 +21,22 @@ from sautereau.rig.schema import Rig
 if TYPE_CHECKING:
     import pyarrow as pa
 
+LEVELS = ("soft", "medium", "hard")  # Values of the column `TOUCH`, in increasing order
+TOUCH = "touch"  # Column of the judgements; null without a judgement
+_LINE = re.compile(rf"^\s*touch\s*[:=]\s*({'|'.join(LEVELS)})\s*$", re.IGNORECASE | re.MULTILINE)
+
+
+def touch_in(notes: str) -> str | None:
+    """Return the last judgement in an operator's notes, a line such as `touch: hard`, or None."""
+    found = _LINE.findall(notes)
+    return found[-1].lower() if found else None
+
+
 OF_STRING = (
     "plectrum",
     *(f"plectrum_{name}" for name in PLECTRUM),
     *("string_stiffness", "string_clearance"),
-)
-"""Columns that describe the string of a pluck; those of the second pluck end in `_2`."""
+)  # Columns that describe the string of a pluck; those of the second pluck end in `_2`
 UNITS = {
     "path": "",
     "size": "byte",
@@ -56,8 +66,7 @@ speed, their values are the rig's. The last columns are the features of
 KINDS = {
     **dict.fromkeys(("path", "session", "started", "notes", TOUCH, "rig", "plectrum"), "text"),
     **dict.fromkeys(("warm_up", "simulated"), "yes/no"),
-}
-"""Kinds of the columns that hold no numbers."""
+}  # Kinds of the columns that hold no numbers
 ALWAYS = (
     "path", "size", "mtime", "session", "warm_up", "simulated", "rig", "plectrum",
     *(f"plectrum_{name}" for name in PLECTRUM if name not in ("friction", *DESCRIPTORS)),

@@ -11,12 +11,9 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.progress import tracked
 
 BATCH = 8  # Number of recordings that a process reads at a time: about 0.2 s of work
-WORTH_A_PROCESS = 64
-"""Number of recordings for which a further process is worth its start of about 1.5 s."""
-UNWRITTEN = 256
-"""Number of presses after which the table is written. A killed run loses at most these."""
-UNWRITTEN_FRACTION = 0.02
-"""The same as a fraction of the table's rows, used if it is larger: limits the time of writing."""
+WORTH_A_PROCESS = 64  # Recordings that are worth a further process, which starts in 1.5 s
+UNWRITTEN = 256  # Presses after which the table is written: a killed run loses no more
+UNWRITTEN_FRACTION = 0.02  # Or this fraction of the rows, if more: limits the time of writing
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,9 @@ def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -
             f"campaign {out}: tables are written as Parquet only; use the file extension .parquet"
         )
     found = find_recordings(folder)
-    earlier = _earlier(out)
+    earlier = read_campaign(out) if out.exists() else empty_campaign(out, computed_by())
+    if (earlier.made_by, earlier.schema) != (computed_by(), SCHEMA):  # other code has written it
+        earlier = empty_campaign(out, computed_by())
     campaign = earlier.only(set(found))
     kept = set(campaign.sources)
     unread = [source for source in found if source not in kept]
@@ -101,12 +100,3 @@ def find_recordings(folder: Path) -> list[Source]:
         )
     stats = [(path.relative_to(folder).as_posix(), path.stat()) for path in paths]
     return [Source(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
-
-
-def _earlier(out: Path) -> Campaign:
-    """Return the table of an earlier run; an empty one if other code has written it."""
-    if out.exists():
-        earlier = read_campaign(out)
-        if (earlier.made_by, earlier.schema) == (computed_by(), SCHEMA):
-            return earlier
-    return empty_campaign(out, computed_by())

@@ -22,8 +22,7 @@ DESCRIPTORS = {
     "taper": "1",
     "tip_compliance": "m/N",
     "contact_compliance": "m/N",
-}
-"""What follows from the outline, or from the thicknesses without one, with units."""
+}  # What follows from the outline, or from the thicknesses without one, with units
 PLECTRUM = {
     "length": "m",
     "width": "m",
@@ -33,18 +32,13 @@ PLECTRUM = {
     "bending_stiffness": "N m^2",
     "friction": "1",
     **DESCRIPTORS,
-}
-"""Numbers of a plectrum, with their units."""
-TIP = 0.1
-"""Dimensionless, part of the length over which the tip's thickness is averaged: the last point of
-an outline may be rounded."""
+}  # Numbers of a plectrum, with their units
+TIP = 0.1  # Part of the length over which the tip, which may be rounded, is averaged
 SHAPE = tuple(
     f"plectrum_{name}"
     for name in ("length", "width", "thickness", "tip_thickness", "overlap", "youngs_modulus")
-)
-"""Columns of a plectrum's shape and material. Those that vary get an exponent."""
-CONDITIONS = ("jack_speed", "string_stiffness")
-"""Columns that change the touch of a given plectrum. Those that vary get an exponent."""
+)  # Columns of a plectrum's shape and material. Those that vary get an exponent
+CONDITIONS = ("jack_speed", "string_stiffness")  # Change a plectrum's touch; get an exponent
 LEAST_RANGE = 1e-6  # Range of a column's logarithm below which the column counts as constant
 LEAST_SINGULAR = 1e-3
 """Ratio of the smallest to the largest singular value of the normalised regressors below which they

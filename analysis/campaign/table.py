@@ -18,10 +18,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from sautereau.analysis.campaign.labels import LEVELS, TOUCH
 from sautereau.analysis.campaign.row import (
     KINDS,
+    LEVELS,
     OF_STRING,
+    TOUCH,
     Fault,
     Row,
     Source,
@@ -195,18 +196,12 @@ def read_campaign(path: str | Path) -> Campaign:
         )
     table = table.replace_schema_metadata(None)
     if schema == 1:
-        table = table.rename_columns([_present_name(name) for name in table.column_names])
+        old = re.compile(rf"^({'|'.join(RENAMED)})(?=(_\d+)?$)")
+        names = [old.sub(lambda found: RENAMED[found[1]], name) for name in table.column_names]
+        table = table.rename_columns(names)
     if wrong := column_faults(table):
         raise AnalysisError(f"{fault_list(f'campaign {path}', wrong)}\n{fix}")
     return Campaign(path, table, faults, made_by, schema)
-
-
-def _present_name(column: str) -> str:
-    """Return the present name of a column of version 1."""
-    for old, new in RENAMED.items():
-        if re.fullmatch(rf"{old}(_\d+)?", column):
-            return new + column.removeprefix(old)
-    return column
 
 
 def table_of(rows: Sequence[Row]) -> pa.Table:

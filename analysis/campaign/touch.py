@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.campaign.labels import LEVELS
-from sautereau.analysis.campaign.row import DESCRIBED
+from sautereau.analysis.campaign.row import DESCRIBED, LEVELS
 from sautereau.analysis.campaign.shape import (
     CONDITIONS,
     LEAST_RANGE,
@@ -38,11 +37,9 @@ from sautereau.trajectory.motion import Floats
 if TYPE_CHECKING:
     import pandas as pd
 
-FELT = ("release_force", "force_slope", "force_drop")
-"""Columns of a campaign that describe touch; `sautereau.rig.quantities` defines them."""
+FELT = ("release_force", "force_slope", "force_drop")  # Columns that describe touch
 PLECTRA = 2  # Number of the stratum of what varies between plectra only; see `_stratum`
-MOST_OMITTED = 0.05
-"""Largest fraction of a plectrum's presses without a quantity for which exponents are estimated."""
+MOST_OMITTED = 0.05  # Largest fraction of presses without a quantity for which it has exponents
 
 
 @dataclass(frozen=True)
@@ -133,7 +130,9 @@ def find_touch(campaign: Campaign) -> Touch:
     reasons: dict[str, list[str]] = {}
     few: list[str] = []
     for name in FELT:
-        fitted, omitted = _with_positive(presses, name)
+        positive = presses[name].to_numpy(float) > 0
+        fitted = presses.loc[positive].reset_index(drop=True)
+        omitted = presses.loc[~positive, "plectrum"].value_counts().to_dict()
         number = len(set(fitted["plectrum"]))
         if len(fitted) < max(2, number + 1):
             few.append(
@@ -157,16 +156,13 @@ def find_touch(campaign: Campaign) -> Touch:
         notes.append("this campaign mixes presses of the stand-in and of an instrument")
     sessions = len(set(presses["session"]))
     count = len(set(presses["path"]))
-    hard = _thirds({p.name: p.felt[n].value for p in each for n in [*felt][:1] if n in p.felt})
+    first = next(iter(felt))
+    ranked = sorted((p.felt[first].value, p.name) for p in each if first in p.felt)
+    thirds = np.array_split(np.array([name for _, name in ranked]), len(LEVELS))
+    hard: dict[str, tuple[str, ...]] = {}
+    if len(ranked) >= len(LEVELS):
+        hard |= {level: tuple(own.tolist()) for level, own in zip(LEVELS, thirds, strict=True)}
     return Touch(bool(simulated.any()), count, sessions, tuple(each), felt, hard, tuple(notes))
-
-
-def _thirds(values: dict[str, float]) -> dict[str, tuple[str, ...]]:
-    """Return names by the levels of touch, in thirds of their values."""
-    if len(values) < len(LEVELS):
-        return {}
-    parts = np.array_split(np.array(sorted(values, key=lambda name: values[name])), len(LEVELS))
-    return {level: tuple(part.tolist()) for level, part in zip(LEVELS, parts, strict=True)}
 
 
 def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
@@ -200,19 +196,14 @@ def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
     return kept, notes
 
 
-def _with_positive(presses: "pd.DataFrame", name: str) -> "tuple[pd.DataFrame, dict[str, int]]":
-    """Return the presses with a positive quantity, and the number of others by plectrum."""
-    positive = presses[name].to_numpy(float) > 0
-    without = presses.loc[~positive, "plectrum"].value_counts()
-    return presses.loc[positive].reset_index(drop=True), without.to_dict()
-
-
 def _fit(
     name: str, presses: "pd.DataFrame", omitted: dict[str, int]
 ) -> tuple[Felt, dict[str, Spread], list[str]]:
     """Return the fit of one quantity, its mean by plectrum, and notes on what is missing."""
-    groups = _numbers(presses, ["plectrum"])
-    subgroups = _numbers(presses, ["plectrum", "session"])
+    groups, subgroups = (
+        presses.groupby(own).ngroup().to_numpy(np.intp)
+        for own in (["plectrum"], ["plectrum", "session"])
+    )
     plectra = int(groups.max()) + 1
     notes = []
     several = max(len(set(subgroups[groups == g])) for g in range(plectra)) > 1
@@ -271,11 +262,6 @@ def _selective(presses: "pd.DataFrame", omitted: dict[str, int]) -> str:
         f" the larger ones, and exponents from them would be too large, so there are none above"
         f" {100 * MOST_OMITTED:.0f} %: reduce the noise of the force"
     )
-
-
-def _numbers(presses: "pd.DataFrame", columns: list[str]) -> NDArray[np.intp]:
-    """Return the number, from 0, of each press's group. Values in these columns are equal in it."""
-    return presses.groupby(columns).ngroup().to_numpy(np.intp)
 
 
 def _stratum(column: Floats, groups: NDArray[np.intp], subgroups: NDArray[np.intp]) -> int:

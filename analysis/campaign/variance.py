@@ -22,8 +22,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.repeatability import COVERAGE, Spread
 from sautereau.trajectory.motion import Floats
 
-LOG_RANGE = 8.0
-"""If the ratio of two standard deviations has a larger logarithm, the smaller one counts as 0."""
+LOG_RANGE = 8.0  # Logarithm of a ratio of standard deviations from which the smaller counts as 0
 GRID = 21  # Values of each logarithm in the first search. It finds the deeper of two minima.
 FINER_GRID = 7  # Values in each further search, between the two neighbours of the best value so far
 LOG_TOLERANCE = 1e-3  # Tolerance of a logarithm
@@ -82,8 +81,9 @@ class Nested:
         squares = (x[:, :, None] * x[:, None, :]).reshape(len(n), -1)
         matrix = (weights @ squares).reshape(len(residual), *sums.within.shape)
         matrix += sums.within / residual2[:, :, None]
-        matrix -= _weighted_products(h, shifts)
-        matrix += _weighted_products(h / (1 + group2 * h), means)
+        # Minus and plus the sums over the groups of w r r'.
+        matrix -= np.swapaxes(h[:, :, None] * shifts, 1, 2) @ shifts
+        matrix += np.swapaxes((h / (1 + group2 * h))[:, :, None] * means, 1, 2) @ means
         determinant = 2 * np.log(residual) * (n - 1).sum() + np.log(n / weights).sum(axis=1)
         return matrix, determinant + np.log1p(group2 * h).sum(axis=1)
 
@@ -106,19 +106,11 @@ class _Sums:
 
     within: Floats
     """Sums of products of X and y, each minus the mean of its subgroup, shape (k + 1, k + 1)."""
-    counts: NDArray[np.intp]
-    """Number of values of each subgroup."""
+    counts: NDArray[np.intp]  # Number of values of each subgroup
     deviations: Floats
     """Means of the subgroups minus the centre of their group, shape (subgroups, k + 1)."""
-    centres: Floats
-    """Mean of the subgroups of each group, shape (groups, k + 1)."""
-    starts: NDArray[np.intp]
-    """Number of the first subgroup of each group."""
-
-
-def _weighted_products(weights: Floats, rows: Floats) -> Floats:
-    """Return sum_g w_g r_g r_g' from weights of shape (m, g) and rows of shape (m, g, k)."""
-    return np.swapaxes(weights[:, :, None] * rows, 1, 2) @ rows
+    centres: Floats  # Mean of the subgroups of each group, shape (groups, k + 1)
+    starts: NDArray[np.intp]  # Number of the first subgroup of each group
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,7 @@ from sautereau.rig.version import made_by
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-Where = int | str
-"""Number of processes on this machine, where 1 is the calling process; or the address of a Dask
-scheduler."""
+Where = int | str  # Processes here, where 1 is the calling one, or the address of a Dask scheduler
 
 LIBRARIES = ("numpy", "scipy")  # Those that compute the results besides sautereau
 QUEUED = 3  # Items that are queued for each worker

@@ -5,16 +5,9 @@ from operator import attrgetter
 import numpy as np
 from matplotlib.figure import Figure
 
+from sautereau.analysis.figures import parts
 from sautereau.analysis.figures.artists import Artists, draw_head, draw_pose
 from sautereau.analysis.figures.palette import ARM, FELT, GRAIN, LASER, METAL, PRESSED
-from sautereau.analysis.figures.parts import (
-    AXLE,
-    FELT_HEIGHT,
-    UNDER,
-    clamp_place,
-    fixed_parts,
-    string_height,
-)
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.press.replay import ChoirMotion, at_rest
 from sautereau.rig.schema import Rig
@@ -38,8 +31,7 @@ LENGTHS = {
     "string.length": "string, nut to bridge",
     "string.plucking_point": "nut to jack",
     "string.diameter": "wire",
-}
-"""Lengths without an arrow in the drawing, with their texts."""
+}  # Lengths without an arrow in the drawing, with their texts
 
 
 def bench_figure(rig: Rig, trajectory: Trajectory) -> Figure:
@@ -48,7 +40,7 @@ def bench_figure(rig: Rig, trajectory: Trajectory) -> Figure:
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.5), height_ratios=(1.3, 1))
     side = figure.add_subplot(grid[0, :])
     head, words = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
-    Artists(side, fixed_parts(rig))
+    Artists(side, parts.fixed_parts(rig))
     rise = trajectory.rise.position
     for sample, ghost in ((int(np.argmax(rise)), True), (0, False)):
         place = float(trajectory.angle.position[sample]), trajectory.joints.position[sample]
@@ -72,7 +64,7 @@ def bench_figure(rig: Rig, trajectory: Trajectory) -> Figure:
 def _draw_labels(axes, rig: Rig) -> None:
     key, arm = rig.key, rig.arm
     foot = np.array([key.jack_arm, key.jack_surface_height]) * 1e3
-    height = string_height(rig, choirs(rig)[0]) * 1e3
+    height = parts.string_height(rig, choirs(rig)[0]) * 1e3
     plucked = rig.string.plucking_point * 1e3
     ends = foot[0] - plucked, foot[0] - plucked + rig.string.length * 1e3
     axes.plot(
@@ -80,7 +72,7 @@ def _draw_labels(axes, rig: Rig) -> None:
     )
     low = key.neighbour_height * 1e3
     axes.plot([-key.front_arm * 1e3, 0], [low, low], color=GRAIN, ls=":", lw=1)
-    felt = (-UNDER - key.dip) * 1e3 - 2
+    felt = (-parts.UNDER - key.dip) * 1e3 - 2
     named = (
         ("laser", (-key.laser_arm * 1e3, 120), (0, 3), "center", LASER),
         ("base", tuple(base(arm) * 1e3), (0, 12), "center", ARM),
@@ -89,9 +81,9 @@ def _draw_labels(axes, rig: Rig) -> None:
         ("nut", (ends[0], height - 9), (0, -11), "center", "black"),
         ("bridge", (ends[1], height - 9), (0, -11), "center", "black"),
         ("string", ((foot[0] + ends[1]) / 2, height), (0, -13), "center", "black"),
-        ("rail", (foot[0] - 6, -UNDER * 1e3 - 4), (0, -11), "right", FELT),
+        ("rail", (foot[0] - 6, -parts.UNDER * 1e3 - 4), (0, -11), "right", FELT),
         ("felt", (-key.press_arm * 1e3 - 12, felt), (-4, -4), "right", FELT),
-        ("balance pin", (0, -UNDER * 1e3 - 8), (0, -11), "center", "black"),
+        ("balance pin", (0, -parts.UNDER * 1e3 - 8), (0, -11), "center", "black"),
     )
     for text, place, offset, side, colour in named:
         axes.annotate(
@@ -132,7 +124,7 @@ def _head(axes, rig: Rig) -> None:
 
 def _label_head(axes, motion: ChoirMotion) -> None:
     """Label the parts of a jack's head at rest."""
-    choir, clamp = motion.choir, clamp_place(motion.choir) * 1e3
+    choir, clamp = motion.choir, parts.clamp_place(motion.choir) * 1e3
     clearance, radius = choir.jack.string_clearance * 1e3, choir.string.diameter * 500
     low = -clearance - radius - choir.plectrum.clamp_thickness * 500
     axes.annotate(
@@ -145,9 +137,9 @@ def _label_head(axes, motion: ChoirMotion) -> None:
     axes.text(clamp / 2, low - 0.35, "plectrum", va="top", **middle)
     axes.annotate("wire", (-radius, 0), (-30, -12), textcoords="offset points", fontsize=8)
     if choir.jack.damper:
-        top = radius + (FELT_HEIGHT - choir.jack.damper.lift) * 1e3 + 0.4
+        top = radius + (parts.FELT_HEIGHT - choir.jack.damper.lift) * 1e3 + 0.4
         axes.text(clamp / 2, top, "damper", va="bottom", **middle)
-    axes.text(clamp - AXLE * 500, low - 0.1, "tongue", rotation=90, va="bottom", **middle)
+    axes.text(clamp - parts.AXLE * 500, low - 0.1, "tongue", rotation=90, va="bottom", **middle)
 
 
 def _legend(axes, rig: Rig) -> None:

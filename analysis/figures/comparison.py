@@ -10,9 +10,8 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.gridspec import SubplotSpec
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.made import how_made, stamp
-from sautereau.analysis.figures.palette import AGAINST, MEASURED, PREDICTED, SERIES
-from sautereau.analysis.figures.pressed import scale_to_pluck, shade_phases
+from sautereau.analysis.figures.palette import AGAINST, MEASURED, PREDICTED, SERIES, how_made, stamp
+from sautereau.analysis.figures.phases import scale_to_pluck, shade_phases
 from sautereau.analysis.loading.press import Press, load_press
 from sautereau.analysis.model.predict import Prediction
 from sautereau.analysis.phases import Phases
@@ -22,8 +21,7 @@ from sautereau.analysis.session.difference import Pair
 from sautereau.analysis.text import counted
 from sautereau.rig.quantities import QUANTITIES
 
-BESIDE = 5e-3
-"""s, before contact and after release, that force on deflection and the model are drawn of."""
+BESIDE = 5e-3  # s, before contact and after release, that is drawn of force on deflection
 PICTURED = 8  # Number of presses of a condition that its plot shows, the first ones
 ROWS = 3  # Largest number of conditions that each have a row of a plot
 LISTED = 40  # Number of conditions that one overview shows, the first ones

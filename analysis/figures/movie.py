@@ -1,24 +1,192 @@
 """A press in slow motion as a file: a GIF by pillow, or an MP4 by ffmpeg."""
 
+import math
 import shutil
 import subprocess
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import IO, BinaryIO, cast
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.animation import animation_figure
-from sautereau.analysis.press.replay import Replay
+from sautereau.analysis.figures.artists import Artists, draw_head
+from sautereau.analysis.figures.palette import (
+    ARM,
+    PHASES,
+    PRESSED,
+    SERIES,
+    SEVERAL,
+    how_made,
+    stamp,
+)
+from sautereau.analysis.figures.parts import arm_parts, bench_parts, fixed_parts, string_parts
+from sautereau.analysis.model.choirs import string_names
+from sautereau.analysis.phases.found import FREE, RELEASED, stretches
+from sautereau.analysis.press.replay import ChoirMotion, Replay
 from sautereau.analysis.text import counted
 from sautereau.rig.disk import make_folder, new_file
 from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
+
+SIZE = (9.6, 6.4)  # Size of the figure (in): 960 by 640 pixels
+DPI = 100  # Pixels per inch
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One of the axes of an animation."""
+
+    axes: Axes
+    artists: Sequence[Artist]
+    """All moving artists."""
+    show: Callable[[int], None]
+    """Move them to a frame."""
+
+
+def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Panel]]:
+    """Return the figure and its moving parts, at the first frame.
+
+    Args:
+        slow: Duration of the animation over that of the press, dimensionless.
+    """
+    figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+    grid = figure.add_gridspec(3, 2, height_ratios=(1.9, 1.0, 1.3), width_ratios=(1.15, 1))
+    parts: list[Panel] = [
+        _bench(figure.add_subplot(grid[0, 0]), scene),
+        _strings(figure.add_subplot(grid[1, 0]), scene),
+    ]
+    heads = grid[:2, 1].subgridspec(len(scene.choirs), 1)
+    strings = string_names(scene.press.rig)
+    for number, motion in enumerate(scene.choirs):
+        name = f"{strings[number]}: " if len(scene.choirs) > 1 else ""
+        axes = figure.add_subplot(heads[number, 0])
+        parts.append(_head(axes, motion, name))
+        if number + 1 < len(scene.choirs):
+            axes.set_xlabel("")
+    parts.append(_trace(figure.add_subplot(grid[2, 0]), scene, "force", 1.0, "finger force (N)"))
+    parts.append(
+        _trace(figure.add_subplot(grid[2, 1]), scene, "jack_speed", 1e3, "jack speed (mm/s)")
+    )
+    press = scene.press
+    kind = how_made(press.simulated)
+    string = "no pluck found: plectrum and string are drawn undeformed and at rest"
+    if any(motion.plucks for motion in scene.choirs):
+        string = "plectrum and string by the model, fitted to contact and release"
+    arm = "" if scene.joints is not None else "; no arm was recorded"
+    figure.suptitle(
+        f"Rig {press.rig.name}, {press.path.name}: {kind}; {slow:.4g} times slower{arm}\n"
+        f"key, jack and arm as recorded; {string}",
+        fontsize=10,
+    )
+    stamp(figure, press.simulated, 80)
+
+    for part in parts:
+        part.show(0)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # so that nothing shifts between frames
+    return figure, parts
+
+
+def _bench(axes, scene: Replay) -> Panel:
+    rig = scene.press.rig
+    Artists(axes, fixed_parts(rig))
+    arm = [] if scene.joints is None else arm_parts(rig, scene.joints)
+    pose = Artists(axes, bench_parts(rig, scene.angle) + arm)
+    # The arm, if recorded, is on the left.
+    side = {"x": 0.02, "ha": "left"} if scene.joints is None else {"x": 0.98, "ha": "right"}
+    corner = {**side, "s": "", "va": "top", "transform": axes.transAxes}
+    clock, phase = axes.text(y=0.96, fontsize=12, **corner), axes.text(y=0.83, **corner)
+    behind = max(motion.choir.jack_arm for motion in scene.choirs)
+    left = -rig.key.front_arm - 15e-3
+    top = rig.key.jack_surface_height + 0.12
+    if scene.joints is not None:
+        reach = rig.arm.upper_length * np.sin(scene.joints[:, 0]).max()
+        left = min(left, rig.arm.base_x - 15e-3)
+        top = max(top, rig.arm.base_z + max(reach, 0) + 15e-3)
+    axes.set(xlim=(left * 1e3, (behind + 45e-3) * 1e3), ylim=(-35, top * 1e3), aspect="equal")
+    axes.set(xlabel="x from the balance pin (mm)", ylabel="z (mm)")
+
+    digits = max(1, math.ceil(-math.log10(1e3 * (scene.time[1] - scene.time[0]))))
+
+    def show(frame: int) -> None:
+        pose.put(frame)
+        clock.set_text(f"{scene.time[frame] * 1e3:.{digits}f} ms")
+        phase.set_text(scene.phase(float(scene.time[frame])))
+
+    return Panel(axes, [*pose.artists, clock, phase], show)
+
+
+def _head(axes, motion: ChoirMotion, name: str) -> Panel:
+    head = draw_head(axes, motion)
+    title = axes.set_title("", fontsize=10)
+
+    def show(frame: int) -> None:
+        title.set_text(f"{name}plectrum {motion.height[frame] * 1e3:+.2f} mm from contact")
+        head.put(frame)
+
+    return Panel(axes, [*head.artists, title], show)
+
+
+def _strings(axes, scene: Replay) -> Panel:
+    """Draw every string from nut to bridge: its position, and its range during the frame."""
+    most = max(float(np.abs(motion.deflection).max()) for motion in scene.choirs) * 1e3
+    length = max(float(motion.places[-1]) for motion in scene.choirs) * 1e3
+    high = 1.2 * max(most, 0.1)
+    axes.set(xlim=(0, length), ylim=(-high, high), ylabel="string's z\n(mm)")
+    axes.set_xlabel("along the string, from nut to bridge (mm)")
+    shown = []
+    for motion, colour in zip(scene.choirs, SERIES, strict=False):
+        styles = {"band": {"fc": colour, "ec": "none", "alpha": 0.25}, "string": {"color": colour}}
+        shown.append(Artists(axes, string_parts(motion), styles))
+        axes.axvline(motion.choir.string.plucking_point * 1e3, color=colour, lw=0.7, ls=":")
+
+    def show(frame: int) -> None:
+        for string in shown:
+            string.put(frame)
+
+    return Panel(axes, [artist for string in shown for artist in string.artists], show)
+
+
+def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Panel:
+    """Draw a measured column over the frames' time, with the present instant marked."""
+    press, signal = scene.press, scene.press.samples[column]
+    rows = press.between(scene.time[0], scene.time[-1])
+    time, values = press.time[rows] * 1e3, signal[rows] * scale
+    axes.plot(time, values, color=ARM, lw=0.8)
+    low, high = min(values.min(), 0.0), max(values.max(), 0.0)
+    margin = 0.08 * (high - low)
+    axes.set_ylim(low - margin, high + margin)
+    # The force of an impact on the key may be many times that of the pluck.
+    plucks = [(time >= h.contact * 1e3) & (time <= h.release * 1e3) for h in scene.phases.plucks]
+    held_force = [values[held].max() for held in plucks if held.any()]
+    most = 1.6 * max(held_force, default=np.inf)
+    if column == "force" and 0 < most < values.max():
+        axes.set_ylim(-0.1 * most, most)
+        at = int(np.argmax(values))
+        style = {"textcoords": "offset points", "va": "top", "fontsize": 8}
+        axes.annotate(f"peak {values[at]:.2g} N", (time[at], most), (5, -2), **style)
+    ends = [(held.contact * 1e3, held.release * 1e3) for held in scene.phases.plucks]
+    for start, stop, name in stretches(ends, -np.inf, np.inf):
+        if name not in (FREE, RELEASED):
+            axes.axvspan(start, stop, color=PHASES.get(name, SEVERAL)[0], zorder=0)
+    axes.set(xlim=(scene.time[0] * 1e3, scene.time[-1] * 1e3), xlabel="time after the trigger (ms)")
+    axes.set_ylabel(label)
+    now = axes.axvline(scene.time[0] * 1e3, color=PRESSED, lw=1.2)
+
+    def show(frame: int) -> None:
+        now.set_xdata([scene.time[frame] * 1e3] * 2)
+
+    return Panel(axes, [now], show)
+
 
 FRAME_RATE = 25  # Hz, frames per second
 MOST_FRAMES = 1500

@@ -1,6 +1,6 @@
 """Everything that slow motion and the bench's drawings show, to scale, as parts with frames.
 
-Matplotlib (`sautereau.analysis.figures.artists`) and SVG (`sautereau.analysis.report.drawing`)
+Matplotlib (`sautereau.analysis.figures.artists`) and SVG (`sautereau.analysis.report.pictures`)
 draw the same parts. All are seen from the side, in m, x to the right and z upwards. Lengths that a
 rig file does not contain have usual values: jack's length, key's thickness, rail, felt, register,
 and those of a jack's head. Nut and bridge are drawn in the plane of the key.

@@ -5,17 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sautereau.analysis.identify.elastic import (
-    LEAST_PERIODS,
-    MOST,
-    SHAPES,
-    Mode,
-    close_modes,
-    cloth_parameter,
-    mode_parameters,
-    modes_of,
-    shortest_record,
-)
+from sautereau.analysis.identify import elastic, parameters
 from sautereau.analysis.identify.fit import (
     Fit,
     fit,
@@ -27,8 +17,6 @@ from sautereau.analysis.identify.fit import (
 )
 from sautereau.analysis.identify.fixed import ScoreTest
 from sautereau.analysis.identify.observed import Observed, too_short
-from sautereau.analysis.identify.parameter_names import ENDS, FINGERTIP, FORCE, INERTIA
-from sautereau.analysis.identify.parameters import Parameter, Prior
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
@@ -39,13 +27,7 @@ from sautereau.trajectory.motion import Floats
 FREQUENCIES = np.geomspace(80.0, 1200.0, 30)  # Frequencies at which a mode is tried (Hz)
 DAMPINGS = (0.03, 0.15)  # Damping ratios at which a mode is tried
 WEIGHT = 0.02  # Weight of a mode for numerical derivatives, dimensionless
-LARGEST_WEIGHT = 3.0
-"""Largest magnitude of the weight at which the fit of a mode starts, dimensionless."""
-LARGEST_RINGING = 2.0
-"""Largest magnitude of the ringing amplitudes at which the fit of a mode starts (N)."""
-FINGERTIP_STD = 0.2
-"""Standard uncertainty of the fingertip's friction on the key, dimensionless. Friction of 0.2
-changes the moment of the force by 1 %."""
+FINGERTIP_STD = 0.2  # Of the fingertip's friction [1]; 0.2 changes the force's moment by 1 %
 TAPPED_STD = 0.2
 """Standard uncertainty of a mode that was found by tapping the resting key: relative for its
 frequency, absolute for its damping ratio. The pressed key has other modes."""
@@ -59,7 +41,7 @@ def fit_presses(
     presses: Sequence[Press],
     phases: Sequence[Phases],
     names: Sequence[str],
-    priors: Mapping[str, Prior] | None,
+    priors: Mapping[str, parameters.Prior] | None,
     level: str,
     starts: int,
     robust: bool,
@@ -70,22 +52,24 @@ def fit_presses(
     The modes that the rig states are tried first.
     """
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
-    best = fit(dynamics, starts, robust, free_offset=FORCE in names)
+    best = fit(dynamics, starts, robust, free_offset=parameters.FORCE in names)
     good = quality(best)
     stiff = refined(best, robust) if good.quiet else None
     # The noise at rest may hide modes, but it does not repeat as their residual does.
     if stiff and not quality(stiff).repeats:
         return stiff
-    while (good.repeats or not good.quiet) and len(modes_of(_named(best))) < MOST:
+    while (good.repeats or not good.quiet) and len(elastic.modes_of(_named(best))) < elastic.MOST:
         dynamics = _with_mode(best)
         if dynamics is None:
             break
         fitted = fit(dynamics, 1, robust, free_offset=best.free_offset)
         found = quality(fitted)
-        if found.free_residual > LEAST_GAIN * good.free_residual or close_modes(_named(fitted)):
+        if found.free_residual > LEAST_GAIN * good.free_residual or elastic.close_modes(
+            _named(fitted)
+        ):
             break
         best, good = fitted, found
-    if stiff and not modes_of(_named(best)):
+    if stiff and not elastic.modes_of(_named(best)):
         return stiff
     return refined(best, robust)
 
@@ -97,18 +81,28 @@ def _named(fitted: Fit) -> dict[str, float]:
 
 def _with_mode(fitted: Fit) -> InverseDynamics | None:
     """Return the dynamics with the mode that reduces the residuals most; None if none does."""
-    dynamics, number = fitted.problem.dynamics, len(modes_of(_named(fitted)))
+    dynamics, number = fitted.problem.dynamics, len(elastic.modes_of(_named(fitted)))
     # The fit of a rigid key may be far off: search the first mode at the values of the rig.
     values = fitted.values if number else np.array([p.start for p in dynamics.free])
     free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, values, strict=True)]
-    free = [_near_stated(dynamics.rig, p) if p.name == INERTIA else p for p in free]
+    for k, p in enumerate(free):
+        # Unless it has a prior, near the rig's value.
+        if (
+            p.name == parameters.INERTIA
+            and p.std is None
+            and p.low < dynamics.rig.key.inertia < p.high
+        ):
+            low = max(p.low, dynamics.rig.key.inertia / INERTIA_FACTOR)
+            high = min(p.high, dynamics.rig.key.inertia * INERTIA_FACTOR)
+            start = float(np.clip(p.start, low, high))
+            free[k] = replace(p, low=low, high=high, start=start)
     dynamics = compliant(dynamics.with_free(free))
     if dynamics is None:
         return None
     found = _strongest(dynamics, number, fitted.free_offset)
     if found is None:
         return None
-    own = mode_parameters(number, found, known_mode(dynamics.rig, number))
+    own = elastic.mode_parameters(number, found, known_mode(dynamics.rig, number))
     return dynamics.with_free([*dynamics.free, *own])
 
 
@@ -118,10 +112,14 @@ def compliant(dynamics: InverseDynamics) -> InverseDynamics | None:
     It is None if no press is usable.
     """
     # Only the way back separates the fingertip's friction from the force's gain. It is not fitted.
-    tip, ends, free = dynamics.rig.arm.fingertip_friction, ENDS[FINGERTIP], [*dynamics.free]
+    tip, free = dynamics.rig.arm.fingertip_friction, [*dynamics.free]
     unknown = [
-        cloth_parameter(),
-        Parameter(FINGERTIP, "", tip, *ends, tip, FINGERTIP_STD, hidden=True),
+        parameters.hidden(
+            parameters.CLOTH, 0.0, elastic.CLOTH_STD, (0.0, 10 * elastic.CLOTH_STD), "m/N"
+        ),
+        parameters.hidden(
+            parameters.FINGERTIP, tip, FINGERTIP_STD, parameters.ENDS[parameters.FINGERTIP]
+        ),
     ]
     free += [new for new in unknown if all(p.name != new.name for p in free)]
     presses, short = before_release(dynamics.presses)
@@ -129,15 +127,6 @@ def compliant(dynamics: InverseDynamics) -> InverseDynamics | None:
         return None
     unusable = (*dynamics.unusable, *short)
     return InverseDynamics(dynamics.rig, free, presses, dynamics.level, unusable)
-
-
-def _near_stated(rig: Rig, inertia: Parameter) -> Parameter:
-    """Return the inertia with bounds near the rig's value, unless it has a prior."""
-    if inertia.std is not None or not inertia.low < rig.key.inertia < inertia.high:
-        return inertia
-    low, high = rig.key.inertia / INERTIA_FACTOR, rig.key.inertia * INERTIA_FACTOR
-    low, high = max(inertia.low, low), min(inertia.high, high)
-    return replace(inertia, low=low, high=high, start=float(np.clip(inertia.start, low, high)))
 
 
 def known_mode(rig: Rig, number: int) -> tuple[float, float] | None:
@@ -171,7 +160,7 @@ def before_release(presses: Sequence[Observed]) -> tuple[list[Observed], list[st
     return usable, [f"{fault}; on a compliant key, press more slowly" for fault in faults if fault]
 
 
-def _strongest(dynamics: InverseDynamics, number: int, free_offset: bool) -> Mode | None:
+def _strongest(dynamics: InverseDynamics, number: int, free_offset: bool) -> elastic.Mode | None:
     """Return the tried mode that reduces the residuals most, to become the mode of this number.
 
     The residuals are linear in its weight and in the amplitudes of its ringing. These are freed
@@ -183,25 +172,24 @@ def _strongest(dynamics: InverseDynamics, number: int, free_offset: bool) -> Mod
     problem = problem_at(dynamics, values, factor=scatter(rises))
     test = ScoreTest(problem, values, size, free_offset)
 
-    def tried(mode: Mode) -> tuple[float, Mode]:
+    def tried(mode: elastic.Mode) -> tuple[float, elastic.Mode]:
         columns: list[Floats] = []
         for ringing in ({}, {"cosine": 1.0}, {"sine": 1.0}):
-            own = mode_parameters(number, replace(mode, weight=WEIGHT, **ringing))
+            own = elastic.mode_parameters(number, replace(mode, weight=WEIGHT, **ringing))
             moved = dynamics.with_free([*dynamics.free, *own])
             column = test.column(moved, np.append(values, [p.start for p in own]), WEIGHT)
             columns.append(column - columns[0] if columns else column)
         steps, reduction = test.freed(columns)
-        weight = float(np.clip(steps[0], -LARGEST_WEIGHT, LARGEST_WEIGHT))
-        cosine, sine = np.clip(
-            steps[1:] / (weight or 1.0), -LARGEST_RINGING, LARGEST_RINGING
-        ).tolist()
+        # A linear step may be too long: the fit starts at most at a weight of 3 and at 2 N.
+        weight = float(np.clip(steps[0], -3.0, 3.0))
+        cosine, sine = np.clip(steps[1:] / (weight or 1.0), -2.0, 2.0).tolist()
         return reduction, replace(mode, weight=weight, cosine=cosine, sine=sine)
 
     stated = dynamics.rig.key.modes[number : number + 1]
-    lowest = LEAST_PERIODS / shortest_record(dynamics.presses)
-    u, v = SHAPES["key"]
+    lowest = elastic.LEAST_PERIODS / elastic.shortest_record(dynamics.presses)
+    u, v = elastic.SHAPES["key"]
     table = [
-        Mode(frequency, damping, WEIGHT, u, v)
+        elastic.Mode(frequency, damping, WEIGHT, u, v)
         for frequency in [m.frequency for m in stated] or FREQUENCIES[lowest < FREQUENCIES].tolist()
         for damping in [m.damping for m in stated] or DAMPINGS
     ]
@@ -210,7 +198,7 @@ def _strongest(dynamics: InverseDynamics, number: int, free_offset: bool) -> Mod
     best = max(map(tried, table), key=lambda found: found[0])
     others = [
         tried(replace(best[1], jack_by_finger=u, jack_by_laser=v, cosine=0.0, sine=0.0))
-        for name, (u, v) in SHAPES.items()
+        for name, (u, v) in elastic.SHAPES.items()
         if name != "key"
     ]
     reduction, mode = max([best, *others], key=lambda found: found[0])

@@ -1,4 +1,4 @@
-"""Elastic modes of a compliant key, and the compliance of the cloth under the jack.
+"""Elastic modes of a compliant key, the cloth under its jack, and the strings that jacks hold.
 
 The forces F of the finger and N of the string drive a linear structure. It has the rotation about
 the balance pin and elastic modes orthogonal to it. The coordinate q of a mode obeys
@@ -23,10 +23,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from sautereau.analysis.identify.noise import WINDOW
-from sautereau.analysis.identify.observed import SUBSTEPS, Observed
-from sautereau.analysis.identify.parameter_names import CLOTH, INERTIA, MODE
-from sautereau.analysis.identify.parameters import Parameter
+from sautereau.analysis.errors import ModelError
+from sautereau.analysis.identify.observed import SUBSTEPS, WINDOW, Observed
+from sautereau.analysis.identify.parameters import INERTIA, MODE, Parameter
+from sautereau.analysis.model.pluck.pluck import Pluck
+from sautereau.analysis.model.string.string import ModalString
+from sautereau.rig.instrument import Choir, String
 from sautereau.trajectory.motion import Floats
 
 SHAPES = {"key": (-0.6, -0.6), "second": (0.8, -0.35), "cloth": (-2.5, -2.5)}
@@ -35,18 +37,15 @@ a jack of a few grams on its cloth."""
 SHAPE_STD = 0.4  # Prior standard uncertainty of u and of v
 WEIGHT_STD = 1.5  # Prior standard uncertainty of r
 RINGING_STD = 0.3  # Prior standard uncertainty of the ringing amplitudes (N)
-CLOTH_STD = 1e-5
-"""Prior standard uncertainty of the compliance under the jack of a compliant key (m/N)."""
+CLOTH_STD = 1e-5  # Prior std of the compliance under the jack of a compliant key (m/N)
 LOWEST = 60.0  # Lower bound of the frequencies (Hz)
 HIGHEST = 3000.0  # Upper bound of the frequencies (Hz)
 LEAST_DAMPING = 5e-3  # Lower bound of the damping ratios: that of wood without felt
-LARGEST_STEP = 0.45 * np.pi
-"""Largest w T / 2 of a time step T up to which the frequency of a mode is exact."""
+LARGEST_STEP = 0.45 * np.pi  # Largest w T / 2 of a step T with an exact frequency
 LEAST_PERIODS = 4.0  # Smallest number of periods of a mode in a press
 CLOSE = 1.15  # Ratio of two frequencies below which the modes are too close to be separated
 MOST = 3  # Largest number of modes
-NEAR_BOUND = 1.02
-"""Ratio of a compliant key's inertia to a bound up to which it counts as being at the bound."""
+NEAR_BOUND = 1.02  # Ratio of an inertia to a bound up to which it counts as being at the bound
 BAND = 2.0  # Highest frequency that passes the smoothing, times the width of the window
 POINTS = 400  # Number of frequencies up to it at which the noise gain is computed
 
@@ -167,11 +166,6 @@ def doubtful_modes(
     return reasons
 
 
-def cloth_parameter() -> Parameter:
-    """Return the hidden compliance of the cloth under the jack."""
-    return Parameter(CLOTH, "m/N", 0.0, 0.0, 10 * CLOTH_STD, 0.0, CLOTH_STD, hidden=True)
-
-
 class Bending:
     """The response of the modes in one press.
 
@@ -272,3 +266,103 @@ def oscillation(push: Floats, frequency: float, damping: float, step: float) -> 
 def mode_names(number: int) -> list[str]:
     """Return the names of the parameters of a mode, in the order of the fields of `Mode`."""
     return [f"{MODE}{number}.{field.name}" for field in fields(Mode)]
+
+
+@dataclass(frozen=True)
+class HeldString:
+    """The force of a string on its jack: the quasi-static pluck, and the string's vibration.
+
+    A string of the static flexibility 1 / K follows the force N of a slow jack by N / K. The force
+    of a faster one excites its modes. Let w be the displacement of the string, and d = N / K - w
+    how far it is behind. The plectrum is then bent as in a quasi-static pluck at the height h + d
+    of the jack. The modes n at the plucking point have the shapes s_n and the masses m, and obey
+
+        m (q_n'' + w_n^2 q_n) = s_n N,    d = sum of s_n (s_n N / (m w_n^2) - q_n).
+
+    N depends on d itself. The mean slope of N over h is part of the modes that are computed, those
+    of the string on the plectrum; the remainder is found by iteration. Their response to a force is
+    its convolution with a response that all presses of a string have in common.
+    """
+
+    string: String
+    pluck: Pluck
+    """The quasi-static pluck."""
+    vibration: float
+    """Vibration of the string divided by that of an undamped string."""
+    slope: float
+    """N/m, mean slope of the force on the height."""
+
+    def force(self, height: Floats, behind: Floats) -> Floats:
+        """Return the downward force [N] on a jack.
+
+        Args:
+            height: m, of the jack above first contact, shape (n,).
+            behind: m, `behind` for the force of the previous iteration, shape (n,).
+        """
+        return self.pluck.force_on_jack(np.minimum(height + behind, self.pluck.release_height))
+
+    def behind(self, force: Floats, before: Floats, step: float) -> Floats:
+        """Return how far the string is behind its static displacement [m], shape (n,).
+
+        Args:
+            force: N, on the string at rest before, shape (n,).
+            before: m, the result for the force of the previous iteration, shape (n,).
+            step: s, time between values.
+        """
+        found, push = np.zeros_like(force), force - self.slope * before
+        if self.vibration and push.any():
+            first = int(np.argmax(push != 0))
+            count = len(push) - first
+            size = 1 << count.bit_length()
+            # Of the undamped string: with frequencies that depend on the vibration, each of its
+            # values had a minimum of the fit's cost nearby.
+            own = _response(self.string, self.slope, step, size)  # pyright: ignore
+            found[first:] = np.convolve(push[first:], own[:count])[:count]
+        return self.vibration * found
+
+
+def held_string(choir: Choir, pluck: Pluck, vibration: float) -> HeldString:
+    """Return the held string of a choir.
+
+    Args:
+        vibration: Vibration of the string divided by that of an undamped string.
+    """
+    slope = float(pluck.vertical_force[-1]) / pluck.release_height
+    return HeldString(choir.string, pluck, vibration, slope)
+
+
+@lru_cache(maxsize=32)
+def _response(string: String, slope: float, step: float, count: int) -> Floats:
+    """Return how far a string on a spring is behind after a force of 1 N during one step.
+
+    A mode responds as by the bilinear transform, which is exact for slow forces and at the
+    frequency of the mode.
+
+    Args:
+        slope: N/m, of the spring.
+        step: s.
+        count: Number of steps.
+
+    Returns:
+        m, shape (count,).
+
+    Raises:
+        ModelError: The string would vibrate more than it is displaced, and without a limit.
+    """
+    # The smoothing removes vibrations faster than 1.5 kHz.
+    modal = ModalString(string, max(1, round(1500.0 / string.frequency)))
+    flexibility = float(np.sum(modal.shape**2 / (modal.mass * modal.omega**2)))
+    free = 1 - slope * flexibility
+    if free <= 0:
+        raise ModelError(
+            f"string: held by {slope:.4g} N/m it has no stable vibration; give a softer plectrum"
+        )
+    joined = slope / free / modal.mass * np.outer(modal.shape, modal.shape)
+    squares, shapes = np.linalg.eigh(np.diag(modal.omega**2) + joined)
+    own = (modal.shape @ shapes) ** 2 / (modal.mass * squares)
+    turn = np.minimum(np.sqrt(squares) * step, 2 * LARGEST_STEP)
+    modes = np.sin(turn)[:, None] * np.sin(np.outer(turn, np.arange(count)))
+    modes[:, 0] = (1 - np.cos(turn)) / 2
+    found = -(own / free) @ modes
+    found[0] += flexibility
+    return found / free

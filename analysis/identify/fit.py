@@ -7,14 +7,38 @@ import numpy as np
 
 from sautereau.analysis.alike import check_alike
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.excluded import coupled_force
-from sautereau.analysis.identify.hidden import BOUND_STDS, delay_std, hidden_parameters
-from sautereau.analysis.identify.observed import BACK, FREE, HELD, MIN_INSTANTS, observed
-from sautereau.analysis.identify.parameter_names import MODE, TIME, TIME_RANGE, canonical
-from sautereau.analysis.identify.parameters import Parameter, Prior, parameters, values_of_rig
-from sautereau.analysis.identify.problem import COARSE, TOLERANCE, Problem, minimise
+from sautereau.analysis.identify.observed import (
+    BACK,
+    FREE,
+    HELD,
+    MIN_INSTANTS,
+    coupled_force,
+    observed,
+)
+from sautereau.analysis.identify.parameters import (
+    BOUND_STDS,
+    MODE,
+    TIME,
+    TIME_RANGE,
+    Prior,
+    canonical,
+    delay_std,
+    hidden_parameters,
+    parameters,
+    values_of_rig,
+)
+from sautereau.analysis.identify.problem import (
+    COARSE,
+    FLOOR,
+    TOLERANCE,
+    Problem,
+    Whitening,
+    autocovariance,
+    minimise,
+    white,
+    whitening,
+)
 from sautereau.analysis.identify.residuals import InverseDynamics
-from sautereau.analysis.identify.whitening import FLOOR, Whitening, autocovariance, white, whitening
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.progress import tracked
@@ -22,8 +46,7 @@ from sautereau.trajectory.motion import Floats
 
 DEPENDENT = 2.4  # Instants per independent value of the smoothed force
 PART = 0.3  # `FLOOR` of the noise that weights a fit
-ROUNDS = 3
-"""Number of fits. Each one after the first is whitened with the residuals of the previous one."""
+ROUNDS = 3  # Fits; each after the first is whitened with the residuals of the one before
 
 
 @dataclass(frozen=True)
@@ -104,15 +127,20 @@ def fit(
     Raises:
         AnalysisError: `starts` is less than 1.
     """
+    from scipy.stats import qmc
+
     if starts < 1:
         raise AnalysisError(f"starts: {starts} starting points; give 1 or more")
     free = dynamics.free
     values = np.array([p.start for p in free])
     first = at_values(dynamics, values, free_offset)
     noise, factor = first.problem.whitenings, first.problem.rise_factor
+    low, high = np.array([p.low for p in free]), np.array([p.high for p in free])
+    # The rig's values, and points that are spread between the bounds.
+    spread_out = qmc.LatinHypercube(len(free), rng=np.random.default_rng(0)).random(starts - 1)
     found = [
         minimise(problem_at(dynamics, start, noise, factor), start, robust, tolerance=COARSE)
-        for start in tracked(_starts(free, starts))
+        for start in tracked([values, *(low + spread_out * (high - low))])
     ]
     _, values = min(found, key=lambda pair: pair[0])
     return replace(first, problem=problem_at(dynamics, values, noise, factor), values=values)
@@ -228,18 +256,6 @@ def _noise(
         whitening(p.used, covariance, free_offset, s, p.step)
         for p, s in zip(dynamics.presses, scales, strict=True)
     )
-
-
-def _starts(free: Sequence[Parameter], count: int) -> list[Floats]:
-    """Return the rig's values, and points that are spread between the bounds."""
-    from scipy.stats import qmc
-
-    start = np.array([p.start for p in free])
-    if count < 2:
-        return [start]
-    low, high = np.array([p.low for p in free]), np.array([p.high for p in free])
-    spread = qmc.LatinHypercube(len(free), rng=np.random.default_rng(0)).random(count - 1)
-    return [start, *(low + spread * (high - low))]
 
 
 def scatter(rises: Floats) -> float:

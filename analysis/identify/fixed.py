@@ -12,35 +12,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sautereau.analysis.identify import parameters
 from sautereau.analysis.identify.fit import DEPENDENT, Fit
-from sautereau.analysis.identify.hidden import unfitted
 from sautereau.analysis.identify.information import Information
-from sautereau.analysis.identify.parameter_names import (
-    CONTACT,
-    MEASURED,
-)
-from sautereau.analysis.identify.parameters import (
-    bounds_of,
-    unit_of_parameter,
-    value_of,
-    with_parameters,
-)
-from sautereau.analysis.identify.problem import Problem
+from sautereau.analysis.identify.problem import Problem, white
 from sautereau.analysis.identify.residuals import InverseDynamics
-from sautereau.analysis.identify.whitening import white
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-CHANGE = 0.01
-"""Relative change in the table of effects of a number for which the rig assumes no range."""
-FRICTION_CHANGE = 0.1
-"""The same for a number that is 0, such as a coefficient of friction; absolute."""
+CHANGE = 0.01  # Relative change in the table of effects of a number without an assumed range
+FRICTION_CHANGE = 0.1  # The same for a number that is 0, such as a friction; absolute
 STEP = 1e-3  # Relative step of numerical derivatives
-LIKELY = 0.4
-"""The string is suggested to lie on the surface if its fitted offset from the mid-line is more than
-this fraction of the offset on the surface."""
-SUGGESTED = 16.0
-"""Reduction of the sum of squares above which freeing is suggested: 4 standard deviations."""
+LIKELY = 0.4  # Least fitted offset from the mid-line, over that on the surface, to suggest it
+SUGGESTED = 16.0  # Reduction of the sum of squares to suggest freeing: 4 standard deviations
 
 
 @dataclass(frozen=True)
@@ -138,11 +122,11 @@ def sensitivities(
             value = float(fitted.values[k])
             add(parameter.name, parameter.unit, value, parameter.std, True, by)
     for name in _fixed(dynamics):
-        value = value_of(dynamics.rig, name)
+        value = parameters.value_of(dynamics.rig, name)
         change = CHANGE * abs(value) or FRICTION_CHANGE
-        fixed(name, unit_of_parameter(name), value, change, *_beside(dynamics.rig, name))
+        fixed(name, parameters.unit_of_parameter(name), value, change, *_beside(dynamics.rig, name))
     on_surface = float(dynamics.rig.plectrum.contact == "surface")
-    fixed(CONTACT, "", on_surface, 1.0, 1.0, _other_contact(dynamics.rig))
+    fixed(parameters.CONTACT, "", on_surface, 1.0, 1.0, _other_contact(dynamics.rig))
     return tuple(sorted(table, key=lambda s: -max(map(abs, s.effects.values()), default=0.0)))
 
 
@@ -162,11 +146,11 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
 
     found = []
     for name in _fixed(dynamics):
-        if name in MEASURED:
+        if name in parameters.MEASURED:
             continue
-        unit, value = unit_of_parameter(name), value_of(dynamics.rig, name)
+        unit, value = parameters.unit_of_parameter(name), parameters.value_of(dynamics.rig, name)
         step, reduction = freed(*_beside(dynamics.rig, name))
-        low, high = bounds_of(dynamics.rig, name)
+        low, high = parameters.bounds_of(dynamics.rig, name)
         if low == high:
             high = np.inf
         # An impossible value is not the cause. A linear step may be too long, however.
@@ -178,7 +162,7 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
         step, reduction = freed(1.0, _other_contact(dynamics.rig))
         if reduction > SUGGESTED and step > LIKELY:
             # It comes first, because friction has a similar effect.
-            found.insert(0, Suggestion(CONTACT, "", reduction, 1.0))
+            found.insert(0, Suggestion(parameters.CONTACT, "", reduction, 1.0))
     return tuple(found)
 
 
@@ -190,12 +174,12 @@ def _other_contact(rig: Rig) -> Rig:
 
 def _fixed(dynamics: InverseDynamics) -> list[str]:
     """Return the numbers of the model that are neither fitted nor known to within a range only."""
-    names = unfitted(dynamics.rig, [p.name for p in dynamics.free])
+    names = parameters.unfitted(dynamics.rig, [p.name for p in dynamics.free])
     return [name for name in names if name not in dynamics.rig.assumed]
 
 
 def _beside(rig: Rig, name: str) -> tuple[float, Rig]:
     """Return a small step of a fixed number, and the rig after it."""
-    value = value_of(rig, name)
+    value = parameters.value_of(rig, name)
     step = STEP * abs(value) or STEP
-    return step, with_parameters(rig, {name: value + step})
+    return step, parameters.with_parameters(rig, {name: value + step})

@@ -13,7 +13,6 @@ import numpy as np
 
 from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.identify.compliant import compliant, known_mode
-from sautereau.analysis.identify.distribution import Distribution
 from sautereau.analysis.identify.elastic import (
     SHAPES,
     WEIGHT_STD,
@@ -28,14 +27,17 @@ from sautereau.analysis.identify.fit import (
     inverse_dynamics,
     whitened,
 )
-from sautereau.analysis.identify.hidden import assumed_std, hidden_parameters
-from sautereau.analysis.identify.information import Information
-from sautereau.analysis.identify.noise import MIN_REST, TURN_MARGIN
-from sautereau.analysis.identify.parameter_names import FORCE, VIBRATION, rig_key
+from sautereau.analysis.identify.information import Distribution, Information
+from sautereau.analysis.identify.observed import MIN_REST, TURN_MARGIN
 from sautereau.analysis.identify.parameters import (
+    FORCE,
+    VIBRATION,
     Prior,
+    assumed_std,
+    hidden_parameters,
     of_rig,
     parameters,
+    rig_key,
     value_of,
     with_parameters,
 )
@@ -161,10 +163,14 @@ def forecast(
     priors = priors or {}
     free = [*parameters(rig, names, priors), *hidden_parameters(rig, names)]
     free = [p for p in free if not p.name.startswith("offset.")]
+    stds = []
+    for p in free:
+        name, ratio = of_rig(rig, p.name, 1.0)
+        stds.append(p.std or assumed_std(rig, rig_key(name)) / ratio)
     drawn_of = Distribution(
         tuple(p.name for p in free),
         np.array([p.start for p in free]),
-        np.diag([p.std or _range_std(rig, p.name) for p in free]) ** 2,
+        np.diag(stds) ** 2,
         np.array([p.low for p in free]),
         np.array([p.high for p in free]),
     )
@@ -180,11 +186,6 @@ def forecast(
         yield made[0][0], [data for _, data in made]
     if len(failures) == len(drawn):
         raise AnalysisError("\n".join(dict.fromkeys(failures)))
-
-
-def _range_std(rig: Rig, name: str) -> float:
-    own, ratio = of_rig(rig, name, 1.0)
-    return assumed_std(rig, rig_key(own)) / ratio
 
 
 def _informed(

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.compliant import fit_presses
-from sautereau.analysis.identify.distribution import Distribution
 from sautereau.analysis.identify.elastic import doubtful_modes, mode_names
 from sautereau.analysis.identify.fit import Fit, informative, rms
 from sautereau.analysis.identify.fixed import (
@@ -19,12 +19,19 @@ from sautereau.analysis.identify.fixed import (
 from sautereau.analysis.identify.information import (
     IDENTIFIABLE,
     Combination,
+    Distribution,
     Information,
     Measurement,
+    Uncertainty,
 )
-from sautereau.analysis.identify.parameter_names import CONTACT, FRICTION
-from sautereau.analysis.identify.parameters import Prior, value_of, with_parameters
-from sautereau.analysis.identify.problem import AT_BOUND, Problem
+from sautereau.analysis.identify.parameters import (
+    CONTACT,
+    FRICTION,
+    Prior,
+    value_of,
+    with_parameters,
+)
+from sautereau.analysis.identify.problem import AT_BOUND, Problem, minimise
 from sautereau.analysis.identify.quality import Quality, judged, quality
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
@@ -33,41 +40,24 @@ from sautereau.analysis.phases import Phases
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-SIGNIFICANT = 3.0
-"""A hidden friction is reported as a result if it differs from the rig's value by this number of
-standard uncertainties."""
+SIGNIFICANT = 3.0  # Standard uncertainties off the rig's value to report a hidden friction
 
 
 NORMAL_95 = 1.96  # Half the 95 % interval of a normal error, in standard uncertainties
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Uncertainty):
     """A fitted value; SI."""
 
-    name: str
-    unit: str
-    value: float
     rig_value: float
     """Value of the rig; 0 for an offset."""
-    std: float | None
-    """Total standard uncertainty, the root of the sum of the squares of the next two; None if
-    undetermined."""
-    std_noise: float | None
-    """Standard uncertainty from the noise of the recordings; None if undetermined."""
-    std_inputs: float | None
-    """Standard uncertainty from gains and delays of the sensors, from priors, and from the assumed
-    ranges of the rig's numbers; None if undetermined."""
     low: float | None
     """Lower end of the 95 % interval; None if undetermined, or if the model does not fit."""
     high: float | None
     """Upper end of the 95 % interval; None as for `low`."""
     at_bound: bool
     """Whether the value is at a bound. The interval then describes the bound and not the data."""
-    identifiable: bool
-    """Whether its total uncertainty without its own prior is small enough; see `IDENTIFIABLE`."""
-    needed: float
-    """Standard uncertainty below which it is identifiable."""
     unaided: float | None
     """Total standard uncertainty without its own prior, compared with `needed`; None if
     undetermined."""
@@ -331,3 +321,73 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
     if not any(len(press.releases) for press in dynamics.presses):
         found.append("no press has a pluck: plectrum, string and clearance are not identifiable")
     return tuple(found)
+
+
+CRITICAL = 3.841  # 95 % quantile of the chi-squared distribution with one degree of freedom
+STEPS = 8  # Largest number of values on either side of the estimate
+REACH = 4.0  # Distance of the last of these values from the estimate, in standard uncertainties
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Profile of one parameter; arrays of shape (n,), in ascending order of the value."""
+
+    name: str
+    values: Floats
+    """SI."""
+    rises: Floats
+    """Twice the negative log-likelihood, minus its minimum."""
+    low: float | None
+    """Lower end of the 95 % interval, SI; None if the interval reaches the bound."""
+    high: float | None
+    """Upper end of the 95 % interval, SI; None if the interval reaches the bound."""
+
+
+def profile(fitted: Fit, found: Identified, name: str) -> Profile:
+    """Return the profile likelihood of one parameter around a fit.
+
+    The parameter is fixed at a series of values, and all others are fitted again at each of them.
+    The 95 % interval ends where twice the log-likelihood is 3.84 below its maximum (Wilks 1938).
+    This is valid for non-linear problems as well, for parameters at a bound and for poorly
+    identifiable ones.
+
+    Raises:
+        AnalysisError: The parameter was not fitted.
+    """
+    names = [p.name for p in fitted.problem.free]
+    estimate = next((e for e in found.estimates if e.name == name), None)
+    if estimate is None:
+        results = ", ".join(e.name for e in found.estimates)
+        raise AnalysisError(
+            f"{name}: it was not fitted, so it has no profile; fitted parameters: {results}"
+        )
+    at = names.index(name)
+    parameter = fitted.problem.free[at]
+    residuals = fitted.problem.all(fitted.values / fitted.problem.scales)
+    least, excess = float(residuals @ residuals), fitted.excess
+    step = (parameter.high - parameter.low) / STEPS
+    if estimate.std is not None:
+        step = min(step, estimate.std * REACH / STEPS)
+    values, rises, ends = [estimate.value], [0.0], []
+    for sign in (-1.0, 1.0):
+        start, end = fitted.values, None
+        last = (estimate.value, 0.0)
+        for number in range(1, STEPS + 1):
+            value = estimate.value + sign * number * step
+            value = min(max(value, parameter.low), parameter.high)
+            if value == last[0]:
+                break
+            start = start.copy()
+            start[at] = value
+            cost, start = minimise(fitted.problem, start, fixed=at)
+            rise = max(0.0, (2 * cost - least) / excess)
+            values.append(value)
+            rises.append(rise)
+            if rise >= CRITICAL:
+                roots = np.sqrt([last[1], rise])
+                end = float(np.interp(np.sqrt(CRITICAL), roots, [last[0], value]))
+                break
+            last = (value, rise)
+        ends.append(end)
+    order = np.argsort(values)
+    return Profile(name, np.array(values)[order], np.array(rises)[order], ends[0], ends[1])

@@ -2,7 +2,8 @@
 
 The acceleration is the slope of a line fitted to the velocity in a window. It equals the derivative
 of the velocity smoothed with parabolic weights. Force, angle and angular velocity are smoothed with
-the same weights. The smoothing therefore cancels in the equation of motion.
+the same weights. The smoothing therefore cancels in the equation of motion. Impacts, rests, felts
+and gaps, where that does not hold, are excluded.
 """
 
 from dataclasses import dataclass, replace
@@ -11,22 +12,181 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.excluded import clear_of_flags, landing, used_instants
-from sautereau.analysis.identify.noise import WINDOW, Noise, noise_at_rest
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
+from sautereau.rig.acquisition import Channel
+from sautereau.rig.instrument import Key
+from sautereau.rig.schema import Rig
+from sautereau.rig.units import GRAVITY
 from sautereau.trajectory.arm import fingertip_place
-from sautereau.trajectory.key import surface_axes
+from sautereau.trajectory.key import rise_of_angle, surface_axes
 from sautereau.trajectory.motion import Floats, Motion, dot
+
+RELEASE_MARGIN = 1.5e-3  # Excluded beside a release (s): filters spread the force drop over it
+DIP_MARGIN = 0.1e-3  # Travel of the pressing point that is excluded before the front felt (m)
+CATCH_RATIO = 2.5
+"""Multiple of the planned return acceleration above which the finger catches a key that it had
+lost. What precedes a catch is excluded: the force transducer does not measure the load then."""
+STRING_MARGIN = 0.3e-3  # Least height above the string on the way down (m): tongue and damper act
+
+
+def landing(key: Key, time: Floats, motion: Motion, contact: float) -> float | None:
+    """Return the time [s] at which a thrown jack lands, or None if the jack is not thrown.
+
+    A key that decelerates faster than a free fall loses its jack. Until the jack is back, the key
+    has another inertia and other modes.
+
+    Args:
+        time: s, shape (n,).
+        motion: Motion of the key [rad], arrays of shape (n,).
+        contact: s, first contact with a string; the search ends there.
+    """
+    rise, speed = rise_of_angle(key, motion.position), key.jack_arm * motion.velocity
+    thrown = (key.jack_arm * motion.acceleration < -GRAVITY) & (time < contact)
+    landed = None
+    for start in np.flatnonzero(thrown):
+        if landed is None or time[start] >= landed:
+            flown = time[start:] - time[start]
+            flight = rise[start] + speed[start] * flown - GRAVITY / 2 * flown**2
+            down = np.flatnonzero(flight[1:] < rise[start + 1 :])
+            landed = float(time[start + 1 + down[0]]) if len(down) else landed
+    return landed
+
+
+def used_instants(
+    press: Press, phases: Phases, time: Floats, motion: Motion, shift: float
+) -> NDArray[np.bool_]:
+    """Return the instants at which the equation of motion is fitted."""
+    rig, speed, step = press.rig, np.abs(motion.velocity), float(time[1] - time[0])
+    edge = WINDOW / 2 + shift
+    used = (time - time[0] > shift) & (time[-1] - time > shift)
+    resting = speed <= REST_SPEED * speed.max(initial=0.0)
+    resting |= np.sign(motion.velocity) != np.sign(np.roll(motion.velocity, 1))
+    beside = np.ones(2 * max(1, round((TURN_MARGIN + shift) / step)) + 1)
+    used &= np.convolve(resting, beside, "same") < 0.5
+    planned = rig.press.return_acceleration / rig.key.jack_arm
+    clearances = [rig.jack.string_clearance]
+    clearances += [c.jack.string_clearance * rig.key.jack_arm / c.jack_arm for c in rig.more_choirs]
+    back = motion.velocity < 0
+    low = rise_of_angle(rig.key, motion.position) < max(clearances) + STRING_MARGIN
+    caught = back & ~low & (np.abs(motion.acceleration) > CATCH_RATIO * planned)
+    # It is not known when the finger lost the key.
+    used &= ~(back & (low | (time <= np.max(time[caught], initial=-np.inf) + edge)))
+    for pluck in phases.plucks:
+        used &= np.abs(time - pluck.release) > RELEASE_MARGIN + edge
+        if pluck.string is None:  # and its force is not modelled
+            used &= (time < pluck.contact - edge) | (time > pluck.release)
+    used &= clear_of_flags(press, time, edge)
+    coupled, stretch = coupled_force(rig), np.zeros(len(time), int)
+    for mark in press.quality_flags:
+        if coupled and mark.channel == coupled.name and mark.kind != "drop-out":
+            stretch += time > mark.stop
+    used &= rig.key.press_arm * motion.position < rig.key.dip - DIP_MARGIN
+    # An AC-coupled force has another level after an overload.
+    return used & (stretch == np.argmax(np.bincount(stretch, used)))
+
+
+def clear_of_flags(press: Press, time: Floats, edge: float) -> NDArray[np.bool_]:
+    """Return which times are more than `edge` [s] away from all drop-outs and overloads."""
+    clean = np.ones(len(time), bool)
+    for mark in press.quality_flags:
+        clean &= (time < mark.start - edge) | (time > mark.stop + edge)
+    return clean
+
+
+def coupled_force(rig: Rig) -> Channel | None:
+    """Return the force channel if it is AC-coupled: the force at rest is then unknown."""
+    channel = rig.daq.channel("force")
+    return channel if channel is not None and channel.high_pass > 0 else None
+
+
+WINDOW = 2e-3  # Width of the smoothing window (s)
+REST_SPEED = 0.03  # Fraction of the largest speed below which the key counts as at rest
+TURN_MARGIN = 4e-3  # Excluded beside a reversal or a rest (s): the friction is indeterminate there
+MIN_REST = 10e-3  # Shortest rest from which the noise is estimated (s)
+RETURN_MARGIN = 10e-3  # Time from the end of the return to the start of that rest (s)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """RMS of the smoothed signals at rest, after removal of mean and linear trend."""
+
+    slow_force: float
+    """N, part slower than the smoothing window, such as mains hum."""
+    fast_force: float
+    """N, part faster than that."""
+    acceleration: float
+    """rad/s^2, of the key's angular acceleration."""
+
+    def of_load(self, inertia: float) -> float:
+        """Return the RMS [N] of the force residual of a rigid key that this noise causes.
+
+        Args:
+            inertia: kg m, inertia of the key with its jacks divided by the finger's lever arm.
+        """
+        return float(np.hypot(self.slow_force, self.fast_of_load(inertia)))
+
+    def fast_of_load(self, inertia: float, gain: float = 1.0) -> float:
+        """Return the RMS [N] of its fast part, which hum and offset do not explain.
+
+        Args:
+            inertia: As for `of_load`.
+            gain: Amplification of the fast force by the elastic modes.
+        """
+        return float(np.hypot(gain * self.fast_force, inertia * self.acceleration))
+
+
+def noise_at_rest(
+    rate: float, time: Floats, force: Floats, motion: Motion, clean: NDArray[np.bool_]
+) -> Noise | None:
+    """Return the noise at rest, or None if the recording has no rest.
+
+    Args:
+        rate: Hz, sampling rate.
+        time: s, shape (n,).
+        force: N, smoothed, shape (n,).
+        motion: Smoothed motion of the key [rad], arrays of shape (n,).
+        clean: Which samples are outside drop-outs and overloads, shape (n,).
+    """
+    speed = np.abs(motion.velocity)
+    moving = time[speed > REST_SPEED * speed.max(initial=0.0)]
+    rests = (time < moving[0] - TURN_MARGIN, time > moving[-1] + RETURN_MARGIN)
+    found = []
+    for rest in rests:
+        kept = rest & clean
+        if np.count_nonzero(kept) >= MIN_REST * rate:
+            every, fast = _scatter(time, force, kept, rate), _fast(force, kept, rate)
+            slow = float(np.sqrt(max(0.0, every**2 - fast**2)))
+            found.append(Noise(slow, fast, _scatter(time, motion.acceleration, kept, rate)))
+    # After a return the arm may still vibrate.
+    return min(found, key=lambda noise: np.hypot(noise.slow_force, noise.fast_force), default=None)
+
+
+def _scatter(time: Floats, signal: Floats, kept: NDArray[np.bool_], rate: float) -> float:
+    """Return the RMS of a smoothed signal after removal of its mean and linear trend."""
+    at, left = time[kept] - time[kept].mean(), signal[kept] - signal[kept].mean()
+    left -= at * (at @ left) / (at @ at)
+    # The smoothing leaves about one independent value in half a window.
+    return float(np.sqrt(left @ left / (len(left) - WINDOW * rate)))
+
+
+def _fast(signal: Floats, kept: NDArray[np.bool_], rate: float) -> float:
+    """Return the RMS of the part that changes from one smoothing window to the next.
+
+    It is 0 if there are too few samples.
+    """
+    lag = round(WINDOW * rate)
+    change = signal[lag:-lag] - (signal[: -2 * lag] + signal[2 * lag :]) / 2
+    change = change[kept[lag:-lag] & kept[: -2 * lag] & kept[2 * lag :]]
+    return float(np.sqrt(change @ change / max(1, len(change)) / 1.5))
+
 
 STEP = 0.5e-3  # Approximate time between fitted instants (s)
 SUBSTEPS = 4  # Evaluations of the string's force per step, before smoothing
 ARM_LAG = 6e-3  # Time constant with which a servo-driven arm deflects under the force (s)
 REST_TIME = 5e-3  # Time at the start of a recording in which the finger is at rest (s)
-LIFT_OFF_ANGLE = 2.5e-5
-"""Key angle from which the key counts as lifted off its back rail (rad). Noise is smaller."""
-RISE_STD = 1e-6
-"""Standard uncertainty of the jack's rise at release (m), without that of the time of release."""
+LIFT_OFF_ANGLE = 2.5e-5  # From which the key counts as lifted off its rail (rad), above the noise
+RISE_STD = 1e-6  # Of the jack's rise at release (m), without that of the time of release
 FREE = 0  # Phase of a press: the key moves down and no string is held
 HELD = 1  # Phase of a press: a string is held
 BACK = 2  # Phase of a press: the key moves up
@@ -134,6 +294,8 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     Raises:
         AnalysisError: The key moves for too short a time, or samples are not numbers.
     """
+    from scipy.ndimage import uniform_filter1d
+
     velocity, force, angle = (press.samples[name] for name in ("velocity", "force", "angle"))
     if not np.isfinite([velocity, force, angle]).all():
         raise AnalysisError(
@@ -161,11 +323,15 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     rows = first + part * np.arange(SUBSTEPS * (count - 1) + 2 * (half // part) + 1)
     every, pushed = Motion(smooth(angle), smooth(velocity) / arm, slope / arm), smooth(force)
     motion = Motion(*(values[at] for values in every))
+    rest = force[: max(1, round(REST_TIME * press.rate))].mean()
     known = [p for p in phases.plucks if p.string]
     releases = np.array([p.release for p in known], float)
     stds = np.array([p.release_std for p in known], float)
     angles = np.interp(releases, press.time, angle)
     speeds = np.interp(releases, time, smooth(press.samples["jack_speed"]))
+    phase = np.where(motion.velocity < 0, BACK, FREE).astype(np.int8)
+    for pluck in phases.plucks:
+        phase[(time[at] > pluck.contact) & (time[at] < pluck.release)] = HELD
     used = used_instants(press, phases, time[at], motion, shift)
     contact = min((p.contact for p in phases.plucks), default=time[0])
     landed = landing(press.rig.key, time[at], motion, contact)
@@ -192,11 +358,11 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         substep_time=press.time[rows],
         substep_angle=angle[rows],
         net_time=press.time,
-        net_force=_net(force, part, press.rate),
+        net_force=uniform_filter1d(force - rest, part, mode="nearest"),
         laser_arm=arm,
         lift_off=_lift_off(press.time, angle) if landed is None else landed,
         thrown=landed is not None,
-        phase=_phase(phases, time[at], motion),
+        phase=phase,
         noise=noise_at_rest(
             press.rate, time, pushed, every, clear_of_flags(press, time, WINDOW / 2)
         ),
@@ -242,17 +408,3 @@ def _lift_off(time: Floats, angle: Floats) -> float:
     second = int(np.argmax(angle > 8 * LIFT_OFF_ANGLE))
     first = second - int(np.argmax(angle[second::-1] < LIFT_OFF_ANGLE))
     return float(max(time[0], 2 * time[first] - time[second]))
-
-
-def _net(force: Floats, width: int, rate: float) -> Floats:
-    from scipy.ndimage import uniform_filter1d
-
-    rest = force[: max(1, round(REST_TIME * rate))].mean()
-    return np.asarray(uniform_filter1d(force - rest, width, mode="nearest"), float)
-
-
-def _phase(phases: Phases, time: Floats, motion: Motion) -> NDArray[np.int8]:
-    found = np.where(motion.velocity < 0, BACK, FREE).astype(np.int8)
-    for pluck in phases.plucks:
-        found[(time > pluck.contact) & (time < pluck.release)] = HELD
-    return found

@@ -1,4 +1,9 @@
-"""Parameters that can be fitted: values of the rig by dotted key, with bounds and priors."""
+"""Parameters that can be fitted: values of the rig by dotted key, with bounds and priors.
+
+Hidden parameters are fitted in every fit because they bias the others, and are not reported: errors
+of the calibrations, numbers of the rig that are seldom known well enough, and all numbers that the
+rig knows to within a range only.
+"""
 
 import difflib
 import re
@@ -8,26 +13,107 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.parameter_names import (
-    ENDS,
-    FORCE,
-    FRICTION,
-    MODULUS,
-    NAMES,
-    OVERLAP,
-    STIFFNESS,
-    TIME,
-    canonical,
-    is_name,
-    rig_key,
-    split_name,
-)
 from sautereau.analysis.model.choirs import choirs
 from sautereau.rig import ranges
+from sautereau.rig.acquisition import Channel
 from sautereau.rig.faults import fault_list, unit_of
+from sautereau.rig.ranges import deviations, shared_keys
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import format_quantity, parse_quantity
 from sautereau.trajectory.motion import Floats
+
+# Values of the rig.
+STIFFNESS = "plectrum.bending_stiffness"
+MODULUS = "plectrum.youngs_modulus"
+OVERLAP = "plectrum.overlap"
+FRICTION = "plectrum.friction"
+FINGERTIP = "arm.fingertip_friction"
+WIDTH = "plectrum.width"
+CLEARANCE = "jack.string_clearance"
+INERTIA = "key.inertia"
+CONTACT = "plectrum.contact"
+# Errors of the measurement.
+TIME = "offset.time"  # Delay of the force after the motion (s)
+FORCE = "offset.force"  # Zero of the force (N)
+FORCE_GAIN = "offset.force_gain"  # True force divided by measured force; hidden
+VELOCITY_GAIN = "offset.velocity_gain"  # True velocity divided by measured velocity; hidden
+SLIDING = "offset.sliding"
+"""Relative error of the force's moment on the key, per newton (1/N): the finger of a compliant arm
+slides along the key while the force bends the arm; hidden."""
+LATE_SLIDING = "offset.late_sliding"  # Of the lagged force, as a servo-driven arm deflects later
+# Errors of the model.
+CLOTH = "offset.foot"  # Compliance of the cloth under the jack (m/N); hidden
+MODE = "offset.mode"  # Start of the names of the elastic modes' parameters; hidden
+RELEASE = "offset.release"  # Relative error of the height of a static release; hidden
+VIBRATION = "offset.vibration"  # Of the held strings over that of undamped strings; hidden
+DAMPER = "offset.damper"  # True stiffness of the dampers divided by the rig's; hidden
+DAMPER_LIFT = "offset.damper_lift"  # Lift of the first damper (m); hidden
+OF_STRING = ("offset.string{}.stiffness", "offset.string{}.overlap", "offset.string{}.clearance")
+"""For a further string, numbered from 2: true stiffness and true overlap of its plectrum, each
+divided by the rig's, and the error of its clearance (m); hidden."""
+TIME_RANGE = 1e-3  # Largest delay between force and motion (s)
+_FURTHER = re.compile(r"(?:string(\d+)|more_choirs\.(\d+))\.((?:plectrum|jack)\..+)")
+ENDS = {
+    FRICTION: (0.0, 0.5),
+    FINGERTIP: (-0.6, 0.6),
+    TIME: (-TIME_RANGE, TIME_RANGE),
+    VIBRATION: (0.0, 1.5),
+}  # Bounds of the parameters that have a natural range, SI
+MEASURED = (
+    *("key.press_arm", "key.laser_arm", "key.jack_arm", "key.jack_surface_height"),
+    *("plectrum.length", WIDTH, "plectrum.thickness"),
+    *("string.tension", "string.length", "string.plucking_point", "string.diameter"),
+)  # Numbers of the rig that are measured with a ruler or a gauge: freeing one is never suggested
+NAMES = (
+    MODULUS,
+    STIFFNESS,
+    OVERLAP,
+    FRICTION,
+    INERTIA,
+    "key.pivot_coulomb_friction",
+    "key.pivot_viscous_friction",
+    "key.gravity_moment",
+    "jack.mass",
+    "jack.register_friction",
+    CLEARANCE,
+    FINGERTIP,
+    *MEASURED,
+    TIME,
+    FORCE,
+)
+"""Names of all parameters that can be requested. Those of plectrum and jack are of string 1; those
+of the next string start with `string2.`, and so on. `offset.force` has one value for each press; it
+is always fitted if the force is AC-coupled."""
+
+
+def canonical(name: str) -> str:
+    """Return the one spelling of a name: `string2.jack.mass` for `more_choirs.0.jack.mass`.
+
+    Names without a number are those of string 1.
+    """
+    found = _FURTHER.fullmatch(name)
+    if found is None:
+        return name
+    number = int(found[1]) if found[1] else int(found[2]) + 2
+    return found[3] if number == 1 else f"string{number}.{found[3]}"
+
+
+def split_name(name: str) -> tuple[int, str]:
+    """Return the number of a parameter's string, and its name for the first string."""
+    found = _FURTHER.fullmatch(name)
+    return (int(found[1]), found[3]) if found and found[1] else (1, name)
+
+
+def rig_key(name: str) -> str:
+    """Return the dotted key of the rig file for a parameter of the rig."""
+    string, own = split_name(name)
+    return own if string == 1 else f"more_choirs.{string - 2}.{own}"
+
+
+def is_name(name: str) -> bool:
+    """Return whether a parameter can be requested by this name, in a rig of enough strings."""
+    return name in NAMES or (split_name(name)[0] > 1 and split_name(name)[1] in NAMES)
+
 
 FACTOR = 10.0  # Ratio of a bound to the rig's value if the rig file assumes no range
 OF_STIFFNESS = (MODULUS, "plectrum.width", "plectrum.thickness")
@@ -288,3 +374,117 @@ def _near(name: str, known: Sequence[str]) -> str:
     if close := close or [fields[field] for field in alike]:
         return f"; did you mean {close[0]!r}?"
     return f"; there are {', '.join(known)}" if known else ""
+
+
+CLEARANCE_STD = 0.1e-3
+"""Standard uncertainty of the string clearance in the rig (m). A recording shows the clearance to
+some micrometres. It is therefore always fitted, so that the rise at contact does not act as a
+calibration of the vibrometer."""
+SLIDING_STD = 2e-3
+"""Standard uncertainty of the sliding (1/N): along a key of 150 mm a force of 1 N moves the finger
+by 0.3 mm. Servos yield by more: docs/trials.md says what a wider prior changes."""
+RELEASE_STD = 5e-3
+"""Relative standard uncertainty of the height of release. It is that of a static string: also the
+vibration along the plectrum changes it."""
+FRICTION_STD = 0.1
+"""Standard uncertainty of the plectrum's friction in the rig, dimensionless. Friction is fitted
+with stiffness and overlap because its effect resembles theirs: an error of 0.03 disappears in the
+noise and makes the overlap 8 % too large. A string on the mid-line, which no instrument has, also
+resembles friction. Friction is therefore not fitted there: the place of the string comes first."""
+DAMPER_STD = 0.2  # Relative, of the dampers' stiffness if the rig assumes no range
+DAMPER_LIFT_STD = 0.1e-3  # Of the dampers' lift if the rig assumes no range (m)
+STRING_STD = 0.3  # Relative, of stiffness and overlap of the plectra of further strings
+BOUND_STDS = 10  # Standard uncertainties from a hidden parameter's value to its bounds
+
+
+def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
+    """Return the hidden parameters of a rig.
+
+    Args:
+        names: Names of the free parameters; they are omitted.
+    """
+    found = [
+        _hidden(CLEARANCE, rig.jack.string_clearance, CLEARANCE_STD, "m"),
+        _hidden(TIME, 0.0, delay_std(rig), "s"),
+    ]
+    for name, quantity in ((FORCE_GAIN, "force"), (VELOCITY_GAIN, "velocity")):
+        # Not 0, which would give an empty range.
+        found.append(_hidden(name, 1.0, max(_channel(rig, quantity).gain_std, 1e-6)))
+    found += [
+        _hidden(SLIDING, 0.0, SLIDING_STD, "1/N"),
+        _hidden(LATE_SLIDING, 0.0, SLIDING_STD, "1/N"),
+        _hidden(RELEASE, 0.0, RELEASE_STD),
+        # Of a uniform distribution from 0 to 1.
+        hidden(VIBRATION, 0.5, 1 / 12**0.5, ENDS[VIBRATION]),
+    ]
+    for string in range(2, len(rig.more_choirs) + 2):
+        stiffness, overlap, clearance = (name.format(string) for name in OF_STRING)
+        free = {own for number, own in map(split_name, names) if number == string}
+        found += [_hidden(stiffness, 1.0, STRING_STD)] * free.isdisjoint({MODULUS, STIFFNESS})
+        found += [_hidden(overlap, 1.0, STRING_STD)] * (OVERLAP not in free)
+        found += [_hidden(clearance, 0.0, CLEARANCE_STD, "m")] * (CLEARANCE not in free)
+    damper = rig.jack.damper
+    if damper is not None and damper.stiffness > 0:
+        std = assumed_std(rig, "jack.damper.stiffness") / damper.stiffness or DAMPER_STD
+        lift_std = assumed_std(rig, "jack.damper.lift") or DAMPER_LIFT_STD
+        # There may be no damper: a least stiffness would bias what else the return shows.
+        found += [_hidden(DAMPER, 1.0, std, least=0.0)]
+        found += [_hidden(DAMPER_LIFT, damper.lift, lift_std, "m")]
+    plectrum_is_free = not {MODULUS, STIFFNESS, OVERLAP}.isdisjoint(
+        own for _, own in map(split_name, names)
+    )
+    if plectrum_is_free and rig.plectrum.contact == "surface":
+        found.append(hidden(FRICTION, rig.plectrum.friction, FRICTION_STD, ENDS[FRICTION]))
+    found = [parameter for parameter in found if parameter.name not in names]
+    for error in deviations(rig, unfitted(rig, [*names, *(p.name for p in found)])):
+        name, value = error.name, value_of(rig, error.name)
+        ends = value + error.low, value + error.high
+        found.append(hidden(name, value, error.std, ends, unit_of_parameter(name)))
+    return found
+
+
+def unfitted(rig: Rig, names: Sequence[str]) -> list[str]:
+    """Return the numbers of the model that are not among those of these names.
+
+    Of modulus and bending stiffness it is the one with a range, if neither is named.
+    """
+    of_plectrum = {MODULUS, STIFFNESS}
+    if of_plectrum.isdisjoint(names):
+        of_plectrum = {STIFFNESS if MODULUS in rig.assumed else MODULUS}
+    of_plectrum |= {WIDTH} if STIFFNESS in names else set()  # it has no other effect
+    fitted = {key for name in names for key in shared_keys(rig, rig_key(name))}
+    return [name for name in NAMES if name not in {*names, FORCE, TIME, *of_plectrum, *fitted}]
+
+
+def delay_std(rig: Rig) -> float:
+    """Return the standard uncertainty [s] of the delay between force and motion, above 0."""
+    force, velocity = (_channel(rig, quantity) for quantity in ("force", "velocity"))
+    return max(float(np.hypot(force.delay_std, velocity.delay_std)), 1e-9)
+
+
+def assumed_std(rig: Rig, name: str) -> float:
+    """Return the standard uncertainty of a value with an assumed range; 0 without a range."""
+    return sum(deviation.std for deviation in deviations(rig, [name]))
+
+
+def _hidden(name: str, value: float, std: float, unit: str = "", least: float = 0.1) -> Parameter:
+    """Return a hidden parameter with its value as the mean of its prior.
+
+    Args:
+        least: Lower bound, divided by the value.
+    """
+    low, high = value - BOUND_STDS * std, value + BOUND_STDS * std
+    low = max(low, least * value) if value else low
+    return hidden(name, value, std, (low, high), unit)
+
+
+def hidden(
+    name: str, mean: float, std: float, ends: tuple[float, float], unit: str = ""
+) -> Parameter:
+    """Return a hidden parameter that starts at the mean of its prior; SI."""
+    return Parameter(name, unit, mean, *ends, mean, std, hidden=True)
+
+
+def _channel(rig: Rig, quantity: str) -> Channel:
+    """Return the first channel of a quantity that every press has."""
+    return next(c for c in rig.daq.channels if c.quantity == quantity)

@@ -1,21 +1,155 @@
-"""The least-squares problem of a fit: whitened residuals, their derivatives, and the solver."""
+"""The least-squares problem of a fit: whitened residuals, their derivatives, and the solver.
 
-from collections.abc import Callable
+Residuals half a millisecond apart are correlated because of the smoothing, mains hum and errors of
+the model. Their autocovariance is estimated from a fit that ignores it, and whitens the next fit,
+so that they become independent ones of variance 1. It has rows for the fitted instants only.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.identify.parameters import DIFFERENCE, Parameter
 from sautereau.analysis.identify.residuals import InverseDynamics
-from sautereau.analysis.identify.whitening import Whitening
+from sautereau.analysis.phases.rows import SOLVE
 from sautereau.trajectory.motion import Floats
+
+REACH = 50e-3  # Longest lag of the autocovariance (s): two and a half periods of the mains
+MAINS = (50.0, 60.0)  # Frequencies of the mains (Hz)
+HUM_LEAST = 0.15  # Shortest record in which both can be separated from the press (s)
+FLOOR = 1e-3  # Smallest value of the noise spectrum, divided by its mean
+QUIET = 1e-12  # Smallest variance of the scaled residuals. It is needed for presses without noise
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """Maps the residuals of one press to independent residuals of variance 1 without trends."""
+
+    scale: Floats
+    """N, standard deviation at each instant, shape (n,)."""
+    factor: Floats
+    """Lower Cholesky factor of the correlation, banded, its diagonals as rows; shape (band, n)."""
+    trends: Floats
+    """Whitened trends, orthonormal; shape (n, trends)."""
+    shapes: Floats
+    """N, trends before whitening; shape (n, trends)."""
+
+    def __call__(self, residual: Floats) -> Floats:
+        """Return the whitened residuals [1] of residuals [N], shape (n,)."""
+        white = _solved(self.factor, residual / self.scale)
+        return white - self.trends @ (self.trends.T @ white)
+
+    def coloured(self, columns: Floats) -> Floats:
+        """Return L'x for the Cholesky factor L of the residuals' covariance.
+
+        Args:
+            columns: x, shape (n, columns).
+        """
+        scaled, found = columns * self.scale[:, None], np.zeros_like(columns)
+        for row, diagonal in enumerate(self.factor):
+            count = len(scaled) - row
+            found[:count] += diagonal[:count, None] * scaled[row:]
+        return found
+
+    def trend(self, residual: Floats) -> Floats:
+        """Return the trend [N] in residuals [N], shape (n,)."""
+        return self.shapes @ (self.trends.T @ _solved(self.factor, residual / self.scale))
+
+
+def whitening(
+    used: NDArray[np.bool_],
+    covariance: Floats,
+    free_offset: bool,
+    scale: Floats | float = 1.0,
+    step: float = 0.0,
+) -> Whitening:
+    """Return the whitening of one press.
+
+    Args:
+        used: Which of its equidistant instants are fitted.
+        covariance: Covariance of the scaled residuals for lags of 0, 1, 2 ... instants; it is 0
+            for longer lags.
+        free_offset: Whether the force has an unknown offset and an unknown slow ramp.
+        scale: N, scale of the residuals; shape (n,) at the fitted instants, or ().
+        step: s, between instants. If it is not 0, the force has unknown mains hum.
+    """
+    from scipy.linalg import cholesky_banded
+
+    at = np.flatnonzero(used)
+    band, count = min(len(covariance), len(at)), len(at)
+    padded = np.append(covariance, 0.0)
+    diagonals = np.zeros((band, count))
+    for row in range(band):
+        lags = at[row:] - at[: count - row]
+        diagonals[row, : count - row] = padded[np.minimum(lags, len(covariance))]
+    factor = cholesky_banded(diagonals, lower=True, check_finite=False)
+    scale = np.broadcast_to(scale, count)
+    columns = [np.ones(count), 2 * (at - at[0]) / max(at[-1] - at[0], 1) - 1] if free_offset else []
+    if (at[-1] - at[0]) * step > HUM_LEAST:
+        columns += [f(2 * np.pi * at * step * mains) for f in (np.sin, np.cos) for mains in MAINS]
+    plain = np.stack(columns, 1) if columns else np.zeros((count, 0))
+    white = np.stack([_solved(factor, c / scale) for c in columns], 1) if columns else plain
+    trends, mixing = np.linalg.qr(white)
+    return Whitening(scale, factor, trends, plain @ np.linalg.inv(mixing))
+
+
+def white(dynamics: InverseDynamics, spread: float, free_offset: bool) -> tuple[Whitening, ...]:
+    """Return the whitenings of independent residuals with a standard deviation of `spread` [N]."""
+    return tuple(
+        whitening(p.used, np.ones(1), free_offset, spread, p.step) for p in dynamics.presses
+    )
+
+
+def _solved(factor: Floats, values: Floats) -> Floats:
+    """Solve with a banded lower factor by forward substitution."""
+    return np.asarray(SOLVE(factor, values, uplo="L")[0], float)
+
+
+def autocovariance(
+    residuals: Sequence[Floats],
+    used: Sequence[NDArray[np.bool_]],
+    step: float,
+    spent: int,
+    floor: float = FLOOR,
+) -> Floats:
+    """Return a positive definite autocovariance of the residuals for lags of 0, 1, 2 ... instants.
+
+    Args:
+        residuals: Residuals of each press at its fitted instants.
+        used: Which of the equidistant instants of each press are fitted.
+        step: s, between instants.
+        spent: Number of fitted values.
+        floor: Smallest value of the spectrum, divided by its mean.
+    """
+    from scipy.signal.windows import parzen
+
+    count = max(2, round(REACH / step))
+    sums, pairs = np.zeros(count), np.zeros(count)
+    for residual, which in zip(residuals, used, strict=True):
+        values = np.zeros(len(which))
+        values[which] = residual
+        size = 2 * len(values)
+        for held, series in ((sums, values), (pairs, which.astype(float))):
+            spectrum = np.abs(np.fft.rfft(series, size)) ** 2
+            lagged = np.fft.irfft(spectrum, size)[: min(count, len(values))]
+            held[: len(lagged)] += lagged
+    total = sum(len(r) for r in residuals)
+    means = np.divide(sums, pairs, out=np.zeros(count), where=pairs > 0.5)
+    means *= total / max(total - spent, 1) * parzen(2 * count - 1)[count - 1 :]
+    # If pairs are missing, this may not be positive definite. White noise is then added.
+    spectrum = np.fft.hfft(means, 16 * count)
+    least = floor * float(spectrum.mean())
+    means[0] = max(QUIET, float(means[0]) + max(0.0, least - float(spectrum.min())))
+    return means
+
 
 AT_BOUND = 1e-6  # A parameter is at a bound if it is closer to it than this fraction of its range
 TOLERANCE = 1e-6  # Relative tolerance of the solver for a result
 COARSE = 1e-4  # Relative tolerance of the solver for a fit that only serves to estimate the noise
-UNSOLVED = 1e6
-"""Value of every residual where the model has no solution. The solver then rejects the step."""
+UNSOLVED = 1e6  # Residuals where the model has no solution: the solver rejects the step
 
 
 @dataclass(frozen=True)
@@ -61,11 +195,6 @@ class Problem:
         except ModelError:
             return None
 
-    @property
-    def _expected(self) -> list[int]:
-        """Numbers of the parameters that have a prior."""
-        return [k for k, p in enumerate(self.free) if p.std is not None]
-
     def prior(self, point: Floats) -> Floats:
         """Return the residuals [1] of the priors at a scaled point."""
         means = np.array([p.mean or 0.0 for p in self.free])
@@ -74,7 +203,8 @@ class Problem:
     @property
     def prior_jacobian(self) -> Floats:
         """Derivatives of `prior` by the scaled parameters."""
-        return np.diag(self.scales / [p.std or 1.0 for p in self.free])[self._expected]
+        known = [k for k, p in enumerate(self.free) if p.std is not None]
+        return np.diag(self.scales / [p.std or 1.0 for p in self.free])[known]
 
     def all(self, point: Floats) -> Floats:
         """Return the residuals [1] of data and priors; `UNSOLVED` if there is no solution."""

@@ -11,13 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sautereau.analysis.identify.fit import Fit, rms
-from sautereau.analysis.identify.noise import WINDOW
-from sautereau.analysis.identify.observed import BACK, FREE, HELD, Observed
-from sautereau.analysis.identify.parameter_names import FORCE_GAIN, TIME, VELOCITY_GAIN
+from sautereau.analysis.identify.observed import BACK, FREE, HELD, WINDOW, Observed
+from sautereau.analysis.identify.parameters import FORCE_GAIN, TIME, VELOCITY_GAIN
 from sautereau.trajectory.motion import Floats
 
-NOISE_MAX = 1.2
-"""Largest allowed ratio of the averaged residual to the noise at rest, which is not averaged."""
+NOISE_MAX = 1.2  # Largest ratio of the averaged residual to the noise at rest, not averaged
 HELD_MAX = 1.1
 """Largest allowed ratio of the residual while a string is held to that elsewhere. A residual up to
 the noise at rest is always allowed, because the held string vibrates. A wrong friction that is
@@ -32,8 +30,7 @@ LONGEST = 9  # Largest number of instants in an average over a period of the str
 INDEPENDENT = 0.6
 """Time between independent values of a smoothed force, divided by the windows of smoothing and
 averaging."""
-SAME = 0.05
-"""Largest RMS difference of the velocities of presses of one motion, relative to their RMS."""
+SAME = 0.05  # Largest RMS difference of velocities of one motion, relative to their RMS
 
 
 @dataclass(frozen=True)
@@ -181,14 +178,10 @@ def _independent(presses: Sequence[Observed], period: float) -> float:
 class _Repeated:
     """The part of the residual that repeats from press to press."""
 
-    size: float
-    """N, RMS."""
-    allowed: float
-    """N, largest size of a model that fits."""
-    chance: float
-    """N, largest size that noise explains."""
-    repetition: float
-    """See `Quality`."""
+    size: float  # N, RMS
+    allowed: float  # N, largest size of a model that fits
+    chance: float  # N, largest size that noise explains
+    repetition: float  # See `Quality`
 
 
 def _repeated(

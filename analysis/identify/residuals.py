@@ -7,25 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from sautereau.analysis.identify.elastic import Bending, modes_of, noise_gain, shortest_record
-from sautereau.analysis.identify.held import HeldString, held_string
+from sautereau.analysis.identify import elastic, parameters
 from sautereau.analysis.identify.observed import SUBSTEPS, Observed
-from sautereau.analysis.identify.parameter_names import (
-    CLOTH,
-    DAMPER,
-    DAMPER_LIFT,
-    FINGERTIP,
-    FORCE_GAIN,
-    FRICTION,
-    LATE_SLIDING,
-    OF_STRING,
-    RELEASE,
-    SLIDING,
-    TIME,
-    VELOCITY_GAIN,
-    VIBRATION,
-)
-from sautereau.analysis.identify.parameters import Parameter, with_parameters
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
 from sautereau.analysis.model.key import finger_force
 from sautereau.rig.instrument import Choir, Key
@@ -37,15 +20,12 @@ MODEL_STD = 5e-4
 """Accuracy of the model, divided by the largest force. Without it, small errors of the model would
 be attributed to the calibrations if the recordings have no noise."""
 NOT_OF_STRINGS = {
-    *(SLIDING, LATE_SLIDING, RELEASE, FINGERTIP),
+    *(parameters.SLIDING, parameters.LATE_SLIDING, parameters.RELEASE, parameters.FINGERTIP),
     *("key.gravity_moment", "key.pivot_coulomb_friction", "key.pivot_viscous_friction"),
     "jack.register_friction",
-}
-"""Parameters that affect neither the strings' forces nor the bending of the key."""
-NOT_OF_RIGID_KEY = {FORCE_GAIN, "key.inertia", "jack.mass"}
-"""Further parameters of this kind if the key is rigid."""
-CACHED_POINTS = 3
-"""Number of points whose string forces are cached. Most derivatives do not change the forces."""
+}  # Parameters that affect neither the strings' forces nor the bending of the key
+NOT_OF_RIGID_KEY = {parameters.FORCE_GAIN, "key.inertia", "jack.mass"}  # And if the key is rigid
+CACHED_POINTS = 3  # Points whose string forces are kept: most derivatives do not change them
 ITERATIONS = 2  # Iterations of the strings' forces, which hardly depend on bending and vibration
 
 
@@ -63,7 +43,7 @@ class InverseDynamics:
     def __init__(
         self,
         rig: Rig,
-        free: Sequence[Parameter],
+        free: Sequence[parameters.Parameter],
         presses: Sequence[Observed],
         level: str,
         unusable: Sequence[str] = (),
@@ -71,7 +51,7 @@ class InverseDynamics:
         self.rig, self.free, self.presses, self.level = rig, tuple(free), tuple(presses), level
         self.unusable = tuple(unusable)
         self._states: dict[tuple[float, ...], _State] = {}
-        self._nominal, self._record = _inertia_over_arm(rig), shortest_record(presses)
+        self._nominal, self._record = _inertia_over_arm(rig), elastic.shortest_record(presses)
         rows = [np.stack([*p.motion, p.lagged_force, p.slide])[:, p.used] for p in self.presses]
         *motion, self._lagged, self._slide = np.concatenate(rows, axis=1)
         self._motion = Motion(*motion)
@@ -83,7 +63,7 @@ class InverseDynamics:
         """`rise_stds`: m, standard uncertainty of the rise at each modelled release."""
         self._released = np.concatenate([p.strings[: len(p.release_angles)] for p in self.presses])
 
-    def with_free(self, free: Sequence[Parameter]) -> "InverseDynamics":
+    def with_free(self, free: Sequence[parameters.Parameter]) -> "InverseDynamics":
         """Return the same dynamics with other fitted parameters."""
         return InverseDynamics(self.rig, free, self.presses, self.level, self.unusable)
 
@@ -117,17 +97,17 @@ class InverseDynamics:
             ModelError: The model has no solution there.
         """
         values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
-        rig = with_parameters(self.rig, values)
+        rig = parameters.with_parameters(self.rig, values)
         # The angle follows from the measured velocity and this lever arm.
         turned = self.presses[0].laser_arm / rig.key.laser_arm
-        values[VELOCITY_GAIN] = gain = turned * values.get(VELOCITY_GAIN, 1.0)
-        lag, force_gain = values.get(TIME, 0.0), values.get(FORCE_GAIN, 1.0)
-        sliding = values.get(SLIDING, 0.0), values.get(LATE_SLIDING, 0.0)
+        values[parameters.VELOCITY_GAIN] = gain = turned * values.get(parameters.VELOCITY_GAIN, 1.0)
+        lag, force_gain = values.get(parameters.TIME, 0.0), values.get(parameters.FORCE_GAIN, 1.0)
+        sliding = values.get(parameters.SLIDING, 0.0), values.get(parameters.LATE_SLIDING, 0.0)
         friction = rig.plectrum.friction - self.rig.plectrum.friction
-        strings, modes = _strings(rig, self.level, values, friction), modes_of(values)
+        strings, modes = _strings(rig, self.level, values, friction), elastic.modes_of(values)
         # Of the measured acceleration on the measured force.
         inertia = _inertia_over_arm(rig) * gain / force_gain
-        amplified = noise_gain(modes, self._record)
+        amplified = elastic.noise_gain(modes, self._record)
         state = self._state(rig, strings, values)
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
         measured = rise_of_angle(rig.key, gain * self._angles) - self._speeds * lag
@@ -152,11 +132,13 @@ class InverseDynamics:
         self, rig: Rig, strings: "Sequence[_String]", values: Mapping[str, float]
     ) -> "_State":
         """Return the state of all presses; points with equal string forces share it."""
-        beside = NOT_OF_STRINGS if modes_of(values) else NOT_OF_STRINGS | NOT_OF_RIGID_KEY
+        beside = NOT_OF_STRINGS if elastic.modes_of(values) else NOT_OF_STRINGS | NOT_OF_RIGID_KEY
         own = tuple(value for name, value in values.items() if name not in beside)
         found = self._states.pop(own, None)
         if found is None:
-            found = _joined([_state(rig, strings, press, values) for press in self.presses])
+            each = [vars(_state(rig, strings, press, values)) for press in self.presses]
+            parts = zip(*(own.values() for own in each), strict=True)
+            found = _State(*(np.concatenate(part, axis=-1) for part in parts))
         self._states[own] = found
         if len(self._states) > CACHED_POINTS:
             self._states.pop(next(iter(self._states)))
@@ -173,31 +155,21 @@ class _String:
     """A string for given values of the parameters."""
 
     choir: Choir
-    key: Key
-    """Key with the lever arm of the choir's jack."""
-    held: HeldString
-    release: float
-    """rad, key angle at release."""
+    key: Key  # Key with the lever arm of the choir's jack
+    held: elastic.HeldString
+    release: float  # rad, key angle at release
 
 
 @dataclass(frozen=True)
 class _State:
     """Effects of strings and modes in presses, smoothed, at their n fitted instants."""
 
-    measured: Floats
-    """N, measured force; shape (n,)."""
-    strings: Floats
-    """N, forces of the strings on the jacks; shape (choirs, n)."""
+    measured: Floats  # N, measured force; shape (n,)
+    strings: Floats  # N, forces of the strings on the jacks; shape (choirs, n)
     bending: Floats
     """rad, contribution of the modes to the key angle, with its derivatives; shape (3, n)."""
     extra_rise: Floats
     """m, contribution of modes and cloth to the first jack's rise at each modelled release."""
-
-
-def _joined(states: "Sequence[_State]") -> _State:
-    """Return the state of presses from those of each."""
-    parts = zip(*(vars(state).values() for state in states), strict=True)
-    return _State(*(np.concatenate(part, axis=-1) for part in parts))
 
 
 def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float) -> list[_String]:
@@ -212,9 +184,9 @@ def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float)
     for number, stated in enumerate(choirs(rig), 1):
         choir = _further(stated, number, values, friction) if number > 1 else stated
         key, pluck = key_of(rig, choir), choir_pluck(choir, level)
-        late = 1 + values.get(RELEASE, 0.0)
+        late = 1 + values.get(parameters.RELEASE, 0.0)
         height = choir.jack.string_clearance + late * pluck.release_height
-        held = held_string(choir, pluck, values.get(VIBRATION, 0.0))
+        held = elastic.held_string(choir, pluck, values.get(parameters.VIBRATION, 0.0))
         found.append(_String(choir, key, held, float(angle_of_rise(key, height))))
     return found
 
@@ -226,10 +198,10 @@ def _further(choir: Choir, number: int, values: Mapping[str, float], friction: f
     """
     stiffness, overlap, clearance = (
         values.get(name.format(number), nothing)
-        for name, nothing in zip(OF_STRING, (1.0, 1.0, 0.0), strict=True)
+        for name, nothing in zip(parameters.OF_STRING, (1.0, 1.0, 0.0), strict=True)
     )
     plectrum, jack = choir.plectrum, choir.jack
-    friction *= f"string{number}.{FRICTION}" not in values
+    friction *= f"string{number}.{parameters.FRICTION}" not in values
     changed = {
         "youngs_modulus": stiffness * plectrum.youngs_modulus,
         "overlap": min(overlap * plectrum.overlap, 0.9 * plectrum.length),
@@ -252,16 +224,25 @@ def _state(
     A string that is still held after its modelled release keeps the force of that instant. The
     residual is then a smooth function of the parameters; the release is compared by its rise.
     """
-    lag, cloth, modes = values.get(TIME, 0.0), values.get(CLOTH, 0.0), modes_of(values)
-    angle, step = values.get(VELOCITY_GAIN, 1.0) * press.substep_angle, press.step / SUBSTEPS
+    lag, cloth, modes = (
+        values.get(parameters.TIME, 0.0),
+        values.get(parameters.CLOTH, 0.0),
+        elastic.modes_of(values),
+    )
+    angle, step = (
+        values.get(parameters.VELOCITY_GAIN, 1.0) * press.substep_angle,
+        press.step / SUBSTEPS,
+    )
     risen = [rise_of_angle(string.key, angle) for string in strings]
-    releases, key, damped = press.releases - lag, rig.key, values.get(DAMPER, 0.0)
-    higher = values[DAMPER_LIFT] - rig.jack.damper.lift if rig.jack.damper and damped else 0.0
+    releases, key, damped = press.releases - lag, rig.key, values.get(parameters.DAMPER, 0.0)
+    higher = (
+        values[parameters.DAMPER_LIFT] - rig.jack.damper.lift if rig.jack.damper and damped else 0.0
+    )
     lasts = np.zeros(len(strings), int)
     lasts[press.strings] = np.searchsorted(press.substep_time, releases)
     arms = np.array([choir.jack_arm for choir in choirs(rig)])
-    inertia, gain = moving_inertia(rig), values.get(FORCE_GAIN, 1.0)
-    bending = Bending(modes, press, lag, gain, key.press_arm, inertia)
+    inertia, gain = moving_inertia(rig), values.get(parameters.FORCE_GAIN, 1.0)
+    bending = elastic.Bending(modes, press, lag, gain, key.press_arm, inertia)
     bent, rise = np.zeros((3, len(angle))), np.zeros(len(angle))
     before = pushing = np.zeros((len(strings), len(angle)))
     held = behind = [np.zeros(last) for last in lasts]

@@ -2,6 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from operator import attrgetter
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,16 +19,17 @@ from sautereau.analysis.model.pluck.equilibria import Equilibria
 from sautereau.analysis.model.pluck.loaded import Rows, TabledPlectra
 from sautereau.analysis.model.pluck.paths import Paths, Status, ramp, solve_paths
 from sautereau.analysis.model.pluck.pluck import OVERLAP_MAX, STIFFNESS_RANGE
+from sautereau.rig.instrument import Key
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY
+from sautereau.trajectory.key import key_motion, rise_slope
+from sautereau.trajectory.motion import Motion
 
 POINTS = 33  # Points of a stretch that sticks or slides
 CHUNK = 768  # Cases that are computed together, few enough to fit into the processor's cache
 WARM = 2**19  # Numbers in a block larger than any of a chunk
-NARROWINGS = 4
-"""Refinements of a force peak inside the pluck, each between the neighbours of the last."""
-_SHAPE = ("plectrum.thickness", "plectrum.length", "plectrum.overlap")
-"""Values on which the table of a plectrum depends that is not of a uniform section."""
+NARROWINGS = 4  # Refinements of a force peak inside the pluck, each between the last neighbours
+_SHAPE = ("plectrum.thickness", "plectrum.length", "plectrum.overlap")  # Of a table, unless uniform
 VARIABLES = (
     "plectrum.youngs_modulus",
     "plectrum.width",
@@ -38,10 +42,8 @@ VARIABLES = (
     *(f"key.{n}" for n in ("dip", "felt_stiffness", "felt_damping")),
     *(f"press.{n}" for n in ("jack_speed", "jack_rise")),
     "arm.fingertip_friction",
-)
-"""Values of a rig that may vary between cases, SI."""
-DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")
-"""Values that may be given instead of those from which they follow, SI."""
+)  # Values of a rig that may vary between cases, SI
+DERIVED = ("plectrum.bending_stiffness", "string.static_stiffness")  # Instead of their factors
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
     except ValueError as error:
         shapes = ", ".join(f"{name} {v.shape}" for name, v in given.items())
         raise ModelError(f"values: shapes do not fit together: {shapes}; {error}") from None
-    of_rig = {name: _of(rig, name) for name in VARIABLES}
+    of_rig = {name: attrgetter(name)(rig) for name in VARIABLES}
     varying = {n: np.broadcast_to(v, shape).ravel() for n, v in given.items() if v.ndim}
     fixed = of_rig | {name: float(v) for name, v in given.items() if not v.ndim}
     count = int(np.prod(shape))
@@ -107,11 +109,6 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
             for result, value in zip(results, found, strict=True):
                 result[part] = value
     return PredictionBatch(*(result.reshape(shape) for result in results))
-
-
-def _of(rig: Rig, name: str) -> float:
-    section, field = name.split(".")
-    return getattr(getattr(rig, section), field)
 
 
 def _check(rig: Rig, given: Mapping[str, Floats], friction: Floats) -> None:
@@ -239,10 +236,7 @@ def _key_in_range(v: Mapping[str, Floats]) -> np.ndarray:
     """Return which cases have positive arms and inertias and finite other values."""
     names = ("key.press_arm", "key.jack_arm", "key.inertia", "jack.mass")
     positive = [_positive(v[name]) for name in names]
-    rest = ("key.gravity_moment", "key.jack_surface_height", "key.pivot_coulomb_friction")
-    rest = (*rest, "key.pivot_viscous_friction", "jack.register_friction")
-    rest = (*rest, "key.dip", "key.felt_stiffness", "key.felt_damping")
-    rest = (*rest, "key.surface_height", "arm.fingertip_friction")
+    rest = [name for name in VARIABLES if name.startswith(("key.", "jack.", "arm."))]
     return np.logical_and.reduce([*positive, *(np.isfinite(v[name]) for name in rest)])
 
 
@@ -275,16 +269,10 @@ def _peak_force(v: Mapping[str, Floats], equilibria: Equilibria, paths: Paths) -
 def _finger_force(v: Mapping[str, Floats], rise: Floats, string: Floats) -> Floats:
     """Return the force [N] of the finger at rises [m] of a jack at constant speed.
 
-    The trigonometry is that of `sautereau.trajectory.key`, written in the tangent of half the
-    angle; rise and string force of shape (cases, points).
+    Rise and string force of shape (cases, points).
     """
     c = {name.split(".")[1]: value[:, None] for name, value in v.items() if name[0] in "ajkp"}
-    b, hb = c["jack_arm"], c["jack_surface_height"]
-    half = rise / (b + np.sqrt(b**2 + rise * (2 * hb + rise)))
-    cosine, sine = (1 - half**2) / (1 + half**2), 2 * half / (1 + half**2)
-    slope = (b + hb * sine) / cosine**2
-    spin = c["jack_speed"] / slope
-    curvature = (2 * b * sine + hb * (1 + sine**2)) / cosine**3
+    key = cast(Key, SimpleNamespace(**c))
+    angle, spin, acceleration = key_motion(key, Motion(rise, c["jack_speed"], np.zeros(1)))
     load = c["mass"] * GRAVITY + string + c["register_friction"]
-    acceleration = -curvature * spin**2 / slope
-    return required_force(c, 2 * np.arctan(half), spin, acceleration, load * slope)
+    return required_force(c, angle, spin, acceleration, load * rise_slope(key, angle))

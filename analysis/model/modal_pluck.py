@@ -15,8 +15,7 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.analysis.model.string.contact import STEP_FRACTION, STEP_FRACTION_MAX, ModalContact
-from sautereau.analysis.model.string.free import FreeString
-from sautereau.analysis.model.string.string import ModalState, ModalString
+from sautereau.analysis.model.string.string import FreeString, ModalState, ModalString
 from sautereau.rig.schema import Rig
 
 MODES = 30  # Modes that move

@@ -34,8 +34,7 @@ AMOUNT = 0.1  # Weight of the depth itself relative to its bends
 STEP = 1e-6  # m, of the depth, for derivatives of the press by the table's derivatives
 MOST_STEPS = 20
 
-Observe = Callable[[Rig, Prediction], Floats]
-"""Returns what a press is compared by: logarithms of quantities, or relative deviations."""
+Observe = Callable[[Rig, Prediction], Floats]  # Logarithms, or relative deviations
 
 
 @dataclass(frozen=True)
@@ -121,9 +120,13 @@ def observed(
     Raises:
         ModelError: The model has no pluck for the carved plectrum.
     """
+    from sautereau.analysis.model.plectrum.fe.build import build
+
     plectrum = cut.applied(choirs(rig)[string - 1].plectrum, depths)
     carved = with_plectrum(rig, string, plectrum)
-    base, rates = _tables(plectrum, cut)
+    profile = profile_of(plectrum)
+    cuts = [np.interp(profile.x, cut.places / cut.places[-1], shape) for shape in cut.shapes.T]
+    base, rates = build(profile, elastic_of(plectrum), nearest_of(plectrum), cuts)
     press = _pressed(carved, string, base.table())
     rows = []
     for number in range(len(depths)):
@@ -135,14 +138,6 @@ def observed(
         ]
         rows.append((ends[0] - ends[1]) / (2 * STEP))
     return press, observe(carved, press), np.array(rows).T
-
-
-def _tables(plectrum: Plectrum, cut: Carving):
-    from sautereau.analysis.model.plectrum.fe.build import build_with_rates
-
-    profile = profile_of(plectrum)
-    cuts = [np.interp(profile.x, cut.places / cut.places[-1], shape) for shape in cut.shapes.T]
-    return build_with_rates(profile, elastic_of(plectrum), nearest_of(plectrum), cuts)
 
 
 def _pressed(rig: Rig, string: int, table: Table) -> Prediction:

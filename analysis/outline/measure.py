@@ -6,7 +6,7 @@ face if the picture shows it, otherwise along the uncut side; z towards the stri
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,7 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.outline.picture import Silhouette, at_border
 
 MEMBERS = 30  # Outlines of an ensemble
-PLACES = np.linspace(0.0, 1.0, 27)
-"""Vertices of an outline in lengths. The string's patch at the tip is about as long as a part."""
+PLACES = np.linspace(0.0, 1.0, 27)  # Vertices [lengths]; a part is about the string's patch
 MOST_TILT, DOUBTFUL_TILT = math.radians(15), math.radians(8)
 FACE = 0.3  # Height of the jack's face on each side of the plectrum, over the thickness there
 SLENDER = 3.0  # Least length over thickness
@@ -147,7 +146,12 @@ def measure(seen: Silhouette, given: Given, seed: int = 0) -> Measured:
     tilt = tilt or sides.tilt(float(clamp[0]), upside)
     _check_tilt(tilt, warnings)
     placed = _turned(seen.contour * sign - clamp, -tilt.value) * [1, -1 if upside else 1]
-    _check_cut_off(seen, placed, clamp, sides)
+    for name, own in at_border(seen.contour, seen.image.shape).items():
+        if np.any(placed[own, 0] > 0.02 * (sides.tip - float(clamp[0]))):
+            raise AnalysisError(
+                f"cut off: the plectrum reaches the {name} edge of the picture in front of its"
+                " clamp; photograph all of it"
+            )
     chains = _Chains(placed, seen.blur, 3 * seen.blur if face else -2 * seen.blur)
     edges = chains.fitted()
     clamp_std = math.hypot(face.intercept_std, seen.level_std) if face else CLICK
@@ -178,8 +182,7 @@ class _Line(NamedTuple):
     intercept: float
     slope: float
     slope_std: float
-    intercept_std: float
-    """At the mean of the first coordinates."""
+    intercept_std: float  # At the mean of the first coordinates
 
 
 def _line(first: Floats, second: Floats) -> _Line:
@@ -205,8 +208,8 @@ class _Sides:
         upper, lower = _split(points)
         self.tip = float(points[:, 0].max())
         self.x: Floats = np.arange(math.ceil(points[:, 0].min()) + 2, math.floor(self.tip) - 1.0)
-        self.upper = _outermost(upper, self.x, np.maximum)
-        self.lower = -_outermost(lower * [1, -1], self.x, np.maximum)
+        self.upper = _outermost(upper, self.x)
+        self.lower = -_outermost(lower * [1, -1], self.x)
 
     def at(self, x: float) -> tuple[float, float]:
         """Return lower and upper at a column."""
@@ -358,18 +361,13 @@ class _Uncertain:
         grown, lean = level * self.level_std, tilt * self.tilt_std * found.x
         x = found.x * (1 + grown / found.x[-1])
         found = Edges(x, found.top + grown - lean, found.bottom - grown - lean)
-        if (of := _of_plectrum(self.given)) is None:
+        if self.given.per_metre or self.given.ruler:
             return found.scaled(self.scale.value + scale * self.scale.std)
-        size = found.x[-1] if of == "length" else found.thickness
-        known: Known = getattr(self.given, of)
+        # A size of the plectrum gives the scale.
+        known, size = self.given.length, found.x[-1]
+        if known is None:
+            known, size = cast(Known, self.given.thickness), found.thickness
         return found.scaled((known.value + scale * known.std) / size)
-
-
-def _of_plectrum(given: Given) -> Literal["length", "thickness"] | None:
-    """Return which size of the plectrum gives the scale."""
-    if given.per_metre or given.ruler:
-        return None
-    return "length" if given.length else "thickness"
 
 
 def _scale(
@@ -522,16 +520,6 @@ def _check_tilt(tilt: Known, warnings: list[str]) -> None:
         )
 
 
-def _check_cut_off(seen: Silhouette, placed: Floats, clamp: Floats, sides: _Sides) -> None:
-    span = sides.tip - float(clamp[0])
-    for name, own in at_border(seen.contour, seen.image.shape).items():
-        if np.any(placed[own, 0] > 0.02 * span):
-            raise AnalysisError(
-                f"cut off: the plectrum reaches the {name} edge of the picture in front of its"
-                " clamp; photograph all of it"
-            )
-
-
 def _check_size(edges: Edges, warnings: list[str]) -> None:
     """Check the outline [m]."""
     length, thickness = float(edges.x[-1]), edges.thickness
@@ -566,12 +554,12 @@ def _split(points: Floats) -> tuple[Floats, Floats]:
     return points[: end + 1], np.vstack([points[end:], points[:1]])[::-1]
 
 
-def _outermost(chain: Floats, x: Floats, best: np.ufunc) -> Floats:
+def _outermost(chain: Floats, x: Floats) -> Floats:
     """Return the largest y of a chain in each column, interpolated where it has no point."""
     column: NDArray[np.intp] = np.round(chain[:, 0] - x[0]).astype(int)
     within = (column >= 0) & (column < len(x))
     found = np.full(len(x), -np.inf)
-    best.at(found, column[within], chain[within, 1])
+    np.maximum.at(found, column[within], chain[within, 1])
     known = np.isfinite(found)
     return np.interp(x, x[known], found[known])
 

@@ -20,8 +20,7 @@ MOST_PIXELS = 60e6
 SMOOTHING = 1.0  # Pixels, of the Gaussian that averages noise before the contour is taken
 LEAST_CONTRAST = 6.0  # Contrast over the standard deviation of a pixel's noise
 LEAST_RANGE = 0.04  # Contrast as a fraction of full scale: about 10 grey levels of 256
-DUST, OTHER = 0.002, 0.05
-"""Areas over that of the largest object: smaller ones are dust, larger ones are other objects."""
+DUST, OTHER = 0.002, 0.05  # Areas over the largest object's: of the largest dust, of other objects
 LARGEST_SIDE = 500  # Pixels of the reduced picture in which light and object are separated
 LEAST_AREA = 0.003  # Of the picture, that a plectrum covers
 BLUR = 6.0  # Pixels; a larger standard deviation of the edge is out of focus
@@ -121,7 +120,8 @@ def silhouette(image: Floats) -> Silhouette:
     rings = find_contours(np.pad(own, 1, constant_values=0.0), 0.5)
     ring = max(rings, key=len)[:-1] - 1
     contour = ring[:, ::-1]
-    if _area(contour * [1, -1]) < 0:
+    x, y = contour.T
+    if x @ np.roll(y, -1) > np.roll(x, -1) @ y:  # clockwise as displayed
         contour = contour[::-1]
     blur, level_std = _edge(share, smooth, contour)
     noise = _noise(share)
@@ -143,11 +143,6 @@ def at_border(contour: Floats, shape: tuple[int, ...]) -> dict[str, NDArray[np.b
         "top": y < BORDER,
         "bottom": y > rows - 1 - BORDER,
     }
-
-
-def _area(ring: Floats) -> float:
-    x, y = ring.T
-    return float(np.dot(x, np.roll(y, -1)) - np.dot(np.roll(x, -1), y)) / 2
 
 
 def _light(image: Floats) -> tuple[Floats, Floats]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import key_of
-from sautereau.analysis.model.plectrum.shape import bent, straight
+from sautereau.analysis.model.plectrum.tapered import bent, straight
 from sautereau.analysis.phases import HeldString, Phases
 from sautereau.analysis.phases.found import pluck_names
 from sautereau.analysis.press.strings import VibratingString, stilled, vibrating_strings
@@ -40,7 +40,7 @@ class ChoirMotion:
     """m, of the jack above first contact; shape (n,)."""
     outline: Floats
     """m, of the bent plectrum in its clamp's frame, shape (n, points, 2); see
-    `sautereau.analysis.model.plectrum.shape.bent`."""
+    `sautereau.analysis.model.plectrum.tapered.bent`."""
     tongue: Floats
     """rad, rotation of the tongue; shape (n,)."""
     wire: Floats

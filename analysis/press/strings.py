@@ -18,8 +18,7 @@ from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.model.modal_pluck import MODES, ModalPluck, modal_pluck
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.predict import predict, rig_pluck
-from sautereau.analysis.model.string.free import FreeString
-from sautereau.analysis.model.string.string import ModalString, stretch
+from sautereau.analysis.model.string.string import FreeString, ModalString, stretch
 from sautereau.rig.instrument import Choir, String
 from sautereau.rig.schema import Rig
 

@@ -17,8 +17,10 @@ from sautereau.analysis.report.slow_motion import moving
 from sautereau.analysis.results.comparison import (
     compared_presses,
     contribution_rows,
+    error_cells,
     verdict_line,
 )
+from sautereau.analysis.session.compare import ERRORS
 from sautereau.analysis.text import counted
 from sautereau.rig.text import rig_text
 
@@ -97,7 +99,7 @@ def build_report(contents: Contents, about: About) -> str:
                 "name": name,
                 "level": condition.prediction.level,
                 "presses": compared_presses(condition.rig, condition.comparison),
-                "rows": tables.comparison_rows(condition.comparison),
+                "rows": [error_cells(condition.comparison, name) for name in ERRORS],
                 "verdict": verdict_line(condition.comparison),
                 "contributions": contribution_rows(condition.comparison),
                 "features": tables.compared_rows(condition),
@@ -138,12 +140,11 @@ def _data(
     data = {name: plot.to_json() for name, plot in drawn.items()}
     if shown:
         data["slow-motion"] = shown["data"]
-    return {name: _embedded(text) for name, text in data.items()}
-
-
-def _embedded(text: str) -> Markup:
-    """Return JSON in which an HTML parser finds no tag."""
-    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
+    # In which an HTML parser finds no tag.
+    return {
+        name: Markup(t.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
+        for name, t in data.items()
+    }
 
 
 @cache

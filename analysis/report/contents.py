@@ -5,9 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.press import Press
-from sautereau.analysis.phases import HeldString
-from sautereau.analysis.report.drawing import envelope
+from sautereau.analysis.report.pictures import envelope
 from sautereau.analysis.report.slow_motion import SlowMotion, slow_motion
 from sautereau.analysis.session.analysed import AnalysedPress, analyse_recording
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis, analyse
@@ -134,6 +132,13 @@ def _record(number: int, recorded: Recorded, whole: AnalysedPress, points: int) 
         signal = press.samples[column]
         kept = envelope(signal, points)
         traces[column] = Trace(press.time[kept], signal[kept])
+    held: dict[int, Trace] = {}
+    for pluck in whole.phases.plucks if points else ():
+        if pluck.string:
+            end = min(pluck.release + BESIDE, whole.phases.bottom)
+            deflection, force = press.from_contact(pluck.contact, pluck.contact - BESIDE, end)
+            kept = envelope(force, points // 2)
+            held[pluck.string] = Trace(deflection[kept], force[kept])
     return PressRecord(
         **vars(whole.light()),
         number=number,
@@ -141,16 +146,5 @@ def _record(number: int, recorded: Recorded, whole: AnalysedPress, points: int) 
         software=recorded.software,
         events=recorded.events,
         traces=traces,
-        held={
-            pluck.string: _held(press, pluck, whole.phases.bottom, points // 2)
-            for pluck in whole.phases.plucks
-            if pluck.string and points
-        },
+        held=held,
     )
-
-
-def _held(press: Press, pluck: HeldString, bottom: float, points: int) -> Trace:
-    end = min(pluck.release + BESIDE, bottom)
-    deflection, force = press.from_contact(pluck.contact, pluck.contact - BESIDE, end)
-    kept = envelope(force, points)
-    return Trace(deflection[kept], force[kept])

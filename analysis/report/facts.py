@@ -27,13 +27,13 @@ def cleaned(value: Any, most: int = MOST_CHARACTERS) -> Any:
     """
     if isinstance(value, Markup) or not isinstance(value, str):
         return value
-    kept = "".join(c if c.isprintable() or c in "\n\t" else _escape(c) for c in value[:most])
+    kept = "".join(
+        c
+        if c.isprintable() or c in "\n\t"
+        else (f"\\x{ord(c):02x}" if ord(c) < 0x100 else f"\\u{{{ord(c):x}}}")
+        for c in value[:most]
+    )
     return kept if len(value) <= most else f"{kept} … ({len(value):,} characters in total)"
-
-
-def _escape(character: str) -> str:
-    number = ord(character)
-    return f"\\x{number:02x}" if number < 0x100 else f"\\u{{{number:x}}}"
 
 
 def warnings(contents: Contents, of_session: Sequence[str]) -> Facts:
@@ -71,10 +71,11 @@ def how_pressed(contents: Contents, warm_ups: int = 0) -> Facts:
     warm_up = sum(record.session.warm_up for record in presses)
     made = f"{len(presses)}" + (f", {warm_up} of them warm-up" if warm_up else "")
     made += f", and {warm_ups} for warm-up that are not on this page" if warm_ups else ""
+    dates = sorted(record.session.started for record in presses if record.session.started)
     facts = [
         ("rig", rig.name),
         ("presses", made),
-        ("date", _range(record.session.started for record in presses)),
+        ("date", " to ".join(dict.fromkeys([*dates[:1], *dates[-1:]]))),
         ("press", press),
         ("key", _listed(document["key"], ("press_arm", "laser_arm", "jack_arm", "inertia"))),
         ("plectrum", _listed(document["plectrum"], ("length", "width", "thickness", "overlap"))),
@@ -174,11 +175,6 @@ def _different(values: Iterable[str]) -> str:
     found = list(dict.fromkeys(value for value in values if value))
     more = f"; and {len(found) - MOST_EVENTS} more" if len(found) > MOST_EVENTS else ""
     return "; ".join(found[:MOST_EVENTS]) + more
-
-
-def _range(values: Iterable[str]) -> str:
-    found = sorted(value for value in values if value)
-    return " to ".join(dict.fromkeys([found[0], found[-1]])) if found else ""
 
 
 def _numbers(numbers: list[int]) -> str:

@@ -3,6 +3,7 @@
 Plotly interprets texts as markup, so no text of a recording may appear in a plot.
 """
 
+import base64
 import json
 from collections.abc import Sequence
 from typing import Any
@@ -15,14 +16,104 @@ from sautereau.analysis.phases.found import pluck_names, stretches
 from sautereau.analysis.report.contents import (
     BESIDE,
     COLUMNS,
-    Condition,
     Contents,
     PressRecord,
     Trace,
 )
-from sautereau.analysis.report.plot import Plot
 from sautereau.analysis.report.tables import Course
 from sautereau.rig.quantities import QUANTITIES
+
+TEMPLATE = {"data": {"scatter": [{"type": "scatter"}]}}  # Else plotly.js uses its own style
+POWERS = {"exponentformat": "power"}  # In labels of ticks, not prefixes without a unit: `50µ`
+TOP = 30  # px above the highest row: a line of text, which is its title
+BOTTOM = 50  # px below the lowest row: labels of ticks, and the title of the horizontal axis
+
+
+class Plot:
+    """Rows of plots, one above another, over one horizontal axis."""
+
+    def __init__(self, titles: Sequence[str], below: str, height: int):
+        """Draw nothing yet.
+
+        Args:
+            titles: Of the vertical axes, from the top. They are above the rows, since plotly.js
+                moves no title beside an axis when a zoom makes the labels of ticks longer.
+            below: Title of the horizontal axis, under the lowest row.
+            height: px, of all rows.
+        """
+        self._traces: list[dict[str, Any]] = []
+        self._layout: dict[str, Any] = {
+            "template": TEMPLATE,
+            "shapes": [],
+            "annotations": [],
+            "height": height,
+            "margin": {"l": 50, "r": 20, "t": TOP, "b": BOTTOM},
+            "paper_bgcolor": "rgba(0,0,0,0)",
+            "plot_bgcolor": "rgba(0,0,0,0)",
+            "hovermode": "closest",
+            "dragmode": "zoom",
+            "legend": {
+                "orientation": "h",
+                "x": 0,
+                "y": 1 + TOP / (height - TOP - BOTTOM),
+                "yanchor": "bottom",
+            },
+        }
+        self._axes = ["", *map(str, range(2, len(titles) + 1))]  # Ends of the axes' names
+        spacing = TOP / (height - TOP - BOTTOM)
+        each = (1 - spacing * (len(titles) - 1)) / len(titles)
+        for row, (axis, title) in enumerate(zip(self._axes, titles, strict=True), 1):
+            bottom = (len(titles) - row) * (each + spacing)
+            lowest = row == len(titles)
+            above = {"matches": f"x{self._axes[-1]}", "showticklabels": False}
+            labelled = {"title": {"text": below}, "automargin": True} if lowest else above
+            self._layout[f"xaxis{axis}"] = {"anchor": f"y{axis}", **POWERS, **labelled}
+            self._layout[f"yaxis{axis}"] = {
+                "anchor": f"x{axis}", "domain": [bottom, bottom + each], "automargin": True,
+                **POWERS,
+            }  # fmt: skip
+            self._layout["annotations"].append({
+                "text": title, "font": {"size": 14}, "showarrow": False, "xref": "paper", "x": 0,
+                "xanchor": "left", "yref": f"y{axis} domain", "y": 1, "yanchor": "bottom",
+            })  # fmt: skip
+
+    def add(self, x: Sequence[Any] | np.ndarray, y: Any, row: int = 0, **trace: Any) -> None:
+        """Draw a trace of plotly in a row, counted from 0 at the top."""
+        axes = {"xaxis": f"x{self._axes[row]}", "yaxis": f"y{self._axes[row]}"}
+        self._traces.append({"type": "scatter", "x": _packed(x), "y": _packed(y), **axes, **trace})
+
+    def shade(self, start: float, stop: float, colour: str, name: str) -> None:
+        """Shade a part of the horizontal axis in all rows, with its name in the legend once."""
+        new = all(shape["name"] != name for shape in self._layout["shapes"])
+        self._layout["shapes"] += [
+            {
+                "type": "rect", "layer": "below", "fillcolor": colour, "line": {"width": 0},
+                "xref": f"x{axis}", "x0": start, "x1": stop,
+                "yref": f"y{axis} domain", "y0": 0, "y1": 1,
+                "name": name, "legendgroup": name, "showlegend": new and axis == self._axes[0],
+            }
+            for axis in self._axes
+        ]  # fmt: skip
+
+    def set_x(self, **settings: Any) -> None:
+        """Set the same of the horizontal axis of every row."""
+        for axis in self._axes:
+            self._layout[f"xaxis{axis}"] |= settings
+
+    def to_json(self) -> str:
+        """Return the plot as JSON."""
+        drawn = {"data": self._traces, "layout": self._layout}
+        return json.dumps(drawn, separators=(",", ":"), allow_nan=False)
+
+
+def _packed(values: Sequence[Any] | np.ndarray) -> Any:
+    """Return an array of floats as plotly.js reads their bytes, and other values as they are."""
+    if not isinstance(values, np.ndarray):
+        return values
+    kind = values.dtype.newbyteorder("<")
+    data = base64.b64encode(values.astype(kind).tobytes()).decode()
+    return {"dtype": kind.str[1:], "bdata": data}
+
 
 COLOURS = SERIES  # Colours of the conditions; if there is only one condition, of its presses
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
@@ -32,8 +123,7 @@ SHADES = {
     "free": "rgba(120,120,120,0.08)",
     "string held": "rgba(230,159,0,0.22)",
     "string released": "rgba(86,180,233,0.18)",
-}
-"""Colours of the phases by their names."""
+}  # Colours of the phases by their names
 SEVERAL = "rgba(213,94,0,0.34)"  # That of a phase in which several strings are held
 HEIGHT = 240  # Height of one row (px)
 
@@ -55,7 +145,11 @@ def over_time(contents: Contents) -> Plot:
                 first = False
             _mark_plucks(plot, record, _colour(contents, index, record))
     if len(contents.conditions) == 1:
-        _shade(plot, contents.conditions[0])
+        # The phases between the mean contacts and releases of each string in all presses.
+        held = [_mean_times(p) for p in _plucks_by_string(contents.presses).values()]
+        last = max(record.phases.bottom for record in contents.presses)
+        for start, stop, name in stretches(held, 0.0, last) if held else ():
+            plot.shade(start * 1e3, stop * 1e3, SHADES.get(name, SEVERAL), name)
     end = max(record.phases.bottom for record in contents.presses) * 1e3
     if end > 0:
         plot.set_x(range=[0, end])
@@ -168,15 +262,6 @@ def _mark_plucks(plot: Plot, record: PressRecord, colour: str) -> None:
         hovertemplate=_hover(record, "%{text} at %{x:.3f} ms"),
         row=COLUMNS.index("force"),
     )
-
-
-def _shade(plot: Plot, condition: Condition) -> None:
-    """Shade the phases between the mean contacts and releases of each string in all presses."""
-    plucks = _plucks_by_string(condition.presses)
-    if plucks:
-        end = max(record.phases.bottom for record in condition.presses)
-        for start, stop, name in stretches([_mean_times(p) for p in plucks.values()], 0.0, end):
-            plot.shade(start * 1e3, stop * 1e3, SHADES.get(name, SEVERAL), name)
 
 
 def _plucks_by_string(presses: Sequence[PressRecord]) -> dict[int, list[HeldString]]:

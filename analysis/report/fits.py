@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import AliasChoices, Field, FiniteFloat
 
-from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.results.prediction import Written, read_part
 from sautereau.analysis.text import counted, in_rig_units
-from sautereau.rig.disk import read_limited, why_unreadable
-from sautereau.rig.faults import first_fault
 from sautereau.rig.quantities import QUANTITIES
 
 PATTERN = "fit*.json"  # Names of their files in the session's folder
@@ -18,13 +16,10 @@ VERDICTS = {
     True: "",
     False: "; the model does not fit",
     None: "; whether the model fits is unknown",
-}
-"""Text about a fit by whether the model fits."""
+}  # Text about a fit by whether the model fits
 
 
-class _Estimate(BaseModel):
-    model_config = ConfigDict(extra="ignore")
-
+class _Estimate(Written):
     unit: str
     value: FiniteFloat
     std: FiniteFloat | None
@@ -34,9 +29,7 @@ class _Estimate(BaseModel):
     identifiable: bool
 
 
-class _Identified(BaseModel):
-    model_config = ConfigDict(extra="ignore")
-
+class _Identified(Written):
     parameters: dict[str, _Estimate]
     presses: tuple[str, ...]
     level: str
@@ -67,17 +60,8 @@ def read_fit(path: Path) -> Fit:
     Raises:
         AnalysisError: The file cannot be read, or was not written by `identify`.
     """
-    try:
-        found = _Identified.model_validate_json(read_limited(path))
-    except OSError as error:
-        raise AnalysisError(
-            f"fit {path}: cannot be read: {why_unreadable(error)}; correct it, or move it away"
-        ) from error
-    except ValidationError as error:
-        raise AnalysisError(
-            f"fit {path}: {first_fault(error)}; write it with `sautereau identify"
-            f" ... --json > {path.name}`, or give it a name other than {PATTERN}"
-        ) from error
+    how = f"write it with `sautereau identify ... --json > {path.name}`"
+    found = read_part(path, _Identified, f"{how}, or give it a name other than {PATTERN}")
     return Fit(
         path.name,
         f"fitted to {counted(len(found.presses), 'press')}, plectrum model {found.level};"

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.made import how_made
+from sautereau.analysis.figures.palette import how_made
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import choirs, string_names
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.replay import Replay, replay
-from sautereau.analysis.report.drawing import Frames
 from sautereau.analysis.report.pictures import (
+    Frames,
     force_picture,
     head_picture,
     key_picture,
@@ -23,8 +23,7 @@ from sautereau.analysis.report.pictures import (
 
 FRAMES = 101
 OF_ALL_STRINGS = 202  # Total number of frames of all strings: a third of a megabyte of the page
-BESIDE = 0.25
-"""Fraction of the time from first contact to last release that is shown before and after it."""
+BESIDE = 0.25  # Of the time from first contact to last release, shown before and after it
 LEAST_BESIDE = 4e-3  # s, shortest time shown after release, in which the string vibrates
 SLIDER = "frame"  # Id of the slider that selects the frame
 READING = "reading"  # Start of the ids of the readings

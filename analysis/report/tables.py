@@ -16,11 +16,9 @@ from sautereau.analysis.press.features import (
     title_of,
 )
 from sautereau.analysis.report.contents import PressRecord
-from sautereau.analysis.results.comparison import error_cells, feature_cells
+from sautereau.analysis.results.comparison import feature_cells
 from sautereau.analysis.results.comparison import repeatability_rows as rows_of_repeatability
-from sautereau.analysis.session.compare import ERRORS, Comparison
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis
-from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability
 from sautereau.rig.quantities import QUANTITIES
 
@@ -42,8 +40,7 @@ DIGITS = {
     "force_slope": 4,
     "held_work": 1,
     "press_work": 1,
-}
-"""Features in the table, in their order, with their decimal places."""
+}  # Features in the table, in their order, with their decimal places
 LATER = ("contact", "release", "pluck_duration", "release_force", "force_drop")
 """Features in the table of the second and later strings as well."""
 COURSE = ("held_speed_mean", "held_speed_error", "pluck_duration", "release_force")
@@ -76,8 +73,16 @@ def feature_table(found: SessionAnalysis[PressRecord]) -> dict[str, Any]:
     feet = []
     if not many and len(found.conditions[0].counted) > 1:
         pooled = {one.name: one for one in found.conditions[0].features}
-        cells = zip(*(_statistics(pooled.get(name)) for name in columns), strict=True)
-        feet = list(zip(("mean", "standard deviation"), cells, strict=True))
+        means, stds = [], []
+        for name in columns:
+            one, feature = pooled.get(name), split_column(name)[0]
+            scale, _ = QUANTITIES[feature].displayed
+            if one is None or one.std is None:
+                means, stds = [*means, NONE], [*stds, NONE]
+                continue
+            means.append(f"{one.measured.value * scale:.{DIGITS[feature]}f}")
+            stds.append(f"{float(f'{one.std * scale:.2g}'):g}")
+        feet = [("mean", means), ("standard deviation", stds)]
     return {"heads": [_title(name, strings) for name in columns], "rows": rows, "feet": feet}
 
 
@@ -98,16 +103,6 @@ def _cell(features: Row, name: str) -> str:
     scale, _ = QUANTITIES[feature].displayed
     text = f"{value:.{DIGITS[feature]}f}"
     return f"{text} ± {std * scale:#.2g}".rstrip(".") if isinstance(std, int | float) else text
-
-
-def _statistics(one: PooledFeature | None) -> tuple[str, str]:
-    """Return mean and standard deviation over presses."""
-    if one is None or one.std is None:
-        return NONE, NONE
-    name = split_column(one.name)[0]
-    scale, _ = QUANTITIES[name].displayed
-    spread = float(f"{one.std * scale:.2g}")
-    return f"{one.measured.value * scale:.{DIGITS[name]}f}", f"{spread:g}"
 
 
 def _title(name: str, strings: Sequence[str]) -> str:
@@ -151,11 +146,6 @@ def compared_rows(found: Condition[PressRecord]) -> list[tuple[str, ...]]:
         if one.predicted is not None
     ]
     return [(label.replace("uJ", "µJ"), *rest) for label, *rest in cells]
-
-
-def comparison_rows(found: Comparison) -> list[tuple[str, ...]]:
-    """Return quantity, mean model error, its interval and that of the measurement alone."""
-    return [error_cells(found, name) for name in ERRORS]
 
 
 def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str]]:

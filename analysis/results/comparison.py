@@ -1,12 +1,12 @@
 """The analysis of a session: comparison, repeatability, drift, differences from another session."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.press.features import split_column, title_of
-from sautereau.analysis.results.result import Result, frame_of, json_of, shown
+from sautereau.analysis.results.result import Result, frame_of, json_of, plain, shown
 from sautereau.analysis.session.compare import ERRORS, Mean, listed_contributions
 from sautereau.analysis.session.compare import Comparison as Compared
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis
@@ -23,14 +23,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INTERVALS = {"student": "Student's t", "bootstrap": "bootstrap of the presses (BCa)"}
-DRIFTING = ("pluck_duration", "release_force")
-"""Features whose drift the text reports: of more, some would be significant by chance."""
+DRIFTING = ("pluck_duration", "release_force")  # Reported: of more, some would drift by chance
 CONSISTENT = "consistent with the stated ranges"
 UNEXPLAINED = "not explained by the stated ranges"
 NO_INTERVAL = "none (one press)"  # Text in place of the interval of a single press
 _INDEX = ["condition", "name"]  # Of the tables
-_OF_SEVERAL = ("presses", "changed", "warnings")
-"""Keys of a condition that mean something else of a session."""
+_OF_SEVERAL = ("presses", "changed", "warnings")  # Of a session they mean something else
 
 
 @dataclass(frozen=True, repr=False)
@@ -186,8 +184,7 @@ def _condition_document(found: Condition) -> dict[str, Any]:
             result[name] = measured | {"ci95": ends, "ci95_measured": measured["ci95"]}
         result["verdict"] = CONSISTENT if compared.consistent else UNEXPLAINED
         result["unlike_rig"] = list(compared.unlike_rig)
-        every = compared.budget.contributions if compared.budget else ()
-        result["budget"] = [asdict(each) for each in every]
+        result["budget"] = plain(compared.budget.contributions if compared.budget else ())
     if found.features:
         result["interval"] = found.features[0].measured.interval
         result["features"] = {

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.campaign.effects import FactorEffects, FittedEffects, fit_effects, in_order
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.figures.palette import BEFORE, DASHES, GRID, MARKERS, MEASURED, SERIES
 from sautereau.analysis.press.features import by_string, split_column, title_of
 from sautereau.analysis.results.result import Result, frame_of, json_of, shown
 from sautereau.analysis.session.analysed import AnalysedPress
@@ -21,6 +22,7 @@ from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 DEFAULT = ("release_force", "force_drop", "force_slope", "pluck_duration")
@@ -94,11 +96,38 @@ class Effects(Result):
         return frame_of(rows, columns, ["name", "factor", "level"], units)
 
     def plot(self) -> "Figure":
-        """Return a figure of each quantity over the levels of each factor."""
-        from sautereau.analysis.figures.effects import effects_figure
+        """Return a figure with a row for each quantity, a column for each factor and interaction.
 
+        In a factor's column, points are presses: the mean of their level plus their residual,
+        without the effects of the other factors. That of an interaction has the mean of each
+        combination.
+        """
+        from matplotlib.figure import Figure
+
+        count = max(len(fit.factors) for fit in self.fitted.values())
+        size = (max(6.4, WIDTH * count), 0.8 + HEIGHT * len(self.fitted))
+        figure = Figure(figsize=size, layout="constrained")
+        panels = figure.subplots(len(self.fitted), count, sharey="row", squeeze=False)
+        for number, (name, fit) in enumerate(self.fitted.items()):
+            scale, _ = QUANTITIES[split_column(name)[0]].displayed
+            for axes, factor in zip(panels[number], fit.factors, strict=False):
+                if factor.means:
+                    _levels(axes, factor, self.factors[factor.name], fit.residuals, scale)
+                else:
+                    _combinations(axes, factor, self, scale * self.values[name])
+                    if number == 0:
+                        axes.legend(
+                            title=factor.of[0], frameon=False, fontsize=7, title_fontsize=7,
+                            ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0),
+                        )  # fmt: skip
+                axes.grid(color=GRID, lw=0.7)
+                axes.set_axisbelow(True)
+            for axes in panels[number, len(fit.factors) :]:
+                axes.set_axis_off()
+            panels[number, 0].set_ylabel(title_of(name).replace(" (", "\n("))
         title = "SIMULATED: " * self.simulated + repr(self).strip("<>")
-        return shown(effects_figure(self.fitted, self.factors, self.order, self.values, title))
+        figure.suptitle(f"{title}; bars: 95 % intervals", fontsize=10)
+        return shown(figure)
 
 
 def effects_of(
@@ -115,7 +144,6 @@ def effects_of(
 
     Raises:
         AnalysisError: A name is unknown, the presses have no factor, or no quantity has effects.
-        MissingExtraError: statsmodels is not installed.
     """
     presses = [press for press in presses if not press.session.warm_up]
     alike = what_is_alike(presses)
@@ -216,3 +244,63 @@ def _factor_lines(factor: FactorEffects, scale: float) -> list[str]:
             for mean in factor.means
         ]
     return [f"  {factor.name}, {p_value}", *table(rows, indent=4)]
+
+
+WIDTH, HEIGHT = 4.2, 2.4  # Of one panel (inch)
+MOST_TICKS = 6  # Levels of which each has its tick
+
+
+def _levels(
+    axes: "Axes", factor: FactorEffects, own: Sequence[str], residuals: Floats, scale: float
+) -> None:
+    """Draw the presses of each level, and its mean.
+
+    Args:
+        own: Level of each press.
+    """
+    levels = [mean.level for mean in factor.means]
+    places = _places(axes, factor.name, levels)
+    means = scale * np.array([(m.value, m.value - m.low, m.high - m.value) for m in factor.means])
+    known = np.flatnonzero(np.isfinite(residuals)).tolist()
+    number = [levels.index(own[press]) for press in known]
+    presses = means[number, 0] + scale * residuals[known]
+    axes.plot(places[number], presses, ".", color=BEFORE, ms=4)
+    style = {"fmt": "o", "color": MEASURED, "ms": 4, "capsize": 5}
+    axes.errorbar(places, means[:, 0], means[:, 1:].T, **style)
+
+
+def _combinations(axes: "Axes", factor: FactorEffects, found: Effects, values: Floats) -> None:
+    """Draw the mean of the presses of each combination, a line for each level of one factor."""
+    first, second = factor.of
+    levels = list(found.order[second])
+    places = _places(axes, second, levels)
+    own, other = np.asarray(found.factors[first]), np.asarray(found.factors[second])
+    for number, level in enumerate(found.order[first]):
+        means = [np.nanmean(values[(own == level) & (other == each)]) for each in levels]
+        marker, colour = MARKERS[number % len(MARKERS)], SERIES[number % len(SERIES)]
+        dashes = DASHES[number % len(DASHES)]
+        axes.plot(places, means, marker=marker, color=colour, ls=dashes, label=level, ms=4)
+
+
+def _places(axes: "Axes", name: str, levels: list[str]) -> Floats:
+    """Return the places of levels, and label the axis.
+
+    Quantities of one unit stand at their values, other levels at equal distances.
+    """
+    numbers, _, units = zip(*(level.partition(" ") for level in levels), strict=True)
+    try:
+        places = np.array([float(number) for number in numbers])
+        if len(set(units)) > 1:
+            raise ValueError
+        axes.set_xlabel(f"{name} ({units[0]})" if units[0] else name)
+        close = float(np.diff(places).min()) < float(np.ptp(places)) / (2 * MOST_TICKS)
+        if len(levels) <= MOST_TICKS and not close:
+            axes.set_xticks(places, numbers)
+        else:
+            axes.locator_params(axis="x", nbins=MOST_TICKS)
+    except ValueError:
+        places = np.arange(len(levels), dtype=float)
+        axes.set_xticks(places, levels)
+        axes.set_xlim(-0.5, len(levels) - 0.5)
+        axes.set_xlabel(name)
+    return places

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,16 +15,17 @@ from sautereau.analysis.identify.forecast import (
     forecast,
     together,
 )
-from sautereau.analysis.identify.information import IDENTIFIABLE, MORE, USEFUL
-from sautereau.analysis.identify.parameter_names import FORCE, canonical
+from sautereau.analysis.identify.information import IDENTIFIABLE, MORE, USEFUL, Uncertainty
 from sautereau.analysis.identify.parameters import (
+    FORCE,
+    canonical,
     check_names,
     read_prior,
     unit_of_parameter,
     value_of,
 )
 from sautereau.analysis.model.predict import expected_of
-from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.results.result import Result, frame_of, named, plain, shown
 from sautereau.analysis.text import counted, in_rig_units, table
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
@@ -37,26 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BESIDE = (0.5, 2.0)  # Other speeds that are compared, over the planned one
-
-
-@dataclass(frozen=True)
-class Uncertainty:
-    """The expected uncertainty of one parameter, mean of the instruments; SI."""
-
-    name: str
-    unit: str
-    value: float
-    """Of the rig."""
-    std: float | None
-    """Total standard uncertainty; None if undetermined."""
-    std_noise: float | None
-    """From the noise; None if undetermined."""
-    std_inputs: float | None
-    """From calibrations, priors and assumed ranges; None if undetermined."""
-    needed: float
-    """Standard uncertainty below which it is identifiable."""
-    identifiable: bool
-    """Whether its uncertainty without its own prior is below `needed`."""
 
 
 @dataclass(frozen=True)
@@ -96,12 +77,10 @@ class Expected(Result):
             "presses": self.presses,
             "jack_speed": self.rig.press.jack_speed,
             "sample_rate": self.rig.daq.sample_rate,
-            "noise": asdict(self.noise),
+            "noise": plain(self.noise),
             "instruments": self.instruments,
-            "parameters": {
-                p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in self.parameters
-            },
-            "choices": [asdict(choice) for choice in self.choices],
+            "parameters": named(self.parameters),
+            "choices": plain(self.choices),
             "warnings": list(self.warnings),
         }
 
@@ -120,12 +99,12 @@ class Expected(Result):
             ("standard uncertainty of", *(n.rpartition(".")[2] for n in names))
         ]
         for choice in self.choices:
-            cells = [
-                "-"
-                if (std := choice.stds[p.name]) is None
-                else _percent(IDENTIFIABLE * std / p.needed) + "*" * (std < p.needed)
-                for p in self.parameters
-            ]
+            cells = []
+            for p in self.parameters:
+                std = choice.stds[p.name]
+                percent = 100 * IDENTIFIABLE * (std or 0.0) / p.needed
+                text = f"{percent:.0f} %" if percent >= 100 else f"{percent:.2g} %"
+                cells.append("-" if std is None else text + "*" * (std < p.needed))
             compared.append((choice.what, *cells))
         return [
             f"rig {self.rig.name}: {counted(self.presses, 'press')} at"
@@ -241,10 +220,6 @@ def expected(
         ),
         tuple(warnings),
     )
-
-
-def _percent(ratio: float) -> str:
-    return f"{100 * ratio:.0f} %" if ratio >= 1 else f"{100 * ratio:.2g} %"
 
 
 def _known(std: float) -> float | None:

@@ -1,6 +1,6 @@
 """Values of a rig that were fitted to recordings."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
 from pathlib import Path
@@ -8,16 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sautereau.analysis.figures import palette
 from sautereau.analysis.identify import fit as fitting
 from sautereau.analysis.identify.fixed import Suggestion
-from sautereau.analysis.identify.identified import Estimate, FittedMode, Identified
+from sautereau.analysis.identify.identified import (
+    Estimate,
+    FittedMode,
+    Identified,
+    Profile,
+    profile,
+)
 from sautereau.analysis.identify.information import IDENTIFIABLE
-from sautereau.analysis.identify.parameter_names import CONTACT
-from sautereau.analysis.identify.parameters import rig_numbers, rig_values
-from sautereau.analysis.identify.profile import Profile, profile
+from sautereau.analysis.identify.parameters import CONTACT, rig_numbers, rig_values, values_of_rig
 from sautereau.analysis.identify.quality import Quality
-from sautereau.analysis.results.predicted import Predicted, predicted
-from sautereau.analysis.results.result import Result, frame_of, json_of, part_of, shown
+from sautereau.analysis.results.prediction import Predicted, predicted
+from sautereau.analysis.results.result import Result, frame_of, json_of, named, plain, shown
 from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.text import (
     SOME_SIMULATED,
@@ -42,8 +47,7 @@ TOGETHER = 2  # Number of results in one table of effects, which then fits into 
 COLUMNS = (
     *("name", "unit", "value", "std", "std_noise", "std_inputs", "low", "high", "rig_value"),
     *("at_bound", "identifiable"),
-)
-"""Columns of the table of parameters."""
+)  # Columns of the table of parameters
 
 
 @dataclass(frozen=True, repr=False)
@@ -90,43 +94,27 @@ class Fit(Result):
     @property
     def document(self) -> dict[str, Any]:
         """The fit as JSON; SI units."""
-        names = [e.name for e in self.found.estimates]
-        result: dict[str, Any] = {
-            "parameters": {e.name: json_of(e, "name") for e in self.found.estimates},
-            "correlation": {
-                name: dict(zip(names, row, strict=True))
-                for name, row in zip(names, self.found.correlation.tolist(), strict=True)
-            },
+        found, names = self.found, [e.name for e in self.found.estimates]
+        correlation = zip(names, found.correlation.tolist(), strict=True)
+        own = ("rig", "estimates", "combinations", "warnings")
+        result = {name: plain(v) for name, v in vars(found).items() if name not in own} | {
+            "parameters": named(found.estimates),
+            "correlation": {name: dict(zip(names, row, strict=True)) for name, row in correlation},
             "identifiable": {
-                "all": all(c.identifiable for c in self.found.combinations),
+                "all": all(c.identifiable for c in found.combinations),
                 "identifiable_below": IDENTIFIABLE,
-                "combinations": [asdict(c) for c in self.found.combinations],
+                "combinations": plain(found.combinations),
             },
-            "distribution": {
-                name: np.asarray(part).tolist()
-                for name, part in vars(self.found.distribution).items()
-            },
-            "also_fitted": {e.name: json_of(e, "name") for e in self.found.also_fitted},
-            "modes": [asdict(mode) for mode in self.found.modes],
-            "fits": self.found.quality.fits,
-            "quality": json_of(self.found.quality, "repetition", "quiet", "repeats"),
-            "suggested": [asdict(s) for s in self.found.suggested],
-            "sensitivity": {s.name: json_of(s, "name") for s in self.found.sensitivity},
-            "presses": list(self.found.presses),
-            **part_of(
-                self.found, "releases", "level", "residual", "residual_before", "rise_residual"
-            ),
-            "force_offsets": list(self.found.force_offsets),
+            "also_fitted": named(found.also_fitted),
+            "fits": found.quality.fits,
+            "quality": json_of(found.quality, "repetition", "quiet", "repeats"),
+            "sensitivity": named(found.sensitivity),
             "simulated": self.simulated,
             "warnings": list(self.warnings),
         }
         if self.profiles:
             result["profiles"] = {
-                p.name: {
-                    "values": p.values.tolist(),
-                    "rises": p.rises.tolist(),
-                    "ci95": [p.low, p.high],
-                }
+                p.name: json_of(p, "name", "low", "high") | {"ci95": [p.low, p.high]}
                 for p in self.profiles
             }
         return result
@@ -266,10 +254,27 @@ class Fit(Result):
         return self.params
 
     def plot(self) -> "Figure":
-        """Return a figure of force, residuals and correlation."""
-        from sautereau.analysis.figures.fit import fit_figure
+        """Return the first press's force, the residuals of all, correlation and combinations."""
+        from matplotlib.figure import Figure
 
-        return shown(fit_figure(self.made, self.found, self.simulated))
+        figure, found = Figure(figsize=(12, 6.5), layout="constrained"), self.found
+        several = len(found.estimates) > 1
+        grid = figure.add_gridspec(2, 1 + several, width_ratios=(1.6, 1)[: 1 + several])
+        top, below = (figure.add_subplot(grid[row, 0]) for row in (0, 1))
+        _forces(top, below, self.made)
+        if several:
+            _correlation(figure, figure.add_subplot(grid[0, 1]), found)
+            _combinations(figure.add_subplot(grid[1, 1]), found)
+        else:
+            (one,) = found.estimates
+            top.set_title(f"{one.name}: {_stated(one).replace('+-', '±')}", fontsize=10)
+        figure.suptitle(
+            f"Rig {found.rig.name}: fit to {counted(len(found.presses), 'press')},"
+            f" {palette.how_made(self.simulated)}; RMS force residual"
+            f" {found.residual_before * 1e3:.3g} mN before, {found.residual * 1e3:.3g} mN after"
+        )
+        palette.stamp(figure, self.simulated)
+        return shown(figure)
 
 
 def _rounded(value: float, std: float, unit: str) -> str | float:
@@ -384,3 +389,70 @@ def _needed_lines(estimate: Estimate) -> list[str]:
         f" {spread(estimate.needed)} is needed{prior}",
         *(f"  {each}" for each in helps or ["no single measurement would change this"]),
     ]
+
+
+AFTER = 1.7  # The force is drawn to this multiple of the time to its largest value
+
+
+def _forces(top, below, fitted: fitting.Fit) -> None:
+    """Draw the first press's force and its models, and the residual of every press."""
+    dynamics, noise = fitted.problem.dynamics, fitted.problem.whitenings
+    before, _ = dynamics.residuals(values_of_rig(dynamics.rig, dynamics.free))
+    after, _ = dynamics.residuals(fitted.values)
+    press = dynamics.presses[0]
+    time = press.time * 1e3
+    force = np.full(len(time), np.nan)
+    force[press.used] = press.force()[press.used]
+    top.plot(time, force, color=palette.MEASURED, lw=2.2, alpha=0.6, label="recorded")
+    for residual, colour, name, dashes in (
+        (before[0], palette.BEFORE, "model before", ":"),
+        (after[0], palette.PREDICTED, "model fitted", "--"),
+    ):
+        model = np.full(len(time), np.nan)
+        model[press.used] = force[press.used] - residual + noise[0].trend(residual)
+        top.plot(time, model, color=colour, lw=1.4, ls=dashes, label=name)
+    start, peak = time[press.used][0], time[np.nanargmax(force)]
+    top.set_xlim(start, start + AFTER * (peak - start))
+    top.set(ylabel="finger force (N)", xlabel="time after the trigger (ms), first press")
+    top.legend(loc="upper right")
+    for i, (each, residual, white) in enumerate(zip(dynamics.presses, after, noise, strict=True)):
+        left = np.full(len(each.time), np.nan)
+        left[each.used] = residual - white.trend(residual)
+        style = {
+            "color": palette.SERIES[i % len(palette.SERIES)],
+            "ls": palette.DASHES[i % len(palette.DASHES)],
+        }
+        below.plot(each.time * 1e3, left * 1e3, lw=0.6, alpha=0.7, **style)
+    below.set(ylabel="force residual of every press (mN)", xlabel="time after the trigger (ms)")
+
+
+def _correlation(figure, axes, found: Identified) -> None:
+    names = [e.name.rpartition(".")[2] for e in found.estimates]
+    image = axes.imshow(found.correlation, cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto")
+    axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
+    axes.set_yticks(range(len(names)), names)
+    for (row, column), value in np.ndenumerate(found.correlation):
+        colour = "white" if abs(value) > 0.6 else "black"
+        axes.text(column, row, f"{value:.2f}", ha="center", va="center", color=colour)
+    figure.colorbar(image, ax=axes, label="correlation")
+
+
+def _combinations(axes, found: Identified) -> None:
+    """Draw the uncertainty of each combination, the largest at the bottom."""
+    from matplotlib.ticker import LogFormatter
+
+    known = [(str(c), c.std, c.identifiable) for c in found.combinations if c.std is not None]
+    for place, (_, std, identifiable) in enumerate(known):
+        marker, colour = ("o", palette.MEASURED) if identifiable else ("x", palette.PREDICTED)
+        axes.plot(100 * std, -place, marker, color=colour)
+    axes.axvline(100 * IDENTIFIABLE, color=palette.OTHER, ls=":", label="identifiable below")
+    axes.legend(fontsize=8)
+    axes.set_yticks([-place for place in range(len(known))], [name for name, *_ in known])
+    axes.tick_params(axis="y", labelsize=7)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(LogFormatter())  # where less than a decade is shown
+    axes.set_xlabel("total standard uncertainty (% of the scale)")
+    unseen = [str(c) for c in found.combinations if c.std is None]
+    if unseen:
+        axes.set_title("undetermined: " + "; ".join(unseen), fontsize=8)

@@ -14,8 +14,7 @@ HEADER = (
     f"{'':<15} {'speed':>7} {'error':>5}   {'contact':>8} {'release':>8} {'duration':>8}"
     f" {'force':>9}\n"
     f"{'press':<15} {'(m/s)':>7} {'(%)':>5} # {'(ms)':>8} {'(ms)':>8} {'(ms)':>8} {'(N)':>9}"
-)
-"""Head of the rows, which fit into 80 columns."""
+)  # Head of the rows, which fit into 80 columns
 
 
 def press_summary(press: Press, phases: Phases, found: Row | None = None) -> dict[str, Any]:

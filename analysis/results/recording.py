@@ -45,7 +45,10 @@ def _facts(found: Description) -> Iterator[tuple[str, str]]:
     if session["warm_up"] == "true":
         yield "warm-up", "excluded from all results"
     if session["scene"]:
-        yield "scene", f"{_scene(session['scene'])}; --json shows all its settings"
+        about = "not readable"
+        with suppress(ValueError, AttributeError):
+            about = json.loads(session["scene"]).get("description") or "without description"
+        yield "scene", f"{about}; --json shows all its settings"
     if found["rate"] is not None and found["t0_ns"] is not None:
         first = found["first_sample"] / found["rate"]
         yield (
@@ -63,12 +66,6 @@ def _facts(found: Description) -> Iterator[tuple[str, str]]:
         yield "missing", f"{gap['channel']}, {gap['start'] * 1e3:.6g} ms to {end} after the trigger"
     yield "software", ", ".join(f"{name} {version}" for name, version in found["software"].items())
     yield "layout", f"{found['layout']} (for Foxglove)"
-
-
-def _scene(text: str) -> str:
-    with suppress(ValueError, AttributeError):
-        return json.loads(text).get("description") or "without description"
-    return "not readable"
 
 
 def _channels(topics: dict[str, dict[str, str]]) -> Iterator[str]:

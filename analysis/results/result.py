@@ -2,10 +2,12 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import fields, is_dataclass
 from html import escape
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,16 +45,30 @@ class Result(Shown):
         return "\n".join(self.lines())
 
 
-def json_of(found: Any, *omitted: str) -> dict[str, Any]:
-    """Return the fields of a part of a result, a dataclass, as JSON, except some.
+def json_of(found: Any, *omitted: str) -> Any:
+    """Return a part of a result as JSON: a dataclass by its fields, except some.
 
     The ends of a 95 % interval, `low` and `high`, become one value, which is None without them.
     """
-    document = asdict(found)
+    document = plain(found)
     if "low" in document:
         ends = [document.pop("low"), document.pop("high")]
         document["ci95"] = None if None in ends else ends
     return {name: value for name, value in document.items() if name not in omitted}
+
+
+def plain(found: Any) -> Any:
+    """Return dataclasses as dictionaries, and their arrays and tuples as lists."""
+    if is_dataclass(found):
+        return {own.name: plain(getattr(found, own.name)) for own in fields(found)}
+    if isinstance(found, tuple | list):
+        return [plain(own) for own in found]
+    return found.tolist() if isinstance(found, np.ndarray) else found
+
+
+def named(found: Iterable[Any]) -> dict[str, Any]:
+    """Return parts of a result as JSON by their names."""
+    return {own.name: json_of(own, "name") for own in found}
 
 
 def part_of(found: object, *names: str) -> dict[str, Any]:

@@ -50,9 +50,7 @@ OCTAVE = 13  # Nearest keys of which the trend at a key is, itself included
 LEAST = 5  # Fewest keys for a trend that an uneven one does not move, and for outliers
 MAD_OF_NORMAL = 0.6745  # Median absolute deviation of a normal distribution over its std
 LIMIT = 3.5  # Modified z-score of an outlier, as Iglewicz and Hoaglin recommend
-FELT = 0.07
-"""Dimensionless, smallest difference that fingers feel, of forces of 2.5 to 10 N (Pang, Tan and
-Durlach, 1991)."""
+FELT = 0.07  # Least difference of 2.5 to 10 N that is felt (Pang, Tan and Durlach, 1991)
 
 
 @dataclass(frozen=True)
@@ -124,14 +122,26 @@ class Survey(Result):
         for (string, source), found in self._series().items():
             titles = [QUANTITIES[e.name].title(QUANTITIES[e.name].displayed[1]) for e in found]
             heads = [[""] * (2 - len(h)) + h for h in (wrap(title, HEAD) for title in titles)]
-            rows = [
-                (each.key, *(_cell(each, own) for own in found))
-                for each in self.keys
-                if each.string == string and each.values(source)
-            ]
+            rows = []
+            for each in self.keys:
+                if each.string == string and (values := each.values(source)):
+                    cells = [
+                        f"{values[own.name] * QUANTITIES[own.name].displayed[0]:.4g}"
+                        f" {100 * own.deviations[each.key]:+.1f}"
+                        if each.key in own.deviations
+                        else "-"
+                        for own in found
+                    ]
+                    rows.append((each.key, *cells))
             lines.append(f"string {string}, {source}, and % of deviation from the trend:")
             heads = [("", *(h[0] for h in heads)), ("key", *(h[1] for h in heads))]
-            lines += [*table(heads + rows, indent=2), *map(_evenness_line, found)]
+            lines += table(heads + rows, indent=2)
+            for own in found:
+                far = ", ".join(f"{k} {100 * own.deviations[k]:+.1f} %" for k in own.outliers)
+                lines.append(
+                    f"{QUANTITIES[own.name].label}: {100 * own.per_key:+.2f} % per key, spread"
+                    f" {100 * own.spread:.2g} %; outliers: {far or 'none'}"
+                )
         return [*lines, *(f"warning: {warning}" for warning in self.warnings)]
 
     def _series(self) -> dict[tuple[int, str], list[Evenness]]:
@@ -291,19 +301,3 @@ def _evenness(own: Mapping[int, Touched], name: str, string: int, source: str) -
     far = [k for k in largest if abs(residuals[k]) > least]
     outliers = tuple([*deviations][k] for k in far)
     return Evenness(name, string, source, float(np.expm1(slope)), deviations, spread, outliers)
-
-
-def _cell(each: Touched, found: Evenness) -> str:
-    """Return a value with its deviation: `0.6123 +1.2`."""
-    if each.key not in found.deviations:
-        return "-"
-    value = each.values(found.source)[found.name] * QUANTITIES[found.name].displayed[0]
-    return f"{value:.4g} {100 * found.deviations[each.key]:+.1f}"
-
-
-def _evenness_line(found: Evenness) -> str:
-    outliers = ", ".join(f"{k} {100 * found.deviations[k]:+.1f} %" for k in found.outliers)
-    return (
-        f"{QUANTITIES[found.name].label}: {100 * found.per_key:+.2f} % per key, spread"
-        f" {100 * found.spread:.2g} %; outliers: {outliers or 'none'}"
-    )

@@ -75,7 +75,11 @@ class Sweep(Shown):
 
         figure = Figure(figsize=(12, 4.5), layout="constrained")
         (key, along), *others = self.values.items()
-        labels = [", ".join(texts) for texts in product(*(_texts(*other) for other in others))]
+        texts = (
+            [f"{key} {readable_quantity(value, _unit(key))}" for value in values.tolist()]
+            for key, values in others
+        )
+        labels = [", ".join(own) for own in product(*texts)]
         factor, name_of_unit = DISPLAYED.get(unit := _unit(key), (1.0, unit))
         panels = figure.subplots(1, len(SHOWN))
         for axes, name in zip(panels, SHOWN, strict=True):
@@ -105,10 +109,6 @@ def sweep(rig: Rig, values: Mapping[str, Any]) -> Sweep:
 
 def _unit(key: str) -> str:
     return unit_of(Rig, key.split(".")) or ""
-
-
-def _texts(key: str, values: Floats) -> list[str]:
-    return [f"{key} {readable_quantity(value, _unit(key))}" for value in values.tolist()]
 
 
 def _axis(rig: Rig, key: str, value: Any) -> Floats:

@@ -14,8 +14,8 @@ from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.analysis.model.predict import Prediction, predict
 from sautereau.analysis.outline.carve import Carving, Knife, carve, carving
 from sautereau.analysis.outline.measure import Edges
-from sautereau.analysis.results.predicted import OF_OUTLINE, Predicted, of_outline
-from sautereau.analysis.results.predicted import quantities as quantities_of_press
+from sautereau.analysis.results.prediction import OF_OUTLINE, Predicted, of_outline
+from sautereau.analysis.results.prediction import quantities as quantities_of_press
 from sautereau.analysis.results.result import Result, frame_of, shown
 from sautereau.analysis.text import table
 from sautereau.rig.csv_files import read_columns
@@ -218,8 +218,7 @@ class Voiced(Result):
 
 def _string(string: String, press: ChoirPluck) -> tuple[Floats, tuple[Floats, Floats], Floats]:
     """Return time [s], the string's shape at release [mm], and its force on the bridge [N]."""
-    from sautereau.analysis.model.string.free import FreeString
-    from sautereau.analysis.model.string.string import ModalState, ModalString
+    from sautereau.analysis.model.string.string import FreeString, ModalState, ModalString
 
     released = press.released_string
     modal = ModalString(string, MODES)

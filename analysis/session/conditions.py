@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.model.predict import Prediction, predict
-from sautereau.analysis.model.speed import JackSpeed
+from sautereau.analysis.model.predict import JackSpeed, Prediction, predict
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import gain_stds
 from sautereau.analysis.session.analysed import AnalysedPress

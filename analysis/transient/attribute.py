@@ -7,6 +7,7 @@ simulated presses. docs/transient.md explains them.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from math import degrees, exp, log, log10, pi, sqrt
 
 import numpy as np
@@ -14,41 +15,119 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 from sautereau.analysis.model.choirs import choirs
-from sautereau.analysis.transient.combine import Oscillation
-from sautereau.analysis.transient.evidence import PHASES, ObservedMode
+from sautereau.analysis.transient.evidence import PHASES, ObservedMode, Oscillation
 from sautereau.analysis.transient.modes import MOST_DAMPING
-from sautereau.analysis.transient.sources import AGAIN, DECIDING_PRESS, HUM, MODELS, Source
 from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
+
+class Source(StrEnum):
+    """A part of the bench that can oscillate."""
+
+    STRING = "string"
+    KEY = "key"
+    """The key's bending and heave, and the jack on its cloth."""
+    FINGER = "finger"
+    """Arm, servo and fingertip pad, with the key's rigid inertia."""
+    TRANSDUCER = "transducer"
+    """The fingertip's own mass on the transducer."""
+    MAINS = "mains hum"
+    OTHER = "other"
+    """Not an oscillation of a linear bench: changing contact, motion of the drive, noise."""
+
+
+@dataclass(frozen=True)
+class SourceModel:
+    """What is expected of the oscillations of one source."""
+
+    prior: float
+    """Probability of the source before anything is measured."""
+    seen: tuple[float, float, float, float]
+    """Probability that each of `evidence.PHASES` shows the oscillation, if the noise permits it."""
+    ratio: float
+    """Mean of the decimal logarithm of `evidence.ObservedMode.ratio`."""
+    ratio_std: float
+    """Standard deviation of that logarithm."""
+    band: tuple[float, float] | None = None
+    """Range of the frequency (Hz), uniform in its logarithm; None if partials are known instead."""
+    damping_std: float | None = None
+    """Scale of the damping ratio, half-normal; None for a uniform distribution."""
+    in_phase: float = 0.0
+    """Probability that the force is in phase with the key's inertia; for the key also in opposite
+    phase. Otherwise every phase is equally probable."""
+
+
+MODELS = {
+    Source.STRING: SourceModel(
+        prior=0.2, seen=(0.01, 0.03, 0.85, 0.05), ratio=-0.1, ratio_std=0.6, damping_std=0.02
+    ),
+    Source.KEY: SourceModel(
+        prior=0.2,
+        seen=(0.05, 0.6, 0.75, 0.85),
+        ratio=-0.2,
+        ratio_std=0.7,
+        band=(60.0, 4000.0),
+        in_phase=0.8,
+    ),
+    Source.FINGER: SourceModel(
+        prior=0.2,
+        seen=(0.1, 0.7, 0.75, 0.75),
+        ratio=0.0,
+        ratio_std=0.12,
+        band=(20.0, 2000.0),
+        in_phase=0.95,
+    ),
+    Source.TRANSDUCER: SourceModel(
+        prior=0.2, seen=(0.05, 0.5, 0.6, 0.7), ratio=1.0, ratio_std=0.4, band=(700.0, 20000.0)
+    ),
+    Source.MAINS: SourceModel(
+        prior=0.1, seen=(0.9, 0.9, 0.9, 0.9), ratio=1.0, ratio_std=1.0, damping_std=0.002
+    ),
+    Source.OTHER: SourceModel(
+        prior=0.1, seen=(0.2, 0.3, 0.3, 0.3), ratio=0.0, ratio_std=0.8, band=(20.0, 20000.0)
+    ),
+}
+DECIDING_PRESS = {
+    frozenset({Source.STRING, Source.KEY}): "the same press with the string muted by felt: a mode"
+    " of the string disappears or moves, one of the key stays",
+    frozenset({Source.STRING, Source.FINGER}): "a press at another jack speed with the string"
+    " muted: the string's frequency does not depend on the speed and disappears with the felt",
+    frozenset({Source.STRING, Source.TRANSDUCER}): "the same press with the string muted: a mode"
+    " of the transducer stays",
+    frozenset({Source.KEY, Source.FINGER}): "a tap on the resting key, with the finger away from"
+    " it: only modes of the key remain",
+    frozenset({Source.KEY, Source.TRANSDUCER}): "a tap on the resting key, with the finger away"
+    " from it: only the velocity shows a mode of the key",
+    frozenset({Source.FINGER, Source.TRANSDUCER}): "a tap on the fingertip in the air: only the"
+    " transducer's own mode remains",
+}  # Which press would decide between two sources
+HUM = "a recording at rest with the drives off: only the hum remains"
+"""Which recording would decide between mains hum and another source."""
+AGAIN = "more presses at the same speed: a mode of the bench returns at the same frequency"
+"""Which presses would decide whether an oscillation belongs to the bench."""
+
+
 DECIDED = 0.8  # Smallest probability from which an oscillation is attributed to a source
 
 
-AFTER_ANOTHER = 0.3
-"""Probability that the released phase shows a string if the rig has several choirs."""
+AFTER_ANOTHER = 0.3  # Chance that the released phase shows a string if there are several choirs
 FULL = (20.0, 20000.0)  # Range of a frequency about which nothing is known (Hz)
-ODD = 0.05
-"""Weight of `FULL` in every source, and of the source's `band` in addition to a measured mode."""
+ODD = 0.05  # Weight of `FULL` in every source, and of its `band` beside a measured mode
 STRING_STD = 0.03  # Relative standard uncertainty of a string's frequency
-FREE_PART = 0.2
-"""Weight of the partials of the free string; those of the held string have the remaining weight."""
-SERVO_PART = 0.15
-"""Weight of the multiples of the controller's sample frequency among oscillations of the finger."""
+FREE_PART = 0.2  # Weight of the free string's partials; the held string's have the rest
+SERVO_PART = 0.15  # Weight of the sample frequency's multiples among the finger's oscillations
 SERVO_STD = 0.01  # Relative standard uncertainty of these multiples
-KNOWN_STD = 0.03
-"""Relative standard uncertainty of a mode that was measured without contact of the finger."""
+KNOWN_STD = 0.03  # Relative, of a mode that was measured without contact of the finger
 MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)  # Frequencies of mains hum (Hz)
 MAINS_STD = 0.004  # Relative standard uncertainty of these frequencies
 FLEXIBLE_PART = 0.25  # Probability that the key bends or heaves under an oscillating finger
 FLEXIBLE_RATIO = 0.0  # Mean of the decimal logarithm of the finger's ratio in that case
 FLEXIBLE_STD = 0.5  # Standard deviation of that logarithm
 IN_PHASE_STD = 20.0  # Standard deviation of an expected phase (deg)
-HIGHEST = 8e3
-"""Highest partial of a string (Hz). Partials are weighted with 1 / f^2, as for a bent string."""
+HIGHEST = 8e3  # Hz, of a string's partials, whose weight is 1 / f^2, as for a bent string
 DELAY_STD = 30e-6  # Standard uncertainty of the delay between the channels (s)
-SCALING = 0.2
-"""Relative range of jack speeds from which a constant frequency excludes a ripple of the drive."""
+SCALING = 0.2  # Relative range of speeds from which a constant frequency is no ripple
 
 
 @dataclass(frozen=True)
@@ -96,14 +175,10 @@ def _attributed(
     probability = {source: float(each / total) for source, each in weight.items()}
     first, second = sorted(Source, key=lambda s: -probability[s])[:2]
     decided = probability[first] >= DECIDED and first is not Source.OTHER
-    deciding = "" if decided else _deciding(first, second)
+    deciding = DECIDING_PRESS.get(frozenset({first, second}), HUM)
+    deciding = AGAIN if Source.OTHER in (first, second) else deciding
+    deciding = "" if decided else deciding
     return Attributed(oscillation, probability, first if decided else None, deciding)
-
-
-def _deciding(first: Source, second: Source) -> str:
-    if Source.OTHER in (first, second):
-        return AGAIN
-    return DECIDING_PRESS.get(frozenset({first, second}), HUM)
 
 
 def _frequency(
@@ -206,9 +281,6 @@ def _about(angle: float, centre: float, spread: float) -> float:
     return 360 * exp(-0.5 * (away / spread) ** 2) / (spread * sqrt(2 * pi))
 
 
-GRID = 40  # Intervals per free partial in which roots are searched
-
-
 def free_frequencies(choir: Choir, highest: float) -> Floats:
     """Return the partials of the ideal string up to a frequency [Hz], shape (n,)."""
     fundamental = choir.string.frequency
@@ -236,7 +308,7 @@ def held_frequencies(choir: Choir, highest: float) -> Floats:
             + stiffness * np.sin(p * part) * np.sin(p * (whole - part))
         )
 
-    count = max(2, int(GRID * highest / string.frequency))
+    count = max(2, int(40 * highest / string.frequency))  # 40 intervals for each free partial
     grid = np.linspace(0.3 * string.frequency, highest, count)
     values = np.array([condition(f) for f in grid])
     places = np.flatnonzero(values[1:] * values[:-1] < 0)

@@ -19,8 +19,7 @@ from sautereau.trajectory.motion import Floats
 ALARM = 1e-3  # Probability of finding a mode in a stretch of white noise
 MOST = 7  # Largest number of modes of a stretch, including those that are not oscillations
 DEGREE = 4  # Degree of the polynomial
-LEAST_CYCLES = 3.0
-"""Smallest number of periods of an oscillation in a stretch. A slower mode is not reported."""
+LEAST_CYCLES = 3.0  # Periods in a stretch; a slower oscillation is not reported
 MOST_DAMPING = 0.1  # Largest damping ratio of an oscillation
 MOST_DOUBT = 0.05  # Relative uncertainty of the frequency above which a mode is not reported
 BAND = 0.4  # Highest frequency of a mode, divided by the sampling rate

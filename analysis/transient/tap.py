@@ -118,19 +118,16 @@ def _taps(force: Floats, velocity: Floats, rate: float) -> list[tuple[Floats, Fl
     peaks, _ = find_peaks(
         level, height=max(LEAST_PEAK, OVER_NOISE * noise), distance=round(APART * rate)
     )
-    level = np.where(_touching(level, noise, rate), level, 0.0)
+    # Noise where nothing touches the key would lower the response.
+    near = np.ones(2 * round(MARGIN * rate) + 1)
+    touching = np.convolve(np.abs(level) > OVER_NOISE / 2 * noise, near, "same") > 0.5
+    level = np.where(touching, level, 0.0)
     records = []
     for start in (peaks - before).tolist():
         every = slice(max(0, start), start + count)
         part = velocity[every]
         records.append((level[every], part - part[: before // 2].mean()))
     return records
-
-
-def _touching(level: Floats, noise: float, rate: float) -> NDArray[np.bool_]:
-    """Return where a force exceeds its noise; noise elsewhere would lower the response."""
-    near = np.ones(2 * round(MARGIN * rate) + 1)
-    return np.asarray(np.convolve(np.abs(level) > OVER_NOISE / 2 * noise, near, "same") > 0.5)
 
 
 def _modes(

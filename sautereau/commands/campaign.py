@@ -98,8 +98,7 @@ def touch(
         CSV of judgements: a column `touch` (soft, medium, hard) and one of path, session,
         plectrum or rig. Default: lines such as "touch: hard" in the notes of the recordings.
     """
-    from sautereau.analysis.campaign.judged import find_judged
-    from sautereau.analysis.campaign.judgements import with_labels
+    from sautereau.analysis.campaign.judged import find_judged, with_labels
     from sautereau.analysis.campaign.table import read_campaign
     from sautereau.analysis.campaign.touch import find_touch
     from sautereau.analysis.results.touch import JudgedTouch

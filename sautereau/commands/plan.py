@@ -184,7 +184,7 @@ def predict(
         back, as a haptic key needs it (.csv, .h5). The plot shows it.
     """
     from sautereau.analysis.results.force_map import force_map as mapped
-    from sautereau.analysis.results.predicted import predicted, read_distribution
+    from sautereau.analysis.results.prediction import predicted, read_distribution
     from sautereau.analysis.results.rig import Rig
 
     if fit and force_map:

@@ -211,7 +211,6 @@ class Session(Shown, Sequence[PressFile]):
         Raises:
             AnalysisError: A name is unknown, the presses do not differ, or effects cannot be
                 separated.
-            MissingExtraError: A package of the extra `ordinal` is not installed.
         """
         return effects_of([press.analysed for press in self], names, interaction=interaction)
 

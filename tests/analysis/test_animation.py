@@ -12,8 +12,13 @@ import pytest
 from PIL import Image
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.animation import animation_figure
-from sautereau.analysis.figures.movie import FRAME_RATE, animate, frame_times, pictures
+from sautereau.analysis.figures.movie import (
+    FRAME_RATE,
+    animate,
+    animation_figure,
+    frame_times,
+    pictures,
+)
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.press.replay import replay
 from sautereau.daq.file.recorded import Plan

@@ -9,8 +9,7 @@ from benchmarks.independent import ONE_FACTOR
 from benchmarks.simulated import sensed
 from benchmarks.uncertain import NOMINAL, OF_MODEL, RANGES, conditions, inertia_of, recorded, true
 from sautereau.analysis.loading.press import UNITS, columns_of
-from sautereau.analysis.model.predict import predict
-from sautereau.analysis.model.speed import JackSpeed
+from sautereau.analysis.model.predict import JackSpeed, predict
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.found import growth
 from sautereau.analysis.press.features import features

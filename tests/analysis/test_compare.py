@@ -9,8 +9,7 @@ import pytest
 from benchmarks.simulated import simulated_press
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
-from sautereau.analysis.model.predict import predict
-from sautereau.analysis.model.speed import JackSpeed
+from sautereau.analysis.model.predict import JackSpeed, predict
 from sautereau.analysis.phases import HeldString, Phases, find_phases
 from sautereau.analysis.press.features import COMPARED
 from sautereau.analysis.press.string_start import OF_START

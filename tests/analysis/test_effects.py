@@ -8,15 +8,12 @@ from scipy.stats import binom, f_oneway, ttest_ind
 
 import sautereau as st
 from sautereau.analysis.campaign.effects import fit_effects, in_order
-from sautereau.analysis.campaign.variance import Nested, fit_nested
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.text import WIDTH, wrapped
 from sautereau.commands.app import app
 from sautereau.entrance.session import Session
-from sautereau.rig.errors import MissingExtraError
 from sautereau.rig.load import load_rig
 
-pytest.importorskip("statsmodels")
 RIG = load_rig()
 
 
@@ -62,24 +59,22 @@ def test_two_levels_are_students_test_and_several_the_analysis_of_variance(seed,
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_mixed_model_is_that_of_the_own_restricted_likelihood(seed):
-    """Coefficients, their covariance and the deviations, to the search's tolerance of 1e-3."""
+def test_the_mixed_model_is_that_of_statsmodels(seed):
+    """Coefficients, their covariance and the deviations, to the searches' tolerances."""
+    mixed = pytest.importorskip("statsmodels.regression.mixed_linear_model")
     random = np.random.default_rng(seed)
     scale = 10.0 ** random.integers(-8, 3)
     values, factors, blocks, _ = experiment(random, 3, 3, 2, 3, 1.0, 2.0, 5.0)
     fit = fit_effects(scale * values, factors, blocks)
     columns = [np.ones(len(values))]
     columns += [np.equal(own, x) for own in factors.values() for x in in_order(own)[1:]]
-    data = Nested(values, np.array(columns, float).T, blocks, blocks)
-    other = fit_nested(data, subgroups=False, groups=True)
+    other = mixed.MixedLM(values, np.array(columns, float).T, groups=blocks).fit(reml=True)
     assert fit.model == "mixed model"
-    assert fit.press_std == pytest.approx(scale * other.residual.value, rel=2e-3)
-    assert other.group is not None
-    assert fit.block_std == pytest.approx(scale * other.group.value, rel=2e-3)
+    assert fit.press_std == pytest.approx(scale * other.scale**0.5, rel=2e-3)
+    assert fit.block_std == pytest.approx(scale * float(other.cov_re[0, 0]) ** 0.5, rel=2e-3)
     effects = [e for factor in fit.factors for e in factor.effects]
-    stds = np.sqrt(np.diag(other.covariance))[1:]
-    assert [e.value for e in effects] == pytest.approx(scale * other.coefficients[1:], rel=1e-2)
-    assert [e.std for e in effects] == pytest.approx(scale * stds, rel=5e-3)
+    assert [e.value for e in effects] == pytest.approx(scale * other.fe_params[1:], rel=1e-2)
+    assert [e.std for e in effects] == pytest.approx(scale * other.bse_fe[1:], rel=5e-3)
 
 
 def test_between_blocks_a_balanced_difference_is_students_of_the_blocks_means():
@@ -204,15 +199,10 @@ def test_of_recordings_in_python_and_as_a_command(presses, tmp_path, monkeypatch
     assert (tmp_path / "e.png").stat().st_size > 10_000
 
 
-def test_presses_without_factors_unknown_features_and_a_missing_package(
-    presses, write_session, tmp_path, monkeypatch
-):
+def test_presses_without_factors_and_unknown_features(presses, write_session, tmp_path):
     with pytest.raises(AnalysisError, match="do not differ"):
         Session(write_session(tmp_path, 2)).effects()
     with pytest.raises(AnalysisError, match="release_farce: no such feature"):
         Session(presses).effects(["release_farce"])
     with pytest.raises(AnalysisError, match="different factors"):
         Session([*presses, *write_session(tmp_path / "other", 1)]).effects()
-    monkeypatch.setattr("sautereau.rig.errors.find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"sautereau\[ordinal\]"):
-        Session(presses).effects(["release_force"])

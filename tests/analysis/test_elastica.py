@@ -7,8 +7,8 @@ from scipy.optimize import root
 from scipy.special import beta
 
 from sautereau.analysis.model.plectrum.elastica import Elastica, uniform_table
-from sautereau.analysis.model.plectrum.shape import bent
 from sautereau.analysis.model.plectrum.table import laws_under
+from sautereau.analysis.model.plectrum.tapered import bent
 from sautereau.rig.load import load_rig
 
 PLECTRUM = load_rig("paper").plectrum

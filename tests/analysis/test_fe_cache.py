@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from sautereau.analysis.model.plectrum.fe import cache
+from sautereau.analysis.model.plectrum.fe import level as cache
 from sautereau.analysis.model.plectrum.fe.level import FE, _table
 from sautereau.analysis.model.plectrum.profile import profile_of
 from sautereau.analysis.model.plectrum.tapered import samples
@@ -31,7 +31,7 @@ def folder(tmp_path, monkeypatch):
 def uniform(folder, monkeypatch):
     """Return a level whose map has just been made and stored."""
     with monkeypatch.context() as patched:
-        patched.setattr("sautereau.analysis.model.plectrum.fe.build.build", lambda *_: MADE)
+        patched.setattr("sautereau.analysis.model.plectrum.fe.build.build", lambda *_: (MADE, None))
         return FE(PLECTRUM)
 
 
@@ -51,7 +51,7 @@ def test_a_stored_map_comes_back_without_the_elements_library(uniform, folder):
     """Importing it takes longer than all the rest; benchmarks/calculix.py has the times."""
     lines = (
         "import sys, pathlib",
-        "from sautereau.analysis.model.plectrum.fe import cache",
+        "from sautereau.analysis.model.plectrum.fe import level as cache",
         "from sautereau.analysis.model.plectrum.levels import plectrum_map",
         "from sautereau.rig.load import load_rig",
         f"cache.cache_folder = lambda: pathlib.Path({str(folder)!r})",
@@ -99,7 +99,7 @@ def test_a_damaged_file_is_replaced(uniform, tmp_path, damage, monkeypatch):
 
     def build(*_):
         made.append(True)
-        return MADE
+        return MADE, None
 
     monkeypatch.setattr("sautereau.analysis.model.plectrum.fe.build.build", build)
     (path,) = tmp_path.iterdir()
@@ -123,7 +123,7 @@ def test_a_damaged_file_is_replaced(uniform, tmp_path, damage, monkeypatch):
 def test_without_a_cache_it_still_works(uniform, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "file" / "below")
-    monkeypatch.setattr("sautereau.analysis.model.plectrum.fe.build.build", lambda *_: MADE)
+    monkeypatch.setattr("sautereau.analysis.model.plectrum.fe.build.build", lambda *_: (MADE, None))
     _table.cache_clear()
     assert FE(PLECTRUM).bend(4.3e-3, 0.4) == uniform.bend(4.3e-3, 0.4)
 

@@ -6,7 +6,7 @@ import pytest
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.batch import predict_many
 from sautereau.analysis.model.plectrum.elastica import Elastica
-from sautereau.analysis.model.plectrum.fe import cache
+from sautereau.analysis.model.plectrum.fe import level as cache
 from sautereau.analysis.model.plectrum.fe.build import Solver
 from sautereau.analysis.model.plectrum.fe.level import FE
 from sautereau.analysis.model.plectrum.fe.solve import Elastic
@@ -156,7 +156,7 @@ def test_an_overlap_down_to_the_root_is_refused():
 def test_a_batch_of_carved_plectra_is_predicted_as_each_of_them(uniform, monkeypatch):
     """With a map that is at hand; a case that has no pluck says why."""
     made = samples(profile_of(PLECTRUM), 0.85, 2.0)
-    monkeypatch.setattr("sautereau.analysis.model.plectrum.fe.build.build", lambda *_: made)
+    monkeypatch.setattr("sautereau.analysis.model.plectrum.fe.build.build", lambda *_: (made, None))
     stepped = RIG.plectrum.model_copy(update={"tip_thickness": 0.4e-3, "contact": "surface"})
     rig = RIG.model_copy(update={"plectrum": stepped})
     overlaps = {"plectrum.overlap": [0.2e-3, 0.3e-3, 4.0e-3], "press.jack_speed": 0.1}

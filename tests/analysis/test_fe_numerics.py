@@ -10,8 +10,12 @@ from skfem.helpers import ddot, grad, transpose
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad
 
-from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
-from sautereau.analysis.model.plectrum.fe.mesh import grid_between, plectrum_grid
+from sautereau.analysis.model.plectrum.fe.mesh import (
+    grid_between,
+    patch_at,
+    plectrum_grid,
+    section_at,
+)
 from sautereau.analysis.model.plectrum.fe.solve import Body, Elastic, iterates, rate, solve_loads
 from sautereau.analysis.model.plectrum.profile import Profile
 

@@ -6,8 +6,7 @@ from scipy.integrate import solve_ivp
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.fe.build import Solver
-from sautereau.analysis.model.plectrum.fe.load import patch_at, section_at
-from sautereau.analysis.model.plectrum.fe.mesh import plectrum_grid
+from sautereau.analysis.model.plectrum.fe.mesh import patch_at, plectrum_grid, section_at
 from sautereau.analysis.model.plectrum.fe.solve import Body, Elastic, solve_loads
 from sautereau.analysis.model.plectrum.levels import level_of, plectrum_map
 from sautereau.analysis.model.plectrum.profile import profile_of

@@ -10,13 +10,11 @@ from benchmarks.identify import FREE, measured, outcomes, simulated_cases
 from benchmarks.simulated import sensed
 from benchmarks.spinet import SPINET
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.fit import fit_figure
 from sautereau.analysis.identify.compliant import before_release
 from sautereau.analysis.identify.fit import fit, inverse_dynamics, refined
-from sautereau.analysis.identify.identified import evaluate, identify
+from sautereau.analysis.identify.identified import evaluate, identify, profile
 from sautereau.analysis.identify.observed import observed
 from sautereau.analysis.identify.parameters import Prior, rig_values, value_of, with_parameters
-from sautereau.analysis.identify.profile import profile
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import load_press
 from sautereau.analysis.model.predict import predict
@@ -206,7 +204,7 @@ def test_the_profile_of_an_identifiable_parameter_is_a_parabola(made, found):
 
 
 def test_a_picture_shows_every_part(made, found):
-    figure = fit_figure(made, found, simulated=True)
+    figure = Fit(made.problem.dynamics.rig, True, (), made, found).plot()
     assert "SIMULATED" in figure.get_suptitle()
     labels = {label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]}
     assert {"recorded", "model before", "model fitted"} <= labels

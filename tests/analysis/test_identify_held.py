@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.independent import Choir as IndependentChoir
 from benchmarks.independent.elastica import static_pluck
-from sautereau.analysis.identify.held import held_string
+from sautereau.analysis.identify.elastic import held_string
 from sautereau.analysis.identify.residuals import ITERATIONS
 from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.analysis.model.modal_pluck import modal_pluck

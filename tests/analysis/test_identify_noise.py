@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from sautereau.analysis.identify.noise import noise_at_rest
-from sautereau.analysis.identify.whitening import autocovariance, whitening
+from sautereau.analysis.identify.observed import noise_at_rest
+from sautereau.analysis.identify.problem import autocovariance, whitening
 from sautereau.trajectory.motion import Motion
 
 STEP = 0.5e-3

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.elastic import Mode, cloth_parameter, mode_parameters
-from sautereau.analysis.identify.excluded import landing
+from sautereau.analysis.identify.elastic import CLOTH_STD, Mode, mode_parameters
 from sautereau.analysis.identify.fit import inverse_dynamics
-from sautereau.analysis.identify.observed import MIN_INSTANTS, observed
-from sautereau.analysis.identify.parameter_names import FORCE, MODULUS, NAMES
-from sautereau.analysis.identify.parameters import parameters
+from sautereau.analysis.identify.observed import MIN_INSTANTS, landing, observed
+from sautereau.analysis.identify.parameters import CLOTH, FORCE, MODULUS, NAMES, hidden, parameters
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.phases import find_phases
@@ -136,7 +134,8 @@ def test_a_residual_does_not_depend_on_what_was_computed_before(press, modes):
     """Strings and modes are kept from point to point, for all parameters that leave them as is."""
     names = [name for name in NAMES if name not in (FORCE, MODULUS)]
     dynamics = inverse_dynamics([press], [find_phases(press)], names)
-    free = [*dynamics.free, *([cloth_parameter(), *modes] if modes else [])]
+    cloth = hidden(CLOTH, 0.0, CLOTH_STD, (0.0, 10 * CLOTH_STD), "m/N")
+    free = [*dynamics.free, *([cloth, *modes] if modes else [])]
     dynamics = dynamics.with_free(free)
     point = np.array([p.start for p in free])
     before, _ = dynamics.residuals(point)

@@ -3,8 +3,8 @@
 import pytest
 
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.parameter_names import NAMES
 from sautereau.analysis.identify.parameters import (
+    NAMES,
     Prior,
     parameters,
     read_prior,

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import t as student
 
 from sautereau.analysis.model.predict import predict
-from sautereau.analysis.results import predicted
-from sautereau.analysis.results.predicted import OF_OUTLINE, members, of_outline
+from sautereau.analysis.results import prediction as predicted
+from sautereau.analysis.results.prediction import OF_OUTLINE, members, of_outline
 from sautereau.analysis.results.rig import Rig
 from sautereau.rig.instrument import Outline, OutlineMember
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sautereau.analysis.campaign.judged import find_judged
-from sautereau.analysis.campaign.judgements import with_labels
-from sautereau.analysis.campaign.labels import LEVELS, touch_in
+from sautereau.analysis.campaign.judged import find_judged, with_labels
+from sautereau.analysis.campaign.row import LEVELS, touch_in
 from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.results.touch import judged_lines

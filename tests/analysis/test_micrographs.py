@@ -8,7 +8,7 @@ import pytest
 from benchmarks.micrographs import Camera, carved, draw
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.results.outlined import outline
-from sautereau.analysis.results.predicted import OF_OUTLINE, of_outline, quantities
+from sautereau.analysis.results.prediction import OF_OUTLINE, of_outline, quantities
 from sautereau.analysis.results.rig import Rig
 from sautereau.rig.instrument import Outline, OutlineMember
 

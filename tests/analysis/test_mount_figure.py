@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.figures.mount import mount_figure
+from sautereau.analysis.results.mount import mount_figure
 from sautereau.rig.load import with_values
 from sautereau.trajectory.mount.find import MountMap, find_mount, mount_map
 from tests.plots import texts

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.figures.plan import plan_figure
 from sautereau.analysis.model.predict import expectation, predict
+from sautereau.analysis.results.plan import plan_figure
 from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.press import draft_press
 from tests.plots import texts

@@ -10,13 +10,13 @@ from scipy.stats import kstest, norm, truncnorm
 import sautereau as st
 from benchmarks.simulated import acquired
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.identify.distribution import Distribution
 from sautereau.analysis.identify.identified import identify
+from sautereau.analysis.identify.information import Distribution
 from sautereau.analysis.identify.parameters import rig_values, with_parameters
 from sautereau.analysis.loading.press import press_of
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.results.predicted import NAMES, predicted, read_distribution
+from sautereau.analysis.results.prediction import NAMES, predicted, read_distribution
 from sautereau.commands.app import app
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.ranges import deviations, value_of

@@ -12,7 +12,6 @@ from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.campaign.touch import FELT, find_touch
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.figures.touch import touch_figure
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.results.touch import JudgedTouch
 from sautereau.rig.load import load_rig, with_values
@@ -65,7 +64,7 @@ def found():
 def test_no_title_leaves_its_half_of_the_figure(found, font):
     """Fonts that matplotlib brings along."""
     with matplotlib.rc_context({"font.family": font}):
-        figure = touch_figure(found)
+        figure = JudgedTouch(found).plot()
         figure.canvas.draw()
         width = figure.bbox.width
         for place, axes in enumerate(figure.axes):
@@ -130,7 +129,7 @@ def test_results_as_json_lines_and_plot(found, tmp_path):
     assert lines[0].startswith("SIMULATED")
     assert max(map(len, lines)) <= 80
     assert any(line.lstrip().startswith("proportional to thickness^") for line in lines)
-    figure = touch_figure(found)
+    figure = JudgedTouch(found).plot()
     figure.savefig(tmp_path / "touch.png")
     assert (tmp_path / "touch.png").stat().st_size > 10_000
     assert figure.get_suptitle().startswith("SIMULATED")
@@ -175,7 +174,7 @@ def test_exponents_are_not_biased_by_presses_without_a_drop():
     assert list(found.felt) == ["release_force", "force_slope"]
     assert any(note.startswith("force_drop: 0 presses") for note in found.notes)
     assert JudgedTouch(found).lines()
-    assert touch_figure(found)
+    assert JudgedTouch(found).plot()
 
 
 @pytest.mark.parametrize(
@@ -201,7 +200,7 @@ def test_notes_name_what_is_not_identifiable(rows, note):
         assert not felt.exponents or note.startswith("no plectrum")
     assert JudgedTouch(found).lines()
     if "vary" not in note:
-        assert touch_figure(found)
+        assert JudgedTouch(found).plot()
 
 
 def test_jack_speed_is_a_regressor():

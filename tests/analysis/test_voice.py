@@ -15,7 +15,7 @@ from sautereau.analysis.model.plectrum.fe.solve import Elastic
 from sautereau.analysis.model.plectrum.profile import Profile, profile_of
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.outline.carve import Knife, carving, observed
-from sautereau.analysis.results.predicted import OF_OUTLINE, quantities
+from sautereau.analysis.results.prediction import OF_OUTLINE, quantities
 from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.results.voiced import SENSITIVE, voice
 from sautereau.rig.instrument import Choir, Outline, OutlineMember

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.analysis.campaign.judgements import with_labels
+from sautereau.analysis.campaign.judged import with_labels
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.report.fits import read_fit
 from sautereau.commands.output import json_text

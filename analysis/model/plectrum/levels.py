@@ -23,15 +23,14 @@ LEVELS = Registry(
         "two-beam": f"{_HERE}.beam:TwoBeam",
     },
     ModelError,
-)
-"""Functions of a `Plectrum` that return a `PlectrumMap`; the default first."""
+)  # Functions of a `Plectrum` that return a `PlectrumMap`; the default first
 
 
 def level_of(plectrum: "Plectrum", level: str = AUTO) -> str:
     """Return the name of a level; of `auto` the cheapest that represents all that is described.
 
     `elastica` has the stiffness of an outline everywhere, but neither shear nor the corners of a
-    step, where the material carries no stress: 0.5 to 3 % of the force.
+    step, where the material carries no stress: 0.3 to 4 % of the force (docs/model.md).
     """
     if level != AUTO:
         return level

@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.pluck.loaded import Loaded, Plectra, Rows, Stuck
 
-ROUNDING = 1e-15
-"""Dimensionless; a residual below this fraction of the lengths it is the difference of is
-rounding."""
+ROUNDING = 1e-15  # Residual over the lengths it is the difference of, below which it is rounding
 LOADS = np.concatenate([[0.0], np.geomspace(1e-14, 1.0, 97)])
 """Fractions of the largest load, between which the load of a given position is bracketed."""
 NEWTON_STEPS = 60

@@ -12,8 +12,7 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.pluck.equilibria import Curve, Equilibria
 from sautereau.analysis.model.pluck.loaded import Rows
 
-NARROWINGS = 9
-"""Number of searches for a fold, each between the neighbours of the best point of the last one."""
+NARROWINGS = 9  # Searches for a fold, each between the neighbours of the last best point
 NEAR = 33  # Number of points of such a search
 
 

@@ -26,8 +26,7 @@ from sautereau.analysis.model.pluck.paths import Status, lasts, solve_paths
 
 POINTS = 201  # Points of a stretch of the pluck
 STIFFNESS_RANGE = (1e-3, 1e12)  # N/m, of a string that a plectrum can pluck
-OVERLAP_MAX = 0.9999
-"""Fraction of the length; a string closer to the clamp is lifted without bending the plectrum."""
+OVERLAP_MAX = 0.9999  # Of the length; nearer to the clamp a string is lifted without bending
 
 
 @dataclass(frozen=True)

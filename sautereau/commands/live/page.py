@@ -201,7 +201,7 @@ class PageView:
 
 def _numbers(volts: np.ndarray, scale: float) -> list[float | None]:
     """Return the smallest and the largest value of every stretch, for JSON: None for NaN."""
-    from sautereau.analysis.report.drawing import envelope
+    from sautereau.analysis.report.pictures import envelope
 
     values = volts[envelope(volts, 2 * len(volts) // STRETCH)] * scale
     return [float(f"{v:.4g}") if np.isfinite(v) else None for v in values.tolist()]

@@ -18,8 +18,7 @@ from sautereau.analysis.model.modal_pluck import MODES
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.surface import string_map
 from sautereau.analysis.model.string.contact import STEP_FRACTION, ModalContact
-from sautereau.analysis.model.string.free import FreeString
-from sautereau.analysis.model.string.string import ModalState, ModalString
+from sautereau.analysis.model.string.string import FreeString, ModalState, ModalString
 from sautereau.rig.instrument import Choir
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.events import PluckEvents, StringEvent

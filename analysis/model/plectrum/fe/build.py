@@ -14,15 +14,13 @@ import numpy as np
 
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.cantilever import FRICTION_MAX
-from sautereau.analysis.model.plectrum.fe.load import Patch, patch_at, section_at
-from sautereau.analysis.model.plectrum.fe.mesh import grid_between, plectrum_grid
-from sautereau.analysis.model.plectrum.fe.solve import (
-    Body,
-    Elastic,
-    newton,
-    rate,
-    responses,
-    solve_loads,
+from sautereau.analysis.model.plectrum.fe import solve
+from sautereau.analysis.model.plectrum.fe.mesh import (
+    Patch,
+    grid_between,
+    patch_at,
+    plectrum_grid,
+    section_at,
 )
 from sautereau.analysis.model.plectrum.profile import Profile
 from sautereau.analysis.model.plectrum.table import Samples, nodes, through
@@ -32,13 +30,11 @@ from sautereau.rig.progress import tracked
 ACCURACY = 4e-4
 """Dimensionless; error of a table, relative to displacement and rotation, below which more
 solutions are not tried."""
-_SIZES = ((3, 4, 5), (3, 7, 6), (4, 12, 7))
-"""Numbers of drags, positions and loads, tried one after another until the table is accurate."""
+_SIZES = ((3, 4, 5), (3, 7, 6), (4, 12, 7))  # Drags, positions and loads, until it is accurate
 LOAD_LIMIT = 2.0
 """Largest load f = F L^2 / EI, dimensionless; EI follows from the plectrum's rotation under a small
 load at its tip. A uniform plectrum turns by 56 degrees at this load."""
-STRAIN_LIMIT = 0.2
-"""Largest strain of the edges at the clamp, which limits the load of thick plectra."""
+STRAIN_LIMIT = 0.2  # Largest strain of the edges at the clamp: limits the load of thick plectra
 
 
 DEPTH = 1e-7
@@ -53,14 +49,14 @@ class Solver:
         cuts: Profiles of the same top and clamp whose undersides are cut by `DEPTH`.
     """
 
-    def __init__(self, profile: Profile, material: Elastic, cuts: Sequence[Profile] = ()):
+    def __init__(self, profile: Profile, material: solve.Elastic, cuts: Sequence[Profile] = ()):
         self.profile = profile
         grid = plectrum_grid(profile)
-        self.body = Body(grid, material)
+        self.body = solve.Body(grid, material)
         # On the columns of the uncut one: nodes only move up.
-        self.cuts = [Body(grid_between(cut, grid.x, grid.layers), material) for cut in cuts]
+        self.cuts = [solve.Body(grid_between(cut, grid.x, grid.layers), material) for cut in cuts]
         frictionless = patch_at(self.body.grid, 1.0, profile.patch)
-        bent = rate(self.body, frictionless, 0.0, np.zeros(self.body.size))
+        bent = solve.rate(self.body, frictionless, 0.0, np.zeros(self.body.size))
         # The rotation under a small load F at the tip is F L^2 / 2 EI, which is f / 2. The moment
         # F L gives the edges the strain F L h / 2 EI, which is f h / 2 L.
         flexibility = -2 * section_at(self.body.grid, 1.0).rotation_rate(bent)
@@ -97,7 +93,7 @@ class Solver:
         patch, forces = patches[0], self.unit * loads / s**2
         _, slope, _ = self.profile.contact_line(s)
         tilt = float(np.arctan(slope))
-        straight = solve_loads(self.body, patch, forces)
+        straight = solve.solve_loads(self.body, patch, forces)
         found = np.empty((1 + len(self.cuts), 3, len(drags), len(loads)))
         for row, drag in enumerate(drags.tolist()):
             # Of a load on a sloping top, the parts along the normal and the tangent of the section.
@@ -105,21 +101,21 @@ class Solver:
             dragged, *cut = (replace(one, drag=across) for one in patches)
             pressed = forces * (np.cos(tilt) - drag * np.sin(tilt))
             for column, (q, force) in enumerate(zip(loads, pressed.tolist(), strict=True)):
-                u = newton(self.body, dragged, force, straight[column])
+                u = solve.newton(self.body, dragged, force, straight[column])
                 if u is None:
-                    u = solve_loads(self.body, dragged, pressed[: column + 1])[-1]
+                    u = solve.solve_loads(self.body, dragged, pressed[: column + 1])[-1]
                 values = [self._law(s, q, self.body, dragged, u)]
                 lacking = [
                     force * own.unit_load(u) - body.forces(u)
                     for body, own in zip(self.cuts, cut, strict=True)
                 ]
-                moved = responses(self.body, dragged, force, u, lacking)
+                moved = solve.responses(self.body, dragged, force, u, lacking)
                 for body, own, step in zip(self.cuts, cut, moved, strict=True):
                     values.append((self._law(s, q, body, own, u + step) - values[0]) / DEPTH)
                 found[:, :, row, column] = values
         return found
 
-    def _law(self, s: float, q: float, body: Body, patch: Patch, u: Floats) -> Floats:
+    def _law(self, s: float, q: float, body: solve.Body, patch: Patch, u: Floats) -> Floats:
         """Return x/s, z/(s q) and theta/q of displacements, shape (3,)."""
         section, height = patch.section, float(self.profile.contact_line(s)[0])
         # Of the mesh, which is straight between the edges of its columns; the outline may not be.
@@ -143,10 +139,14 @@ class Rates:
         return replace(base, laws=base.laws + _spread(np.tensordot(depths, self.laws, 1), base))
 
 
-def build_with_rates(
-    profile: Profile, material: Elastic, nearest: float, cuts: Sequence[Floats]
+def build(
+    profile: Profile, material: solve.Elastic, nearest: float, cuts: Sequence[Floats] = ()
 ) -> tuple[Samples, Rates]:
-    """Return the table of `build`, and its derivatives by cuts of the underside.
+    """Return the table of a profile, and its derivatives by cuts of the underside.
+
+    It is solved at a few positions, loads and drags, and what differs is added to the elastica's
+    table. The elastica with EI(s) has the shape of the solution; what it neglects, shear and the
+    corners of the outline, is a small and smooth part of it.
 
     Args:
         cuts: Depth of each at the profile's vertices per unit, 0 at the clamp.
@@ -155,25 +155,7 @@ def build_with_rates(
         ModelError: The elements find no equilibrium.
     """
     cut = [replace(profile, bottom=profile.bottom + DEPTH * depth) for depth in cuts]
-    return _build(profile, material, nearest, cut)
-
-
-def build(profile: Profile, material: Elastic, nearest: float) -> Samples:
-    """Solve at a few positions, loads and drags, and add what differs to the elastica's table.
-
-    The elastica with EI(s) has the shape of the solution; what it neglects, shear and the corners
-    of the outline, is a small and smooth part of it.
-
-    Raises:
-        ModelError: The elements find no equilibrium.
-    """
-    return _build(profile, material, nearest, ())[0]
-
-
-def _build(
-    profile: Profile, material: Elastic, nearest: float, cuts: Sequence[Profile]
-) -> tuple[Samples, Rates]:
-    solver = Solver(profile, material, cuts)
+    solver = Solver(profile, material, cut)
     most = min(solver.limit, load_range(profile))
     if material.shear is not None:
         # Fibres buckle under a pressure as large as the shear modulus: no equilibrium was found at

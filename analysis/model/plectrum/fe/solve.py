@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
-from sautereau.analysis.model.plectrum.fe.load import Patch
-from sautereau.analysis.model.plectrum.fe.mesh import Grid
+from sautereau.analysis.model.plectrum.fe.mesh import Grid, Patch
 
 ITERATIONS = 12  # Maximum per load step
-RESIDUAL = 1e-10
-"""Dimensionless tolerance on the residual relative to the load, apart from rounding."""
+RESIDUAL = 1e-10  # Tolerance on the residual relative to the load, apart from rounding
 HALVINGS = 8  # Maximum per load step
 _REMEMBERED = 4
 
