@@ -21,10 +21,9 @@ from sautereau.sim_backend.physics.rigid.bodies import INERTIA, MM, add_pivot_fr
 from sautereau.sim_backend.physics.rigid.finger import PushFinger, SteppedFinger
 from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, PaddedIdealFinger, touching_angle
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
-from sautereau.sim_backend.physics.rigid.key import StiffKey
+from sautereau.sim_backend.physics.rigid.key import BendingKey, SinkingKey, StiffKey
 from sautereau.sim_backend.physics.rigid.pad import Friction
 from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
-from sautereau.sim_backend.physics.rigid.yielding import BendingKey, SinkingKey
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
 
@@ -45,7 +44,6 @@ class Division:
     key alone, a lower bound of the oscillating mass.
 
     Args:
-        key: With its loads.
         jacks: With their strings.
         step: ms, the longest.
         fingertip: With its pad; None for a rigid one.
@@ -65,12 +63,10 @@ class Division:
         gears: float = 0.0,
     ):
         self._step = step
-        self._loads = loads = key.pressed_loads
-        self._jacks = tuple(jacks)
+        self._key, self._jacks = key, tuple(jacks)
         arm, inertia = rig.key.press_arm * MM, rig.key.inertia * INERTIA
-        if not key.pin.fixed:  # its mass can move, too
-            inertia /= 1 + inertia / (key.mass * arm**2)
-        damping = (loads.felt_damping + loads.viscous) / inertia
+        inertia /= 1 + inertia / (key.mass * arm**2)
+        damping = (key.felt_damping + key.viscous) / inertia
         pad = 0.0
         if fingertip is not None:
             # Both masses on the pad, each alone.
@@ -79,7 +75,7 @@ class Division:
             pad = max(oscillation, fingertip.damping * mobility)
         strings = [_rate(j.string.stiffest, j) for j in self._jacks if j.string]
         always = (
-            (loads.viscous / inertia, "the pivot's viscous friction", "key.pivot_viscous_friction"),
+            (key.viscous / inertia, "the pivot's viscous friction", "key.pivot_viscous_friction"),
             (key.rate, key.what, key.keys),
             (pad, "the fingertip's pad", "fingertip.stiffness or fingertip.damping"),
             (
@@ -88,7 +84,7 @@ class Division:
                 "joints.gear_stiffness or gear_damping, or raise the rotors' inertia",
             ),
         )
-        felt = max(math.sqrt(loads.felt_stiffness / inertia), damping)
+        felt = max(math.sqrt(key.felt_stiffness / inertia), damping)
         at_times = (
             (felt, "the front felt", "key.felt_stiffness or key.felt_damping"),
             (max(strings, default=0.0), "a held string", "string.tension, or raise jack.mass"),
@@ -106,7 +102,7 @@ class Division:
 
     def step(self) -> float:
         """Return the step [ms] for the present contacts."""
-        parts = max(self._always, self._felt if self._loads.pressed else 1)
+        parts = max(self._always, self._felt if self._key.on_felt else 1)
         for jack in self._jacks:
             if jack.string is not None and jack.string.stiffness:
                 parts = max(parts, self._parts(_rate(jack.string.stiffness, jack)))
@@ -212,8 +208,8 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     space.gravity, space.iterations = (0.0, gravity), scene.iterations
     key = _key(space, rig, scene, start)
     dry: list[tuple[Constraint, float]] = []
-    if key.loads.friction:
-        dry.append((add_pivot_friction(space, key.body, key.loads.friction), key.loads.friction))
+    if key.friction:
+        dry.append((add_pivot_friction(space, key.body, key.friction), key.friction))
     jacks = [
         CarriedJack(space, key, rig, choir, scene, _string(rig, scene, choir, number, events))
         for number, choir in enumerate(choirs(rig))
@@ -252,11 +248,10 @@ def _key(space: pymunk.Space, rig: Rig, scene: Scene, start: tuple[float, float]
         key = SinkingKey(space, rig.key, scene, angle, scene.play)
     else:
         key = StiffKey(space, rig.key, scene, angle)
-    bottom = key.pressed_loads.bottom
-    if not angle < bottom:
+    if not angle < key.bottom:
         raise SceneError(
             f"start: the fingertip is in the key: contact needs a key angle of {angle:.4g} rad, and"
-            f" the key turns by {bottom:.4g} rad at most; start above the key"
+            f" the key turns by {key.bottom:.4g} rad at most; start above the key"
         )
     return key
 

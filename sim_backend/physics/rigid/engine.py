@@ -99,16 +99,16 @@ class RigidWorld(World):
         self._rows = []
         self._elapsed = 0.0
         if finger.begin_sample(reference, powered, self.time) or not self.samples:
-            key.push(finger.moment)
+            key.pushed = finger.moment
             self._split(0.0, None, self._period)
         if finger.push_end < self._period:
             self._run(finger.push_end)
             finger.moment = 0.0
-            key.push(0.0)
+            key.pushed = 0.0
             self._split(0.0, None, self._period)
-        if self._still and finger.stays_clear(self._seen_angle):
+        if self._still and finger.stays_clear(key.seen_angle):
             self._rows.append(
-                (self._period, self._seen_angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0, 0.0)
+                (self._period, key.seen_angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0, 0.0)
             )
         else:
             self._run(self._period)
@@ -117,11 +117,6 @@ class RigidWorld(World):
         if not math.isfinite(sum(self._rows[-1])):
             raise self._diverged()
         return self._rows
-
-    @property
-    def _seen_angle(self) -> float:
-        """Angle [rad] of the key that the laser sees."""
-        return self._key.seen(self._key.value, self._key.second.value)
 
     def _run(self, end: float) -> None:
         """Advance to a time [ms] within the controller sample."""
@@ -160,7 +155,7 @@ class RigidWorld(World):
             for jack in self._loaded:
                 jack.load(clock + elapsed / MM, seconds)
                 pull += jack.pull
-            key.load()
+            key.apply(*key.moments())
             done += 1
             elapsed = start + done * step
             finger.apply_forces(elapsed, pressed.next, pressed.node, kick)
@@ -282,12 +277,12 @@ class RigidWorld(World):
             after = (mean * (drift + ahead) - before * drift) / ahead
         self._finger.foresee(after)
         if drift:
-            row = self._elapsed, self._seen_angle, omega * MM, rise, before, pulled, blow
+            row = self._elapsed, self._key.seen_angle, omega * MM, rise, before, pulled, blow
             self._rows.append(row)
         if not drift or impact or pull != pulled or before != after:
             if impact:
                 omega = self._key.seen(self._key.speed, self._key.second.speed)
-            row = self._elapsed, self._seen_angle, omega * MM, rise, after, pull, blow
+            row = self._elapsed, self._key.seen_angle, omega * MM, rise, after, pull, blow
             self._rows.append(row)
 
     def _force_before(self) -> float:

@@ -16,7 +16,7 @@ class Friction:
 
     def __init__(self, rig: Rig, key: StiffKey):
         self._coefficient, self._radius = rig.arm.fingertip_friction, rig.arm.fingertip_radius * MM
-        self.lever, self._pin = key.lever, key.pin
+        self._key, self.lever = key, key.lever
         self.height = rig.key.surface_height * MM
         """mm, of the surface above the pin."""
 
@@ -33,7 +33,7 @@ class Friction:
         lever = self.lever
         set_torque(lever, lever.torque + along * self.height)
         sine, cosine = math.sin(angle), math.cos(angle)
-        if not self._pin.fixed:
+        if self._key.sinks:
             set_force(lever, (0.0, lever.force[1] - along * sine))
         return along * cosine, along * sine, along * self._radius
 
@@ -49,7 +49,7 @@ class Pad:
 
     def __init__(self, fingertip: Fingertip, key: StiffKey, height: float):
         self._stiffness, self._damping = fingertip.stiffness / MM, fingertip.damping
-        self._lever, self._height, self.pin = key.lever, height, key.pin
+        self._key, self._lever, self._height, self.pin = key, key.lever, height, key.pin
         self.separated = True
         self.force = self.before = 0.0
         """N, on the key, and just before an event there."""
@@ -95,7 +95,7 @@ class Pad:
         fraction = kick.ahead / (2 * kick.step) if self._fresh else kick.fraction
         applied = self.force * fraction
         set_torque(self._lever, self._lever.torque + applied * reach)
-        if not self.pin.fixed:
+        if self._key.sinks:
             set_force(self._lever, (0.0, self._lever.force[1] - applied * cosine))
         along = 0.0, 0.0, 0.0
         if self.friction is not None:
