@@ -1,17 +1,19 @@
 """The exact engine as a world."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.rig.schema import Arm, Rig
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
-from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.play import play
-from sautereau.sim_backend.physics.exact_press import FINGERS, ORDER, bench_of, new_press
 from sautereau.sim_backend.physics.finger import Finger, Reference, joint_cubics, settled_within
+from sautereau.sim_backend.physics.parameters import FINGERS, bench_of, finger_of
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats
@@ -19,6 +21,10 @@ from sautereau.trajectory.motion import Floats
 SPARE_ROWS = 64
 """Rows for changes of mode, in a call and in every sample; further ones are not kept."""
 
+ORDER = 4  # Order of the steps with which a scene is simulated
+RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
+"""A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
+order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
 _ENDS = np.array([0.0, 1.0])
 _FAULTS = {
     ix.TURNED_OVER: TURNED_OVER,
@@ -58,7 +64,14 @@ class ExactWorld(World):
     ):
         super().__init__(rig, scene, start)
         rig = self.rig
-        check_scene(scene)
+        faults = scene.unsolved
+        if scene.step is None or scene.string == "auto":
+            faults.append(
+                "step, string: the scene leaves them open; choose them with"
+                " `sautereau.sim_backend.trade.select.select_solver`, or give a step and a string"
+            )
+        if faults:
+            raise SceneError("\n".join(faults))
         bench = bench_of(rig, scene)
         self._press = new_press(rig, scene, self.start, *bench, order, tolerance)
         self._kind = FINGERS.index(scene.finger)
@@ -160,17 +173,36 @@ class ServoFinger(Finger):
         self._speeds[locked] = 0.0
 
 
-def check_scene(scene: Scene) -> None:
-    """Refuse a scene that the exact engine does not support.
+def new_press(
+    rig: Rig,
+    scene: Scene,
+    start: tuple[float, float],
+    keys: NDArray,
+    jacks: NDArray,
+    cells: Floats,
+    order: int = ORDER,
+    tolerance: float | None = None,
+) -> ix.Press:
+    """Return a press at time 0 before its first sample, as `play` takes it.
 
-    Raises:
-        SceneError: The scene has a part that the engine does not support, or an open choice.
+    Args:
+        rig: The true bench.
+        scene: With its step.
+        start: rad, joints when power comes on.
+        keys: Of `KEY`; shape (1,).
+        jacks: Of `JACK`; shape (choirs,).
+        order: Of the steps, even, at most 8.
+        tolerance: Dimensionless, relative error of a step; None for one that suits the step.
     """
-    faults = scene.unsolved
-    if scene.step is None or scene.string == "auto":
-        faults.append(
-            "step, string: the scene leaves them open; choose them with"
-            " `sautereau.sim_backend.trade.select.select_solver`, or give a step and a string"
-        )
-    if faults:
-        raise SceneError("\n".join(faults))
+    run = np.zeros(1, ix.RUN)
+    period = rig.controller.sample_period
+    steps = steps_in_sample(rig, scene.step or period)
+    if tolerance is None:
+        tolerance = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
+    run["period"], run["step"], run["steps"] = period, period / steps, steps
+    run["order"], run["tolerance"] = order, tolerance
+    work = np.zeros((16, 1 + len(jacks) + (2 if scene.servo else 0)))
+    return ix.Press(
+        records(keys), records(jacks), cells, records(finger_of(rig, scene, start)), records(run),
+        work[0], work[1], work[2], work, np.zeros((ix.EVENTS, 4)), np.zeros((0, 7)),
+    )  # fmt: skip

@@ -73,7 +73,8 @@ def records(array: NDArray[Any]) -> Any:
 
 
 def _digest() -> str:
-    files = sorted(Path(__file__).parent.glob("*.py"))
+    folder = Path(__file__).parent
+    files = [folder.parent / "structures.py", *sorted(folder.glob("*.py"))]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 

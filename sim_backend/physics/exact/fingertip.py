@@ -2,7 +2,7 @@
 
 import math
 
-from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, inlined
 
 AHEAD = 1e-6

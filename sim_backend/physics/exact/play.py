@@ -7,8 +7,7 @@ landings alternate between two jacks, a nonsmooth step of first order passes the
 
 import math
 
-from sautereau.sim_backend.physics.base import LARGEST_ANGLE
-from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, entry, expanded, inlined
 from sautereau.sim_backend.physics.exact.fingertip import close_loops, locate_tip
 from sautereau.sim_backend.physics.exact.forces import string_force, surface
@@ -22,12 +21,6 @@ MOST_STEPS, MORE_STEPS = 200_000, 1000
 """Divided steps of one call, and more of them per sample, above which a scene is too stiff."""
 
 opened = expanded(ix.opened)
-NO_EVENT = -1
-RISEN = (ix.STUCK, ix.SLIDING, ix.ABOVE, ix.ABOVE, ix.ABOVE)
-RISEN_EVENT = (ix.CONTACT, NO_EVENT, ix.RELEASE, NO_EVENT, NO_EVENT)
-FALLEN = (ix.BELOW, ix.BELOW, ix.STUCK, ix.PASSING, ix.BELOW)
-FALLEN_EVENT = (NO_EVENT, NO_EVENT, NO_EVENT, NO_EVENT, ix.RETURN)
-"""Next state above and below the rises of each, and the event at which it starts."""
 
 
 @compiled
@@ -39,12 +32,12 @@ def update_strings(press):
         for _ in range(8):
             state = jack.string
             if rise > jack.range[state, 1]:
-                following, event = RISEN[state], RISEN_EVENT[state]
+                following, event = ix.RISEN[state], ix.RISEN_EVENT[state]
             elif rise < jack.range[state, 0]:
-                following, event = FALLEN[state], FALLEN_EVENT[state]
+                following, event = ix.FALLEN[state], ix.FALLEN_EVENT[state]
             else:
                 break
-            if event != NO_EVENT and run.events < ix.EVENTS:
+            if event != ix.NO_EVENT and run.events < ix.EVENTS:
                 found = press.events[run.events]
                 found[0], found[1], found[2], found[3] = run.time, event, k, string_force(press, k)
                 run.events += 1
@@ -91,7 +84,7 @@ def rest(press):
 @compiled
 def change(press):
     """Let strings, impacts and mode follow the state, and write a row; return a status."""
-    if press.x[0] >= LARGEST_ANGLE:
+    if press.x[0] >= ix.LARGEST_ANGLE:
         return ix.TURNED_OVER
     update_strings(press)
     status = resolve(press, 0.0)

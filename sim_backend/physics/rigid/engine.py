@@ -18,13 +18,14 @@ import numpy as np
 from sautereau.analysis.model.string.string import ModalState
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.base import LARGEST_ANGLE, TURNED_OVER, World
+from sautereau.sim_backend.physics.base import TURNED_OVER, World
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_steps
 from sautereau.sim_backend.physics.rigid.bodies import MM
 from sautereau.sim_backend.physics.rigid.step_event import Event, Kick, earliest
+from sautereau.sim_backend.physics.structures import LARGEST_ANGLE
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 

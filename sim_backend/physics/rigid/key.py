@@ -8,7 +8,6 @@ import pymunk
 from sautereau.rig.instrument import Key
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.parts import Bending, Play
-from sautereau.sim_backend.physics.base import LARGEST_ANGLE
 from sautereau.sim_backend.physics.rigid.bodies import (
     MM,
     RAIL_REACH,
@@ -22,6 +21,7 @@ from sautereau.sim_backend.physics.rigid.bodies import (
     set_torque,
 )
 from sautereau.sim_backend.physics.rigid.step_event import Event
+from sautereau.sim_backend.physics.structures import LARGEST_ANGLE
 from sautereau.sim_backend.scene import Scene
 
 

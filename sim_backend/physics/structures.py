@@ -1,4 +1,4 @@
-"""The named structures that the compiled functions share, and their constants; imported as `ix`."""
+"""What both engines know of a press: its named structures and states; imported as `ix`."""
 
 from typing import Any, NamedTuple
 
@@ -14,10 +14,17 @@ OFF, PRESSED, SLACK = 0, 1, 2
 key leaves it."""
 CONTACT, RELEASE, RETURN = 0, 1, 2
 """Kinds of a string's events, in the order of the lists in `PluckEvents`."""
+NO_EVENT = -1
+RISEN = (STUCK, SLIDING, ABOVE, ABOVE, ABOVE)
+RISEN_EVENT = (CONTACT, NO_EVENT, RELEASE, NO_EVENT, NO_EVENT)
+FALLEN = (BELOW, BELOW, STUCK, PASSING, BELOW)
+FALLEN_EVENT = (NO_EVENT, NO_EVENT, NO_EVENT, NO_EVENT, RETURN)
+"""Next state above and below the rises of each, and the event at which it starts."""
 PUSH, IDEAL, SERVO = 0, 1, 2  # Kinds of finger
 FINE, TURNED_OVER, LOST, JUMPED, AT_PIN, JAMMED = 0, 1, 2, 3, 4, 5  # Status of an interval
 CLOSE, SLOW = 1e-13, 1e-11
 """Gap [rad, m] below which surfaces are in contact, and speed that counts as zero."""
+LARGEST_ANGLE = 1.2  # rad, of the key, above which the simulation is stopped
 EVENTS = 512  # Most events of strings that one call records
 
 
