@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.rig.schema import Arm, Rig
-from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_sample
@@ -12,10 +11,9 @@ from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
 from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.play import play
-from sautereau.sim_backend.physics.finger import Finger, Reference, joint_cubics, settled_within
+from sautereau.sim_backend.physics.finger import Finger, LoopedFinger, Reference, joint_cubics
 from sautereau.sim_backend.physics.parameters import FINGERS, bench_of, finger_of
 from sautereau.sim_backend.scene import Scene
-from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats
 
 SPARE_ROWS = 64
@@ -125,7 +123,7 @@ class ExactWorld(World):
         return Motions(*rows.T.copy())
 
 
-class ServoFinger(Finger):
+class ServoFinger(LoopedFinger):
     """Two links, their motors under the position loops; see `physics.finger.Finger`.
 
     Args:
@@ -134,42 +132,27 @@ class ServoFinger(Finger):
     """
 
     def __init__(self, press: ix.Press, arm: Arm, gravity: float):
-        self._arm, self._gravity = arm, gravity
-        self._finger, self._angles, self._speeds = press.finger, press.x[-2:], press.v[-2:]
+        super().__init__(press.finger, arm, gravity)
+        self._angles, self._speeds = press.x[-2:], press.v[-2:]
         self._angles[:] = press.finger.start
-        self._powered, self._blocked = False, np.zeros(2, bool)
+        self._blocked = np.zeros(2, bool)
 
     def joints(self) -> tuple[float, float]:
         return float(self._angles[0]), float(self._angles[1])
-
-    def torques(self) -> tuple[float, float]:
-        return float(self._finger.torque[0]), float(self._finger.torque[1])
-
-    @property
-    def settled(self) -> bool:
-        """Whether both loops are within `settled_within`, or the motors are off."""
-        return not self._powered or max(map(abs, self._finger.lag)) <= settled_within(self._arm)
-
-    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        self._finger.offset[:] = offsets
-        self._finger.limit[:] = np.minimum(limits, self._arm.torque_limit)
 
     def block(self, joint: int) -> None:
         self._blocked[joint] = True
         self._lock()
 
-    def switch(self, powered: bool) -> None:
-        """Switch the motors on at the torques of the arm's weight, or off with their brakes on."""
-        if powered == self._powered:
-            return
-        finger, self._powered = self._finger, powered
-        weight = gravity_torque(self._arm, self._angles) * (self._gravity / GRAVITY)
-        finger.integral[:], finger.lag[:], finger.torque[:] = weight, 0.0, 0.0
-        self._lock()
+    def switch(self, powered: bool) -> bool:
+        changed = super().switch(powered)
+        if changed:
+            self._lock()
+        return changed
 
     def _lock(self) -> None:
         locked = self._blocked | (not self._powered)
-        self._finger.locked[:] = locked
+        self._loops.locked[:] = locked
         self._speeds[locked] = 0.0
 
 

@@ -2,11 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from sautereau.rig.schema import Arm
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
+from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats
 
 SETTLED = 5e-6  # Revolutions of following error up to which an arm at rest has settled
@@ -70,4 +73,42 @@ class Finger:
     @property
     def settled(self) -> bool:
         """Whether the arm rests at its reference."""
+        return True
+
+
+class LoopedFinger(Finger):
+    """A finger with two motors under position loops, in either engine.
+
+    Args:
+        loops: Of `structures.FINGER`: parameters and state of the loops.
+        gravity: m/s^2.
+    """
+
+    def __init__(self, loops: Any, arm: Arm, gravity: float):
+        self._arm, self._loops, self._gravity = arm, loops, gravity
+        self._powered = False
+
+    def torques(self) -> tuple[float, float]:
+        return float(self._loops.torque[0]), float(self._loops.torque[1])
+
+    @property
+    def settled(self) -> bool:
+        """Whether both loops are within `settled_within`, or the motors are off."""
+        return not self._powered or max(map(abs, self._loops.lag)) <= settled_within(self._arm)
+
+    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
+        self._loops.offset[:] = offsets
+        self._loops.limit[:] = np.minimum(limits, self._arm.torque_limit)
+
+    def switch(self, powered: bool) -> bool:
+        """Switch the motors on, the integrators at the torques of the arm's weight, or off.
+
+        Returns:
+            Whether that is a change.
+        """
+        if powered == self._powered:
+            return False
+        self._powered, loops = powered, self._loops
+        weight = gravity_torque(self._arm, np.array(self.joints())) * (self._gravity / GRAVITY)
+        loops.integral[:], loops.lag[:], loops.torque[:] = weight, 0.0, 0.0
         return True

@@ -117,7 +117,8 @@ def jack_of(scene: Scene, choir: Choir, number: int) -> tuple[Any, Floats]:
     if scene.plectrum == "none":
         return found, np.zeros((0, 5))
     try:
-        law = law_of(plectrum, choir.string, level_of(plectrum, scene.plectrum))
+        level = level_of(plectrum, scene.plectrum)
+        law = law_of(plectrum, choir.string, level)  # pyright: ignore[reportArgumentType]
     except ModelError as error:
         raise SceneError(f"more_choirs[{number - 1}]." * (number > 0) + str(error)) from error
     found["first"] = law.first

@@ -1,8 +1,10 @@
 """What both engines know of a press: its named structures and states; imported as `ix`."""
 
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.trajectory.motion import Floats
 
@@ -153,3 +155,14 @@ def opened(press: Press) -> Press:
         press.key[0], press.jacks, press.cells, press.finger[0], press.run[0],
         press.x, press.v, press.a, press.work, press.events, press.rows,
     )  # fmt: skip
+
+
+def as_objects(array: NDArray[Any]) -> list[Any]:
+    """Return records, whose attributes are slow outside compiled functions, as objects."""
+    names = array.dtype.names or ()
+    return [
+        SimpleNamespace(
+            **{name: row[name] if row[name].ndim else row[name].item() for name in names}
+        )
+        for row in array
+    ]

@@ -7,9 +7,10 @@ landings alternate between two jacks, a nonsmooth step of first order passes the
 
 import math
 
+from sautereau.sim_backend.physics import laws
 from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, entry, expanded, inlined
-from sautereau.sim_backend.physics.exact.fingertip import close_loops, locate_tip
+from sautereau.sim_backend.physics.exact.fingertip import locate_tip
 from sautereau.sim_backend.physics.exact.forces import string_force, surface
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.step import guard, hold_tip, locate, try_step
@@ -20,7 +21,7 @@ NONSMOOTH = 1e-3  # Dimensionless, fraction of a step: length of a nonsmooth ste
 MOST_STEPS, MORE_STEPS = 200_000, 1000
 """Divided steps of one call, and more of them per sample, above which a scene is too stiff."""
 
-opened = expanded(ix.opened)
+opened, close_loops = expanded(ix.opened), compiled(laws.close_loops)
 
 
 @compiled
@@ -181,6 +182,7 @@ def advance_step(press, end):
 def start_sample(press, sample, cubics, powered):
     """Start a controller sample; return a status. For the arguments see `play`."""
     key, finger, run, status = press.key, press.finger, press.run, ix.FINE
+    n = len(press.jacks)
     run.start = run.time = sample * run.period
     finger.still = 1
     for j in range(2):
@@ -191,7 +193,7 @@ def start_sample(press, sample, cubics, powered):
     if sample == 0:
         status = rest(press)
     if finger.kind == ix.SERVO and powered:
-        close_loops(press)
+        close_loops(finger, run.period, press.x[n + 1], press.x[n + 2])
     pushes = finger.kind == ix.PUSH and powered and run.start < key.push_end
     force = key.force if pushes else 0.0
     run.changed = sample == 0 or finger.kind != ix.PUSH or force != finger.force

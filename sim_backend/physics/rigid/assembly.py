@@ -18,11 +18,15 @@ from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.events import PluckEvents
 from sautereau.sim_backend.physics.rigid.arm import ServoFinger
 from sautereau.sim_backend.physics.rigid.bodies import INERTIA, MM, add_pivot_friction
-from sautereau.sim_backend.physics.rigid.finger import PushFinger, SteppedFinger
-from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, PaddedIdealFinger, touching_angle
+from sautereau.sim_backend.physics.rigid.finger import (
+    IdealFinger,
+    PaddedIdealFinger,
+    PushFinger,
+    SteppedFinger,
+    touching_angle,
+)
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
 from sautereau.sim_backend.physics.rigid.key import BendingKey, SinkingKey, StiffKey
-from sautereau.sim_backend.physics.rigid.pad import Friction
 from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
@@ -231,8 +235,6 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
         dry += finger.dry
         gears = finger.gear_rate
     division = Division(rig, key, jacks, period * MM / steps, scene.fingertip, gears)
-    if scene.friction and rig.arm.fingertip_friction:
-        (finger.pad or finger).friction = Friction(rig, key)
     iterations = scene.iterations, ITERATIONS[scene.finger]
     return Assembly(space, gravity, key, jacks, finger, division, dry, iterations)
 
@@ -261,12 +263,12 @@ def _finger(
 ) -> SteppedFinger:
     """Return the scene's finger."""
     if scene.push is not None:
-        return PushFinger(scene.push, rig.key.press_arm, start, rig.controller.sample_period)
+        return PushFinger(key, rig, scene, start, scene.push)
     if scene.servo is not None:
-        return ServoFinger(space, key, rig, start, scene.servo, scene)
+        return ServoFinger(space, key, rig, scene, start)
     if scene.fingertip is not None:
-        return PaddedIdealFinger(key, rig, scene.fingertip, start)
-    return IdealFinger(space, key, rig, start)
+        return PaddedIdealFinger(key, rig, scene, start)
+    return IdealFinger(space, key, rig, scene, start)
 
 
 def _string(

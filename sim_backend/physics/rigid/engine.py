@@ -148,7 +148,7 @@ class RigidWorld(World):
         key.begin_steps()
         done = 0
         while done < count:
-            if not key.stays(step) or finger.reaches_key(pressed.next, step):
+            if not key.stays(step) or finger.gap(pressed.next, step, step) < 0:
                 break
             if not self._move_jacks(step):
                 break
@@ -159,6 +159,7 @@ class RigidWorld(World):
             key.apply(*key.moments())
             done += 1
             elapsed = start + done * step
+            finger.drift(step)
             finger.apply_forces(elapsed, pressed.next, pressed.node, kick)
             space.step(step)
             if self._fresh:
@@ -229,7 +230,8 @@ class RigidWorld(World):
         key.correct(back)
         for jack in self._jacks:
             jack.correct(key.value, key.speed, back)
-        self._finger.correct_and_drift(back, drift)
+        self._finger.correct(back)
+        self._finger.drift(drift)
         key.stays(drift)
         self._move_jacks(drift)
 
@@ -272,7 +274,7 @@ class RigidWorld(World):
         blow = mean - last if impact and self._finger.pad is None else 0.0
         rise, before, after = self._jacks[0].rise / MM, mean - blow, mean - blow
         if self._finger.pad is not None:
-            before = self._finger.pad.before
+            before = self._finger.before
         elif drift and pull != pulled and not impact:
             before = self._force_before()
             after = (mean * (drift + ahead) - before * drift) / ahead
