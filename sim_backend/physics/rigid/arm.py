@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pymunk
+from pymunk.constraints import SlideJoint
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
@@ -12,9 +13,9 @@ from sautereau.sim_backend.physics.finger import LoopedFinger, Reference, joint_
 from sautereau.sim_backend.physics.laws import close_loops
 from sautereau.sim_backend.physics.parameters import finger_of
 from sautereau.sim_backend.physics.rigid import bodies
+from sautereau.sim_backend.physics.rigid.bodies import FAR, MM
 from sautereau.sim_backend.physics.rigid.finger import Pair, SteppedFinger, touching_angle
-from sautereau.sim_backend.physics.rigid.key import Coordinate, StiffKey
-from sautereau.sim_backend.physics.rigid.step_event import Kick
+from sautereau.sim_backend.physics.rigid.key import Coordinate, Kick, StiffKey
 from sautereau.sim_backend.physics.structures import as_objects
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature, mass_matrix
@@ -40,10 +41,10 @@ class Motor(Coordinate):
         super().__init__(angle)
         self._inertia = inertia * bodies.INERTIA
         self._half = joints.backlash[joint] / 2
-        self._stiffness = joints.gear_stiffness[joint] * bodies.MM
-        self._damping = joints.gear_damping[joint] * bodies.MM**2
-        self._dry = joints.dry_friction[joint] * bodies.MM
-        self._viscous = joints.viscous_friction[joint] * bodies.MM**2
+        self._stiffness = joints.gear_stiffness[joint] * MM
+        self._damping = joints.gear_damping[joint] * MM**2
+        self._dry = joints.dry_friction[joint] * MM
+        self._viscous = joints.viscous_friction[joint] * MM**2
         self._next_speed = 0.0
 
     def rate(self, mobility: float) -> float:
@@ -130,22 +131,19 @@ class ServoFinger(LoopedFinger, SteppedFinger):
             Motor(joints, j, rotors[j], start[j]) if loose[j] else None for j in range(2)
         ]
         self._loose = [motor for motor in self._motors if motor is not None]
-        self.dry = [
-            (joint, force * bodies.MM)
+        self.dry: bodies.Dry = [
+            bodies.add_friction(space, joint, force * MM)
             for joint, force, motor in zip(
                 bodies.brakes(space, *self._bodies), joints.dry_friction, self._motors, strict=True
             )
             if force and motor is None
         ]
-        """Dry friction of the joints whose motors turn with the links, with its limits [N mm]."""
-        for joint, force in self.dry:
-            joint.max_force = force
-            space.add(joint)
-        self._viscous = [
-            0.0 if loose[j] else joints.viscous_friction[j] * bodies.MM**2 for j in range(2)
-        ]
+        """Dry friction of the joints whose motors turn with the links."""
+        self._viscous = [0.0 if loose[j] else joints.viscous_friction[j] * MM**2 for j in range(2)]
         if self.pad is None:
-            self._tip = bodies.add_fingertip(space, key.lever, lower, rig.key, rig.arm)
+            behind, end = (-rig.key.press_arm * MM, self._height + FAR), (self._lengths[1] / 2, 0)
+            self._tip = SlideJoint(key.lever, lower, behind, end, 0, FAR - bodies.REACH)
+            space.add(bodies.unilateral(self._tip))
         self._brakes = bodies.brakes(space, *self._bodies)
         space.add(*self._brakes)
         self._driven = scene.joints is not None
@@ -185,9 +183,9 @@ class ServoFinger(LoopedFinger, SteppedFinger):
         if powered:
             (cubics,) = joint_cubics(self._start, *reference(_ENDS), self._loops.radians)
             self._loops.cubics[:] = cubics
-            close_loops(self._loops, self._period / bodies.MM, *self.joints())
+            close_loops(self._loops, self._period / MM, *self.joints())
         first, second = self.torques()
-        self._torque = first * bodies.MM, second * bodies.MM
+        self._torque = first * MM, second * MM
         if not jumped:  # half of the last impulse belongs to this sample but used the old torque
             (first, second), (a, b) = self._torque, before
             self._correction = (first - a) / 2, (second - b) / 2
@@ -249,7 +247,7 @@ class ServoFinger(LoopedFinger, SteppedFinger):
         force = self._tip.impulse / weight
         if not force > 0:
             self.separated = True
-            self._tip.max = 2 * bodies.FAR
+            self._tip.max = 2 * FAR
         self._foreseen, self._force = max(0.0, 2 * force - self._force), force
         return force
 
@@ -259,7 +257,7 @@ class ServoFinger(LoopedFinger, SteppedFinger):
     def make_contact(self, time: float) -> None:
         super().make_contact(time)
         if self.pad is None:
-            self._tip.max = bodies.FAR - bodies.REACH
+            self._tip.max = FAR - bodies.REACH
 
     def correct(self, back: float) -> None:
         self._before = [body.position for body in self._bodies]
@@ -294,6 +292,6 @@ class ServoFinger(LoopedFinger, SteppedFinger):
             return angle, worst
         gap = self._over(x, z - self._key.pin.value, angle)
         if gap < 0 or (not self.separated and gap < bodies.REACH):
-            tip = np.array([x, z - self._key.pin.value]) / bodies.MM
+            tip = np.array([x, z - self._key.pin.value]) / MM
             angle = float(touching_angle(self._rig, tip))
         return angle, max(worst, -gap)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pymunk
-from pymunk.constraints import Constraint
 
 from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.acquisition import OF_STRING
@@ -17,7 +16,7 @@ from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.events import PluckEvents
 from sautereau.sim_backend.physics.rigid.arm import ServoFinger
-from sautereau.sim_backend.physics.rigid.bodies import INERTIA, MM, add_pivot_friction
+from sautereau.sim_backend.physics.rigid.bodies import INERTIA, MM, Dry
 from sautereau.sim_backend.physics.rigid.finger import (
     IdealFinger,
     PaddedIdealFinger,
@@ -151,8 +150,7 @@ class Assembly:
     jacks: list[CarriedJack]
     finger: SteppedFinger
     division: Division
-    dry: list[tuple[Constraint, float]]
-    """Joints with dry friction, each with its limit [N mm or N]."""
+    dry: Dry
     iterations: tuple[int, int]
     """Solver iterations at an event: the least number, and that to be multiplied by 1 + rho."""
 
@@ -211,9 +209,6 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     gravity = -scene.gravity / MM
     space.gravity, space.iterations = (0.0, gravity), scene.iterations
     key = _key(space, rig, scene, start)
-    dry: list[tuple[Constraint, float]] = []
-    if key.friction:
-        dry.append((add_pivot_friction(space, key.body, key.friction), key.friction))
     jacks = [
         CarriedJack(space, key, rig, choir, scene, _string(rig, scene, choir, number, events))
         for number, choir in enumerate(choirs(rig))
@@ -226,7 +221,7 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
             f" of the key, and impacts are solved up to {LARGEST_RATIO:g} times; lower the masses"
             " of the jacks, or raise key.inertia"
         )
-    dry += [(jack.dry, jack.dry_force) for jack in jacks if jack.dry]
+    dry = [*key.dry, *(each for jack in jacks for each in jack.dry)]
     period = rig.controller.sample_period
     steps = steps_in_sample(rig, scene.step or period)
     finger = _finger(space, key, rig, scene, start)

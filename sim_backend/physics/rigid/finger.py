@@ -9,6 +9,7 @@ from math import cos, sin
 
 import numpy as np
 import pymunk
+from pymunk import constraints
 
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
@@ -16,13 +17,12 @@ from sautereau.sim_backend.parts import Push
 from sautereau.sim_backend.physics.finger import Finger, Reference, joint_cubics
 from sautereau.sim_backend.physics.rigid.bodies import (
     MM,
-    add_driver,
     impulse_of,
     set_force,
     set_torque,
+    unilateral,
 )
-from sautereau.sim_backend.physics.rigid.key import StiffKey
-from sautereau.sim_backend.physics.rigid.step_event import Kick
+from sautereau.sim_backend.physics.rigid.key import Kick, StiffKey
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.key import contact_angle
 from sautereau.trajectory.motion import Floats, dot
@@ -298,7 +298,9 @@ class IdealFinger(PaddedIdealFinger):
     def __init__(self, space: pymunk.Space, key: StiffKey, rig: Rig, scene: Scene, start: Pair):
         super().__init__(key, rig, scene, start)
         self._force = 0.0
-        self._body, self._contact = add_driver(space, key.lever)
+        self._body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        self._contact = constraints.RotaryLimitJoint(self._body, key.lever, math.inf, math.inf)
+        space.add(self._body, unilateral(self._contact))
         self._reach = 1.0
         self._next = math.nan, 0.0  # ms and mm, end of the next step and the contact's arm there
 

@@ -1,28 +1,56 @@
 """The key as the rigid-body engine advances it: stiff on a fixed pin, bending, or sinking."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import pymunk
+from pymunk import constraints
 
 from sautereau.rig.instrument import Key
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.parts import Bending, Play
 from sautereau.sim_backend.physics.rigid.bodies import (
+    FAR,
+    HEAVY,
+    INERTIA,
     MM,
     RAIL_REACH,
     RAIL_SLACK,
-    add_front,
-    add_key,
+    Dry,
+    add_friction,
     angular_velocity_of,
+    hard,
     set_angle,
     set_force,
     set_position,
     set_torque,
+    unilateral,
 )
-from sautereau.sim_backend.physics.rigid.step_event import Event
 from sautereau.sim_backend.physics.structures import LARGEST_ANGLE
 from sautereau.sim_backend.scene import Scene
+
+
+class Kick(NamedTuple):
+    """How the forces at the end of a step act, for half of it and half of the next one."""
+
+    ahead: float
+    """ms, the next step."""
+    step: float
+    """ms, of the engine, which applies them."""
+    fraction: float
+    """Dimensionless, of the forces to apply in it."""
+
+
+class Event(NamedTuple):
+    """A possible change of mode within a step."""
+
+    margin: Callable[[float], float]
+    """Guard function of the time [ms]; negative once the event has occurred."""
+    change: Callable[[float], None]
+    """Applies the change, at a simulated time [s]."""
+    impact: bool = False
+    """Whether velocities jump in it."""
 
 
 class Coordinate:
@@ -95,8 +123,19 @@ class StiffKey(Coordinate):
 
     def __init__(self, space: pymunk.Space, key: Key, scene: Scene, angle: float):
         super().__init__(angle)
-        self.body = self.lever = add_key(space, key, angle, scene.play)
+        # The centre of mass is at the pin: weight acts as a moment.
+        mass, ground = HEAVY if scene.play is None else scene.play.mass * MM, space.static_body
+        self.body = self.lever = body = pymunk.Body(mass, key.inertia * INERTIA)
         """The body, and that under the finger."""
+        body.angle = angle
+        pin = constraints.PivotJoint(ground, body, (0, 0), (0, 0))
+        if scene.play is not None:
+            pin = constraints.GrooveJoint(ground, body, (0, -FAR), (0, FAR), (0, 0))
+            lowest = FAR + scene.play.clearance * MM - RAIL_SLACK
+            stop = constraints.SlideJoint(ground, body, (0, FAR), (0, 0), 0, lowest)
+            space.add(unilateral(stop))
+        rail = constraints.RotaryLimitJoint(ground, body, RAIL_REACH, 2 * math.pi)
+        space.add(body, hard(pin), unilateral(rail))
         self.inertia, self.mass = self.body.moment, self.body.mass
         """g mm^2, of the body, and g; large where the pin carries it."""
         self.pressed: Coordinate = self
@@ -105,8 +144,11 @@ class StiffKey(Coordinate):
         """The second coordinate, and the height of the pin; at rest here."""
         self.pushed = 0.0
         """N mm, of a push without contact."""
-        self.friction = key.pivot_coulomb_friction * MM if scene.friction else 0.0
-        """N mm, dry, at the pin."""
+        self.dry: Dry = []
+        """Dry friction at the pin."""
+        if scene.friction and key.pivot_coulomb_friction:
+            turning = constraints.SimpleMotor(ground, body, 0)
+            self.dry = [add_friction(space, turning, key.pivot_coulomb_friction * MM)]
         self.viscous = key.pivot_viscous_friction * MM**2 if scene.friction else 0.0
         """N mm ms/rad."""
         self._weight = key.gravity_moment * MM * scene.gravity / GRAVITY
@@ -248,7 +290,9 @@ class BendingKey(StiffKey):
         super().__init__(space, key, scene, angle)
         inertia, omega = self.inertia, 2 * math.pi * bending.frequency / MM
         reduced = inertia * bending.front * (1 - bending.front)
-        self.lever = add_front(space, inertia * bending.front)
+        self.lever = pymunk.Body(HEAVY, inertia * bending.front)
+        pin = constraints.PivotJoint(space.static_body, self.lever, (0, 0), (0, 0))
+        space.add(self.lever, hard(pin))
         self.lever.angle = self.second.value = angle
         self.pressed = self.second
         self.rate = omega * max(1.0, 2 * bending.damping)
