@@ -125,7 +125,8 @@ class ServoFinger(LoopedFinger, SteppedFinger):
                 )
         self._rig, self._space = rig, space
         self._bodies = upper, lower = bodies.add_arm(space, rig.arm, start)
-        self._links = Coordinate(upper.angle), Coordinate(lower.angle)
+        self.links = Coordinate(upper.angle), Coordinate(lower.angle)
+        """Absolute angles of both links."""
         upper.moment += (not loose[0]) * first * bodies.INERTIA
         self._motors = [
             Motor(joints, j, rotors[j], start[j]) if loose[j] else None for j in range(2)
@@ -154,8 +155,8 @@ class ServoFinger(LoopedFinger, SteppedFinger):
 
     def joints(self) -> tuple[float, float]:
         first, second = self._motors
-        q1 = self._links[0].value
-        q2 = self._links[1].value - q1
+        q1 = self.links[0].value
+        q2 = self.links[1].value - q1
         return q1 if first is None else first.value, q2 if second is None else second.value
 
     @property
@@ -200,9 +201,9 @@ class ServoFinger(LoopedFinger, SteppedFinger):
         x = z = moment = 0.0
         upper, lower = self._bodies
         if self.pad is not None or self.friction is not None:
-            q1, q2 = (link.next for link in self._links)
+            q1, q2 = (link.next for link in self.links)
             if self.pad is not None:
-                rates = [link.node for link in self._links]
+                rates = [link.node for link in self.links]
                 x, z, moment = self.press_pad(*self.tip_state(q1, q2, *rates), angle, omega, kick)
             elif self.friction is not None:
                 rate = omega if self._rate is None else self._rate
@@ -215,7 +216,7 @@ class ServoFinger(LoopedFinger, SteppedFinger):
 
     def _through_joints(self, torques: Pair, kick: Kick) -> Pair:
         """Return the torques [N mm] on the links, by the motors' ones in a step."""
-        (q1, w1), (q2, w2) = ((link.next, link.speed) for link in self._links)
+        (q1, w1), (q2, w2) = ((link.next, link.speed) for link in self.links)
         places, rates, passed = (q1, q2 - q1), (w1, w2 - w1), [0.0, 0.0]
         for j, motor in enumerate(self._motors):
             if motor is None:
@@ -239,7 +240,7 @@ class ServoFinger(LoopedFinger, SteppedFinger):
         if self._powered:
             for motor in self._loose:
                 motor.end_step(weight)
-        for link, body in zip(self._links, self._bodies, strict=True):
+        for link, body in zip(self.links, self._bodies, strict=True):
             link.next = body.angle  # with what the joints have corrected
             link.advance(body.angular_velocity, weight)
         if self.pad is not None or self.separated:
@@ -252,7 +253,7 @@ class ServoFinger(LoopedFinger, SteppedFinger):
         return force
 
     def place(self, time: float, ahead: float) -> Pair:
-        return self.tip_state(*(link.at(time, ahead) for link in self._links))[0]
+        return self.tip_state(*(link.at(time, ahead) for link in self.links))[0]
 
     def make_contact(self, time: float) -> None:
         super().make_contact(time)
@@ -261,17 +262,17 @@ class ServoFinger(LoopedFinger, SteppedFinger):
 
     def correct(self, back: float) -> None:
         self._before = [body.position for body in self._bodies]
-        for each in [*self._links, *self._loose * self._powered]:
+        for each in [*self.links, *self._loose * self._powered]:
             each.correct(back)
 
     def drift(self, step: float) -> None:
         self._drifted = step
-        for each in [*self._links, *self._loose * self._powered]:
+        for each in [*self.links, *self._loose * self._powered]:
             each.drift(step)
 
     def set_bodies(self, step: float) -> None:
         x = z = 0.0  # speeds of the end of the link before
-        parts = zip(self._bodies, self._links, self._lengths, self._before, strict=True)
+        parts = zip(self._bodies, self.links, self._lengths, self._before, strict=True)
         for body, link, length, before in parts:
             rate = length / 2 * link.speed
             across, up = -rate * math.sin(link.value), rate * math.cos(link.value)
