@@ -98,7 +98,7 @@ class LoopedFinger(Finger):
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
         self._loops.offset[:] = offsets
-        self._loops.limit[:] = np.minimum(limits, self._arm.torque_limit)
+        self._loops.limit[:] = np.minimum(limits, self._arm.torque_limit).tolist()
 
     def switch(self, powered: bool) -> bool:
         """Switch the motors on, the integrators at the torques of the arm's weight, or off.
@@ -110,5 +110,6 @@ class LoopedFinger(Finger):
             return False
         self._powered, loops = powered, self._loops
         weight = gravity_torque(self._arm, np.array(self.joints())) * (self._gravity / GRAVITY)
-        loops.integral[:], loops.lag[:], loops.torque[:] = weight, 0.0, 0.0
+        for j in range(2):
+            loops.integral[j], loops.lag[j], loops.torque[j] = float(weight[j]), 0.0, 0.0
         return True

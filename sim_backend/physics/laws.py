@@ -20,26 +20,22 @@ def surface(arm, height, angle):
     return rise, slope, curvature
 
 
-def close_loops(finger, period, first, second):
-    """Set the motors' torques for a controller sample, from its reference and the encoders.
+def close_loop(finger, j, lag, acceleration, period):
+    """Set the torque of a motor for a controller sample.
 
-    With the following error e, read in integer counts, k e + c de/dt + J acceleration + integral,
-    limited; the integral k e dt / T grows only while the limit is not reached.
+    With the following error e it is k e + c de/dt + J acceleration + integral, limited; the
+    integral k e dt / T grows only while the limit is not reached.
 
     Args:
         finger: Of `structures.FINGER`.
+        j: Number of the joint.
+        lag: rad, following error of the encoder.
+        acceleration: rad/s^2, of the reference.
         period: s.
-        first: rad, joint as its encoder sees it.
-        second: rad, likewise.
     """
-    for j in range(2):
-        p0, p2, p3 = finger.cubics[j, 0], finger.cubics[j, 2], finger.cubics[j, 3]
-        counts = round(((second if j else first) - finger.start[j]) / finger.radians)
-        lag = p0 - finger.start[j] - counts * finger.radians
-        change, finger.lag[j] = lag - finger.lag[j], lag
-        acceleration = (2 * p2 + 3 * p3) / (period * period)
-        torque = finger.stiffness[j] * lag + finger.damping[j] * change / period
-        torque += finger.feedforward[j] * acceleration + finger.integral[j] + finger.offset[j]
-        if abs(torque) < finger.limit[j]:  # no integrator wind-up while the amplifier saturates
-            finger.integral[j] += finger.stiffness[j] * lag * period / finger.integral_time
-        finger.torque[j] = min(max(torque, -finger.limit[j]), finger.limit[j])
+    limit, change, finger.lag[j] = finger.limit[j], lag - finger.lag[j], lag
+    torque = finger.stiffness[j] * lag + finger.damping[j] * change / period
+    torque += finger.feedforward[j] * acceleration + finger.integral[j] + finger.offset[j]
+    if abs(torque) < limit:  # no integrator wind-up while the amplifier saturates
+        finger.integral[j] += finger.stiffness[j] * lag * period / finger.integral_time
+    finger.torque[j] = min(max(torque, -limit), limit)

@@ -162,7 +162,7 @@ def as_objects(array: NDArray[Any]) -> list[Any]:
     names = array.dtype.names or ()
     return [
         SimpleNamespace(
-            **{name: row[name] if row[name].ndim else row[name].item() for name in names}
+            **{name: row[name] if row[name].ndim > 1 else row[name].tolist() for name in names}
         )
         for row in array
     ]

@@ -10,7 +10,7 @@ from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
 from sautereau.sim_backend.physics.finger import LoopedFinger
-from sautereau.sim_backend.physics.laws import close_loops
+from sautereau.sim_backend.physics.laws import close_loop
 from sautereau.sim_backend.physics.parameters import finger_of
 from sautereau.sim_backend.physics.structures import as_objects
 from sautereau.sim_backend.physics.world import new_world
@@ -54,10 +54,9 @@ class Loops(LoopedFinger):
 
     def torque(self, counts, accelerations):
         """Return the torques by a reference so many counts from the arm, with accelerations."""
-        cubics = self._loops.cubics
-        cubics[:, 0] = np.array(counts) * RIG.arm.radians_per_count
-        cubics[:, 2] = np.array(accelerations) * PERIOD**2 / 2
-        close_loops(self._loops, PERIOD, 0.0, 0.0)
+        for j in range(2):
+            lag = counts[j] * RIG.arm.radians_per_count
+            close_loop(self._loops, j, lag, accelerations[j], PERIOD)
         return self.torques()
 
 

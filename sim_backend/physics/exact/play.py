@@ -21,7 +21,7 @@ NONSMOOTH = 1e-3  # Dimensionless, fraction of a step: length of a nonsmooth ste
 MOST_STEPS, MORE_STEPS = 200_000, 1000
 """Divided steps of one call, and more of them per sample, above which a scene is too stiff."""
 
-opened, close_loops = expanded(ix.opened), compiled(laws.close_loops)
+opened, close_loop = expanded(ix.opened), compiled(laws.close_loop)
 
 
 @compiled
@@ -182,7 +182,6 @@ def advance_step(press, end):
 def start_sample(press, sample, cubics, powered):
     """Start a controller sample; return a status. For the arguments see `play`."""
     key, finger, run, status = press.key, press.finger, press.run, ix.FINE
-    n = len(press.jacks)
     run.start = run.time = sample * run.period
     finger.still = 1
     for j in range(2):
@@ -193,7 +192,12 @@ def start_sample(press, sample, cubics, powered):
     if sample == 0:
         status = rest(press)
     if finger.kind == ix.SERVO and powered:
-        close_loops(finger, run.period, press.x[n + 1], press.x[n + 2])
+        for j in range(2):
+            p0, p2, p3 = finger.cubics[j, 0], finger.cubics[j, 2], finger.cubics[j, 3]
+            at = press.x[len(press.jacks) + 1 + j]
+            counts = round((at - finger.start[j]) / finger.radians)
+            lag = p0 - finger.start[j] - counts * finger.radians
+            close_loop(finger, j, lag, (2 * p2 + 3 * p3) / (run.period * run.period), run.period)
     pushes = finger.kind == ix.PUSH and powered and run.start < key.push_end
     force = key.force if pushes else 0.0
     run.changed = sample == 0 or finger.kind != ix.PUSH or force != finger.force

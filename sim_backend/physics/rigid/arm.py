@@ -9,8 +9,8 @@ from pymunk.constraints import SlideJoint
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Joints
-from sautereau.sim_backend.physics.finger import LoopedFinger, Reference, joint_cubics
-from sautereau.sim_backend.physics.laws import close_loops
+from sautereau.sim_backend.physics.finger import LoopedFinger, Reference
+from sautereau.sim_backend.physics.laws import close_loop
 from sautereau.sim_backend.physics.parameters import finger_of
 from sautereau.sim_backend.physics.rigid import bodies
 from sautereau.sim_backend.physics.rigid.bodies import FAR, MM
@@ -104,8 +104,8 @@ class ServoFinger(LoopedFinger, SteppedFinger):
     def __init__(
         self, space: pymunk.Space, key: StiffKey, rig: Rig, scene: Scene, start: tuple[float, float]
     ):
-        (self._loops,) = as_objects(finger_of(rig, scene, start))
-        LoopedFinger.__init__(self, self._loops, rig.arm, scene.gravity)
+        (loops,) = as_objects(finger_of(rig, scene, start))
+        LoopedFinger.__init__(self, loops, rig.arm, scene.gravity)
         SteppedFinger.__init__(self, key, rig, scene, start)
         first, second = rotors = armature(rig.arm)
         joints = scene.joints or Joints()
@@ -127,6 +127,7 @@ class ServoFinger(LoopedFinger, SteppedFinger):
         self._bodies = upper, lower = bodies.add_arm(space, rig.arm, start)
         self.links = Coordinate(upper.angle), Coordinate(lower.angle)
         """Absolute angles of both links."""
+        self._moving: tuple[Coordinate, ...] = self.links
         upper.moment += (not loose[0]) * first * bodies.INERTIA
         self._motors = [
             Motor(joints, j, rotors[j], start[j]) if loose[j] else None for j in range(2)
@@ -178,13 +179,18 @@ class ServoFinger(LoopedFinger, SteppedFinger):
         jumped = self.switch(powered)
         if jumped:
             (self._space.remove if powered else self._space.add)(*self._brakes)
+            self._moving = *self.links, *self._loose * powered
             for motor in self._loose:
                 motor.hold()
         before = self._torque
         if powered:
-            (cubics,) = joint_cubics(self._start, *reference(_ENDS), self._loops.radians)
-            self._loops.cubics[:] = cubics
-            close_loops(self._loops, self._period / MM, *self.joints())
+            counts, speeds = reference(_ENDS)
+            (asked, _), (now, then) = counts.tolist(), speeds.tolist()
+            radians, period = self._loops.radians, self._period / MM
+            for j, angle in enumerate(self.joints()):
+                lag = (asked[j] - round((angle - self._start[j]) / radians)) * radians
+                acceleration = (then[j] - now[j]) * radians / period**2
+                close_loop(self._loops, j, lag, acceleration, period)
         first, second = self.torques()
         self._torque = first * MM, second * MM
         if not jumped:  # half of the last impulse belongs to this sample but used the old torque
@@ -262,12 +268,12 @@ class ServoFinger(LoopedFinger, SteppedFinger):
 
     def correct(self, back: float) -> None:
         self._before = [body.position for body in self._bodies]
-        for each in [*self.links, *self._loose * self._powered]:
+        for each in self._moving:
             each.correct(back)
 
     def drift(self, step: float) -> None:
         self._drifted = step
-        for each in [*self.links, *self._loose * self._powered]:
+        for each in self._moving:
             each.drift(step)
 
     def set_bodies(self, step: float) -> None:

@@ -152,7 +152,8 @@ class RigidWorld(World):
         while done < count:
             if not key.stays(step) or finger.gap(pressed.next, step, step) < 0:
                 break
-            if not all(jack.stays(step) for jack in jacks):
+            stays = [jack.stays(step) for jack in jacks]
+            if not all(stays):
                 break
             pull = 0.0
             for jack in self._loaded:

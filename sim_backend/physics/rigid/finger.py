@@ -274,8 +274,10 @@ class PaddedIdealFinger(SteppedFinger):
         u = elapsed / self._period
         cubics = self._cubics[u > 1]
         u -= u > 1
-        first, second = (a + u * (b + u * (c + u * d)) for a, b, c, d in cubics)
-        rate1, rate2 = ((b + u * (2 * c + u * 3 * d)) / self._period for _, b, c, d in cubics)
+        (a, b, c, d), (e, f, g, h) = cubics
+        first, second = a + u * (b + u * (c + u * d)), e + u * (f + u * (g + u * h))
+        rate1 = (b + u * (2 * c + u * 3 * d)) / self._period
+        rate2 = (f + u * (2 * g + u * 3 * h)) / self._period
         return self.tip_state(first, first + second, rate1, rate1 + rate2)
 
     def place(self, time: float, ahead: float) -> Pair:
