@@ -246,9 +246,11 @@ class ServoFinger(LoopedFinger, SteppedFinger):
         if self._powered:
             for motor in self._loose:
                 motor.end_step(weight)
-        for link, body in zip(self.links, self._bodies, strict=True):
-            link.next = body.angle  # with what the joints have corrected
-            link.advance(body.angular_velocity, weight)
+        (first, second), (upper, lower) = self.links, self._bodies
+        # The angles have what the joints have corrected.
+        first.next, second.next = bodies.angle_of(upper), bodies.angle_of(lower)
+        first.advance(bodies.angular_velocity_of(upper), weight)
+        second.advance(bodies.angular_velocity_of(lower), weight)
         if self.pad is not None or self.separated:
             return super().contact_force(weight)
         force = self._tip.impulse / weight

@@ -29,6 +29,7 @@ set_torque = cast(Callable[[pymunk.Body, float], None], pymunk.Body.torque.fset)
 set_force = cast(Callable[[pymunk.Body, tuple[float, float]], None], pymunk.Body.force.fset)
 set_angle = cast(Callable[[pymunk.Body, float], None], pymunk.Body.angle.fset)
 set_position = cast(Callable[[pymunk.Body, tuple[float, float]], None], pymunk.Body.position.fset)
+angle_of = cast(Callable[[pymunk.Body], float], pymunk.Body.angle.fget)
 angular_velocity_of = cast(Callable[[pymunk.Body], float], pymunk.Body.angular_velocity.fget)
 impulse_of = cast(Callable[[Constraint], float], Constraint.impulse.fget)
 

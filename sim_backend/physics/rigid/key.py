@@ -116,6 +116,8 @@ class StiffKey(Coordinate):
     """Names of the second coordinate and of its values in the scene."""
     rate = 0.0
     """1/ms, fastest rate of the second coordinate, which a step must resolve."""
+    yields = False
+    """Whether the second coordinate moves."""
     sinks = False
     """Whether a force on it moves its pin."""
     under_finger = under_laser = 1.0, 0.0
@@ -161,7 +163,7 @@ class StiffKey(Coordinate):
         """N mm ms/rad."""
         self.on_felt = False
         """Whether the key is in contact with its felt."""
-        self._bounds = self._front = -math.inf, math.inf
+        self._bounds = (-math.inf, math.inf) * 2
 
     def depth(self, angle: float, second: float) -> float:
         """Return the angle [rad] or rate [rad/ms] under the finger.
@@ -188,8 +190,9 @@ class StiffKey(Coordinate):
     def begin_steps(self) -> None:
         """Find the bounds of the present mode, in which `stays` keeps the key."""
         on_rail = self.value <= RAIL_REACH
-        self._bounds = (-math.inf, RAIL_REACH) if on_rail else (0.0, LARGEST_ANGLE)
-        self._front = (self.bottom, math.inf) if self.on_felt else (-math.inf, self.bottom)
+        back = (-math.inf, RAIL_REACH) if on_rail else (0.0, LARGEST_ANGLE)
+        front = (self.bottom, math.inf) if self.on_felt else (-math.inf, self.bottom)
+        self._bounds = *back, *front
 
     def correct(self, back: float) -> None:
         super().correct(back)
@@ -198,9 +201,11 @@ class StiffKey(Coordinate):
     def stays(self, step: float) -> bool:
         """Advance to the end of a step [ms]; return whether no mode changes on the way."""
         self.drift(step)
-        self.second.drift(step)
-        (low, high), (least, most) = self._bounds, self._front
-        return low < self.next < high and least < self.depth(self.next, self.second.next) < most
+        depth, (low, high, least, most) = self.next, self._bounds
+        if self.yields:
+            self.second.drift(step)
+            depth = self.depth(depth, self.second.next)
+        return low < self.next < high and least < depth < most
 
     def moments(self) -> tuple[float, float]:
         """Return the moments [N mm] behind and before the pin at the end of the step."""
@@ -221,6 +226,8 @@ class StiffKey(Coordinate):
     def update(self, step: float) -> tuple[float, float]:
         """Update the state after a step [ms]; return the angle and the rate that the laser sees."""
         rate = self.advance(angular_velocity_of(self.body), step)
+        if not self.yields:
+            return self.value, rate
         rate = self.seen(rate, self.second.advance(self.second_speed(), step))
         return self.seen_angle, rate
 
@@ -284,6 +291,7 @@ class BendingKey(StiffKey):
     """
 
     what, keys = "the key's bending", "bending.frequency or bending.damping"
+    yields = True
     under_finger = under_laser = 0.0, 1.0
 
     def __init__(self, space: pymunk.Space, key: Key, scene: Scene, angle: float, bending: Bending):
@@ -332,6 +340,7 @@ class SinkingKey(StiffKey):
     """
 
     what, keys = "the balance felt", "play.stiffness or play.damping, or raise play.mass"
+    yields = True
     sinks = True
 
     def __init__(self, space: pymunk.Space, key: Key, scene: Scene, angle: float, play: Play):
