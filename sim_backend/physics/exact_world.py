@@ -26,8 +26,10 @@ order's power of the step, and is at least `LEAST`. A step with a larger error i
 _ENDS = np.array([0.0, 1.0])
 _FAULTS = {
     ix.TURNED_OVER: TURNED_OVER,
-    ix.LOST: "the simulation diverged or is too stiff: the forces are out of the range of its"
-    " masses; raise the smallest inertia or mass, or lower the largest force, stiffness or damping",
+    ix.LOST: "the simulation diverged: the forces are out of the range of its masses; raise the"
+    " smallest inertia or mass, or lower the largest force, stiffness or damping",
+    ix.STIFF: "the simulation needs too many steps: a stiffness or damping is too large for its"
+    " mass; raise the smallest inertia or mass, or lower the largest stiffness or damping",
     ix.JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
     ix.AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
     " contact; keep the arm in front of it",
@@ -106,14 +108,14 @@ class ExactWorld(World):
             self._press = self._press._replace(rows=np.empty((room, 7)))
         press = self._press
         fault, events, last = play(press, self.samples, cubics, samples, powered)
-        self.samples += samples
         rows = press.rows[:last]
         if fault == ix.FINE and not np.isfinite(rows).all():
             fault = ix.LOST
         if fault != ix.FINE:
             good = rows[np.isfinite(rows).all(axis=1), 0]
-            reached = good[-1] if len(good) else 0.0
+            reached = good[-1] if len(good) else self.time
             raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[fault]}")
+        self.samples += samples
         lists = self.events.contacts, self.events.releases, self.events.returns
         for time, event, choir, force in press.events[:events].tolist():
             lists[int(event)].append(StringEvent(time, int(choir), force))

@@ -23,7 +23,7 @@ FALLEN = (BELOW, BELOW, STUCK, PASSING, BELOW)
 FALLEN_EVENT = (NO_EVENT, NO_EVENT, NO_EVENT, NO_EVENT, RETURN)
 """Next state above and below the rises of each, and the event at which it starts."""
 PUSH, IDEAL, SERVO = 0, 1, 2  # Kinds of finger
-FINE, TURNED_OVER, LOST, JUMPED, AT_PIN, JAMMED = 0, 1, 2, 3, 4, 5  # Status of an interval
+FINE, TURNED_OVER, LOST, JUMPED, AT_PIN, JAMMED, STIFF = 0, 1, 2, 3, 4, 5, 6  # Statuses
 CLOSE, SLOW = 1e-13, 1e-11
 """Gap [rad, m] below which surfaces are in contact, and speed that counts as zero."""
 LARGEST_ANGLE = 1.2  # rad, of the key, above which the simulation is stopped

@@ -242,7 +242,7 @@ def test_motions_beyond_the_model_are_refused():
     drive = drive_of(RIG, scene)
     world = ExactWorld(RIG, scene, drive.start)
     world.advance(drive.reference(0), True)
-    with pytest.raises(SceneError, match="suddenly within the key"):
+    with pytest.raises(SceneError, match=r"after 0\.000976562 s .* suddenly within the key"):
         world.advance(drive.reference(70), True)
     near = RIG.replaced({"arm.base_x": -0.1, "arm.base_z": 0.1})
     upper, lower = RIG.arm.upper_length, RIG.arm.lower_length
@@ -256,7 +256,7 @@ def test_motions_beyond_the_model_are_refused():
 def test_diverging_motion_is_refused(finger):
     truth = {"key.pivot_viscous_friction": "1e200 N m s/rad"}
     scene = pushed(1.5, 0.1, truth=truth) if finger == "push" else scene_of(finger, truth=truth)
-    with pytest.raises(SceneError, match="diverged or is too stiff"):
+    with pytest.raises(SceneError, match="diverged|too many steps"):
         reference(RIG, scene)
 
 

@@ -152,7 +152,9 @@ def advance(press, end):
             hold_tip(press)
             status = pass_event(press, end)
             step = end - run.time
-        if run.left < 0 or not (repeated or math.isfinite(press.x.sum() + press.v.sum())):
+        if run.left < 0:
+            status = ix.STIFF
+        elif not (repeated or math.isfinite(press.x.sum() + press.v.sum())):
             status = ix.LOST
     run.time = end
     return status
