@@ -35,7 +35,7 @@ RESOLVED = 0.1
 TICK = 1e-9  # ms, below which a remaining time counts as zero
 SHORTEST = 1e-4  # ms, of a step, below which a scene is refused
 ITERATIONS = {"push": 20, "ideal": 20, "servo": 70}
-"""Solver iterations at an event, times 1 + rho; see `Assembly.converge`."""
+"""Solver iterations at an event, times 1 + rho; see `Assembly.kick`."""
 LARGEST_RATIO = 2e4  # Largest rho, with which an event takes about 0.1 s of computing
 
 
@@ -157,13 +157,18 @@ class Assembly:
     def kick(self, step: float, fraction: float) -> None:
         """Step the engine with a fraction of its own weight and friction, at an event.
 
-        No impulse is warm-started, so the solver iterates until it has converged.
+        No impulse is warm-started, so the solver iterates until it has converged. Each Gauss-Seidel
+        iteration leaves the fraction rho / (1 + rho) of the error between jacks, key and rail or
+        finger, where rho is the sum of m r'^2 over the jacks, divided by I; so 20 (1 + rho) of them
+        leave exp(-20). Fewer would let a heavy jack rebound.
 
         Args:
             step: ms, always the present step of the engine.
             fraction: Dimensionless, of weight and dry friction.
         """
-        self.converge()
+        least, factor = self.iterations
+        rho = mass_ratio(self.key, self.jacks, self.key.body.angle)
+        self.space.iterations = max(least, math.ceil(factor * (1 + rho)))
         self.space.gravity = 0.0, self.gravity * fraction
         for joint, force in self.dry:
             joint.max_force = force * fraction
@@ -171,17 +176,6 @@ class Assembly:
         for joint, force in self.dry:
             joint.max_force = force
         self.space.gravity = 0.0, self.gravity
-
-    def converge(self) -> None:
-        """Let the next step of the engine iterate as an impact requires.
-
-        Each Gauss-Seidel iteration leaves the fraction rho / (1 + rho) of the error between jacks,
-        key and rail or finger, where rho is the sum of m r'^2 over the jacks, divided by I; so
-        20 (1 + rho) of them leave exp(-20). Fewer would let a heavy jack rebound.
-        """
-        rho = mass_ratio(self.key, self.jacks, self.key.body.angle)
-        least, factor = self.iterations
-        self.space.iterations = max(least, math.ceil(factor * (1 + rho)))
 
 
 def mass_ratio(key: StiffKey, jacks: Iterable[CarriedJack], angle: float) -> float:
@@ -224,11 +218,16 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     dry = [*key.dry, *(each for jack in jacks for each in jack.dry)]
     period = rig.controller.sample_period
     steps = steps_in_sample(rig, scene.step or period)
-    finger = _finger(space, key, rig, scene, start)
-    gears = 0.0
-    if isinstance(finger, ServoFinger):
-        dry += finger.dry
-        gears = finger.gear_rate
+    gears, given = 0.0, (key, rig, scene, start)
+    if scene.push is not None:
+        finger = PushFinger(*given, scene.push)
+    elif scene.servo is not None:
+        finger = ServoFinger(space, *given)
+        dry, gears = dry + finger.dry, finger.gear_rate
+    elif scene.fingertip is not None:
+        finger = PaddedIdealFinger(*given)
+    else:
+        finger = IdealFinger(space, *given)
     division = Division(rig, key, jacks, period * MM / steps, scene.fingertip, gears)
     iterations = scene.iterations, ITERATIONS[scene.finger]
     return Assembly(space, gravity, key, jacks, finger, division, dry, iterations)
@@ -253,19 +252,6 @@ def _key(space: pymunk.Space, rig: Rig, scene: Scene, start: tuple[float, float]
     return key
 
 
-def _finger(
-    space: pymunk.Space, key: StiffKey, rig: Rig, scene: Scene, start: tuple[float, float]
-) -> SteppedFinger:
-    """Return the scene's finger."""
-    if scene.push is not None:
-        return PushFinger(key, rig, scene, start, scene.push)
-    if scene.servo is not None:
-        return ServoFinger(space, key, rig, scene, start)
-    if scene.fingertip is not None:
-        return PaddedIdealFinger(key, rig, scene, start)
-    return IdealFinger(space, key, rig, scene, start)
-
-
 def _string(
     rig: Rig, scene: Scene, choir: Choir, number: int, events: PluckEvents
 ) -> StringForce | None:
@@ -274,8 +260,6 @@ def _string(
     if scene.string == "modal":
         from sautereau.sim_backend.physics.rigid.modal import ModalPlucking
 
-        measured = any(
-            own.quantity in OF_STRING and own.string == number + 1 for own in rig.daq.channels
-        )
-        return ModalPlucking(choir, scene, number, events, measured=measured)
+        heard = {own.string for own in rig.daq.channels if own.quantity in OF_STRING}
+        return ModalPlucking(choir, scene, number, events, measured=number + 1 in heard)
     return Plucking(choir, scene, number, events)

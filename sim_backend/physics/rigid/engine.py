@@ -256,7 +256,10 @@ class RigidWorld(World):
         if self._finger.pad is not None:
             before = self._finger.before
         elif drift and pull != pulled and not impact:
-            before = self._force_before()
+            # Extrapolated from the last two rows.
+            (t0, *_, f0, _, _), (t1, *_, before, _, _) = [*self._before, *self._rows][-2:]
+            if t1 > t0:
+                before += (before - f0) / (t1 - t0) * (self._elapsed - t1)
             after = (mean * (drift + ahead) - before * drift) / ahead
         self._finger.foresee(after)
         if drift:
@@ -267,11 +270,6 @@ class RigidWorld(World):
                 omega = self._key.seen(self._key.speed, self._key.second.speed)
             row = self._elapsed, self._key.seen_angle, omega * MM, rise, after, pull, blow
             self._rows.append(row)
-
-    def _force_before(self) -> float:
-        """Return the finger's force [N] now, extrapolated from the last two rows."""
-        (t0, *_, f0, _, _), (t1, *_, f1, _, _) = [*self._before, *self._rows][-2:]
-        return f1 + (f1 - f0) / (t1 - t0) * (self._elapsed - t1) if t1 > t0 else f1
 
     def _possible_events(self, drift: float) -> list[Event]:
         """Return the events that may occur within a drift [ms]."""

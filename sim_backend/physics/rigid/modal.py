@@ -118,7 +118,11 @@ class ModalPlucking:
                 began, left = self._lift, step * (rise - self._lift) / (rise - previous)
                 momentum = self._go(began, previous, time, step - left)
             time += step - left
-            self._put_felt(down, time)
+            if self._swung is not None:
+                self._end_swing(time)
+            self._felt, self._contact.string = down, self._damped if down else self._free
+            if self._swung is not None:
+                self._start_swing(time)
         momentum += self._go(rise, began, time, left)
         if not self._carries and momentum == 0.0:
             return self._states.force(rise, previous, time, step)
@@ -132,8 +136,11 @@ class ModalPlucking:
             self.events.returns.append(self._passed.returns[-1])
             self._over = False  # unless found otherwise below
             self._enter(holding=False, carries=True)
-        elif self._carries and upwards:
-            self._meet(time)
+        elif self._carries and upwards and self._over:
+            self.events.contacts.append(StringEvent(time, self.number, self._pull))
+            self._enter(holding=True, carries=True)
+        elif self._carries and upwards:  # it slid off before and has not been above it since
+            self._rise_above(time)
         else:
             self._enter(holding=False, carries=self._carries)
 
@@ -144,13 +151,6 @@ class ModalPlucking:
         self.stiffness = self._states.stiffness
         if holding:
             self.high, self.stiffness = math.inf, self._stiff
-
-    def _meet(self, time: float) -> None:
-        if self._over:
-            self.events.contacts.append(StringEvent(time, self.number, self._pull))
-            self._enter(holding=True, carries=True)
-        else:  # it slid off before and has not been above the plectrum since
-            self._rise_above(time)
 
     def _rise_above(self, time: float) -> None:
         self._states.cross(True, time)
@@ -240,15 +240,6 @@ class ModalPlucking:
         if self._holding:
             self.events.releases.append(StringEvent(time, self.number, force))
             self._rise_above(time)
-
-    def _put_felt(self, down: bool, time: float) -> None:
-        """Lower the damper's felt onto the string, or lift it."""
-        if self._swung is not None:
-            self._end_swing(time)
-        self._felt = down
-        self._contact.string = self._damped if down else self._free
-        if self._swung is not None:
-            self._start_swing(time)
 
     def _start_swing(self, time: float) -> None:
         contact = self._contact
