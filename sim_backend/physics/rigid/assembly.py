@@ -26,7 +26,7 @@ from sautereau.sim_backend.physics.rigid.finger import (
 )
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
 from sautereau.sim_backend.physics.rigid.key import BendingKey, SinkingKey, StiffKey
-from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
+from sautereau.sim_backend.physics.rigid.pluck import Plucking
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
 
@@ -254,7 +254,7 @@ def _key(space: pymunk.Space, rig: Rig, scene: Scene, start: tuple[float, float]
 
 def _string(
     rig: Rig, scene: Scene, choir: Choir, number: int, events: PluckEvents
-) -> StringForce | None:
+) -> Plucking | None:
     if scene.plectrum == "none":
         return None
     if scene.string == "modal":

@@ -13,7 +13,7 @@ from sautereau.sim_backend.physics import laws
 from sautereau.sim_backend.physics.rigid import bodies
 from sautereau.sim_backend.physics.rigid.bodies import FAR, MM, REACH
 from sautereau.sim_backend.physics.rigid.key import Coordinate, Event, StiffKey
-from sautereau.sim_backend.physics.rigid.pluck import StringForce
+from sautereau.sim_backend.physics.rigid.pluck import Plucking
 from sautereau.sim_backend.scene import Scene
 
 
@@ -35,7 +35,7 @@ class CarriedJack(Coordinate):
         rig: Rig,
         choir: Choir,
         scene: Scene,
-        string: StringForce | None,
+        string: Plucking | None,
     ):
         lever, jack, ground = key_of(rig, choir), choir.jack, space.static_body
         self.arm, self.top = x, z = lever.jack_arm * MM, lever.jack_surface_height * MM

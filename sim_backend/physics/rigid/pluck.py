@@ -1,7 +1,6 @@
 """A spring string under its plectrum: the four modes of docs/stand-in.md, in mm and N."""
 
 from bisect import bisect_right
-from typing import Protocol
 
 import numpy as np
 
@@ -12,43 +11,6 @@ from sautereau.sim_backend.physics.parameters import jack_of
 from sautereau.sim_backend.scene import Scene
 
 MM = 1e3
-
-
-class StringForce(Protocol):
-    """The force of a string, through its plectrum, on a jack."""
-
-    low: float
-    """mm, rise of the jack below which the present mode ends; -inf where no rise ends it."""
-    high: float
-    """mm, rise of the jack above which the present mode ends; inf where no rise ends it."""
-    stiffness: float
-    """N/mm, largest stiffness against the jack in the present mode."""
-    stiffest: float
-    """N/mm, largest in any mode."""
-    steady: bool
-    """Whether the force depends on the jack's rise and on the mode alone."""
-
-    def force(self, rise: float, previous: float, time: float, step: float, /) -> float:
-        """Return the force [N] on the jack at the end of a step, downwards.
-
-        Call once for every step of the world, in order; the steps need not be equal.
-
-        Args:
-            rise: mm, of the jack at the end of the step.
-            previous: mm, at its start.
-            time: s of simulated time, at its start.
-            step: s.
-        """
-        ...
-
-    def cross(self, upwards: bool, time: float) -> None:
-        """Enter the next mode: the jack has reached `high`, or else `low`.
-
-        Args:
-            upwards: Whether it has reached `high`.
-            time: s of simulated time.
-        """
-        ...
 
 
 class Plucking:
@@ -63,7 +25,16 @@ class Plucking:
         SceneError: The level has no pluck for this choir.
     """
 
+    low: float
+    """mm, rise of the jack below which the present mode ends; -inf where no rise ends it."""
+    high: float
+    """mm, rise of the jack above which the present mode ends; inf where no rise ends it."""
+    stiffness: float
+    """N/mm, largest stiffness against the jack in the present mode."""
+    stiffest: float
+    """N/mm, largest in any mode."""
     steady = True
+    """Whether the force depends on the jack's rise and on the mode alone."""
 
     def __init__(self, choir: Choir, scene: Scene, number: int, events: PluckEvents):
         jack, cells = jack_of(scene, choir, number)
@@ -86,7 +57,16 @@ class Plucking:
         self._enter(ix.BELOW)
 
     def force(self, rise: float, previous: float, time: float, step: float) -> float:
-        """Return the force [N] on the jack at a rise [mm], downwards; see `StringForce`."""
+        """Return the force [N] on the jack at the end of a step, downwards.
+
+        Call once for every step of the world, in order; the steps need not be equal.
+
+        Args:
+            rise: mm, of the jack at the end of the step.
+            previous: mm, at its start.
+            time: s of simulated time, at its start.
+            step: s.
+        """
         if self._state == ix.STUCK:
             height = rise - self.clearance
             cell = max(0, bisect_right(self._starts, height) - 1)
@@ -97,17 +77,25 @@ class Plucking:
         return 0.0
 
     def cross(self, upwards: bool, time: float) -> None:
-        """Enter the next mode that has a range of rises; see `StringForce`."""
+        """Enter the next mode with a range of rises: the jack has reached `high`, or else `low`.
+
+        Args:
+            upwards: Whether it has reached `high`.
+            time: s of simulated time.
+        """
         following, begins = (ix.RISEN, ix.RISEN_EVENT) if upwards else (ix.FALLEN, ix.FALLEN_EVENT)
-        lists = self.events.contacts, self.events.releases, self.events.returns
-        force = self.force(self.high if upwards else self.low, 0.0, time, 0.0)
+        force = Plucking.force(self, self._ranges[self._state][upwards], 0.0, time, 0.0)
         while True:
             event = begins[self._state]
             if event != ix.NO_EVENT:
-                lists[event].append(StringEvent(time, self.number, force))
+                self._report(event, time, force)
             self._enter(following[self._state])
             if self.low < self.high:
                 return
+
+    def _report(self, event: int, time: float, force: float) -> None:
+        lists = self.events.contacts, self.events.releases, self.events.returns
+        lists[event].append(StringEvent(time, self.number, force))
 
     def _enter(self, state: int) -> None:
         self._state, (self.low, self.high) = state, self._ranges[state]
