@@ -17,13 +17,6 @@ Reference = Callable[[Floats], tuple[Floats, Floats]]
 """Maps fractions of the sample to counts and counts per sample, each of shape (n, 2)."""
 
 
-def settled_within(arm: Arm) -> float:
-    """Return the following error [rad] up to which an arm at rest has settled: 1 count or more."""
-    # Half a count more, so that the comparison with a whole count is not one of equal numbers.
-    count = 1 / arm.counts_per_revolution
-    return 2 * math.pi * (max(SETTLED, count) + count / 2)
-
-
 def joint_cubics(start: Sequence[float], counts: Floats, speeds: Floats, radians: float) -> Floats:
     """Return the joints' cubics [rad] over controller samples; shape (samples, 2 joints, 4).
 
@@ -93,8 +86,11 @@ class LoopedFinger(Finger):
 
     @property
     def settled(self) -> bool:
-        """Whether both loops are within `settled_within`, or the motors are off."""
-        return not self._powered or max(map(abs, self._loops.lag)) <= settled_within(self._arm)
+        """Whether both loops are within `SETTLED` or a count, or the motors are off."""
+        # Half a count more, so that the comparison with a count is not one of equal numbers.
+        count = 1 / self._arm.counts_per_revolution
+        within = 2 * math.pi * (max(SETTLED, count) + count / 2)
+        return not self._powered or max(map(abs, self._loops.lag)) <= within
 
     def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
         self._loops.offset[:] = offsets

@@ -1,7 +1,6 @@
 """Parameters of a press for both engines, from a rig and a scene."""
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -22,21 +21,16 @@ from sautereau.trajectory.motion import Floats
 FINGERS = ("push", "ideal", "servo")  # Kinds of finger, as the structures number them
 
 
-@dataclass(frozen=True)
-class Law:
-    """Force law of a string."""
-
-    cells: Floats
-    """Start of each cell [m], and the cubic of the force [N] from there; shape (cells, 5)."""
-    first: NDArray[np.int64]
-    """First cells where the string sticks and where it slides, and the end of the last; (3,)."""
-    border: Floats
-    """Heights there [m], equal where the string never sticks or never slides; shape (3,)."""
-
-
 @lru_cache(maxsize=256)
-def law_of(plectrum: Plectrum, string: String, level: str) -> Law:
-    """Return the law of one pluck, with the same cubics as its `force_on_jack`.
+def law_of(
+    plectrum: Plectrum, string: String, level: str
+) -> tuple[Floats, NDArray[np.int64], Floats]:
+    """Return the force law of one pluck, with the same cubics as its `force_on_jack`.
+
+    Returns:
+        Start of each cell [m], and the cubic of the force [N] from there, shape (cells, 5); the
+        first cells where the string sticks and where it slides, and the end of the last, (3,); and
+        the heights there [m], equal where the string never sticks or never slides, (3,).
 
     Raises:
         ModelError: The plectrum and string have no pluck.
@@ -50,7 +44,7 @@ def law_of(plectrum: Plectrum, string: String, level: str) -> Law:
     cubics[:, 0] = pluck.force_on_jack(knots[:-1])  # exact: at the contact it is 0
     cells = np.column_stack([knots[:-1], cubics / steps ** np.arange(4)])
     first = np.array([0, pluck.stretches[-1], len(cells)])
-    return Law(cells, first, knots[first])
+    return cells, first, knots[first]
 
 
 def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats]:
@@ -119,12 +113,12 @@ def jack_of(scene: Scene, choir: Choir, number: int) -> tuple[Any, Floats]:
     try:
         level = level_of(plectrum, scene.plectrum)
         law = law_of(plectrum, choir.string, level)  # pyright: ignore[reportArgumentType]
+        cells, found["first"], border = law
     except ModelError as error:
         raise SceneError(f"more_choirs[{number - 1}]." * (number > 0) + str(error)) from error
-    found["first"] = law.first
-    found["range"][ix.STUCK] += law.border[:2]
-    found["range"][ix.SLIDING] += law.border[1:]
-    return found, law.cells
+    found["range"][ix.STUCK] += border[:2]
+    found["range"][ix.SLIDING] += border[1:]
+    return found, cells
 
 
 def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:

@@ -207,18 +207,6 @@ def start_sample(press, sample, cubics, powered):
     return status
 
 
-@expanded
-def play_sample(press, sample, cubics, powered):
-    """Advance by one controller sample; return a status. For the arguments see `play`."""
-    run, status = press.run, start_sample(press, sample, cubics, powered)
-    for j in range(run.steps):
-        if status == ix.FINE:
-            last = j == run.steps - 1
-            end = (sample + 1) * run.period if last else run.start + (j + 1) * run.step
-            status = advance_step(press, end)
-    return status
-
-
 @entry
 def play(given, sample, cubics, samples, powered):
     """Advance a press by controller samples.
@@ -240,5 +228,10 @@ def play(given, sample, cubics, samples, powered):
     run.ends = 2 * run.steps * samples
     for j in range(samples):
         if status == ix.FINE:
-            status = play_sample(press, sample + j, cubics[j], powered)
+            status = start_sample(press, sample + j, cubics[j], powered)
+        for k in range(run.steps):
+            if status == ix.FINE:
+                last = k == run.steps - 1
+                end = (sample + j + 1) * run.period if last else run.start + (k + 1) * run.step
+                status = advance_step(press, end)
     return status, run.events, run.rows
