@@ -9,10 +9,10 @@ from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, PluckEvents
 from sautereau.sim_backend.physics.finger import Finger, Reference
+from sautereau.sim_backend.physics.structures import LARGEST_ANGLE
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
-LARGEST_ANGLE = 1.2  # rad, of the key, above which the simulation is stopped
 TURNED_OVER = (
     f"the key has turned by {LARGEST_ANGLE:g} rad, the limit of the model; lower the push, or"
     " enable the felt in the scene"

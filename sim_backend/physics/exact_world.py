@@ -1,29 +1,35 @@
 """The exact engine as a world."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.rig.schema import Arm, Rig
-from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
+from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.base import TURNED_OVER, World, steps_in_sample
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions, StringEvent
-from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics.exact.compile import records
 from sautereau.sim_backend.physics.exact.play import play
-from sautereau.sim_backend.physics.exact_press import FINGERS, ORDER, bench_of, new_press
-from sautereau.sim_backend.physics.finger import Finger, Reference, joint_cubics, settled_within
+from sautereau.sim_backend.physics.finger import Finger, LoopedFinger, Reference, joint_cubics
+from sautereau.sim_backend.physics.parameters import FINGERS, bench_of, finger_of
 from sautereau.sim_backend.scene import Scene
-from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats
 
 SPARE_ROWS = 64
 """Rows for changes of mode, in a call and in every sample; further ones are not kept."""
 
+ORDER = 4  # Order of the steps with which a scene is simulated
+RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
+"""A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
+order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
 _ENDS = np.array([0.0, 1.0])
 _FAULTS = {
     ix.TURNED_OVER: TURNED_OVER,
-    ix.LOST: "the simulation diverged or is too stiff: the forces are out of the range of its"
-    " masses; raise the smallest inertia or mass, or lower the largest force, stiffness or damping",
+    ix.LOST: "the simulation diverged: the forces are out of the range of its masses; raise the"
+    " smallest inertia or mass, or lower the largest force, stiffness or damping",
+    ix.STIFF: "the simulation needs too many steps: a stiffness or damping is too large for its"
+    " mass; raise the smallest inertia or mass, or lower the largest stiffness or damping",
     ix.JUMPED: "the fingertip is suddenly within the key; use a continuous reference",
     ix.AT_PIN: "the fingertip is so close to the balance pin that no angle of the key gives a"
     " contact; keep the arm in front of it",
@@ -58,7 +64,14 @@ class ExactWorld(World):
     ):
         super().__init__(rig, scene, start)
         rig = self.rig
-        check_scene(scene)
+        faults = scene.unsolved
+        if scene.step is None or scene.string == "auto":
+            faults.append(
+                "step, string: the scene leaves them open; choose them with"
+                " `sautereau.sim_backend.trade.select.select_solver`, or give a step and a string"
+            )
+        if faults:
+            raise SceneError("\n".join(faults))
         bench = bench_of(rig, scene)
         self._press = new_press(rig, scene, self.start, *bench, order, tolerance)
         self._kind = FINGERS.index(scene.finger)
@@ -95,14 +108,14 @@ class ExactWorld(World):
             self._press = self._press._replace(rows=np.empty((room, 7)))
         press = self._press
         fault, events, last = play(press, self.samples, cubics, samples, powered)
-        self.samples += samples
         rows = press.rows[:last]
         if fault == ix.FINE and not np.isfinite(rows).all():
             fault = ix.LOST
         if fault != ix.FINE:
             good = rows[np.isfinite(rows).all(axis=1), 0]
-            reached = good[-1] if len(good) else 0.0
+            reached = good[-1] if len(good) else self.time
             raise SceneError(f"rig {self.rig.name}: after {reached:.6g} s {_FAULTS[fault]}")
+        self.samples += samples
         lists = self.events.contacts, self.events.releases, self.events.returns
         for time, event, choir, force in press.events[:events].tolist():
             lists[int(event)].append(StringEvent(time, int(choir), force))
@@ -112,7 +125,7 @@ class ExactWorld(World):
         return Motions(*rows.T.copy())
 
 
-class ServoFinger(Finger):
+class ServoFinger(LoopedFinger):
     """Two links, their motors under the position loops; see `physics.finger.Finger`.
 
     Args:
@@ -121,56 +134,60 @@ class ServoFinger(Finger):
     """
 
     def __init__(self, press: ix.Press, arm: Arm, gravity: float):
-        self._arm, self._gravity = arm, gravity
-        self._finger, self._angles, self._speeds = press.finger, press.x[-2:], press.v[-2:]
+        super().__init__(press.finger, arm, gravity)
+        self._angles, self._speeds = press.x[-2:], press.v[-2:]
         self._angles[:] = press.finger.start
-        self._powered, self._blocked = False, np.zeros(2, bool)
+        self._blocked = np.zeros(2, bool)
 
     def joints(self) -> tuple[float, float]:
         return float(self._angles[0]), float(self._angles[1])
-
-    def torques(self) -> tuple[float, float]:
-        return float(self._finger.torque[0]), float(self._finger.torque[1])
-
-    @property
-    def settled(self) -> bool:
-        """Whether both loops are within `settled_within`, or the motors are off."""
-        return not self._powered or max(map(abs, self._finger.lag)) <= settled_within(self._arm)
-
-    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        self._finger.offset[:] = offsets
-        self._finger.limit[:] = np.minimum(limits, self._arm.torque_limit)
 
     def block(self, joint: int) -> None:
         self._blocked[joint] = True
         self._lock()
 
-    def switch(self, powered: bool) -> None:
-        """Switch the motors on at the torques of the arm's weight, or off with their brakes on."""
-        if powered == self._powered:
-            return
-        finger, self._powered = self._finger, powered
-        weight = gravity_torque(self._arm, self._angles) * (self._gravity / GRAVITY)
-        finger.integral[:], finger.lag[:], finger.torque[:] = weight, 0.0, 0.0
-        self._lock()
+    def switch(self, powered: bool) -> bool:
+        changed = super().switch(powered)
+        if changed:
+            self._lock()
+        return changed
 
     def _lock(self) -> None:
         locked = self._blocked | (not self._powered)
-        self._finger.locked[:] = locked
+        self._loops.locked[:] = locked
         self._speeds[locked] = 0.0
 
 
-def check_scene(scene: Scene) -> None:
-    """Refuse a scene that the exact engine does not support.
+def new_press(
+    rig: Rig,
+    scene: Scene,
+    start: tuple[float, float],
+    keys: NDArray,
+    jacks: NDArray,
+    cells: Floats,
+    order: int = ORDER,
+    tolerance: float | None = None,
+) -> ix.Press:
+    """Return a press at time 0 before its first sample, as `play` takes it.
 
-    Raises:
-        SceneError: The scene has a part that the engine does not support, or an open choice.
+    Args:
+        rig: The true bench.
+        scene: With its step.
+        start: rad, joints when power comes on.
+        keys: Of `KEY`; shape (1,).
+        jacks: Of `JACK`; shape (choirs,).
+        order: Of the steps, even, at most 8.
+        tolerance: Dimensionless, relative error of a step; None for one that suits the step.
     """
-    faults = scene.unsolved
-    if scene.step is None or scene.string == "auto":
-        faults.append(
-            "step, string: the scene leaves them open; choose them with"
-            " `sautereau.sim_backend.trade.select.select_solver`, or give a step and a string"
-        )
-    if faults:
-        raise SceneError("\n".join(faults))
+    run = np.zeros(1, ix.RUN)
+    period = rig.controller.sample_period
+    steps = steps_in_sample(rig, scene.step or period)
+    if tolerance is None:
+        tolerance = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
+    run["period"], run["step"], run["steps"] = period, period / steps, steps
+    run["order"], run["tolerance"] = order, tolerance
+    work = np.zeros((16, 1 + len(jacks) + (2 if scene.servo else 0)))
+    return ix.Press(
+        records(keys), records(jacks), cells, records(finger_of(rig, scene, start)), records(run),
+        work[0], work[1], work[2], work, np.zeros((ix.EVENTS, 4)), np.zeros((0, 7)),
+    )  # fmt: skip

@@ -2,23 +2,19 @@
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from sautereau.rig.schema import Arm
+from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
+from sautereau.trajectory.dynamics import gravity_torque
 from sautereau.trajectory.motion import Floats
 
 SETTLED = 5e-6  # Revolutions of following error up to which an arm at rest has settled
 Reference = Callable[[Floats], tuple[Floats, Floats]]
 """Maps fractions of the sample to counts and counts per sample, each of shape (n, 2)."""
-
-
-def settled_within(arm: Arm) -> float:
-    """Return the following error [rad] up to which an arm at rest has settled: 1 count or more."""
-    # Half a count more, so that the comparison with a whole count is not one of equal numbers.
-    count = 1 / arm.counts_per_revolution
-    return 2 * math.pi * (max(SETTLED, count) + count / 2)
 
 
 def joint_cubics(start: Sequence[float], counts: Floats, speeds: Floats, radians: float) -> Floats:
@@ -70,4 +66,46 @@ class Finger:
     @property
     def settled(self) -> bool:
         """Whether the arm rests at its reference."""
+        return True
+
+
+class LoopedFinger(Finger):
+    """A finger with two motors under position loops, in either engine.
+
+    Args:
+        loops: Of `structures.FINGER`: parameters and state of the loops.
+        gravity: m/s^2.
+    """
+
+    def __init__(self, loops: Any, arm: Arm, gravity: float):
+        self._arm, self._loops, self._gravity = arm, loops, gravity
+        self._powered = False
+
+    def torques(self) -> tuple[float, float]:
+        return float(self._loops.torque[0]), float(self._loops.torque[1])
+
+    @property
+    def settled(self) -> bool:
+        """Whether both loops are within `SETTLED` or a count, or the motors are off."""
+        # Half a count more, so that the comparison with a count is not one of equal numbers.
+        count = 1 / self._arm.counts_per_revolution
+        within = 2 * math.pi * (max(SETTLED, count) + count / 2)
+        return not self._powered or max(map(abs, self._loops.lag)) <= within
+
+    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
+        self._loops.offset[:] = offsets
+        self._loops.limit[:] = np.minimum(limits, self._arm.torque_limit).tolist()
+
+    def switch(self, powered: bool) -> bool:
+        """Switch the motors on, the integrators at the torques of the arm's weight, or off.
+
+        Returns:
+            Whether that is a change.
+        """
+        if powered == self._powered:
+            return False
+        self._powered, loops = powered, self._loops
+        weight = gravity_torque(self._arm, np.array(self.joints())) * (self._gravity / GRAVITY)
+        for j in range(2):
+            loops.integral[j], loops.lag[j], loops.torque[j] = float(weight[j]), 0.0, 0.0
         return True

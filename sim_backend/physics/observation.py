@@ -9,7 +9,7 @@ from sautereau.rig.schema import Rig
 from sautereau.sim_backend.parts import Accuracy
 from sautereau.sim_backend.physics.base import World
 from sautereau.sim_backend.physics.drive import Drive, drive_of
-from sautereau.sim_backend.physics.events import Motions, PluckEvents, StringEvent
+from sautereau.sim_backend.physics.events import Motions, PluckEvents
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 
@@ -98,15 +98,10 @@ def errors(found: Observation, true: Observation) -> Errors:
     if any([e.choir for e in a] != [e.choir for e in b] for a, b in pairs):
         return Errors(math.inf, math.inf)
     apart = (abs(a.time - b.time) for x, y in pairs for a, b in zip(x, y, strict=True))
-    string, held = _release_error(*pairs[1]), _held_errors(found, true)
-    return Errors(max([held.time, *apart]), max(string, held.force))
-
-
-def _release_error(found: list[StringEvent], true: list[StringEvent]) -> float:
-    largest = max((abs(e.force) for e in true), default=0.0)
-    if largest == 0.0:
-        return 0.0
-    return max(abs(a.force - b.force) for a, b in zip(found, true, strict=True)) / largest
+    off = (abs(a.force - b.force) for a, b in zip(*pairs[1], strict=True))
+    largest = max((abs(e.force) for e in true.events.releases), default=0.0) or math.inf
+    held = _held_errors(found, true)
+    return Errors(max([held.time, *apart]), max(held.force, max(off, default=0.0) / largest))
 
 
 def _held_errors(found: Observation, true: Observation) -> Errors:

@@ -96,7 +96,11 @@ class StepRefinement:
                 raise self._diverged[level]
             return DIVERGED
         apart = [_distance(run, last) for run in runs[:-1] if run is not None]
-        return total(_largest(apart), apart[-1], ROUNDING, self._rounding(last))
+        # What the encoders' rounding may change; forces grow in the shortest pluck.
+        contacts, releases, noise = last.events.contacts, last.events.releases, self._noise
+        held = (b.time - a.time for b in releases for a in contacts if a.choir == b.choir)
+        shortest = max(noise, min((time for time in held if time > 0), default=math.inf))
+        return total(_largest(apart), apart[-1], ROUNDING, Errors(noise, noise / shortest))
 
     def finest(self, most: int) -> tuple[int, Observation, Errors]:
         """Return the steps, observation and error of the finest level of at most so many steps.
@@ -141,12 +145,6 @@ class StepRefinement:
         parts = given / float(np.median(steps))
         return max(0, math.floor(math.log2(parts) + 1e-6))
 
-    def _rounding(self, run: Observation) -> Errors:
-        """Return what the encoders' rounding may change; forces grow in the shortest pluck."""
-        if not self._noise:
-            return Errors(0.0, 0.0)
-        return Errors(self._noise, self._noise / max(_shortest_pluck(run), self._noise))
-
 
 @dataclass(frozen=True)
 class Truth:
@@ -185,9 +183,16 @@ class Trial:
         have none, they are estimated.
 
         Raises:
-            SceneError: There is no exact solution of the scene, or it cannot be simulated.
+            SceneError: There is no exact solution of the scene, or it cannot be simulated, or not
+                with as many steps as an estimate takes.
         """
         refinement = self._refinement(scene, steps_in_sample(self.true, LONGEST))
+        solved = self._solve is not None and scene.solvable
+        if refinement.steps(CHECKED - 1 if solved else FINER) > refinement.most:
+            raise SceneError(
+                f"accuracy: a drive of {self._drive.samples} controller samples is too long to be"
+                f" tried with the engine {scene.engine}; give a step instead of accuracy"
+            )
         if self._solve is None or not scene.solvable:
             level = 0
             while refinement.reaches(level):
@@ -231,45 +236,29 @@ class Trial:
             string = "spring" if scene.string == "modal" else scene.string
             bare = rigid.model_copy(update={"string": string, "bending": None, "play": None})
             apart = errors(self.run(bare, steps), self._solve(self._rig, bare, self._drive))
-            origin += (
-                f"; without {_unsolved(scene)} it is within {_text(apart)} of the exact solution"
-            )
+            parts = ["the string's modes"] if scene.string == "modal" else []
+            parts += [part for part in ("bending", "play") if getattr(scene, part) is not None]
+            without = " and ".join(parts)
+            origin += f"; without {without} it is within {_text(apart)} of the exact solution"
         return Truth(found, own, origin)
 
     def estimate(self, scene: Scene, steps: int) -> Errors:
         """Return the error of a number of steps per controller sample, by shorter steps."""
         return self._refinement(scene, steps).estimate(0)
 
-    def too_long(self, scene: Scene) -> SceneError:
-        """Return the error of a drive that is too long to be tried with the scene's engine."""
-        return SceneError(
-            f"accuracy: a drive of {self._drive.samples} controller samples is too long to be tried"
-            f" with the engine {scene.engine}; give a step instead of accuracy"
-        )
-
     def _refinement(self, scene: Scene, first: int) -> StepRefinement:
         most = MOST[scene.engine] // self._drive.samples
         period = self.true.controller.sample_period
         most = min(most, int(period / SHORTEST))
-        noise = encoder_noise(self.true) if scene.finger == "servo" else 0.0
+        true, noise = self.true, 0.0
+        if scene.finger == "servo":  # a pressing fingertip may be half an encoder count away
+            speed = true.press.jack_speed * true.key.press_arm / true.key.jack_arm
+            noise = true.arm.resolution / 2 / speed
         return StepRefinement(lambda steps: self.run(scene, steps), first, most, period, noise)
 
 
 def _text(found: Errors) -> str:
     return f"{found.time * 1e6:.2g} us and {100 * found.force:.2g} %"
-
-
-def _unsolved(scene: Scene) -> str:
-    """Return the names of the parts that the exact engine does not support."""
-    parts = ["the string's modes"] if scene.string == "modal" else []
-    parts += [part for part in ("bending", "play") if getattr(scene, part) is not None]
-    return " and ".join(parts)
-
-
-def encoder_noise(true: Rig) -> float:
-    """Return the time [s] in which a pressing fingertip moves by half an encoder count."""
-    speed = true.press.jack_speed * true.key.press_arm / true.key.jack_arm
-    return true.arm.resolution / 2 / speed
 
 
 def stepped(true: Rig, scene: Scene, steps: int, **changes: str) -> Scene:
@@ -285,13 +274,6 @@ def total(*parts: Errors) -> Errors:
 
 def _largest(found: Sequence[Errors]) -> Errors:
     return Errors(max(each.time for each in found), max(each.force for each in found))
-
-
-def _shortest_pluck(run: Observation) -> float:
-    """Return the shortest time [s] from a contact to its release; infinite without any."""
-    contacts, releases = run.events.contacts, run.events.releases
-    held = (b.time - a.time for b in releases for a in contacts if a.choir == b.choir)
-    return min((time for time in held if time >= 0), default=math.inf)
 
 
 def _distance(one: Observation, last: Observation) -> Errors:

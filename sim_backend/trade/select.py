@@ -81,7 +81,12 @@ def select_solver(
     met: list[Selected] = []
     missed: list[Selected] = []
     refusals: list[SceneError] = []
-    spring_error = _spring_error(trial, scene)
+    spring_error = Errors(0.0, 0.0)
+    if scene.string == "auto":
+        steps = math.ceil(true.controller.sample_period / STRING_STEP)
+        modal = best_models(true, scene).model_copy(update={"engine": "rigid"})
+        spring = modal.model_copy(update={"string": "spring"})
+        spring_error = errors(trial.run(spring, steps), trial.run(modal, steps))
     for candidate in _candidates(true, scene, fewest):
         own = spring_error if candidate.string == "spring" else Errors(0.0, 0.0)
         cheapest = min((1 / found.real_time_factor for found in met), default=math.inf)
@@ -152,16 +157,13 @@ def _refined(trial: refinement.Trial, scene: Scene, asked: Accuracy, own: Errors
         trial: Of the scene's drive.
         scene: With its engine and string chosen.
     """
-    closest = None
+    tried: list[Selected] = []
     for steps, error in trial.errors(scene):
-        found = _selected(trial.true, scene, steps, asked, refinement.total(error, own))
-        if closest is None or found.errors.over(asked) < closest.errors.over(asked):
-            closest = found
-        if meets(found.errors, asked):
+        total = refinement.total(error, own)
+        tried.append(_selected(trial.true, scene, steps, asked, total))
+        if meets(total, asked):
             break
-    if closest is None:
-        raise trial.too_long(scene)
-    return closest
+    return min(tried, key=lambda found: found.errors.over(asked))
 
 
 def _selected(
@@ -184,16 +186,6 @@ def _candidates(true: Rig, scene: Scene, fewest: int) -> list[Scene]:
     ]
     candidates = [way for way in ways if way.engine == "rigid" or way.solvable]
     return sorted(candidates, key=lambda way: cost(true, way, fewest))
-
-
-def _spring_error(trial: refinement.Trial, scene: Scene) -> Errors:
-    """Return the error of a spring string against a modal one, where the scene allows both."""
-    if scene.string != "auto":
-        return Errors(0.0, 0.0)
-    steps = math.ceil(trial.true.controller.sample_period / STRING_STEP)
-    modal = best_models(trial.true, scene).model_copy(update={"engine": "rigid"})
-    spring = modal.model_copy(update={"string": "spring"})
-    return errors(trial.run(spring, steps), trial.run(modal, steps))
 
 
 def _out_of_reach(closest: Selected, asked: Accuracy) -> str:

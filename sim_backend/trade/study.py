@@ -62,9 +62,41 @@ def run_trade(rig: Rig, scene: Scene, fresh: bool = False) -> Trade:
         SceneError: The scene cannot be simulated.
     """
     found = None if fresh else stored_trade(rig, scene)
-    if found is None:
-        found = _measured(rig, scene)
-        store_trade(rig, scene, found)
+    if found is not None:
+        return found
+    true = scene.true_rig(rig)
+    drive = drive_of(rig, scene)
+    best = best_models(true, scene)
+    ways = _ways(true, best)
+    # First of all, as the truth would compile the exact engine beforehand.
+    every = list(zip(ways, first_runs(rig, ways, drive), strict=True))
+    truth = Trial(rig, true, drive, observe, reference).truth(best)
+    kept = [one for i, one in enumerate(every) if not any(_is_same(one, b) for b in every[:i])]
+    clocked = [(way, one) for way, one in kept if isinstance(one, Timed)]
+    time_in_turns(rig, [way for way, _ in clocked], drive, [one for _, one in clocked])
+    points = [_point(rig, way, drive, truth, one) for way, one in kept]
+    good = [i for i, point in enumerate(points) if not point.failed]
+    front = pareto_front(
+        [points[i].error or 0.0 for i in good],
+        [points[i].real_time_factor or 0.0 for i in good],
+        MARGIN,
+    )
+    asked = Accuracy(0.5 / rig.daq.sample_rate, None)  # half a sample: no recording resolves it
+    if scene.accuracy:
+        asked = Accuracy.parse(scene.accuracy)
+    extra = [one.first - one.build - one.run for way, one in clocked if way.engine == "exact"]
+    found = Trade(
+        scene=scene.description,
+        machine=machine(),
+        truth=truth.origin,
+        requested=asked,
+        points=tuple(points),
+        pareto=tuple(good[i] for i in front),
+        recommended=recommended(points, asked, MARGIN),
+        compile_time=max(0.0, extra[0]) if extra else 0.0,
+        same=len(every) - len(kept),
+    )
+    store_trade(rig, scene, found)
     return found
 
 
@@ -174,41 +206,6 @@ def _path(rig: Rig, scene: Scene) -> Path:
     return platformdirs.user_cache_path("sautereau", appauthor=False) / "trade" / f"{name}.json"
 
 
-def _measured(rig: Rig, scene: Scene) -> Trade:
-    true = scene.true_rig(rig)
-    drive = drive_of(rig, scene)
-    best = best_models(true, scene)
-    ways = _ways(true, best)
-    # First of all, as the truth would compile the exact engine beforehand.
-    every = list(zip(ways, first_runs(rig, ways, drive), strict=True))
-    truth = Trial(rig, true, drive, observe, reference).truth(best)
-    kept = [one for i, one in enumerate(every) if not any(_is_same(one, b) for b in every[:i])]
-    clocked = [(way, one) for way, one in kept if isinstance(one, Timed)]
-    time_in_turns(rig, [way for way, _ in clocked], drive, [one for _, one in clocked])
-    points = [_point(rig, way, drive, truth, one) for way, one in kept]
-    good = [i for i, point in enumerate(points) if not point.failed]
-    front = pareto_front(
-        [points[i].error or 0.0 for i in good],
-        [points[i].real_time_factor or 0.0 for i in good],
-        MARGIN,
-    )
-    asked = Accuracy(0.5 / rig.daq.sample_rate, None)  # half a sample: no recording resolves it
-    if scene.accuracy:
-        asked = Accuracy.parse(scene.accuracy)
-    extra = [one.first - one.build - one.run for way, one in clocked if way.engine == "exact"]
-    return Trade(
-        scene=scene.description,
-        machine=machine(),
-        truth=truth.origin,
-        requested=asked,
-        points=tuple(points),
-        pareto=tuple(good[i] for i in front),
-        recommended=recommended(points, asked, MARGIN),
-        compile_time=max(0.0, extra[0]) if extra else 0.0,
-        same=len(every) - len(kept),
-    )
-
-
 def _is_same(this: tuple[Scene, Timed | str], other: tuple[Scene, Timed | str]) -> bool:
     """Return whether two ways with one engine and models simulated the same steps.
 
@@ -225,7 +222,10 @@ def _is_same(this: tuple[Scene, Timed | str], other: tuple[Scene, Timed | str]) 
 def _ways(true: Rig, exact: Scene) -> list[Scene]:
     """Return complete scenes: all steps of the exact one, and a few of each simpler model."""
     ways = [stepped(true, exact, n, engine=engine) for engine in STEPS for n in STEPS[engine]]
-    simpler = [{"plectrum": level} for level in _simpler_levels(true, exact)]
+    levels = {"elastica": ["rods", "beam"], "fe": ["elastica", "rods", "beam"]}
+    simpler = [{"plectrum": level} for level in levels.get(exact.plectrum, [])]
+    if simpler and true.plectrum.tip_thickness is not None:
+        simpler.append({"plectrum": "two-beam"})
     if exact.string == "modal":
         simpler.append({"string": "spring"})
     ways += [
@@ -235,13 +235,6 @@ def _ways(true: Rig, exact: Scene) -> list[Scene]:
         for n in FEW
     ]
     return [way for way in ways if way.engine == "rigid" or way.solvable]
-
-
-def _simpler_levels(true: Rig, exact: Scene) -> list[str]:
-    if exact.plectrum not in ("elastica", "fe"):
-        return []
-    simpler = ["rods", "beam"] if exact.plectrum == "elastica" else ["elastica", "rods", "beam"]
-    return [*simpler, "two-beam"] if true.plectrum.tip_thickness is not None else simpler
 
 
 def _point(rig: Rig, way: Scene, drive: Drive, truth: Truth, one: Timed | str) -> Point:

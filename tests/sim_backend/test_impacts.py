@@ -64,7 +64,7 @@ def test_an_impact_conserves_momentum_and_has_no_rebound(ratio, step):
         parts.key.body.angular_velocity = omega / MS
         parts.key.body.angle = angle - omega * step  # the engine moves the bodies first
         for jack, speed in zip(parts.jacks, speeds, strict=True):
-            jack.rise = jack.next = jack.surface(angle)
+            jack.value = jack.next = jack.surface(angle)
             jack.speed = speed
             jack.set_bodies(step * MS, 0.0)
         parts.kick(step * MS, 0.0)

@@ -8,8 +8,8 @@ from scipy.optimize import lsq_linear
 
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
-from sautereau.sim_backend.physics.exact.structures import JACK, KEY, opened
-from sautereau.sim_backend.physics.exact_press import new_press
+from sautereau.sim_backend.physics.exact_world import new_press
+from sautereau.sim_backend.physics.structures import JACK, KEY, opened
 from tests import key_oracle
 from tests.sim_backend.scenes import RIG, pushed
 

@@ -104,7 +104,7 @@ def test_in_the_dead_zone_the_motor_turns_alone(joint):
 
 
 def links(world):
-    upper, lower = world.finger.upper.angle, world.finger.lower.angle
+    upper, lower = (link.value for link in world.finger.links)
     return upper, lower - upper
 
 

@@ -9,7 +9,10 @@ from scipy.integrate import solve_ivp
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Servo
-from sautereau.sim_backend.physics.rigid.arm import PositionLoops
+from sautereau.sim_backend.physics.finger import LoopedFinger
+from sautereau.sim_backend.physics.laws import close_loop
+from sautereau.sim_backend.physics.parameters import finger_of
+from sautereau.sim_backend.physics.structures import as_objects
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.dynamics import gravity_torque, joint_torques, mass_matrix
@@ -36,9 +39,30 @@ def servo():
     return load_scene("paper").servo
 
 
+class Loops(LoopedFinger):
+    """The position loops of an arm that a test holds, where its encoders are 0."""
+
+    def __init__(self, servo):
+        scene = load_scene("paper").model_copy(update={"servo": servo})
+        (record,) = as_objects(finger_of(RIG, scene, (0.0, 0.0)))
+        super().__init__(record, RIG.arm, scene.gravity)
+        self.place = 0.3, -1.2
+        self.switch(True)
+
+    def joints(self):
+        return self.place
+
+    def torque(self, counts, accelerations):
+        """Return the torques by a reference so many counts from the arm, with accelerations."""
+        for j in range(2):
+            lag = counts[j] * RIG.arm.radians_per_count
+            close_loop(self._loops, j, lag, accelerations[j], PERIOD)
+        return self.torques()
+
+
 @pytest.fixture
 def loops(servo):
-    return PositionLoops(servo, RIG.arm, PERIOD)
+    return Loops(servo)
 
 
 def weight_torque(joints):
@@ -47,7 +71,6 @@ def weight_torque(joints):
 
 def test_each_term_of_the_pid(loops, servo):
     """P on the error, D on its change, feedforward on acceleration; then the integral."""
-    loops.engage((0.3, -1.2))
     weight = weight_torque((0.3, -1.2))
     lag = 100 * 2 * math.pi / RIG.arm.counts_per_revolution
     first = loops.torque((100, 0), (0, 5.0))
@@ -62,7 +85,6 @@ def test_each_term_of_the_pid(loops, servo):
 
 @pytest.mark.parametrize("counts", [1e5, -1e5, 1e12])
 def test_the_torque_limit_is_respected(loops, counts):
-    loops.engage((0.3, -1.2))
     for _ in range(20):
         torque = loops.torque((counts, -counts), (0, 0))
         assert np.abs(torque).max() <= RIG.arm.torque_limit
@@ -70,7 +92,6 @@ def test_the_torque_limit_is_respected(loops, counts):
 
 
 def test_saturation_does_not_wind_the_integral_up(loops):
-    loops.engage((0.3, -1.2))
     for _ in range(1000):
         loops.torque((1e6, 1e6), (0, 0))
     loops.torque((0, 0), (0, 0))
@@ -123,8 +144,9 @@ def test_joint_2s_rotor_is_refused():
 
 
 def test_engaging_again_resets_the_integral(loops):
-    loops.engage((0.3, -1.2))
     for _ in range(10):
         loops.torque((50, -50), (0, 0))
-    loops.engage((0.1, -1.0))
+    loops.switch(False)
+    loops.place = (0.1, -1.0)
+    loops.switch(True)
     assert loops.torque((0, 0), (0, 0)) == weight_torque((0.1, -1.0))

@@ -10,10 +10,11 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, TypeVar
 
 from numpy.typing import NDArray
+
+from sautereau.sim_backend.physics.structures import as_objects
 
 F = TypeVar("F", bound=Callable)
 
@@ -61,19 +62,13 @@ def records(array: NDArray[Any]) -> Any:
     Args:
         array: Of shape (n,); compiled functions change it in place.
     """
-    if njit is not None:
-        return array
-    names = array.dtype.names or ()
-    return [
-        SimpleNamespace(
-            **{name: row[name] if row[name].ndim else row[name].item() for name in names}
-        )
-        for row in array
-    ]
+    return as_objects(array) if njit is None else array
 
 
 def _digest() -> str:
-    files = sorted(Path(__file__).parent.glob("*.py"))
+    folder = Path(__file__).parent
+    shared = (folder.parent / name for name in ("laws.py", "structures.py"))
+    files = [*shared, *sorted(folder.glob("*.py"))]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 

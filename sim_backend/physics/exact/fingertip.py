@@ -2,7 +2,7 @@
 
 import math
 
-from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, inlined
 
 AHEAD = 1e-6
@@ -135,24 +135,3 @@ def heading(press):
     sign = 1.0 if finger.speed >= 0.0 else -1.0
     locate_tip(press, run.time)
     return sign
-
-
-@compiled
-def close_loops(press):
-    """Set the motors' torques for a controller sample, from its reference and the encoders.
-
-    With the following error e, read in integer counts, k e + c de/dt + J acceleration + integral,
-    limited; the integral k e dt / T grows only while the limit is not reached.
-    """
-    finger, period, n = press.finger, press.run.period, len(press.jacks)
-    for j in range(2):
-        p0, p2, p3 = finger.cubics[j, 0], finger.cubics[j, 2], finger.cubics[j, 3]
-        counts = round((press.x[n + 1 + j] - finger.start[j]) / finger.radians)
-        lag = p0 - finger.start[j] - counts * finger.radians
-        change, finger.lag[j] = lag - finger.lag[j], lag
-        acceleration = (2 * p2 + 3 * p3) / (period * period)
-        torque = finger.stiffness[j] * lag + finger.damping[j] * change / period
-        torque += finger.feedforward[j] * acceleration + finger.integral[j] + finger.offset[j]
-        if abs(torque) < finger.limit[j]:  # no integrator wind-up while the amplifier saturates
-            finger.integral[j] += finger.stiffness[j] * lag * period / finger.integral_time
-        finger.torque[j] = min(max(torque, -finger.limit[j]), finger.limit[j])

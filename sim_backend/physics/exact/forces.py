@@ -1,22 +1,11 @@
 """Forces and accelerations of a press in its present mode; compiled."""
 
-import math
-
-from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics import laws
+from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, expanded, inlined
 from sautereau.sim_backend.physics.exact.fingertip import locate_tip, rub
 
-
-@inlined
-def surface(arm, height, angle):
-    """Return the key's rise [m] under a jack, b tan a + hb (1/cos a - 1), and its derivatives."""
-    half = math.sin(angle / 2)
-    sine, versine = 2 * half * math.cos(angle / 2), 2 * half * half
-    secant = 1 / (1 - versine)
-    rise = (arm * sine + height * versine) * secant
-    slope = (arm + height * sine) * secant * secant
-    curvature = (2 * arm * sine + height * (1 + sine * sine)) * secant * secant * secant
-    return rise, slope, curvature
+surface = inlined(laws.surface)
 
 
 @inlined

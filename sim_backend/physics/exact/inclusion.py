@@ -15,7 +15,7 @@ it; if the one with it differs, the least that leaves x = 0 acts.
 
 import math
 
-from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, entry, expanded, inlined
 from sautereau.sim_backend.physics.exact.fingertip import heading, locate_tip, rub
 from sautereau.sim_backend.physics.exact.forces import (

@@ -7,10 +7,10 @@ landings alternate between two jacks, a nonsmooth step of first order passes the
 
 import math
 
-from sautereau.sim_backend.physics.base import LARGEST_ANGLE
-from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics import laws
+from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, entry, expanded, inlined
-from sautereau.sim_backend.physics.exact.fingertip import close_loops, locate_tip
+from sautereau.sim_backend.physics.exact.fingertip import locate_tip
 from sautereau.sim_backend.physics.exact.forces import string_force, surface
 from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.step import guard, hold_tip, locate, try_step
@@ -21,13 +21,7 @@ NONSMOOTH = 1e-3  # Dimensionless, fraction of a step: length of a nonsmooth ste
 MOST_STEPS, MORE_STEPS = 200_000, 1000
 """Divided steps of one call, and more of them per sample, above which a scene is too stiff."""
 
-opened = expanded(ix.opened)
-NO_EVENT = -1
-RISEN = (ix.STUCK, ix.SLIDING, ix.ABOVE, ix.ABOVE, ix.ABOVE)
-RISEN_EVENT = (ix.CONTACT, NO_EVENT, ix.RELEASE, NO_EVENT, NO_EVENT)
-FALLEN = (ix.BELOW, ix.BELOW, ix.STUCK, ix.PASSING, ix.BELOW)
-FALLEN_EVENT = (NO_EVENT, NO_EVENT, NO_EVENT, NO_EVENT, ix.RETURN)
-"""Next state above and below the rises of each, and the event at which it starts."""
+opened, close_loop = expanded(ix.opened), compiled(laws.close_loop)
 
 
 @compiled
@@ -39,12 +33,12 @@ def update_strings(press):
         for _ in range(8):
             state = jack.string
             if rise > jack.range[state, 1]:
-                following, event = RISEN[state], RISEN_EVENT[state]
+                following, event = ix.RISEN[state], ix.RISEN_EVENT[state]
             elif rise < jack.range[state, 0]:
-                following, event = FALLEN[state], FALLEN_EVENT[state]
+                following, event = ix.FALLEN[state], ix.FALLEN_EVENT[state]
             else:
                 break
-            if event != NO_EVENT and run.events < ix.EVENTS:
+            if event != ix.NO_EVENT and run.events < ix.EVENTS:
                 found = press.events[run.events]
                 found[0], found[1], found[2], found[3] = run.time, event, k, string_force(press, k)
                 run.events += 1
@@ -91,7 +85,7 @@ def rest(press):
 @compiled
 def change(press):
     """Let strings, impacts and mode follow the state, and write a row; return a status."""
-    if press.x[0] >= LARGEST_ANGLE:
+    if press.x[0] >= ix.LARGEST_ANGLE:
         return ix.TURNED_OVER
     update_strings(press)
     status = resolve(press, 0.0)
@@ -158,7 +152,9 @@ def advance(press, end):
             hold_tip(press)
             status = pass_event(press, end)
             step = end - run.time
-        if run.left < 0 or not (repeated or math.isfinite(press.x.sum() + press.v.sum())):
+        if run.left < 0:
+            status = ix.STIFF
+        elif not (repeated or math.isfinite(press.x.sum() + press.v.sum())):
             status = ix.LOST
     run.time = end
     return status
@@ -198,23 +194,16 @@ def start_sample(press, sample, cubics, powered):
     if sample == 0:
         status = rest(press)
     if finger.kind == ix.SERVO and powered:
-        close_loops(press)
+        for j in range(2):
+            p0, p2, p3 = finger.cubics[j, 0], finger.cubics[j, 2], finger.cubics[j, 3]
+            at = press.x[len(press.jacks) + 1 + j]
+            counts = round((at - finger.start[j]) / finger.radians)
+            lag = p0 - finger.start[j] - counts * finger.radians
+            close_loop(finger, j, lag, (2 * p2 + 3 * p3) / (run.period * run.period), run.period)
     pushes = finger.kind == ix.PUSH and powered and run.start < key.push_end
     force = key.force if pushes else 0.0
     run.changed = sample == 0 or finger.kind != ix.PUSH or force != finger.force
     finger.force = force
-    return status
-
-
-@expanded
-def play_sample(press, sample, cubics, powered):
-    """Advance by one controller sample; return a status. For the arguments see `play`."""
-    run, status = press.run, start_sample(press, sample, cubics, powered)
-    for j in range(run.steps):
-        if status == ix.FINE:
-            last = j == run.steps - 1
-            end = (sample + 1) * run.period if last else run.start + (j + 1) * run.step
-            status = advance_step(press, end)
     return status
 
 
@@ -239,5 +228,10 @@ def play(given, sample, cubics, samples, powered):
     run.ends = 2 * run.steps * samples
     for j in range(samples):
         if status == ix.FINE:
-            status = play_sample(press, sample + j, cubics[j], powered)
+            status = start_sample(press, sample + j, cubics[j], powered)
+        for k in range(run.steps):
+            if status == ix.FINE:
+                last = k == run.steps - 1
+                end = (sample + j + 1) * run.period if last else run.start + (k + 1) * run.step
+                status = advance_step(press, end)
     return status, run.events, run.rows

@@ -7,8 +7,7 @@ removes one of them per row.
 
 import math
 
-from sautereau.sim_backend.physics.base import LARGEST_ANGLE
-from sautereau.sim_backend.physics.exact import structures as ix
+from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, expanded, inlined
 from sautereau.sim_backend.physics.exact.forces import accelerate, felt_push, surface
 
@@ -79,7 +78,7 @@ def guard(press):
     tolerance added.
     """
     key, finger, angle, omega = press.key, press.finger, press.x[0], press.v[0]
-    least, weights = LARGEST_ANGLE - angle, abs(key.gravity_moment) + key.dry
+    least, weights = ix.LARGEST_ANGLE - angle, abs(key.gravity_moment) + key.dry
     for k in range(len(press.jacks)):
         weight = 10.0 * press.jacks[k].mass + press.jacks[k].friction
         weights += weight * press.jacks[k].arm

@@ -4,77 +4,89 @@ import math
 
 import numpy as np
 import pymunk
+from pymunk.constraints import SlideJoint
 
-from sautereau.rig.schema import Arm, Rig
-from sautereau.rig.units import GRAVITY
+from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.parts import Joints, Servo
-from sautereau.sim_backend.physics.finger import Reference, settled_within
+from sautereau.sim_backend.parts import Joints
+from sautereau.sim_backend.physics.finger import LoopedFinger, Reference
+from sautereau.sim_backend.physics.laws import close_loop
+from sautereau.sim_backend.physics.parameters import finger_of
 from sautereau.sim_backend.physics.rigid import bodies
-from sautereau.sim_backend.physics.rigid.finger import SteppedFinger
-from sautereau.sim_backend.physics.rigid.ideal import touching_angle
-from sautereau.sim_backend.physics.rigid.key import StiffKey
-from sautereau.sim_backend.physics.rigid.motor import Motor
-from sautereau.sim_backend.physics.rigid.pad import Pad, fingertip_state
-from sautereau.sim_backend.physics.rigid.step_event import Kick
+from sautereau.sim_backend.physics.rigid.bodies import FAR, MM
+from sautereau.sim_backend.physics.rigid.finger import Pair, SteppedFinger, touching_angle
+from sautereau.sim_backend.physics.rigid.key import Coordinate, Kick, StiffKey
+from sautereau.sim_backend.physics.structures import as_objects
 from sautereau.sim_backend.scene import Scene
-from sautereau.trajectory.dynamics import armature, gravity_torque, mass_matrix
+from sautereau.trajectory.dynamics import armature, mass_matrix
 
 _ENDS = np.array([0.0, 1.0])
 
 
-class PositionLoops:
-    """Compute the torque of each joint from reference and encoder, once per sample."""
+class Motor(Coordinate):
+    """The motor of one joint behind a gear with backlash, which its encoder sees: mm, g and ms.
 
-    def __init__(self, servo: Servo, arm: Arm, period: float, gravity: float = GRAVITY):
-        self.servo = servo
-        self.arm = arm
-        self.period = period
-        self._gravity = gravity
-        self.radians = arm.radians_per_count
-        self.offsets = (0.0, 0.0)
-        """N m, added to the loops' torques."""
-        self.limits = (arm.torque_limit, arm.torque_limit)
-        """N m, of the controller; the motors have limits of their own."""
-        self._integral = [0.0, 0.0]
-        self._last = [0.0, 0.0]
+    J theta'' = torque - c theta' - f sgn(theta') - T, and the link has T, with the wind-up
+    e = theta - q beyond half the backlash to either side: T = k e + d (theta' - q'), where that
+    pushes in the direction of e, else 0. The rotation of the rotor with link 1 is neglected, as
+    in `trajectory.dynamics`.
 
-    def engage(self, joints: tuple[float, float]) -> None:
-        """Take over an arm at rest: the integrators start at the torques of its weight."""
-        weight = gravity_torque(self.arm, np.array(joints)) * (self._gravity / GRAVITY)
-        self._integral = weight.tolist()
-        self._last = [0.0, 0.0]
+    Args:
+        joint: From 0.
+        inertia: kg m^2, of the rotor at the joint.
+        angle: rad, at the start.
+    """
 
-    def torque(
-        self, error: tuple[float, float], acceleration: tuple[float, float]
-    ) -> tuple[float, float]:
-        """Return the joint torques [N m] for the sample that starts.
+    def __init__(self, joints: Joints, joint: int, inertia: float, angle: float):
+        super().__init__(angle)
+        self._inertia = inertia * bodies.INERTIA
+        self._half = joints.backlash[joint] / 2
+        self._stiffness = joints.gear_stiffness[joint] * MM
+        self._damping = joints.gear_damping[joint] * MM**2
+        self._dry = joints.dry_friction[joint] * MM
+        self._viscous = joints.viscous_friction[joint] * MM**2
+        self._next_speed = 0.0
+
+    def rate(self, mobility: float) -> float:
+        """Return the rate [1/ms] of the gear's oscillation or decay.
 
         Args:
-            error: Counts, reference minus encoder.
-            acceleration: rad/s^2, of the reference.
+            mobility: 1 / (g mm^2), of the link.
         """
-        servo = self.servo
-        torques = []
-        for j in (0, 1):
-            limit = min(self.limits[j], self.arm.torque_limit)
-            lag = error[j] * self.radians
-            rate = (lag - self._last[j]) / self.period
-            self._last[j] = lag
-            torque = (
-                servo.stiffness[j] * lag
-                + servo.damping[j] * rate
-                + servo.feedforward[j] * acceleration[j]
-                + self._integral[j]
-                + self.offsets[j]
-            )
-            if abs(torque) < limit:  # no integrator wind-up while the amplifier saturates
-                self._integral[j] += servo.stiffness[j] * lag * self.period / servo.integral_time
-            torques.append(max(-limit, min(limit, torque)))
-        return torques[0], torques[1]
+        both = mobility + 1 / self._inertia
+        return max(math.sqrt(self._stiffness * both), self._damping * both)
+
+    def drive(self, torque: float, kick: Kick, link: float, link_rate: float) -> float:
+        """Prepare the end of a step; return the torque [N mm] on the link in it.
+
+        Args:
+            torque: N mm, of the motor in the step.
+            link: rad, angle of the joint at its end.
+            link_rate: rad/ms.
+        """
+        wound = self.next - link
+        wound -= max(-self._half, min(self._half, wound))
+        passed = 0.0
+        if wound:
+            push = self._stiffness * wound + self._damping * (self.speed - link_rate)
+            passed = push * kick.fraction if push * wound > 0 else 0.0
+        time = kick.step / self._inertia
+        rate = self.speed + (torque - passed) * time
+        rate /= 1 + self._viscous * kick.fraction * time
+        held = self._dry * kick.fraction * time
+        self._next_speed = math.copysign(max(0.0, abs(rate) - held), rate)
+        return passed
+
+    def hold(self) -> None:
+        """Be at rest, as with its brake on."""
+        self.speed = self.acceleration = 0.0
+
+    def end_step(self, weight: float) -> None:
+        """End the step that `drive` has prepared, in which the forces acted for a weight [ms]."""
+        self.advance(self._next_speed, weight)
 
 
-class ServoFinger(SteppedFinger):
+class ServoFinger(LoopedFinger, SteppedFinger):
     """Two links, their motors under the controller's position loops.
 
     Link 1 rotates with joint 1 and carries its armature inertia. The armature of joint 2 resists
@@ -83,22 +95,18 @@ class ServoFinger(SteppedFinger):
 
     Args:
         start: rad, joints when power comes on.
-        scene: With its gravity, joints and fingertip.
+        scene: With its servo, gravity, joints and fingertip.
 
     Raises:
         SceneError: The motor of joint 2 has a rotor without backlash, or one with it has none.
     """
 
     def __init__(
-        self,
-        space: pymunk.Space,
-        key: StiffKey,
-        rig: Rig,
-        start: tuple[float, float],
-        servo: Servo,
-        scene: Scene,
+        self, space: pymunk.Space, key: StiffKey, rig: Rig, scene: Scene, start: tuple[float, float]
     ):
-        super().__init__(start)
+        (loops,) = as_objects(finger_of(rig, scene, start))
+        LoopedFinger.__init__(self, loops, rig.arm, scene.gravity)
+        SteppedFinger.__init__(self, key, rig, scene, start)
         first, second = rotors = armature(rig.arm)
         joints = scene.joints or Joints()
         loose = [backlash > 0 for backlash in joints.backlash]
@@ -115,59 +123,42 @@ class ServoFinger(SteppedFinger):
                     " arm.rotor_inertias gives it no inertia; give it in the scene's table [truth]"
                     " or in the rig"
                 )
-        self._rig, arm = rig, rig.arm
-        self._space, self._pin = space, key.pin
-        self._radians = arm.radians_per_count
-        self._period = rig.controller.sample_period
-        self._loops = PositionLoops(servo, arm, self._period, scene.gravity)
-        self._base = arm.base_x * bodies.MM, arm.base_z * bodies.MM
-        self._lengths = arm.upper_length * bodies.MM, arm.lower_length * bodies.MM
-        self._height = (rig.key.surface_height + arm.fingertip_radius) * bodies.MM
-        self.upper, self.lower = bodies.add_arm(space, arm, start)
-        self.upper.moment += (not loose[0]) * first * bodies.INERTIA
+        self._rig, self._space = rig, space
+        self._bodies = upper, lower = bodies.add_arm(space, rig.arm, start)
+        self.links = Coordinate(upper.angle), Coordinate(lower.angle)
+        """Absolute angles of both links."""
+        self._moving: tuple[Coordinate, ...] = self.links
+        upper.moment += (not loose[0]) * first * bodies.INERTIA
         self._motors = [
             Motor(joints, j, rotors[j], start[j]) if loose[j] else None for j in range(2)
         ]
         self._loose = [motor for motor in self._motors if motor is not None]
-        motors = bodies.brakes(space, self.upper, self.lower)
-        self.dry = [
-            (joint, force * bodies.MM)
-            for joint, force, motor in zip(motors, joints.dry_friction, self._motors, strict=True)
+        self.dry: bodies.Dry = [
+            bodies.add_friction(space, joint, force * MM)
+            for joint, force, motor in zip(
+                bodies.brakes(space, *self._bodies), joints.dry_friction, self._motors, strict=True
+            )
             if force and motor is None
         ]
-        """Dry friction of the joints whose motors turn with the links, with its limits [N mm]."""
-        for joint, force in self.dry:
-            joint.max_force = force
-            space.add(joint)
-        self._viscous = [
-            0.0 if loose[j] else joints.viscous_friction[j] * bodies.MM**2 for j in range(2)
-        ]
-        if scene.fingertip is not None:
-            self.pad = Pad(scene.fingertip, key, self._height)
-        else:
-            self._tip = bodies.add_fingertip(space, key.lever, self.lower, rig.key, arm)
-        self._brakes = bodies.brakes(space, self.upper, self.lower)
+        """Dry friction of the joints whose motors turn with the links."""
+        self._viscous = [0.0 if loose[j] else joints.viscous_friction[j] * MM**2 for j in range(2)]
+        if self.pad is None:
+            behind, end = (-rig.key.press_arm * MM, self._height + FAR), (self._lengths[1] / 2, 0)
+            self._tip = SlideJoint(key.lever, lower, behind, end, 0, FAR - bodies.REACH)
+            space.add(bodies.unilateral(self._tip))
+        self._brakes = bodies.brakes(space, *self._bodies)
         space.add(*self._brakes)
-        self._start = start
-        self._powered = False
         self._driven = scene.joints is not None
-        self._separated = False
         self._force = self._foreseen = 0.0
         self._rate: float | None = None  # of the key after a trial of a step, in which it may jump
-        self._error = (0.0, 0.0)
-        self._torque = (0.0, 0.0)
-        self._correction = (0.0, 0.0)
-        self._targets: list[
-            tuple[pymunk.Body, pymunk.Vec2d, tuple[float, float], float, float]
-        ] = []
-        self._omegas = (0.0, 0.0)
-        self._acceleration = (0.0, 0.0)
+        self._torque = self._correction = 0.0, 0.0
+        self._before, self._drifted = [body.position for body in self._bodies], 0.0
 
     def joints(self) -> tuple[float, float]:
         first, second = self._motors
-        q1 = self.upper.angle
-        q2 = self.lower.angle - q1
-        return q1 if first is None else first.angle, q2 if second is None else second.angle
+        q1 = self.links[0].value
+        q2 = self.links[1].value - q1
+        return q1 if first is None else first.value, q2 if second is None else second.value
 
     @property
     def gear_rate(self) -> float:
@@ -180,35 +171,28 @@ class ServoFinger(SteppedFinger):
         rates = (motor.rate(float(mobility[j])) for j, motor in enumerate(self._motors) if motor)
         return max(rates, default=0.0)
 
-    def torques(self) -> tuple[float, float]:
-        return self._torque[0] / bodies.MM, self._torque[1] / bodies.MM
-
-    def drive(self, offsets: tuple[float, float], limits: tuple[float, float]) -> None:
-        self._loops.offsets, self._loops.limits = offsets, limits
-
     def block(self, joint: int) -> None:
-        self._space.add(bodies.brakes(self._space, self.upper, self.lower)[joint])
-
-    @property
-    def settled(self) -> bool:
-        """Whether both loops are within `settled_within`, or the motors are off."""
-        within = settled_within(self._rig.arm) / self._radians
-        return not self._powered or max(map(abs, self._error)) <= within
+        self._space.add(bodies.brakes(self._space, *self._bodies)[joint])
 
     def begin_sample(self, reference: Reference, powered: bool, time: float) -> bool:
         """Read the encoders and set the torques for a controller sample; see `SteppedFinger`."""
-        jumped = powered != self._powered
+        jumped = self.switch(powered)
         if jumped:
-            self._powered = powered
-            if powered:
-                self._space.remove(*self._brakes)
-                for motor in self._loose:
-                    motor.hold()
-                self._loops.engage(self.joints())
-            else:
-                self._space.add(*self._brakes)
+            (self._space.remove if powered else self._space.add)(*self._brakes)
+            self._moving = *self.links, *self._loose * powered
+            for motor in self._loose:
+                motor.hold()
         before = self._torque
-        self._torque = self._set(reference) if powered else (0.0, 0.0)
+        if powered:
+            counts, speeds = reference(_ENDS)
+            (asked, _), (now, then) = counts.tolist(), speeds.tolist()
+            radians, period = self._loops.radians, self._period / MM
+            for j, angle in enumerate(self.joints()):
+                lag = (asked[j] - round((angle - self._start[j]) / radians)) * radians
+                acceleration = (then[j] - now[j]) * radians / period**2
+                close_loop(self._loops, j, lag, acceleration, period)
+        first, second = self.torques()
+        self._torque = first * MM, second * MM
         if not jumped:  # half of the last impulse belongs to this sample but used the old torque
             (first, second), (a, b) = self._torque, before
             self._correction = (first - a) / 2, (second - b) / 2
@@ -221,26 +205,25 @@ class ServoFinger(SteppedFinger):
         if self._driven:
             first, second = self._through_joints((first, second), kick)
         x = z = moment = 0.0
+        upper, lower = self._bodies
         if self.pad is not None or self.friction is not None:
-            back = kick.fraction * kick.step - kick.ahead / 2  # to the middle of the last step
-            place, velocity, along = self._tip_after(kick.step, back)
+            q1, q2 = (link.next for link in self.links)
             if self.pad is not None:
-                x, z, moment = self.pad.press(place, velocity, angle, omega, kick)
+                rates = [link.node for link in self.links]
+                x, z, moment = self.press_pad(*self.tip_state(q1, q2, *rates), angle, omega, kick)
             elif self.friction is not None:
                 rate = omega if self._rate is None else self._rate
                 part = self.friction.part(self._force, rate, kick.step)  # no blow's force
                 x, z, moment = self.friction.rub(self._foreseen * part * kick.fraction, angle)
-            bodies.set_force(self.lower, (x, z))
-            moment += along[0] / 2 * z - along[1] / 2 * x
-        bodies.set_torque(self.lower, second + moment)
-        bodies.set_torque(self.upper, first - second)
+            bodies.set_force(lower, (x, z))
+            moment += self._lengths[1] / 2 * (math.cos(q2) * z - math.sin(q2) * x)
+        bodies.set_torque(lower, second + moment)
+        bodies.set_torque(upper, first - second)
 
-    def _through_joints(self, torques: tuple[float, float], kick: Kick) -> tuple[float, float]:
+    def _through_joints(self, torques: Pair, kick: Kick) -> Pair:
         """Return the torques [N mm] on the links, by the motors' ones in a step."""
-        w1, w2 = self.upper.angular_velocity, self.lower.angular_velocity
-        q1, rates = self.upper.angle + w1 * kick.step, (w1, w2 - w1)
-        places = q1, self.lower.angle + w2 * kick.step - q1
-        passed = [0.0, 0.0]
+        (q1, w1), (q2, w2) = ((link.next, link.speed) for link in self.links)
+        places, rates, passed = (q1, q2 - q1), (w1, w2 - w1), [0.0, 0.0]
         for j, motor in enumerate(self._motors):
             if motor is None:
                 passed[j] = torques[j] - self._viscous[j] * rates[j] * kick.fraction
@@ -249,7 +232,7 @@ class ServoFinger(SteppedFinger):
         return passed[0], passed[1]
 
     def retries(self, weight: float) -> bool:
-        if self.friction is None or self._separated:
+        if self.friction is None or self.pad is not None or self.separated:
             return False
         before, self._foreseen = self._foreseen, max(0.0, self._tip.impulse / weight)
         self._rate = bodies.angular_velocity_of(self.friction.lever)
@@ -263,117 +246,61 @@ class ServoFinger(SteppedFinger):
         if self._powered:
             for motor in self._loose:
                 motor.end_step(weight)
-        first, second = self._omegas
-        self._omegas = a, b = self.upper.angular_velocity, self.lower.angular_velocity
-        self._acceleration = (a - first) / weight, (b - second) / weight
-        if self.pad is not None:
-            self.pad.end_step()
-            return self.pad.force
-        if self._separated:
-            return 0.0
+        (first, second), (upper, lower) = self.links, self._bodies
+        # The angles have what the joints have corrected.
+        first.next, second.next = bodies.angle_of(upper), bodies.angle_of(lower)
+        first.advance(bodies.angular_velocity_of(upper), weight)
+        second.advance(bodies.angular_velocity_of(lower), weight)
+        if self.pad is not None or self.separated:
+            return super().contact_force(weight)
         force = self._tip.impulse / weight
         if not force > 0:
-            self._separated = True
-            self._tip.max = 2 * bodies.FAR
+            self.separated = True
+            self._tip.max = 2 * FAR
         self._foreseen, self._force = max(0.0, 2 * force - self._force), force
         return force
 
-    def reaches_key(self, angle: float, step: float) -> bool:
-        return self.gap(angle, step, step) < 0
-
-    def gap(self, angle: float, time: float, ahead: float) -> float:
-        if not (self._separated if self.pad is None else self.pad.separated):
-            return math.inf
-        (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
-        forward = (time - ahead) / 2
-        a, b = a + acceleration1 * forward, b + acceleration2 * forward
-        first, second = self.upper.angle + a * time, self.lower.angle + b * time
-        l1, l2 = self._lengths
-        x = self._base[0] + l1 * math.cos(first) + l2 * math.cos(second)
-        z = self._base[1] + l1 * math.sin(first) + l2 * math.sin(second)
-        z -= self._pin.at(time, ahead)
-        return z * math.cos(angle) - x * math.sin(angle) - self._height
+    def place(self, time: float, ahead: float) -> Pair:
+        return self.tip_state(*(link.at(time, ahead) for link in self.links))[0]
 
     def make_contact(self, time: float) -> None:
-        if self.pad is not None:
-            self.pad.make_contact()
-            return
-        self._separated = False
-        self._tip.max = bodies.FAR - bodies.REACH
+        super().make_contact(time)
+        if self.pad is None:
+            self._tip.max = FAR - bodies.REACH
 
-    def correct_and_drift(self, back: float, drift: float) -> None:
-        (a, b), (acceleration1, acceleration2) = self._omegas, self._acceleration
-        self._omegas = a, b = a - acceleration1 * back, b - acceleration2 * back
-        first, second = self.upper.angle, self.lower.angle
-        if self._powered:
-            for motor in self._loose:
-                motor.correct_and_drift(back, drift)
-        l1, l2 = self._lengths
-        x, z = -l1 * math.sin(first) * a, l1 * math.cos(first) * a
-        end_x, end_z = -l2 / 2 * math.sin(second) * b, l2 / 2 * math.cos(second) * b
-        self._targets = [
-            (body, position + drift * pymunk.Vec2d(*speed), speed, angle + omega * drift, omega)
-            for body, position, speed, angle, omega in (
-                (self.upper, self.upper.position, (x / 2, z / 2), first, a),
-                (self.lower, self.lower.position, (x + end_x, z + end_z), second, b),
-            )
-        ]
+    def correct(self, back: float) -> None:
+        self._before = [body.position for body in self._bodies]
+        for each in self._moving:
+            each.correct(back)
+
+    def drift(self, step: float) -> None:
+        self._drifted = step
+        for each in self._moving:
+            each.drift(step)
 
     def set_bodies(self, step: float) -> None:
-        if self._powered:
-            for motor in self._loose:
-                motor.set_back(step)
-        for body, place, speed, angle, omega in self._targets:
-            body.position = place - step * pymunk.Vec2d(*speed)
-            body.velocity = speed
-            body.angle, body.angular_velocity = angle - omega * step, omega
+        x = z = 0.0  # speeds of the end of the link before
+        parts = zip(self._bodies, self.links, self._lengths, self._before, strict=True)
+        for body, link, length, before in parts:
+            rate = length / 2 * link.speed
+            across, up = -rate * math.sin(link.value), rate * math.cos(link.value)
+            body.velocity = velocity = pymunk.Vec2d(x + across, z + up)
+            body.position = before + (self._drifted - step) * velocity
+            body.angle, body.angular_velocity = link.next - link.speed * step, link.speed
+            x, z = x + 2 * across, z + 2 * up
 
-    def end_sample(self, angle: float) -> tuple[float, float]:
-        l1, l2 = self._lengths
-        first, second = self.upper.angle, self.lower.angle
-        up_x, up_z = l1 / 2 * math.cos(first), l1 / 2 * math.sin(first)
-        out_x, out_z = l2 / 2 * math.cos(second), l2 / 2 * math.sin(second)
-        (x, z), (lower_x, lower_z) = self.upper.position, self.lower.position
-        shoulder = math.hypot(x - up_x - self._base[0], z - up_z - self._base[1])
-        hinge = math.hypot(x + up_x - lower_x + out_x, z + up_z - lower_z + out_z)
-        tip_x, tip_z = lower_x + out_x, lower_z + out_z - self._pin.value
+    def end_sample(self, angle: float) -> Pair:
+        (x, z), (l1, l2) = self._base, self._lengths
+        worst = 0.0
+        for body, length in zip(self._bodies, (l1, l2), strict=True):
+            half_x, half_z = length / 2 * math.cos(body.angle), length / 2 * math.sin(body.angle)
+            (at_x, at_z) = body.position
+            worst = max(worst, math.hypot(at_x - half_x - x, at_z - half_z - z))
+            x, z = at_x + half_x, at_z + half_z
         if self.pad is not None:
-            return angle, max(shoulder, hinge)
-        gap = tip_z * math.cos(angle) - tip_x * math.sin(angle) - self._height
-        if gap < 0 or (not self._separated and gap < bodies.REACH):
-            angle = float(touching_angle(self._rig, np.array([tip_x, tip_z]) / bodies.MM))
-        return angle, max(shoulder, hinge, -gap)
-
-    def _tip_after(
-        self, step: float, back: float
-    ) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
-        """Return place and velocity of the fingertip after a step, and link 2 [mm, mm/ms].
-
-        Args:
-            step: ms, of the engine.
-            back: ms, before the end of the step, for which the bodies' velocities hold.
-        """
-        (w1, w2), (accelerated1, accelerated2) = self._omegas, self._acceleration
-        first, second = self.upper.angle, self.lower.angle
-        first += self.upper.angular_velocity * step
-        second += self.lower.angular_velocity * step
-        w1, w2 = w1 + accelerated1 * back, w2 + accelerated2 * back
-        joints, rates = (first, second - first), (w1, w2 - w1)
-        place, velocity = fingertip_state(self._base, self._lengths, joints, rates)
-        l2 = self._lengths[1]
-        return place, velocity, (l2 * math.cos(second), l2 * math.sin(second))
-
-    def _set(self, reference: Reference) -> tuple[float, float]:
-        """Return the motors' torques [N mm] for the sample that starts."""
-        counts, speeds = reference(_ENDS)
-        (requested, _), (now, then) = counts.tolist(), speeds.tolist()
-        joints, radians = self.joints(), self._radians
-        start = self._start
-        self._error = error = (
-            requested[0] - round((joints[0] - start[0]) / radians),
-            requested[1] - round((joints[1] - start[1]) / radians),
-        )
-        per_sample = radians / self._period**2
-        acceleration = (then[0] - now[0]) * per_sample, (then[1] - now[1]) * per_sample
-        first, second = self._loops.torque(error, acceleration)
-        return first * bodies.MM, second * bodies.MM
+            return angle, worst
+        gap = self._over(x, z - self._key.pin.value, angle)
+        if gap < 0 or (not self.separated and gap < bodies.REACH):
+            tip = np.array([x, z - self._key.pin.value]) / MM
+            angle = float(touching_angle(self._rig, tip))
+        return angle, max(worst, -gap)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pymunk
-from pymunk.constraints import Constraint
 
 from sautereau.analysis.model.choirs import choirs
 from sautereau.rig.acquisition import OF_STRING
@@ -17,14 +16,17 @@ from sautereau.sim_backend.parts import Fingertip
 from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.events import PluckEvents
 from sautereau.sim_backend.physics.rigid.arm import ServoFinger
-from sautereau.sim_backend.physics.rigid.bodies import INERTIA, MM, add_pivot_friction
-from sautereau.sim_backend.physics.rigid.finger import PushFinger, SteppedFinger
-from sautereau.sim_backend.physics.rigid.ideal import IdealFinger, PaddedIdealFinger, touching_angle
+from sautereau.sim_backend.physics.rigid.bodies import INERTIA, MM, Dry
+from sautereau.sim_backend.physics.rigid.finger import (
+    IdealFinger,
+    PaddedIdealFinger,
+    PushFinger,
+    SteppedFinger,
+    touching_angle,
+)
 from sautereau.sim_backend.physics.rigid.jacks import CarriedJack
-from sautereau.sim_backend.physics.rigid.key import StiffKey
-from sautereau.sim_backend.physics.rigid.pad import Friction
-from sautereau.sim_backend.physics.rigid.pluck import Plucking, StringForce
-from sautereau.sim_backend.physics.rigid.yielding import BendingKey, SinkingKey
+from sautereau.sim_backend.physics.rigid.key import BendingKey, SinkingKey, StiffKey
+from sautereau.sim_backend.physics.rigid.pluck import Plucking
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
 
@@ -33,7 +35,7 @@ RESOLVED = 0.1
 TICK = 1e-9  # ms, below which a remaining time counts as zero
 SHORTEST = 1e-4  # ms, of a step, below which a scene is refused
 ITERATIONS = {"push": 20, "ideal": 20, "servo": 70}
-"""Solver iterations at an event, times 1 + rho; see `Assembly.converge`."""
+"""Solver iterations at an event, times 1 + rho; see `Assembly.kick`."""
 LARGEST_RATIO = 2e4  # Largest rho, with which an event takes about 0.1 s of computing
 
 
@@ -45,7 +47,6 @@ class Division:
     key alone, a lower bound of the oscillating mass.
 
     Args:
-        key: With its loads.
         jacks: With their strings.
         step: ms, the longest.
         fingertip: With its pad; None for a rigid one.
@@ -65,12 +66,10 @@ class Division:
         gears: float = 0.0,
     ):
         self._step = step
-        self._loads = loads = key.pressed_loads
-        self._jacks = tuple(jacks)
+        self._key, self._jacks = key, tuple(jacks)
         arm, inertia = rig.key.press_arm * MM, rig.key.inertia * INERTIA
-        if not key.pin.fixed:  # its mass can move, too
-            inertia /= 1 + inertia / (key.mass * arm**2)
-        damping = (loads.felt_damping + loads.viscous) / inertia
+        inertia /= 1 + inertia / (key.mass * arm**2)
+        damping = (key.felt_damping + key.viscous) / inertia
         pad = 0.0
         if fingertip is not None:
             # Both masses on the pad, each alone.
@@ -79,7 +78,7 @@ class Division:
             pad = max(oscillation, fingertip.damping * mobility)
         strings = [_rate(j.string.stiffest, j) for j in self._jacks if j.string]
         always = (
-            (loads.viscous / inertia, "the pivot's viscous friction", "key.pivot_viscous_friction"),
+            (key.viscous / inertia, "the pivot's viscous friction", "key.pivot_viscous_friction"),
             (key.rate, key.what, key.keys),
             (pad, "the fingertip's pad", "fingertip.stiffness or fingertip.damping"),
             (
@@ -88,7 +87,7 @@ class Division:
                 "joints.gear_stiffness or gear_damping, or raise the rotors' inertia",
             ),
         )
-        felt = max(math.sqrt(loads.felt_stiffness / inertia), damping)
+        felt = max(math.sqrt(key.felt_stiffness / inertia), damping)
         at_times = (
             (felt, "the front felt", "key.felt_stiffness or key.felt_damping"),
             (max(strings, default=0.0), "a held string", "string.tension, or raise jack.mass"),
@@ -106,7 +105,7 @@ class Division:
 
     def step(self) -> float:
         """Return the step [ms] for the present contacts."""
-        parts = max(self._always, self._felt if self._loads.pressed else 1)
+        parts = max(self._always, self._felt if self._key.on_felt else 1)
         for jack in self._jacks:
             if jack.string is not None and jack.string.stiffness:
                 parts = max(parts, self._parts(_rate(jack.string.stiffness, jack)))
@@ -151,21 +150,25 @@ class Assembly:
     jacks: list[CarriedJack]
     finger: SteppedFinger
     division: Division
-    dry: list[tuple[Constraint, float]]
-    """Joints with dry friction, each with its limit [N mm or N]."""
+    dry: Dry
     iterations: tuple[int, int]
     """Solver iterations at an event: the least number, and that to be multiplied by 1 + rho."""
 
     def kick(self, step: float, fraction: float) -> None:
         """Step the engine with a fraction of its own weight and friction, at an event.
 
-        No impulse is warm-started, so the solver iterates until it has converged.
+        No impulse is warm-started, so the solver iterates until it has converged. Each Gauss-Seidel
+        iteration leaves the fraction rho / (1 + rho) of the error between jacks, key and rail or
+        finger, where rho is the sum of m r'^2 over the jacks, divided by I; so 20 (1 + rho) of them
+        leave exp(-20). Fewer would let a heavy jack rebound.
 
         Args:
             step: ms, always the present step of the engine.
             fraction: Dimensionless, of weight and dry friction.
         """
-        self.converge()
+        least, factor = self.iterations
+        rho = mass_ratio(self.key, self.jacks, self.key.body.angle)
+        self.space.iterations = max(least, math.ceil(factor * (1 + rho)))
         self.space.gravity = 0.0, self.gravity * fraction
         for joint, force in self.dry:
             joint.max_force = force * fraction
@@ -173,17 +176,6 @@ class Assembly:
         for joint, force in self.dry:
             joint.max_force = force
         self.space.gravity = 0.0, self.gravity
-
-    def converge(self) -> None:
-        """Let the next step of the engine iterate as an impact requires.
-
-        Each Gauss-Seidel iteration leaves the fraction rho / (1 + rho) of the error between jacks,
-        key and rail or finger, where rho is the sum of m r'^2 over the jacks, divided by I; so
-        20 (1 + rho) of them leave exp(-20). Fewer would let a heavy jack rebound.
-        """
-        rho = mass_ratio(self.key, self.jacks, self.key.body.angle)
-        least, factor = self.iterations
-        self.space.iterations = max(least, math.ceil(factor * (1 + rho)))
 
 
 def mass_ratio(key: StiffKey, jacks: Iterable[CarriedJack], angle: float) -> float:
@@ -211,9 +203,6 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
     gravity = -scene.gravity / MM
     space.gravity, space.iterations = (0.0, gravity), scene.iterations
     key = _key(space, rig, scene, start)
-    dry: list[tuple[Constraint, float]] = []
-    if key.loads.friction:
-        dry.append((add_pivot_friction(space, key.body, key.loads.friction), key.loads.friction))
     jacks = [
         CarriedJack(space, key, rig, choir, scene, _string(rig, scene, choir, number, events))
         for number, choir in enumerate(choirs(rig))
@@ -226,17 +215,20 @@ def assemble(rig: Rig, scene: Scene, start: tuple[float, float], events: PluckEv
             f" of the key, and impacts are solved up to {LARGEST_RATIO:g} times; lower the masses"
             " of the jacks, or raise key.inertia"
         )
-    dry += [(jack.dry, jack.dry_force) for jack in jacks if jack.dry]
+    dry = [*key.dry, *(each for jack in jacks for each in jack.dry)]
     period = rig.controller.sample_period
     steps = steps_in_sample(rig, scene.step or period)
-    finger = _finger(space, key, rig, scene, start)
-    gears = 0.0
-    if isinstance(finger, ServoFinger):
-        dry += finger.dry
-        gears = finger.gear_rate
+    gears, given = 0.0, (key, rig, scene, start)
+    if scene.push is not None:
+        finger = PushFinger(*given, scene.push)
+    elif scene.servo is not None:
+        finger = ServoFinger(space, *given)
+        dry, gears = dry + finger.dry, finger.gear_rate
+    elif scene.fingertip is not None:
+        finger = PaddedIdealFinger(*given)
+    else:
+        finger = IdealFinger(space, *given)
     division = Division(rig, key, jacks, period * MM / steps, scene.fingertip, gears)
-    if scene.friction and rig.arm.fingertip_friction:
-        (finger.pad or finger).friction = Friction(rig, key)
     iterations = scene.iterations, ITERATIONS[scene.finger]
     return Assembly(space, gravity, key, jacks, finger, division, dry, iterations)
 
@@ -252,38 +244,22 @@ def _key(space: pymunk.Space, rig: Rig, scene: Scene, start: tuple[float, float]
         key = SinkingKey(space, rig.key, scene, angle, scene.play)
     else:
         key = StiffKey(space, rig.key, scene, angle)
-    bottom = key.pressed_loads.bottom
-    if not angle < bottom:
+    if not angle < key.bottom:
         raise SceneError(
             f"start: the fingertip is in the key: contact needs a key angle of {angle:.4g} rad, and"
-            f" the key turns by {bottom:.4g} rad at most; start above the key"
+            f" the key turns by {key.bottom:.4g} rad at most; start above the key"
         )
     return key
 
 
-def _finger(
-    space: pymunk.Space, key: StiffKey, rig: Rig, scene: Scene, start: tuple[float, float]
-) -> SteppedFinger:
-    """Return the scene's finger."""
-    if scene.push is not None:
-        return PushFinger(scene.push, rig.key.press_arm, start, rig.controller.sample_period)
-    if scene.servo is not None:
-        return ServoFinger(space, key, rig, start, scene.servo, scene)
-    if scene.fingertip is not None:
-        return PaddedIdealFinger(key, rig, scene.fingertip, start)
-    return IdealFinger(space, key, rig, start)
-
-
 def _string(
     rig: Rig, scene: Scene, choir: Choir, number: int, events: PluckEvents
-) -> StringForce | None:
+) -> Plucking | None:
     if scene.plectrum == "none":
         return None
     if scene.string == "modal":
         from sautereau.sim_backend.physics.rigid.modal import ModalPlucking
 
-        measured = any(
-            own.quantity in OF_STRING and own.string == number + 1 for own in rig.daq.channels
-        )
-        return ModalPlucking(choir, scene, number, events, measured=measured)
+        heard = {own.string for own in rig.daq.channels if own.quantity in OF_STRING}
+        return ModalPlucking(choir, scene, number, events, measured=number + 1 in heard)
     return Plucking(choir, scene, number, events)

@@ -14,20 +14,23 @@ import math
 from itertools import chain
 
 import numpy as np
+from scipy.optimize import brentq
 
 from sautereau.analysis.model.string.string import ModalState
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.base import LARGEST_ANGLE, TURNED_OVER, World
+from sautereau.sim_backend.physics.base import TURNED_OVER, World
 from sautereau.sim_backend.physics.drive import Drive
 from sautereau.sim_backend.physics.events import Motions
 from sautereau.sim_backend.physics.finger import Reference
 from sautereau.sim_backend.physics.rigid.assembly import TICK, assemble, even_steps
-from sautereau.sim_backend.physics.rigid.bodies import MM
-from sautereau.sim_backend.physics.rigid.step_event import Event, Kick, earliest
+from sautereau.sim_backend.physics.rigid.bodies import MM, set_force
+from sautereau.sim_backend.physics.rigid.key import Event, Kick
+from sautereau.sim_backend.physics.structures import LARGEST_ANGLE
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
+TOLERANCE = 1e-12  # ms, of an event's time
 MOST_EVENTS = 1000  # Changes of contact in one controller sample above which a step is too long
 
 Row = tuple[float, float, float, float, float, float, float]
@@ -99,16 +102,16 @@ class RigidWorld(World):
         self._rows = []
         self._elapsed = 0.0
         if finger.begin_sample(reference, powered, self.time) or not self.samples:
-            key.push(finger.moment)
+            key.pushed = finger.moment
             self._split(0.0, None, self._period)
         if finger.push_end < self._period:
             self._run(finger.push_end)
             finger.moment = 0.0
-            key.push(0.0)
+            key.pushed = 0.0
             self._split(0.0, None, self._period)
-        if self._still and finger.stays_clear(self._seen_angle):
+        if self._still and finger.stays_clear(key.seen_angle):
             self._rows.append(
-                (self._period, self._seen_angle, 0.0, self._jacks[0].rise / MM, 0.0, 0.0, 0.0)
+                (self._period, key.seen_angle, 0.0, self._jacks[0].value / MM, 0.0, 0.0, 0.0)
             )
         else:
             self._run(self._period)
@@ -117,11 +120,6 @@ class RigidWorld(World):
         if not math.isfinite(sum(self._rows[-1])):
             raise self._diverged()
         return self._rows
-
-    @property
-    def _seen_angle(self) -> float:
-        """Angle [rad] of the key that the laser sees."""
-        return self._key.seen(self._key.value, self._key.second.value)
 
     def _run(self, end: float) -> None:
         """Advance to a time [ms] within the controller sample."""
@@ -152,17 +150,19 @@ class RigidWorld(World):
         key.begin_steps()
         done = 0
         while done < count:
-            if not key.stays(step) or finger.reaches_key(pressed.next, step):
+            if not key.stays(step) or finger.gap(pressed.next, step, step) < 0:
                 break
-            if not self._move_jacks(step):
+            stays = [jack.stays(step) for jack in jacks]
+            if not all(stays):
                 break
             pull = 0.0
             for jack in self._loaded:
-                jack.load(clock + elapsed / MM, seconds)
+                set_force(jack.body, (0.0, -jack.forces(clock + elapsed / MM, seconds)))
                 pull += jack.pull
-            key.load()
+            key.apply(*key.moments())
             done += 1
             elapsed = start + done * step
+            finger.drift(step)
             finger.apply_forces(elapsed, pressed.next, pressed.node, kick)
             space.step(step)
             if self._fresh:
@@ -171,21 +171,9 @@ class RigidWorld(World):
             for jack in jacks:
                 jack.update(step)
             force = finger.contact_force(step)
-            rows.append((elapsed, angle, rate * MM, jacks[0].rise / MM, force, pull, 0.0))
+            rows.append((elapsed, angle, rate * MM, jacks[0].value / MM, force, pull, 0.0))
         self._elapsed = elapsed
         return done
-
-    def _move_jacks(self, step: float) -> bool:
-        """Advance the jacks to the end of a step [ms], after the key.
-
-        Returns:
-            Whether no mode of any changes on the way.
-        """
-        tangent = math.tan(self._key.next)
-        secant, stays = math.sqrt(1 + tangent * tangent), True
-        for jack in self._jacks:
-            stays = jack.stays(tangent, secant, step) and stays
-        return stays
 
     def _split(self, drift: float, event: Event | None, end: float) -> None:
         """Advance by a time that need not be a step, and apply the event at its end.
@@ -196,7 +184,12 @@ class RigidWorld(World):
             end: ms into the controller sample, end of the next steps.
         """
         key, jacks, finger = self._key, self._jacks, self._finger
-        self._drift((self._ahead - drift) / 2, drift)
+        back = (self._ahead - drift) / 2  # by which the last forces acted too long
+        for part in (key, *jacks, finger):
+            part.correct(back)
+        finger.drift(drift)
+        for part in (key, *jacks):
+            part.stays(drift)
         start, self._elapsed = self.time + self._elapsed / MM, self._elapsed + drift
         now = self.time + self._elapsed / MM
         rate = key.seen(key.node, key.second.node)
@@ -221,21 +214,6 @@ class RigidWorld(World):
         for jack in jacks:
             jack.update(both / 2)
         self._append_rows(rate, pulled, finger.contact_force(both / 2), drift, ahead, impact)
-
-    def _drift(self, back: float, drift: float) -> None:
-        """Undo the surplus of the last impulse and compute the state after a drift.
-
-        Args:
-            back: ms, by which the last forces acted too long.
-            drift: ms.
-        """
-        key = self._key
-        key.correct(back)
-        for jack in self._jacks:
-            jack.correct(key.value, key.speed, back)
-        self._finger.correct_and_drift(back, drift)
-        key.stays(drift)
-        self._move_jacks(drift)
 
     def _kick(self, kick: Kick, forces: list[float]) -> None:
         """Let the engine take the step about an event.
@@ -274,26 +252,24 @@ class RigidWorld(World):
         pull = sum(jack.pull for jack in self._loaded)
         last = (self._rows or self._before)[-1][4]
         blow = mean - last if impact and self._finger.pad is None else 0.0
-        rise, before, after = self._jacks[0].rise / MM, mean - blow, mean - blow
+        rise, before, after = self._jacks[0].value / MM, mean - blow, mean - blow
         if self._finger.pad is not None:
-            before = self._finger.pad.before
+            before = self._finger.before
         elif drift and pull != pulled and not impact:
-            before = self._force_before()
+            # Extrapolated from the last two rows.
+            (t0, *_, f0, _, _), (t1, *_, before, _, _) = [*self._before, *self._rows][-2:]
+            if t1 > t0:
+                before += (before - f0) / (t1 - t0) * (self._elapsed - t1)
             after = (mean * (drift + ahead) - before * drift) / ahead
         self._finger.foresee(after)
         if drift:
-            row = self._elapsed, self._seen_angle, omega * MM, rise, before, pulled, blow
+            row = self._elapsed, self._key.seen_angle, omega * MM, rise, before, pulled, blow
             self._rows.append(row)
         if not drift or impact or pull != pulled or before != after:
             if impact:
                 omega = self._key.seen(self._key.speed, self._key.second.speed)
-            row = self._elapsed, self._seen_angle, omega * MM, rise, after, pull, blow
+            row = self._elapsed, self._key.seen_angle, omega * MM, rise, after, pull, blow
             self._rows.append(row)
-
-    def _force_before(self) -> float:
-        """Return the finger's force [N] now, extrapolated from the last two rows."""
-        (t0, *_, f0, _, _), (t1, *_, f1, _, _) = [*self._before, *self._rows][-2:]
-        return f1 + (f1 - f0) / (t1 - t0) * (self._elapsed - t1) if t1 > t0 else f1
 
     def _possible_events(self, drift: float) -> list[Event]:
         """Return the events that may occur within a drift [ms]."""
@@ -311,7 +287,7 @@ class RigidWorld(World):
             *key.possible_events(ahead),
         ]
         for jack in self._jacks:
-            possible += jack.possible_events(key, ahead)
+            possible += jack.possible_events(ahead)
         return possible
 
     def _end_sample(self) -> None:
@@ -332,3 +308,20 @@ class RigidWorld(World):
             f" {self._step * 1e3:.4g} us; lower the scene's step or a stiffness, or stop"
             " the key with felt = true"
         )
+
+
+def earliest(possible: list[Event], drift: float) -> tuple[float, Event | None]:
+    """Return the time [ms] of the first event within a drift [ms], and the event.
+
+    Returns:
+        The drift itself and None if there is no event.
+    """
+    time, first = drift, None
+    for event in possible:
+        if event.margin(time) >= 0:
+            continue
+        if event.margin(0.0) <= 0:
+            return 0.0, event
+        found: float = brentq(event.margin, 0.0, time, xtol=TOLERANCE)  # pyright: ignore
+        time, first = found, event
+    return time, first

@@ -4,23 +4,24 @@ import math
 from functools import partial
 
 import pymunk
+from pymunk import constraints
 
 from sautereau.analysis.model.choirs import key_of
 from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
+from sautereau.sim_backend.physics import laws
 from sautereau.sim_backend.physics.rigid import bodies
-from sautereau.sim_backend.physics.rigid.bodies import MM
-from sautereau.sim_backend.physics.rigid.key import StiffKey
-from sautereau.sim_backend.physics.rigid.pluck import StringForce
-from sautereau.sim_backend.physics.rigid.step_event import Event
+from sautereau.sim_backend.physics.rigid.bodies import FAR, MM, REACH
+from sautereau.sim_backend.physics.rigid.key import Coordinate, Event, StiffKey
+from sautereau.sim_backend.physics.rigid.pluck import Plucking
 from sautereau.sim_backend.scene import Scene
 
 
-class CarriedJack:
-    """One jack, in mm and mm/ms; its speed is that half a step ahead of its position.
+class CarriedJack(Coordinate):
+    """The rise of one jack, in mm and ms.
 
-    While it stands on the key its rise follows from the key's angle in closed form; the body is
-    moved there at the end of each controller sample.
+    While it stands on the key it follows from the key's angle in closed form; the body is moved
+    there at the end of each controller sample.
 
     Args:
         scene: Which of its parts are enabled.
@@ -34,25 +35,30 @@ class CarriedJack:
         rig: Rig,
         choir: Choir,
         scene: Scene,
-        string: StringForce | None,
+        string: Plucking | None,
     ):
-        lever = key_of(rig, choir)
-        self.arm, self.top = lever.jack_arm * MM, lever.jack_surface_height * MM
-        self.mass = choir.jack.mass * MM
-        self.string, self._pin = string, key.pin
-        self.rise = self.next = self.surface(key.value)
-        self.speed = self.acceleration = 0.0
+        lever, jack, ground = key_of(rig, choir), choir.jack, space.static_body
+        self.arm, self.top = x, z = lever.jack_arm * MM, lever.jack_surface_height * MM
+        self.mass = jack.mass * MM
+        self.string, self._key = string, key
+        super().__init__(self.surface(key.value))
         self.standing, self._landed = True, False
         self.pull = 0.0
         """N, of the string, downwards."""
-        self.body, self.foot_contact = bodies.add_jack(
-            space, key.body, lever, choir.jack, self.rise
+        self.body = pymunk.Body(self.mass, math.inf)
+        self.body.position = (x, z + self.value)
+        register = constraints.GrooveJoint(ground, self.body, (x, z - FAR), (x, z + FAR), (0, 0))
+        self.foot_contact = bodies.unilateral(
+            constraints.SlideJoint(key.body, self.body, (x, z - FAR), (0, 0), FAR + REACH, 2 * FAR)
         )
-        self.dry = None
-        self.dry_force = choir.jack.register_friction
-        if scene.friction and self.dry_force > 0:
-            self.dry = bodies.add_register_friction(space, self.body, self.dry_force)
-        self._damper = choir.jack.damper if scene.damper else None
+        space.add(self.body, bodies.hard(register), self.foot_contact)
+        self.dry: bodies.Dry = []
+        """Dry friction in its register."""
+        if scene.friction and jack.register_friction > 0:
+            slide = constraints.PinJoint(ground, self.body, (x, z + self.value + FAR), (0, 0))
+            slide.max_bias = 0
+            self.dry = [bodies.add_friction(space, slide, jack.register_friction)]
+        self._damper = jack.damper if scene.damper else None
         self.loaded = string is not None or self._damper is not None
         self.low, self.high = -math.inf, math.inf
         self._state = self if string is None else string
@@ -64,38 +70,29 @@ class CarriedJack:
 
     def surface(self, angle: float) -> float:
         """Return the rise [mm] of a jack that stands on the key, at its angle [rad]."""
-        tangent = math.tan(angle)
-        return self.arm * tangent + self.top * (math.sqrt(1 + tangent * tangent) - 1)
+        return laws.surface(self.arm, self.top, angle)[0]
 
     def slope(self, angle: float) -> float:
         """Return d(rise)/da [mm/rad] of a jack that stands."""
-        return (self.arm + self.top * math.sin(angle)) / math.cos(angle) ** 2
+        return laws.surface(self.arm, self.top, angle)[1]
 
-    def stays(self, tangent: float, secant: float, step: float) -> bool:
-        """Advance to the end of a step [ms]; return whether no mode changes on the way."""
-        rise = self.arm * tangent + self.top * (secant - 1) + self._pin.next
-        if not self.standing:
-            surface = rise
-            rise = self.rise + self.speed * step
-            if rise < surface:
-                self.next = rise
-                return False
-        self.next = rise
-        state = self._state
-        return state.low <= rise <= state.high
-
-    def correct(self, angle: float, omega: float, back: float) -> None:
-        """Undo the part of the last impulse that lies beyond the event.
-
-        Args:
-            angle: rad, of the key, on which it may stand.
-            omega: rad/ms, of the key, already corrected.
-            back: ms, by which the last forces acted too long.
-        """
+    def stays(self, step: float) -> bool:
+        """Advance to the end of a step [ms] of the key; return whether no mode changes there."""
+        surface = self.surface(self._key.next) + self._key.pin.next
         if self.standing:
-            self.speed = self.slope(angle) * omega + self._pin.speed
+            self.next = surface
         else:
-            self.speed -= self.acceleration * back
+            self.drift(step)
+            if self.next < surface:
+                return False
+        return self._state.low <= self.next <= self._state.high
+
+    def correct(self, back: float) -> None:
+        """Undo the part of the last impulse beyond an event, after that of the key."""
+        if self.standing:
+            self.speed = self.slope(self._key.value) * self._key.speed + self._key.pin.speed
+        else:
+            super().correct(back)
 
     def set_bodies(self, step: float, force: float) -> None:
         """Set the body so that a step [ms] of the engine ends at its position; push it down [N]."""
@@ -103,42 +100,33 @@ class CarriedJack:
         self.body.velocity = 0.0, self.speed
         bodies.set_force(self.body, (0.0, -force))
 
-    def load(self, time: float, step: float) -> None:
-        """Apply string and damper at the end of a step [s] that started at a time [s]."""
-        if force := self.forces(time, step):
-            bodies.set_force(self.body, (0.0, -force))
-
     def forces(self, time: float, step: float) -> float:
-        """Return the force of string and damper on the jack [N], downwards; see `load`.
+        """Return the force of string and damper on the jack [N], downwards.
 
-        With a step of 0 it is the present force.
+        Args:
+            time: s, start of a step at whose end they act.
+            step: s; 0 for the present force.
         """
         if self.string is not None:
-            self.pull = self.string.force(self.next, self.rise, time, step)
+            self.pull = self.string.force(self.next, self.value, time, step)
         if self._damper is None:
             return self.pull
         # The damper's felt carries the jack.
         return self.pull - max(0.0, self._damper.stiffness * (self._damper.lift - self.next / MM))
 
-    def possible_events(self, key: StiffKey, ahead: float) -> list[Event]:
-        """Return the events that may occur to it.
-
-        Args:
-            ahead: ms, by half of which the last impulse advanced the speed.
-        """
-        speed, acceleration = self.speed - self.acceleration * ahead / 2, self.acceleration
+    def possible_events(self, ahead: float) -> list[Event]:
+        """Return the events that may occur to it; `ahead` as of `Coordinate.at`."""
 
         def surface(time: float) -> float:
-            return self.surface(key.at(time, ahead)) + self._pin.at(time, ahead)
+            key = self._key
+            return self.surface(key.at(time, ahead)) + key.pin.at(time, ahead)
 
-        def flown(time: float) -> float:
-            return self.rise + (speed + acceleration * time / 2) * time
+        def rise(time: float) -> float:
+            return surface(time) if self.standing else self.at(time, ahead)
 
-        rise, possible = surface, []
+        possible, string = [], self.string
         if not self.standing:
-            rise = flown
-            possible = [Event(lambda t: flown(t) - surface(t), self._make_contact, impact=True)]
-        string = self.string
+            possible = [Event(lambda t: rise(t) - surface(t), self._make_contact, impact=True)]
         if string is not None and math.isfinite(string.high):
             possible.append(Event(lambda t: string.high - rise(t), partial(string.cross, True)))
         if string is not None and math.isfinite(string.low):
@@ -151,11 +139,11 @@ class CarriedJack:
         Args:
             weight: ms, for which the forces acted in it.
         """
-        self.rise = self.next
         if not self.standing:
-            before, self.speed = self.speed, self.body.velocity[1]
-            self.acceleration = (self.speed - before) / weight
-        elif self._landed:  # without an impulse, too, where the surface only accelerates towards it
+            self.advance(self.body.velocity[1], weight)
+            return
+        self.value = self.next
+        if self._landed:  # without an impulse, too, where the surface only accelerates towards it
             self._landed = False
         elif not bodies.impulse_of(self.foot_contact) > 0:
             self.standing = False
@@ -164,12 +152,12 @@ class CarriedJack:
 
     def _make_contact(self, time: float) -> None:
         self.standing = self._landed = True
-        self.foot_contact.min = bodies.FAR + bodies.REACH
+        self.foot_contact.min = FAR + REACH
 
     def end_sample(self, angle: float) -> float:
         """Move the body to the jack's position; return its error before [mm]."""
         x, z = self.body.position
         if self.standing:
-            self.rise = self.surface(angle) + self._pin.value
-        bodies.set_position(self.body, (self.arm, self.top + self.rise))
-        return max(abs(x - self.arm), abs(z - self.top - self.rise))
+            self.value = self.surface(angle) + self._key.pin.value
+        bodies.set_position(self.body, (self.arm, self.top + self.value))
+        return max(abs(x - self.arm), abs(z - self.top - self.value))

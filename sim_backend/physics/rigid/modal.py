@@ -21,7 +21,8 @@ from sautereau.analysis.model.string.contact import STEP_FRACTION, ModalContact
 from sautereau.analysis.model.string.string import FreeString, ModalState, ModalString
 from sautereau.rig.instrument import Choir
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
+from sautereau.sim_backend.physics import structures as ix
+from sautereau.sim_backend.physics.events import PluckEvents
 from sautereau.sim_backend.physics.rigid.pluck import MM, Plucking
 from sautereau.sim_backend.scene import Scene
 
@@ -37,7 +38,7 @@ class Swing:
     """s of simulated time; infinite until it ends."""
 
 
-class ModalPlucking:
+class ModalPlucking(Plucking):
     """The modal string of one choir; it locates its own release.
 
     Its discrete modes are those of the spring string; only the held mode differs.
@@ -65,12 +66,9 @@ class ModalPlucking:
         *,
         measured: bool = False,
     ):
-        self._passed = PluckEvents()
-        self._states = Plucking(choir, scene, number, self._passed)
-        self.number, self.events = number, events
+        super().__init__(choir, scene, number, events)
         damper = choir.jack.damper if scene.damper else None
         self._at = f"more_choirs[{number - 1}]." if number else ""
-        self._clearance = choir.jack.string_clearance * MM
         self._lift = damper.lift * MM if damper else -math.inf
         self._felt = damper is not None
         try:
@@ -94,11 +92,11 @@ class ModalPlucking:
         self.swings: list[Swing] = []
         """Intervals of free vibration, in order of time."""
         self._kept: list[tuple[float, Floats]] | None = [] if measured else None
-        self.stiffest = max(self._states.stiffest, self._stiff)
-        self._enter(holding=False, carries=True)
+        self.stiffest = max(self.stiffest, self._stiff)
+        self._holding, self._carries = False, True  # it may also push from below
 
     def force(self, rise: float, previous: float, time: float, step: float) -> float:
-        """Return the force [N] on the jack at the end of a step, downwards; see `StringForce`.
+        """Return the force [N] on the jack at the end of a step, downwards; see `Plucking`.
 
         Where the string is released or hit within the step, the returned force gives a leap-frog
         scheme the exact momentum of the step. With a step of 0 it is the present force.
@@ -108,7 +106,7 @@ class ModalPlucking:
         """
         down = rise < self._lift
         if not self._carries and (down == self._felt or step == 0):
-            return self._states.force(rise, previous, time, step)
+            return super().force(rise, previous, time, step)
         if step == 0:
             return self._pull
         before, momentum, began, left = self._pull, 0.0, previous, step
@@ -117,50 +115,45 @@ class ModalPlucking:
                 began, left = self._lift, step * (rise - self._lift) / (rise - previous)
                 momentum = self._go(began, previous, time, step - left)
             time += step - left
-            self._put_felt(down, time)
+            if self._swung is not None:
+                self._end_swing(time)
+            self._felt, self._contact.string = down, self._damped if down else self._free
+            if self._swung is not None:
+                self._start_swing(time)
         momentum += self._go(rise, began, time, left)
         if not self._carries and momentum == 0.0:
-            return self._states.force(rise, previous, time, step)
+            return super().force(rise, previous, time, step)
         return momentum / step + (self._pull - before) / 2
 
     def cross(self, upwards: bool, time: float) -> None:
-        """Enter the next mode; see `StringForce`."""
-        returns = len(self._passed.returns)
-        self._states.cross(upwards, time)
-        if len(self._passed.returns) > returns:
-            self.events.returns.append(self._passed.returns[-1])
-            self._over = False  # unless found otherwise below
-            self._enter(holding=False, carries=True)
-        elif self._carries and upwards:
-            self._meet(time)
-        else:
-            self._enter(holding=False, carries=self._carries)
-
-    def _enter(self, *, holding: bool, carries: bool) -> None:
-        """Adopt the bounds of a mode: held, below (where the string may also push), or another."""
-        self._holding, self._carries = holding, carries
-        self.low, self.high = self._states.low, self._states.high
-        self.stiffness = self._states.stiffness
-        if holding:
-            self.high, self.stiffness = math.inf, self._stiff
-
-    def _meet(self, time: float) -> None:
-        if self._over:
-            self.events.contacts.append(StringEvent(time, self.number, self._pull))
-            self._enter(holding=True, carries=True)
-        else:  # it slid off before and has not been above the plectrum since
+        """Enter the next mode; see `Plucking`."""
+        self._holding = False
+        super().cross(upwards, time)
+        if self._state != ix.STUCK or not self._carries or not upwards:
+            return
+        if not self._over:  # it slid off before and has not been above the plectrum since
             self._rise_above(time)
+            return
+        super()._report(ix.CONTACT, time, self._pull)
+        self._holding = True
+        self.high, self.stiffness = math.inf, self._stiff
+
+    def _report(self, event: int, time: float, force: float) -> None:
+        """Take a return; contact and release are those of the string itself."""
+        if event == ix.RETURN:
+            super()._report(event, time, force)
+            self._over, self._carries = False, True  # unless found otherwise below
 
     def _rise_above(self, time: float) -> None:
-        self._states.cross(True, time)
+        super().cross(True, time)
         if self._swung is None:
             self._start_swing(time)
-        self._enter(holding=False, carries=False)
+        self._holding = self._carries = False
 
     def _go(self, rise: float, previous: float, time: float, step: float) -> float:
         """Advance the string by a step; return the momentum [N s] that it took from the jack."""
         self._pull = 0.0
-        if step <= 0 or self._out_of_reach((max(rise, previous) - self._clearance) / MM, time):
+        if step <= 0 or self._out_of_reach((max(rise, previous) - self.clearance) / MM, time):
             return 0.0
         if self._swung is not None:
             self._end_swing(time)
@@ -168,7 +161,7 @@ class ModalPlucking:
         contact = self._contact
         count = max(1, math.ceil(step / self._longest - 1e-9))
         part, increment = step / count, (rise - previous) / MM / count
-        height, momentum = (previous - self._clearance) / MM, 0.0
+        height, momentum = (previous - self.clearance) / MM, 0.0
         for i in range(count):
             low, high = height + increment * i, height + increment * (i + 1)
             if not self._over:
@@ -237,17 +230,8 @@ class ModalPlucking:
         self._over = False
         self._contact.leave()
         if self._holding:
-            self.events.releases.append(StringEvent(time, self.number, force))
+            super()._report(ix.RELEASE, time, force)
             self._rise_above(time)
-
-    def _put_felt(self, down: bool, time: float) -> None:
-        """Lower the damper's felt onto the string, or lift it."""
-        if self._swung is not None:
-            self._end_swing(time)
-        self._felt = down
-        self._contact.string = self._damped if down else self._free
-        if self._swung is not None:
-            self._start_swing(time)
 
     def _start_swing(self, time: float) -> None:
         contact = self._contact

@@ -1,7 +1,6 @@
-"""Parameters of a press for the exact engine, from a rig and a scene."""
+"""Parameters of a press for both engines, from a rig and a scene."""
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -9,40 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.model.choirs import choirs, pluck_of
+from sautereau.analysis.model.choirs import choirs, level_of, pluck_of
 from sautereau.rig.instrument import Choir, Plectrum, String
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import GRAVITY
 from sautereau.sim_backend.errors import SceneError
-from sautereau.sim_backend.physics.base import LARGEST_ANGLE, steps_in_sample
-from sautereau.sim_backend.physics.exact import structures as ix
-from sautereau.sim_backend.physics.exact.compile import records
+from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.dynamics import armature
 from sautereau.trajectory.motion import Floats
 
 FINGERS = ("push", "ideal", "servo")  # Kinds of finger, as the structures number them
-ORDER = 4  # Order of the steps with which a scene is simulated
-RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
-"""A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
-order's power of the step, and is at least `LEAST`. A step with a larger error is divided."""
-
-
-@dataclass(frozen=True)
-class Law:
-    """Force law of a string."""
-
-    cells: Floats
-    """Start of each cell [m], and the cubic of the force [N] from there; shape (cells, 5)."""
-    first: NDArray[np.int64]
-    """First cells where the string sticks and where it slides, and the end of the last; (3,)."""
-    border: Floats
-    """Heights there [m], equal where the string never sticks or never slides; shape (3,)."""
 
 
 @lru_cache(maxsize=256)
-def law_of(plectrum: Plectrum, string: String, level: str) -> Law:
-    """Return the law of one pluck, with the same cubics as its `force_on_jack`.
+def law_of(
+    plectrum: Plectrum, string: String, level: str
+) -> tuple[Floats, NDArray[np.int64], Floats]:
+    """Return the force law of one pluck, with the same cubics as its `force_on_jack`.
+
+    Returns:
+        Start of each cell [m], and the cubic of the force [N] from there, shape (cells, 5); the
+        first cells where the string sticks and where it slides, and the end of the last, (3,); and
+        the heights there [m], equal where the string never sticks or never slides, (3,).
 
     Raises:
         ModelError: The plectrum and string have no pluck.
@@ -53,9 +41,10 @@ def law_of(plectrum: Plectrum, string: String, level: str) -> Law:
     steps = np.diff(knots)[:, None]
     values = pluck.force_on_jack(knots[:-1, None] + steps * places)
     cubics = np.linalg.solve(np.vander(places, 4, increasing=True), values.T).T
+    cubics[:, 0] = pluck.force_on_jack(knots[:-1])  # exact: at the contact it is 0
     cells = np.column_stack([knots[:-1], cubics / steps ** np.arange(4)])
     first = np.array([0, pluck.stretches[-1], len(cells)])
-    return Law(cells, first, knots[first])
+    return cells, first, knots[first]
 
 
 def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats]:
@@ -75,7 +64,7 @@ def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats
     if scene.friction:
         keys["viscous"] = key.pivot_viscous_friction
         keys["dry"] = key.pivot_coulomb_friction
-    keys["dip"] = key.dip / arm if scene.felt else LARGEST_ANGLE
+    keys["dip"] = key.dip / arm if scene.felt else ix.LARGEST_ANGLE
     if scene.felt:
         keys["felt_stiffness"] = key.felt_stiffness * arm * arm
         keys["felt_damping"] = key.felt_damping * arm * arm
@@ -84,25 +73,23 @@ def bench_of(rig: Rig, scene: Scene) -> tuple[NDArray[Any], NDArray[Any], Floats
         keys["force"], keys["push_end"] = scene.push.force, scene.push.duration
     cells, found = 0, [np.zeros((0, 5))]
     for k, choir in enumerate(strings):
-        _set_jack(scene, choir, jacks[k])
-        if scene.plectrum == "none":
-            continue
-        try:
-            plectrum, string = choir.plectrum, choir.string
-            law = law_of(plectrum, string, scene.plectrum)  # pyright: ignore[reportArgumentType]
-        except ModelError as error:
-            at = f"more_choirs.{k - 1}." if k else ""
-            raise SceneError(f"rig {rig.name}: {at}{error}") from error
-        jack = jacks[k]
-        jack["first"] = law.first + cells
-        jack["range"][ix.STUCK] += law.border[:2]
-        jack["range"][ix.SLIDING] += law.border[1:]
-        cells += len(law.cells)
-        found.append(law.cells)
+        jacks[k], own = jack_of(scene, choir, k)
+        jacks[k]["first"] += cells
+        cells += len(own)
+        found.append(own)
     return keys, jacks, np.concatenate(found)
 
 
-def _set_jack(scene: Scene, choir: Choir, found: Any) -> None:
+def jack_of(scene: Scene, choir: Choir, number: int) -> tuple[Any, Floats]:
+    """Return one jack as a record of `JACK`, and the cells of its force law.
+
+    Args:
+        number: Of the choir, 0 for the first.
+
+    Raises:
+        SceneError: Its plectrum and string have no pluck.
+    """
+    found = np.zeros(1, ix.JACK)[0]
     jack, plectrum = choir.jack, choir.plectrum
     found["mass"], found["arm"] = jack.mass, choir.jack_arm
     found["clearance"] = math.inf if scene.plectrum == "none" else jack.string_clearance
@@ -121,6 +108,17 @@ def _set_jack(scene: Scene, choir: Choir, found: Any) -> None:
     found["lift"] = damper.lift if damper is not None else -math.inf
     if damper is not None:
         found["damper"] = damper.stiffness
+    if scene.plectrum == "none":
+        return found, np.zeros((0, 5))
+    try:
+        level = level_of(plectrum, scene.plectrum)
+        law = law_of(plectrum, choir.string, level)  # pyright: ignore[reportArgumentType]
+        cells, found["first"], border = law
+    except ModelError as error:
+        raise SceneError(f"more_choirs[{number - 1}]." * (number > 0) + str(error)) from error
+    found["range"][ix.STUCK] += border[:2]
+    found["range"][ix.SLIDING] += border[1:]
+    return found, cells
 
 
 def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any]:
@@ -153,38 +151,3 @@ def finger_of(rig: Rig, scene: Scene, start: tuple[float, float]) -> NDArray[Any
     for name, value in values.items():
         found[name] = value
     return found
-
-
-def new_press(
-    rig: Rig,
-    scene: Scene,
-    start: tuple[float, float],
-    keys: NDArray,
-    jacks: NDArray,
-    cells: Floats,
-    order: int = ORDER,
-    tolerance: float | None = None,
-) -> ix.Press:
-    """Return a press at time 0 before its first sample, as `play` takes it.
-
-    Args:
-        rig: The true bench.
-        scene: With its step.
-        start: rad, joints when power comes on.
-        keys: Of `KEY`; shape (1,).
-        jacks: Of `JACK`; shape (choirs,).
-        order: Of the steps, even, at most 8.
-        tolerance: Dimensionless, relative error of a step; None for one that suits the step.
-    """
-    run = np.zeros(1, ix.RUN)
-    period = rig.controller.sample_period
-    steps = steps_in_sample(rig, scene.step or period)
-    if tolerance is None:
-        tolerance = max(RATED * (period / steps / RATED_STEP) ** order, LEAST)
-    run["period"], run["step"], run["steps"] = period, period / steps, steps
-    run["order"], run["tolerance"] = order, tolerance
-    work = np.zeros((16, 1 + len(jacks) + (2 if scene.servo else 0)))
-    return ix.Press(
-        records(keys), records(jacks), cells, records(finger_of(rig, scene, start)), records(run),
-        work[0], work[1], work[2], work, np.zeros((ix.EVENTS, 4)), np.zeros((0, 7)),
-    )  # fmt: skip

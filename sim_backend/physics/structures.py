@@ -1,8 +1,10 @@
-"""The named structures that the compiled functions share, and their constants; imported as `ix`."""
+"""What both engines know of a press: its named structures and states; imported as `ix`."""
 
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.trajectory.motion import Floats
 
@@ -14,10 +16,17 @@ OFF, PRESSED, SLACK = 0, 1, 2
 key leaves it."""
 CONTACT, RELEASE, RETURN = 0, 1, 2
 """Kinds of a string's events, in the order of the lists in `PluckEvents`."""
+NO_EVENT = -1
+RISEN = (STUCK, SLIDING, ABOVE, ABOVE, ABOVE)
+RISEN_EVENT = (CONTACT, NO_EVENT, RELEASE, NO_EVENT, NO_EVENT)
+FALLEN = (BELOW, BELOW, STUCK, PASSING, BELOW)
+FALLEN_EVENT = (NO_EVENT, NO_EVENT, NO_EVENT, NO_EVENT, RETURN)
+"""Next state above and below the rises of each, and the event at which it starts."""
 PUSH, IDEAL, SERVO = 0, 1, 2  # Kinds of finger
-FINE, TURNED_OVER, LOST, JUMPED, AT_PIN, JAMMED = 0, 1, 2, 3, 4, 5  # Status of an interval
+FINE, TURNED_OVER, LOST, JUMPED, AT_PIN, JAMMED, STIFF = 0, 1, 2, 3, 4, 5, 6  # Statuses
 CLOSE, SLOW = 1e-13, 1e-11
 """Gap [rad, m] below which surfaces are in contact, and speed that counts as zero."""
+LARGEST_ANGLE = 1.2  # rad, of the key, above which the simulation is stopped
 EVENTS = 512  # Most events of strings that one call records
 
 
@@ -146,3 +155,14 @@ def opened(press: Press) -> Press:
         press.key[0], press.jacks, press.cells, press.finger[0], press.run[0],
         press.x, press.v, press.a, press.work, press.events, press.rows,
     )  # fmt: skip
+
+
+def as_objects(array: NDArray[Any]) -> list[Any]:
+    """Return records, whose attributes are slow outside compiled functions, as objects."""
+    names = array.dtype.names or ()
+    return [
+        SimpleNamespace(
+            **{name: row[name] if row[name].ndim > 1 else row[name].tolist() for name in names}
+        )
+        for row in array
+    ]
