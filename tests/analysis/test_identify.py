@@ -28,6 +28,7 @@ from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.text import rig_text
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import load_scene
+from tests.budget import amount
 from tests.presses import with_data
 
 TRUTH = {
@@ -512,7 +513,7 @@ def test_a_string_on_the_surface_of_a_rig_with_the_mid_line_is_suggested(rig):
 
 @pytest.mark.slow
 def test_claimed_results_are_right():
-    found = outcomes(simulated_cases(range(30)))
+    found = outcomes(simulated_cases(range(amount(10, 30))))
     assert found.fits.mean() > 0.8
     for k in range(3):
         assert found.right[found.claimed[:, k], k].mean() >= 0.88

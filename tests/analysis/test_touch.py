@@ -16,6 +16,7 @@ from sautereau.analysis.figures.touch import touch_figure
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.results.touch import JudgedTouch
 from sautereau.rig.load import load_rig, with_values
+from tests.budget import slow
 
 EXPONENTS = {"release_force": (1.5, 0.0), "force_slope": (2.0, 0.0), "force_drop": (1.5, 0.7)}
 """Of thickness and overlap."""
@@ -61,7 +62,7 @@ def found():
     return find_touch(campaign_of(rows_of()))
 
 
-@pytest.mark.parametrize("font", ["DejaVu Sans", "DejaVu Sans Mono"])
+@pytest.mark.parametrize("font", ["DejaVu Sans", slow("DejaVu Sans Mono")])
 def test_no_title_leaves_its_half_of_the_figure(found, font):
     """Fonts that matplotlib brings along."""
     with matplotlib.rc_context({"font.family": font}):
@@ -184,7 +185,7 @@ def test_exponents_are_not_biased_by_presses_without_a_drop():
         (rows_of(1, 2, 3), "all plectra have the same shape"),
         (rows_of(3, 2, 3), "which need 4"),
         (rows_of(5, 2, 3, together=True), "vary together"),
-        (rows_of(5, 1, 3), "no plectrum has two sessions"),
+        slow(rows_of(5, 1, 3), "no plectrum has two sessions"),
         (rows_of(5, 2, 1), "no plectrum has two sessions"),
     ],
 )

@@ -10,6 +10,7 @@ from benchmarks.stability import (
 )
 from sautereau.rig.load import load_rig
 from sautereau.rig.progress import progress_to
+from tests.budget import amount
 
 RIG = load_rig()
 GRID = {(case.name, case.scene.engine): case for case in grid(RIG)}
@@ -97,5 +98,5 @@ def test_random_mixtures_of_all_parts_keep_their_claims():
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_the_complete_map_has_no_silent_failure():
-    found = run_stability(RIG)
+    found = run_stability(RIG, list(GRID.values())[:: amount(5, 1)])
     assert not with_verdict(found, "failed"), "\n".join(stability_text(found))

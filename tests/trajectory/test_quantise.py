@@ -180,6 +180,7 @@ def held_string(rig, depth):
     return corrected(law, [residual(law, time, sent, speed, period)], period)
 
 
+@pytest.mark.slow
 @given(counts=strategies.integers(4000, 2_000_000), depth=strategies.floats(0.05, 0.3))
 @settings(max_examples=60)
 def test_a_correction_is_rounded_as_little_as_the_encoder_permits(bench, counts, depth):
