@@ -25,7 +25,7 @@ from benchmarks.independent.assembly import key_model, string_modes
 from benchmarks.independent.elastica import shape, solve_contact, static_pluck
 from benchmarks.independent.press import plucks_of, simulate
 from sautereau.rig.load import load_rig
-from tests.budget import amount
+from tests.budget import amount, slow
 
 INFINITE = float("inf")
 QUICK = Conditions(speed=0.2, rest=5e-3, hold=0.0, return_speed=1.0)  # A press of about 60 ms
@@ -263,8 +263,8 @@ CARVED = Choir(
     ("name", "choir"),
     [
         ("uniform 11", STICKING),
-        ("wedge", WEDGE),
-        ("carved", CARVED),
+        slow("wedge", WEDGE),
+        slow("carved", CARVED),
         ("carved + friction 0.1", replace(CARVED, friction=0.1)),
     ],
 )

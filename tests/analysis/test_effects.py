@@ -188,6 +188,7 @@ def presses(write_session, tmp_path_factory):
     return paths
 
 
+@pytest.mark.slow
 def test_of_recordings_in_python_and_as_a_command(presses, tmp_path, monkeypatch, capfd):
     found = Session(presses).effects(["release_force", "force_slope"])
     effect = found_in(found.fitted["release_force"])["plectrum", "thin"]

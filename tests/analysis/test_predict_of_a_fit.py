@@ -98,6 +98,7 @@ def test_the_intervals_are_those_of_small_errors_by_the_models_derivatives():
             assert own.high - own.low == pytest.approx(2 * 1.96 * abs(slope), rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_force_drop_is_the_strings_force_by_the_levers_of_jack_and_finger():
     made = {i.name: i for i in predicted(RIG, distribution(1e-6)).intervals}
     press = predict(RIG)

@@ -7,15 +7,11 @@ import matplotlib
 import numpy as np
 import pytest
 
-from benchmarks.campaign import write_presses
-from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.campaign.touch import FELT, find_touch
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.touch import touch_figure
-from sautereau.analysis.model.predict import predict
 from sautereau.analysis.results.touch import JudgedTouch
-from sautereau.rig.load import load_rig, with_values
 from tests.budget import slow
 
 EXPONENTS = {"release_force": (1.5, 0.0), "force_slope": (2.0, 0.0), "force_drop": (1.5, 0.7)}
@@ -227,27 +223,6 @@ def test_too_few_presses_are_refused():
     mute = [row | dict.fromkeys(FELT) | {"plucks": 0} for row in rows]
     with pytest.raises(AnalysisError, match="presses without a pluck: 3"):
         find_touch(campaign_of(mute))
-
-
-@pytest.mark.slow
-def test_exponents_of_simulated_presses_are_those_of_the_model(tmp_path):
-    write_presses(tmp_path / "presses", 8, 2, 2)
-    found = find_touch(run_campaign(tmp_path / "presses", tmp_path / "table.parquet").campaign)
-    columns, expected = [], []
-    for plectrum in found.plectra:
-        shape = {name: plectrum.shape[f"plectrum_{name}"] for name in ("thickness", "overlap")}
-        rig = with_values(load_rig(), {f"plectrum.{k}": f"{v} m" for k, v in shape.items()})
-        model = predict(rig)
-        held = (model.time > model.contact) & (model.time < model.release)
-        last = np.flatnonzero(model.string_force > 0)[-1]
-        slope = np.polyfit(model.deflection[held], model.finger_force[held], 1)[0]
-        drop = model.finger_force[last] - model.finger_force[last + 1]
-        columns.append([1.0, *np.log(list(shape.values()))])
-        expected.append(np.log([model.release_force, slope, drop]))
-    true = np.linalg.lstsq(np.array(columns), np.array(expected), rcond=None)[0]
-    for name, exponent in zip(FELT, true[1], strict=True):
-        thickness = found.felt[name].exponents["plectrum_thickness"]
-        assert thickness.value == pytest.approx(exponent, rel=0.1)
 
 
 def test_plectra_of_one_session_are_one_session():

@@ -94,6 +94,7 @@ def test_a_key_that_stays_down_and_a_drifting_force_are_named(pressed):
     assert health_of(changed(rest_force=None, full_rise=None, end_rise=None)).reason == ""
 
 
+@pytest.mark.slow
 def test_a_session_with_a_hanging_jack_stops_and_continues(sautereau, servo, tmp_path):
     """Before, presses 2 to 5 pressed air, and ISO 9283 was evaluated over all five."""
     scene = tmp_path / "hanging.toml"

@@ -171,6 +171,7 @@ def test_a_finished_session_is_extended(sautereau, tmp_path, bare, rig_file):
     every_press_once(tmp_path / "out", 3)
 
 
+@pytest.mark.slow
 def test_the_press_after_a_lift_is_an_outlier_and_no_part_of_the_results(
     sautereau, servo, tmp_path
 ):

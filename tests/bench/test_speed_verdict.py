@@ -25,6 +25,7 @@ def spinet(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_session_that_does_not_keep_its_speed_says_so(sautereau, spinet, servo, tmp_path):
     """The jack loses a third of its speed, where the rounded plan has an error of 0.027 %."""
     words = ("press", spinet, "--scene", servo, "--seed", 1, "--warm-up", 0, "--out", "out")

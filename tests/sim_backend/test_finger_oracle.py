@@ -138,6 +138,7 @@ def test_endless_changes_of_contact_are_refused_and_end_with_shorter_steps():
     moved(rig, scene.model_copy(update={"step": 1e-5}), reference)
 
 
+@pytest.mark.slow
 def test_a_heavy_jack_does_not_rebound_from_the_finger():
     """10.8 times the key's inertia; with the iterations of other steps it flew off by 10 mm."""
     compare_rigid("ideal", 24)

@@ -10,6 +10,7 @@ from benchmarks.stability import (
 )
 from sautereau.rig.load import load_rig
 from sautereau.rig.progress import progress_to
+from tests.budget import slow
 
 RIG = load_rig()
 GRID = {(case.name, case.scene.engine): case for case in grid(RIG)}
@@ -21,13 +22,14 @@ QUICK = [
 """Cases that take a fraction of a second each."""
 
 
+@pytest.mark.slow
 def test_pushes_converge_or_are_refused_and_never_fail_silently():
     found = run_stability(RIG, QUICK[::20])
     assert not with_verdict(found, "failed"), stability_text(found)
     assert len(with_verdict(found, "converged")) > len(found) / 2
 
 
-@pytest.mark.parametrize("part", ["bending", "play", "modal string"])
+@pytest.mark.parametrize("part", ["bending", slow("play"), slow("modal string")])
 def test_scenes_without_an_exact_solution_are_compared_with_shorter_steps(part):
     assert judge(RIG, GRID[f"push, {part}", "rigid"]).verdict == "converged"
     assert (f"push, {part}", "exact") not in GRID
