@@ -131,6 +131,7 @@ def test_stop_during_pvt_forgets_the_rest(bench):
     bench.run()
     assert bench.number("_PVA") == 255
     assert bench.number("_SCA") == 4
+    assert bench.refusal("BTA") == 24  # nothing is left
     bench.assert_smooth()
 
 
