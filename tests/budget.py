@@ -1,11 +1,16 @@
-"""What `make test` leaves to `make test-all`: most examples of hypothesis, and slow parameters."""
+"""What `make test` leaves to `make test-all`: most examples of hypothesis, and slow parameters.
+
+`SAUTEREAU_STUDIES=1 make test-all` draws studies at random in their full size, which takes hours.
+"""
+
+import os
 
 import pytest
 from hypothesis import settings
 
 FEW = settings(max_examples=20, deadline=None, derandomize=True)
 settings.register_profile("few", FEW)
-settings.register_profile("many", max_examples=200, deadline=None)
+settings.register_profile("many", max_examples=100, deadline=None)
 
 
 def examples(few: int, many: int) -> settings:
@@ -16,3 +21,8 @@ def examples(few: int, many: int) -> settings:
 def slow(*values: object):
     """Return values of parameters with which a test is slow."""
     return pytest.param(*values, marks=pytest.mark.slow)
+
+
+def amount(usual: int, study: int) -> int:
+    """Return the size of a slow study: the large one where full studies are requested."""
+    return study if os.environ.get("SAUTEREAU_STUDIES") else usual

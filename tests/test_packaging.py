@@ -78,6 +78,7 @@ def test_the_wheel_holds_the_packages_and_nothing_else(built):
     assert {"sautereau/rig/paper.toml", "sautereau/sim_backend/scenes/paper.toml"} <= held
 
 
+@pytest.mark.slow
 def test_the_sdist_is_complete_and_small(built, tmp_path):
     """A wheel built from the sdist is the same, to the byte."""
     wheel, sdist = built

@@ -65,6 +65,7 @@ def test_a_report_of_a_session(run, session):
     assert "Session session" in page
 
 
+@pytest.mark.slow
 def test_a_session_is_resumed(run, session):
     (session / PRESSES[1].name).unlink()
     kept = (session / PRESSES[0].name).read_bytes()

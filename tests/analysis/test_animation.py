@@ -26,6 +26,7 @@ from sautereau.rig.load import load_rig
 from sautereau.rig.progress import progress_to
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import draft_press
+from tests.budget import slow
 from tests.plots import texts
 
 
@@ -145,7 +146,7 @@ def test_without_ffmpeg_an_mp4_is_refused(tmp_path, scene, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the stand-in for ffmpeg is a script of sh")
-@pytest.mark.parametrize("reads", [True, False])
+@pytest.mark.parametrize("reads", [slow(True), False])
 def test_an_ffmpeg_that_fails_is_quoted(tmp_path, scene, monkeypatch, reads):
     tool = tmp_path / "ffmpeg"
     eat = "cat > /dev/null\n" if reads else ""

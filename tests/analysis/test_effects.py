@@ -174,7 +174,7 @@ def presses(write_session, tmp_path_factory):
     """Presses of a design whose force is 5 % larger at the level `thick`."""
     folder, paths = tmp_path_factory.mktemp("design"), []
     factors = {"plectrum": {"thick": {}, "thin": {}}, "hold": ["point", "normal"]}
-    rows = st.design(factors, 2, block="plectrum", seed=1, set_ups=2).rows(RIG)
+    rows = st.design(factors, block="plectrum", seed=1, set_ups=2).rows(RIG)
     for number, row in enumerate(rows, 1):
         scale = 1.05 if row.levels["plectrum"] == "thick" else 1.0
         paths += write_session(
@@ -183,6 +183,7 @@ def presses(write_session, tmp_path_factory):
     return paths
 
 
+@pytest.mark.slow
 def test_of_recordings_in_python_and_as_a_command(presses, tmp_path, monkeypatch, capfd):
     found = Session(presses).effects(["release_force", "force_slope"])
     effect = found_in(found.fitted["release_force"])["plectrum", "thin"]

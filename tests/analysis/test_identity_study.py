@@ -11,6 +11,7 @@ from sautereau.analysis.phases import find_phases
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.errors import SceneError
+from tests.budget import amount
 from tests.spinet import spinet_press
 
 APART = 2e-3  # s, distance of contacts or releases from which plucks differ
@@ -107,7 +108,7 @@ def test_a_few_presses_of_two_strings():
 def test_three_hundred_presses_of_two_strings():
     """99 % of the claims are right, and 90 % of the plucks that differ have one."""
     pytest.importorskip("numba")  # without it the independent simulator takes half a minute
-    each = [studied(make, range(150)) for make in (of_the_stand_in, of_the_independent)]
+    each = [studied(make, range(amount(24, 150))) for make in (of_the_stand_in, of_the_independent)]
     right, claims, claimed, differing = sum(each)
     assert right >= 0.99 * claims, each
     assert claimed >= 0.90 * differing, each

@@ -11,11 +11,12 @@ from sautereau.analysis.results.outlined import outline
 from sautereau.analysis.results.prediction import OF_OUTLINE, of_outline, quantities
 from sautereau.analysis.results.rig import Rig
 from sautereau.rig.instrument import Outline, OutlineMember
+from tests.budget import amount, slow
 
 LIMITS = {"plectrum_force": 0.01, "work": 0.02, "release_angle": 0.03}
 """Relative, up to `FINE`; three times that up to 10 um a pixel."""
 FINE = 4.0  # um a pixel
-CASES, SEED = 60, 47
+CASES, SEED = amount(10, 60), 47
 
 
 def member(edges, scale=1.0, kind=OutlineMember, **more):
@@ -77,7 +78,7 @@ def errors(true, seen, level):
     return {name: found[name] / exact[name] - 1 for name in LIMITS}, exact
 
 
-@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("number", [1, slow(2)])
 def test_the_press_of_a_micrograph(tmp_path, number):
     pixel, true, seen, warnings = case(number, tmp_path)
     assert not warnings

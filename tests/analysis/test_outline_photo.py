@@ -13,6 +13,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.results.outlined import outline
 from sautereau.rig.disk import named_text
 from sautereau.rig.load import load_rig
+from tests.budget import slow
 
 STRONG = (0.3, -0.25, 0.2)
 
@@ -34,8 +35,10 @@ def clicked(drawn, off=(0.0, 0.0)):
 
 
 @pytest.mark.parametrize("jack", [True, False])
-@pytest.mark.parametrize(("left", "upside_down"), [(False, False), (True, True), (False, True)])
-@pytest.mark.parametrize(("pixel", "tilt"), [(4e-3, 7.5), (9e-3, -6.0)])
+@pytest.mark.parametrize(
+    ("left", "upside_down"), [(True, True), slow(False, False), slow(False, True)]
+)
+@pytest.mark.parametrize(("pixel", "tilt"), [(9e-3, -6.0), slow(4e-3, 7.5)])
 def test_the_outline_is_that_of_the_drawing(tmp_path, jack, left, upside_down, pixel, tilt):
     """To a tenth of a pixel in thickness and half a pixel in place."""
     drawn, photo = photograph(
@@ -211,7 +214,13 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("name", BAD)
+QUICK = (
+    "one brightness", "noise", "a disc", "many objects", "two plectra", "tip cut off",
+    "out of focus", "clamp outside", "no clamp", "another length", "no picture",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [n if n in QUICK else slow(n) for n in BAD])
 def test_a_bad_picture_is_refused_or_warned_about(tmp_path, name):
     make, reason = BAD[name]
     path, own = make(tmp_path)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.phases import covered, study
+from benchmarks.phases import study
 from benchmarks.simulated import random_case, sensed, simulated_press
 from sautereau.analysis.phases import find_phases
 from sautereau.rig.load import load_rig, with_values
@@ -131,23 +131,6 @@ def test_what_an_interpolated_inertia_leaves_is_called_doubtful():
     found = find_phases(press)
     assert all(held.doubtful and held.force_drop < 0.02 for held in found.plucks)
     assert bool(found.plucks) == any("may be no pluck" in text for text in found.warnings)
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(3600)
-def test_a_thousand_random_presses():
-    found = study(range(1000))
-    wrong = {seed: one for seed, one in enumerate(found) if not one.right}
-    assert len(wrong) <= 5, wrong
-    for seed in (seed for seed, one in wrong.items() if not len(one.truth)):
-        press, _ = simulated_press(*random_case(seed), seed)
-        assert all(held.doubtful for held in find_phases(press).plucks)
-    errors = np.concatenate([one.errors for one in found])
-    for error, std in (errors[:, ::2].T, errors[:, 1::2].T):
-        assert np.median(np.abs(error)) <= 0.1e-3
-        assert np.quantile(np.abs(error), 0.99) <= 0.5e-3
-        assert 0.60 <= covered(error, std, 1.0) <= 0.76
-        assert 0.90 <= covered(error, std, 1.96) <= 0.99
 
 
 def test_the_same_press_with_other_noise_scatters_as_its_uncertainty():

@@ -98,6 +98,7 @@ def test_the_intervals_are_those_of_small_errors_by_the_models_derivatives():
             assert own.high - own.low == pytest.approx(2 * 1.96 * abs(slope), rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_force_drop_is_the_strings_force_by_the_levers_of_jack_and_finger():
     made = {i.name: i for i in predicted(RIG, distribution(1e-6)).intervals}
     press = predict(RIG)
@@ -106,6 +107,7 @@ def test_the_force_drop_is_the_strings_force_by_the_levers_of_jack_and_finger():
     assert made["force_drop"].value == pytest.approx(string * lever, rel=0.01)
 
 
+@pytest.mark.slow
 def test_correlated_errors_that_cancel_leave_a_narrow_interval():
     """More overlap and less stiffness: along their line the force at release does not change."""
     names = (OVERLAP, "plectrum.bending_stiffness")
@@ -131,6 +133,7 @@ def test_what_is_undetermined_or_too_uncertain_is_refused():
         predicted(RIG, distribution(1e-2))
 
 
+@pytest.mark.slow
 def test_a_friction_is_drawn_above_0():
     """Friction raises the force at release: that of the fitted 0 is the least one."""
     made = predicted(RIG, of(["plectrum.friction"], [0.0], [[0.1**2]], 0.0, 0.5))

@@ -241,6 +241,7 @@ def test_a_rig_of_another_instrument_is_named(four):
     assert condition.comparison.unlike_rig == ()
 
 
+@pytest.mark.slow
 def test_processes_read_the_same(four):
     folder, presses = four
     read, faults = st.open(folder).readable(processes=2)

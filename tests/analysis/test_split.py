@@ -277,6 +277,7 @@ def test_a_table_of_presses_becomes_recordings_that_are_analysed(paper, one, tmp
     assert run("campaign", tmp_path / "presses", "--out", tmp_path / "c.parquet") == 0
 
 
+@pytest.mark.slow
 def test_several_presses_in_the_force_alone_are_said(one, record):
     signals, _ = joined([one] * 2, [0.2, 0.6, 0.3])
     path = record(signals, "velocity")

@@ -13,6 +13,7 @@ from sautereau.analysis.session.analysed import analyse_file
 from sautereau.rig.instrument import Choir, Outline
 from sautereau.rig.keys import InstrumentKey
 from sautereau.rig.load import load_rig, with_values
+from tests.budget import amount
 
 
 def instrument(count=25, uneven=None, random=0.01):
@@ -91,7 +92,9 @@ def compass(rng, count=61):
     return keys, f"k{twice}"
 
 
-@pytest.mark.parametrize("tables", [1, pytest.param(24, marks=pytest.mark.timeout(1800))])
+@pytest.mark.parametrize(
+    "tables", [1, pytest.param(amount(6, 24), marks=pytest.mark.timeout(1800))]
+)
 @pytest.mark.slow
 def test_a_plectrum_cut_twice_as_deep_is_an_outlier(tables):
     """At least 95 % of those are; of the other keys at most 2 %."""

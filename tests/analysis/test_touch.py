@@ -7,14 +7,11 @@ import matplotlib
 import numpy as np
 import pytest
 
-from benchmarks.campaign import write_presses
-from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.table import empty_campaign
 from sautereau.analysis.campaign.touch import FELT, find_touch
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.model.predict import predict
 from sautereau.analysis.results.touch import JudgedTouch
-from sautereau.rig.load import load_rig, with_values
+from tests.budget import slow
 
 EXPONENTS = {"release_force": (1.5, 0.0), "force_slope": (2.0, 0.0), "force_drop": (1.5, 0.7)}
 """Of thickness and overlap."""
@@ -60,7 +57,7 @@ def found():
     return find_touch(campaign_of(rows_of()))
 
 
-@pytest.mark.parametrize("font", ["DejaVu Sans", "DejaVu Sans Mono"])
+@pytest.mark.parametrize("font", ["DejaVu Sans", slow("DejaVu Sans Mono")])
 def test_no_title_leaves_its_half_of_the_figure(found, font):
     """Fonts that matplotlib brings along."""
     with matplotlib.rc_context({"font.family": font}):
@@ -183,7 +180,7 @@ def test_exponents_are_not_biased_by_presses_without_a_drop():
         (rows_of(1, 2, 3), "all plectra have the same shape"),
         (rows_of(3, 2, 3), "which need 4"),
         (rows_of(5, 2, 3, together=True), "vary together"),
-        (rows_of(5, 1, 3), "no plectrum has two sessions"),
+        slow(rows_of(5, 1, 3), "no plectrum has two sessions"),
         (rows_of(5, 2, 1), "no plectrum has two sessions"),
     ],
 )
@@ -225,27 +222,6 @@ def test_too_few_presses_are_refused():
     mute = [row | dict.fromkeys(FELT) | {"plucks": 0} for row in rows]
     with pytest.raises(AnalysisError, match="presses without a pluck: 3"):
         find_touch(campaign_of(mute))
-
-
-@pytest.mark.slow
-def test_exponents_of_simulated_presses_are_those_of_the_model(tmp_path):
-    write_presses(tmp_path / "presses", 8, 2, 2)
-    found = find_touch(run_campaign(tmp_path / "presses", tmp_path / "table.parquet").campaign)
-    columns, expected = [], []
-    for plectrum in found.plectra:
-        shape = {name: plectrum.shape[f"plectrum_{name}"] for name in ("thickness", "overlap")}
-        rig = with_values(load_rig(), {f"plectrum.{k}": f"{v} m" for k, v in shape.items()})
-        model = predict(rig)
-        held = (model.time > model.contact) & (model.time < model.release)
-        last = np.flatnonzero(model.string_force > 0)[-1]
-        slope = np.polyfit(model.deflection[held], model.finger_force[held], 1)[0]
-        drop = model.finger_force[last] - model.finger_force[last + 1]
-        columns.append([1.0, *np.log(list(shape.values()))])
-        expected.append(np.log([model.release_force, slope, drop]))
-    true = np.linalg.lstsq(np.array(columns), np.array(expected), rcond=None)[0]
-    for name, exponent in zip(FELT, true[1], strict=True):
-        thickness = found.felt[name].exponents["plectrum_thickness"]
-        assert thickness.value == pytest.approx(exponent, rel=0.1)
 
 
 def test_plectra_of_one_session_are_one_session():

@@ -104,6 +104,7 @@ def _mean_speed(rows):
     return np.exp(np.mean(np.log([row["jack_speed"] for row in rows])))
 
 
+@pytest.mark.slow
 def test_a_speed_of_each_plectrum_alone_costs_a_degree_of_freedom():
     rows = rows_of(7, 2, 4)
     for row in rows:
@@ -123,6 +124,7 @@ def test_a_table_with_wrong_numbers_of_a_shape_is_refused():
         assert fault.startswith(f"plectrum_tip_compliance: {said}")
 
 
+@pytest.mark.slow
 def test_thirds_of_the_plectra_are_ordered_by_their_force():
     found = find_touch(campaign_of(rows_of(7, 2, 3)))
     force = {p.name: p.felt["release_force"].value for p in found.plectra}

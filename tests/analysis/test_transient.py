@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from benchmarks.independent import ONE_FACTOR, press
 from benchmarks.simulated import judged_press, simulated_press
-from benchmarks.transient import true_phases, truth_of
+from benchmarks.transient import true_phases
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.results.transient import Transient
@@ -63,18 +63,6 @@ def found_in(pressed, examined):
 
 def of(source, found):
     return [each.oscillation for each in found if each.source is source]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["all stiff", "key bends at 350 Hz"])
-def test_what_is_decided_is_right(found_in, name):
-    found, made = found_in(name)
-    decided = [each for each in found if each.source]
-    assert decided
-    assert all(truth_of(each.oscillation, made) in (each.source, None) for each in decided)
-    for each in found:
-        assert sum(each.probability.values()) == pytest.approx(1)
-        assert (each.source is None) == bool(each.deciding)
 
 
 def test_the_string_is_found_while_it_is_held(found_in):

@@ -115,7 +115,7 @@ UNEXPECTED = {
 """Conditions, values of the rig that differ from them, and what is said."""
 
 
-QUICK = ("force twice", "arm 25 % long", "force late", "bare rail")
+QUICK = ("force twice", "force late")
 """What is tested on a stiff key in the quick tests too."""
 
 

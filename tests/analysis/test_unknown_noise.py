@@ -31,6 +31,7 @@ def test_a_model_fits_if_the_noise_is_known(noise, reasons, fits, verdict):
     assert verdict in good.verdict
 
 
+@pytest.mark.slow
 def test_a_ramp_without_rest(tmp_path, paper):
     """No press, and 125 mN are left: it is unknown whether the model fits."""
     n = 1000

@@ -19,6 +19,7 @@ from sautereau.analysis.results.prediction import OF_OUTLINE, quantities
 from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.results.voiced import SENSITIVE, voice
 from sautereau.rig.instrument import Choir, Outline, OutlineMember
+from tests.budget import amount
 
 RIG = Rig().values
 NAMES = ("force_drop", "work", "release_angle")
@@ -126,7 +127,7 @@ def drawn_target(rng):
 def test_twenty_targets_are_reached():
     """Solved again by `fe`: force to 1 %, work to 2 %."""
     rng = np.random.default_rng(20)
-    for _ in range(20):
+    for _ in range(amount(4, 20)):
         rig, name, target, text = drawn_target(rng)
         found = voice(rig, [f"{name} {text}"], intervals=False)
         reached = values(found.after)[name]

@@ -110,19 +110,23 @@ def test_questions_of_a_plan_are_answered_in_advance(quick, tmp_path, capsys):
         assert press["notes"] == ", ".join(row["answer"] for row in questions)
         return [(row["answer"], row["by"]) for row in questions]
 
-    quick.press(plan, out=tmp_path / "a")
+    quick.press(plan, warm_up=0, out=tmp_path / "a")
     assert answered(tmp_path / "a") == [("quill", "the stand-in"), ("", "the stand-in")]
     assert "Its name? quill (by the stand-in)" in capsys.readouterr().err
     for _ in range(2):  # the second time, the session has noted them
-        quick.press(plan, out=tmp_path / "b", answers={"Its": ["delrin", "other"]})
+        quick.press(plan, warm_up=0, out=tmp_path / "b", answers={"Its": ["delrin", "other"]})
     assert answered(tmp_path / "b") == [("delrin", "answers"), ("other", "answers")]
     assert capsys.readouterr().err.count("delrin (by answers)") == 1
     with pytest.raises(RobotError, match=r'presses\.2\.answer: "other" then, "more" now'):
-        quick.press(plan, out=tmp_path / "b", answers={"Its": ["delrin", "more"]})
+        quick.press(plan, warm_up=0, out=tmp_path / "b", answers={"Its": ["delrin", "more"]})
     with pytest.raises(RobotError, match=r"question 2 of 'Its'[\s\S]*'Which\?': no such question"):
-        quick.press(plan, out=tmp_path / "c", answers={"Its": ["delrin"], "Which?": "this"})
+        quick.press(
+            plan, warm_up=0, out=tmp_path / "c", answers={"Its": ["delrin"], "Which?": "this"}
+        )
     with pytest.raises(RobotError, match=r"'Which\?': no such question"):
-        quick.press(plan, out=tmp_path / "d", answers={"Its": "delrin", "Which?": "this"})
+        quick.press(
+            plan, warm_up=0, out=tmp_path / "d", answers={"Its": "delrin", "Which?": "this"}
+        )
 
 
 @pytest.mark.slow
@@ -164,6 +168,7 @@ def test_a_plan_as_a_program_continues_after_a_kill(bare, quick_rig, tmp_path):
         quick.press(lambda: st.press(2), out=tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_learning_continues_with_its_engine(bare, quick_rig, tmp_path):
     """The engine of version 0.1, where `auto` is another one now."""
     rigid = load_scene(str(bare)).model_copy(update={"engine": "rigid"})
@@ -231,8 +236,3 @@ def test_learning_is_a_call_of_the_bench(quick_rig, tmp_path):
     assert learned.errors[0] < 1e-3
     assert (learned.path, len(learned.session), learned.simulated) == (None, 1, True)
     assert len(repr(learned)) < 200
-
-
-def test_a_packaged_rig_does_not_move_the_hardware():
-    with pytest.raises(RigError, match="only with a rig file of your own"):
-        st.bench("paper")

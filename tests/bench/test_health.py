@@ -11,6 +11,7 @@ from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.health import Health, health_of
 from sautereau.sim_backend.fault_tables import Faults
 from sautereau.sim_backend.scene import load_scene
+from tests.budget import slow
 
 SOFT = {"step": 5e-4}
 HANGING = {"jack.register_friction": "40 mN"}
@@ -69,7 +70,7 @@ def test_a_key_that_sinks_is_named(pressed):
     ("quantity", "said"),
     [
         ("force", "the force transducer has the wrong sign; invert it at its amplifier"),
-        ("velocity", "check the vibrometer's aim and sign"),
+        slow("velocity", "check the vibrometer's aim and sign"),
     ],
 )
 def test_a_sensor_of_the_wrong_sign_is_named_after_the_first_press(pressed, quantity, said):
@@ -93,6 +94,7 @@ def test_a_key_that_stays_down_and_a_drifting_force_are_named(pressed):
     assert health_of(changed(rest_force=None, full_rise=None, end_rise=None)).reason == ""
 
 
+@pytest.mark.slow
 def test_a_session_with_a_hanging_jack_stops_and_continues(sautereau, servo, tmp_path):
     """Before, presses 2 to 5 pressed air, and ISO 9283 was evaluated over all five."""
     scene = tmp_path / "hanging.toml"

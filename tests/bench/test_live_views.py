@@ -283,6 +283,7 @@ def test_the_views_run_in_their_own_process(capfd, monkeypatch):
     assert "the lid was open" in shown
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("patient")
 def test_views_that_are_killed_stop_nothing_and_are_reported(capsys):
     with watching("rig", in_terminal=True, to_foxglove=False) as watch:

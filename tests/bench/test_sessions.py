@@ -24,7 +24,7 @@ from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 from sautereau.trajectory.timing import press_law
-from tests.budget import slow
+from tests.budget import amount
 
 
 def names(out: Path) -> list[str]:
@@ -75,9 +75,9 @@ def every_press_once(out, presses):
     ("presses", "kills"),
     [
         (2, 1),
-        slow(4, 2),
-        slow(12, 3),
-        pytest.param(1000, 10, marks=[pytest.mark.slow, pytest.mark.timeout(7200)]),
+        pytest.param(
+            amount(10, 1000), amount(3, 10), marks=[pytest.mark.slow, pytest.mark.timeout(7200)]
+        ),
     ],
 )
 def test_killed_at_random_moments_and_resumed(
@@ -144,7 +144,7 @@ def test_a_recovered_fragment_is_not_a_press_of_the_session(sautereau, tmp_path,
 def test_another_plan_in_the_same_folder_is_refused_with_the_differences(
     sautereau, tmp_path, bare, rig_file
 ):
-    rig, out = rig_file(), ("--out", "out")
+    rig, out = rig_file(), ("--warm-up", 0, "--out", "out")
     assert sautereau("press", rig, "--scene", bare, *out, "-n", 2, "--seed", 1).returncode == 0
     before = names(tmp_path / "out")
     done = sautereau("press", rig, "--scene", "ideal", *out, "-n", 1, "--seed", 2)
@@ -159,18 +159,19 @@ def test_another_plan_in_the_same_folder_is_refused_with_the_differences(
 
 def test_a_finished_session_is_extended(sautereau, tmp_path, bare, rig_file):
     rig = rig_file()
-    words = ("press", rig, "--scene", bare, "--out", "out", "--json", "-n")
-    assert json.loads(sautereau(*words, 2).stdout)["left"] == 0
+    words = ("press", rig, "--scene", bare, "--warm-up", 0, "--out", "out", "--json", "-n")
+    assert json.loads(sautereau(*words, 1).stdout)["left"] == 0
     made = fingerprints(tmp_path / "out")
-    answer = json.loads(sautereau(*words, 3).stdout)
-    assert [press["item"] for press in answer["presses"]] == [1, 2, 3]
+    answer = json.loads(sautereau(*words, 2).stdout)
+    assert [press["item"] for press in answer["presses"]] == [1, 2]
     assert answer["left"] == 0
-    every_press_once(tmp_path / "out", 3)
+    every_press_once(tmp_path / "out", 2)
     assert made.items() <= fingerprints(tmp_path / "out").items()
-    st.stand_in(rig, bare).press(4, out=tmp_path / "out")
-    every_press_once(tmp_path / "out", 4)
+    st.stand_in(rig, bare).press(3, out=tmp_path / "out", warm_up=0)
+    every_press_once(tmp_path / "out", 3)
 
 
+@pytest.mark.slow
 def test_the_press_after_a_lift_is_an_outlier_and_no_part_of_the_results(
     sautereau, servo, tmp_path
 ):

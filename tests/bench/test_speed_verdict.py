@@ -25,9 +25,10 @@ def spinet(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_session_that_does_not_keep_its_speed_says_so(sautereau, spinet, servo, tmp_path):
     """The jack loses a third of its speed, where the rounded plan has an error of 0.027 %."""
-    words = ("press", spinet, "--scene", servo, "--seed", 1, "--out", "out")
+    words = ("press", spinet, "--scene", servo, "--seed", 1, "--warm-up", 0, "--out", "out")
     result = json.loads(sautereau(*words, "--json").stdout)
     (press,) = result["presses"]
     speed = press["held_speed"]
@@ -38,10 +39,6 @@ def test_a_session_that_does_not_keep_its_speed_says_so(sautereau, spinet, servo
     (warning,) = (w for w in result["conditions"][0]["warnings"] if "jack speed" in w)
     assert "press.speed_tolerance 0.5 %: not reached in 1 of 1 presses; learn" in warning
 
-    text = sautereau(*words).stdout  # the press is in the folder: the summary alone
-    assert "not reached in 1 of 1 presses" in " ".join(text.split())
-    text = sautereau("phases", "out").stdout
-    assert f" {speed['mean']:.5f} {100 * speed['rms_error']:>5.3g} " in text
     session = st.open(tmp_path / "out")
     row = session.features.iloc[0]
     assert row["held_speed_error"] == speed["rms_error"]
@@ -58,7 +55,7 @@ def test_a_correction_that_has_gone_stale_says_so(sautereau, rig_file, servo, tm
     path = tmp_path / "learned.json"
     before = load_rig(rig_file(overlap='"0.2 mm"'))
     write_learned(path, before, LearnedCorrection(nothing, 0.003, 0.5), [0.07, 0.003])
-    words = ("press", rig_file(), "--scene", servo, "--seed", 1, "--out", "out")
+    words = ("press", rig_file(), "--scene", servo, "--seed", 1, "--warm-up", 0, "--out", "out")
     words += ("--learned", path)
     result = json.loads(sautereau(*words, "--json").stdout)
     load, stale = (w for w in result["warnings"] if "learned correction" in w)
@@ -73,7 +70,7 @@ def test_a_correction_that_has_gone_stale_says_so(sautereau, rig_file, servo, tm
     done = sautereau(*words)
     assert "another load" in " ".join(done.stderr.split())  # before the arm moves
     assert "learned.json: it is stale" in " ".join(done.stdout.split())
-    session = st.stand_in(rig_file(), servo, 1).press(out=tmp_path / "out", learned=path)
+    session = st.stand_in(rig_file(), servo, 1).press(out=tmp_path / "out", warm_up=0, learned=path)
     assert session.warnings == tuple(result["warnings"])
 
 

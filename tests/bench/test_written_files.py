@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from tests.budget import slow
+
 LINKS = pytest.mark.skipif(sys.platform == "win32", reason="links need rights there")
 WORDS = {
     "plan": "plan paper --plot out.png",
@@ -23,7 +25,7 @@ def pressed(tmp_path, write_session):
 
 
 @LINKS
-@pytest.mark.parametrize("name", WORDS)
+@pytest.mark.parametrize("name", ["plan", "animate", "export", slow("phases"), slow("listen")])
 def test_no_link_is_followed_and_no_file_replaced_without_force(sautereau, pressed, name):
     words = WORDS[name].split()
     target, out = pressed / "victim", pressed / words[-1]

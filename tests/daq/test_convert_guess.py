@@ -11,6 +11,7 @@ from scipy.io import wavfile
 from sautereau.commands.app import app
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
+from tests.budget import slow
 
 STARTED = "2026-02-03T04:05:06+01:00"
 V = {"column": {"velocity": "v"}, "unit": {"velocity": "V"}}
@@ -473,11 +474,11 @@ PACKED = np.arange(1, N + 1, dtype="i2")
 @pytest.mark.parametrize(
     ("attributes", "values"),
     [
-        ({}, PACKED),
-        ({"scale_factor": 0.1}, PACKED * 0.1),
-        ({"scale_factor": np.array([0.1])}, PACKED * 0.1),
+        slow({}, PACKED),
+        slow({"scale_factor": 0.1}, PACKED * 0.1),
+        slow({"scale_factor": np.array([0.1])}, PACKED * 0.1),
         ({"scale_factor": 0.1, "add_offset": 2.0}, PACKED * 0.1 + 2),
-        ({"add_offset": -1}, PACKED - 1.0),
+        slow({"add_offset": -1}, PACKED - 1.0),
         ({"conversion": 0.1, "offset": 2.0}, PACKED * 0.1 + 2),
         ({"_FillValue": np.int16(-1), "long_name": "speed"}, PACKED),
     ],
@@ -493,11 +494,11 @@ def test_packed_values(hdf5, bring, attributes, values):
     [
         ({"_FillValue": np.int16(3)}, "row 3"),
         ({"missing_value": np.array([7, 3], "i2"), "scale_factor": 0.1}, "2 rows"),
-        ({"_Unsigned": "true"}, "_Unsigned"),
+        slow({"_Unsigned": "true"}, "_Unsigned"),
         ({"scale_factor": 0.1, "conversion": 0.1}, "conversion, scale_factor"),
-        ({"scale_factor": "0.1"}, "scale_factor"),
-        ({"scale_factor": [0.1, 0.2]}, "scale_factor"),
-        ({"valid_range": [0, 1]}, "valid_range"),
+        slow({"scale_factor": "0.1"}, "scale_factor"),
+        slow({"scale_factor": [0.1, 0.2]}, "scale_factor"),
+        slow({"valid_range": [0, 1]}, "valid_range"),
         ({"Gain": 10.0}, "Gain"),
     ],
 )

@@ -1,5 +1,6 @@
 """Files of other programs become recordings, exactly or not at all."""
 
+import json
 import shutil
 import struct
 import wave
@@ -119,6 +120,35 @@ def test_an_export_that_has_changed_is_refused(tmp_path, back, complete_recordin
     assert "volts differ" in refused(table, back, None, NO_OPTIONS)
     (tmp_path / "table.csv.json").write_text("{}")
     assert "metadata cannot be read" in refused(table, back, None, NO_OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "word"),
+    [
+        ("rate", 0, "rate: 0.0 Hz is not from 0"),
+        ("rate", float("inf"), "rate: inf Hz"),
+        ("t0_ns", 10**30, "t0_ns"),
+        ("t0_ns", float("inf"), "cannot be read"),
+        ("first_sample", 2**60, "first_sample"),
+        ("events", [{"time": 0, "kind": "a", "text": ""}] * 200_000, "limit MOST_EVENTS = 100000"),
+        ("events", [{"time": float("nan"), "kind": "a", "text": ""}], "no finite time"),
+        ("plan", {"t": [0, 1], "q1": [0], "q2": [0], "jack_rise": [0]}, "plan: its columns must"),
+        ("rig", {}, "cannot be read"),
+        ("session", None, "cannot be read"),
+    ],
+)
+def test_metadata_of_an_export_beyond_what_a_recording_holds(
+    tmp_path, complete_recording, key, value, word
+):
+    table = tmp_path / "table.csv"
+    export(complete_recording, "csv", table, raw=True)
+    document = tmp_path / "table.csv.json"
+    document.write_text(json.dumps(json.loads(document.read_text()) | {key: value}))
+    with pytest.raises(RecordingError, match=word):
+        import_file(table, tmp_path / "back.mcap", rig=None, options=NO_OPTIONS)
+    document.write_text("[" * 100_000)
+    with pytest.raises(RecordingError, match="metadata cannot be read"):
+        import_file(table, tmp_path / "back.mcap", rig=None, options=NO_OPTIONS)
 
 
 def test_a_simulated_table_never_passes_for_measured(tmp_path, back, complete_recording, paper):

@@ -17,6 +17,7 @@ from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.errors import MissingExtraError
+from tests.budget import slow
 
 N, RATE = 400, 1000.0
 T = np.arange(N) / RATE
@@ -105,8 +106,10 @@ def read(path, *names):
     return source, [found[name] for name in names]
 
 
-@pytest.mark.parametrize("decimal", [".", ","])
-@pytest.mark.parametrize("columns", ["No", "One", "Multi"])
+@pytest.mark.parametrize(
+    ("columns", "decimal"),
+    [("No", "."), ("Multi", ","), slow("One", "."), slow("No", ","), slow("Multi", ".")],
+)
 def test_labview(tmp_path, columns, decimal):
     pytest.importorskip("lvm_read")
     path = tmp_path / "a.lvm"
@@ -242,7 +245,10 @@ def pickled():
     return file.getvalue()
 
 
-@pytest.mark.parametrize("name", FAULTS)
+QUICK = ("cut.lvm", "nested.lvm", "junk.unv", "junk.xlsx", "object.npy", "a.svd")
+
+
+@pytest.mark.parametrize("name", [n if n in QUICK else slow(n) for n in FAULTS])
 def test_damaged_and_hostile_files_are_refused_in_a_sentence(tmp_path, name):
     content, words = FAULTS[name]
     (tmp_path / name).write_bytes(content())

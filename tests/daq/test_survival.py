@@ -4,6 +4,8 @@ import os
 
 import pytest
 
+from tests.budget import amount
+
 LONG = [pytest.mark.slow, pytest.mark.timeout(1200)]
 LIMIT = round(0.25 * 51_200)  # Samples, that a kill may lose
 
@@ -14,8 +16,8 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="SIGKILL is POSIX's")
     ("kills", "pace", "block"),
     [
         (2, "paced", 1024),
-        pytest.param(100, "paced", 512, marks=LONG),
-        pytest.param(100, "unpaced", 1024, marks=LONG),
+        pytest.param(amount(20, 100), "paced", 512, marks=LONG),
+        pytest.param(amount(20, 100), "unpaced", 1024, marks=LONG),
     ],
 )
 def test_a_kill_loses_a_quarter_of_a_second_at_the_most(

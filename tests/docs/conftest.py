@@ -4,7 +4,17 @@ import pytest
 
 from tests.pages import ROOT, read_page
 
-LONG = ("bench", "campaigns", "choosing", "ci", "exchange", "first-press", "pictures", "transient")
+LONG = (
+    "README",
+    "bench",
+    "campaigns",
+    "choosing",
+    "ci",
+    "exchange",
+    "first-press",
+    "pictures",
+    "transient",
+)
 """Pages whose commands take many seconds, and are tested as commands elsewhere."""
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from sautereau.rig.errors import SautereauError
+from tests.budget import amount, slow
 from tests.fuzz.run import Wrong, one, run
 from tests.fuzz.targets import TARGETS
 
@@ -23,10 +24,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="processes are forked
 
 @pytest.mark.parametrize(
     ("name", "number"),
-    [
-        pytest.param(name, int(number), marks=() if name in QUICK else pytest.mark.slow)
-        for name, number in FOUND
-    ],
+    [(name, int(number)) if name in QUICK else slow(name, int(number)) for name, number in FOUND],
 )
 def test_what_failed_once(tmp_path, name, number):
     one(TARGETS[name]()(tmp_path), name, number)
@@ -38,10 +36,12 @@ IN_PROCESS = ("rig", "csv", "parquet", "wav", "tdms")
 """The others are read in a process of their own."""
 
 
-@pytest.mark.parametrize("name", [*IN_PROCESS, "npz", "mat", "h5", "lvm", "uff", "xlsx"])
+@pytest.mark.parametrize(
+    "name", [*IN_PROCESS, "npz", *map(slow, ("mat", "h5", "lvm", "uff", "xlsx"))]
+)
 def test_damaged_rigs_and_files_of_other_programs_are_refused_or_read_right(tmp_path, name):
     target = TARGETS[name]()(tmp_path)
-    for number in range(12 if name in IN_PROCESS else 2):  # read in a process of their own
+    for number in range(6 if name in IN_PROCESS else 2):  # read in a process of their own
         one(target, name, number)
 
 
@@ -70,8 +70,8 @@ def test_damaged_recordings_give_no_crash_no_hang_and_no_wrong_sample():
 @pytest.mark.parametrize("name", TARGETS)
 def test_a_short_run(name):
     """Cases that exceed a limit of time or memory count as failed."""
-    said = fuzzed(name, "--first", "0", "--seconds", "20")
-    assert int(re.search(r"(\d+) cases, 0 failed", said)[1]) > 5
+    said = fuzzed(name, "--first", "0", "--seconds", str(amount(6, 20)))
+    assert int(re.search(r"(\d+) cases, 0 failed", said)[1]) > 2
 
 
 class Target:

@@ -5,11 +5,13 @@ import sys
 
 import pytest
 
+from tests.budget import amount
 from tests.kills.commands import COMMANDS
 from tests.kills.disk import after_power_cut
 from tests.kills.run import Breaker
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it reads /proc")
+CUTS = amount(2, 4)
 CAREFUL = "make_folder(Path('a/b')); write_durably(Path('a/b/c'), 'new' * 9000)"
 CARELESS = {
     "not flushed": "Path('c.new').write_text('new' * 9000); os.replace('c.new', 'c')",
@@ -58,6 +60,6 @@ def test_what_is_not_flushed_is_lost(command_server, tmp_path, name):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_short_run(command_server, tmp_path, monkeypatch, name):
     monkeypatch.setenv("PYTHONUNBUFFERED", "1")
-    tally = Breaker(command_server, tmp_path, 0).run(name, 4, 4, print)
+    tally = Breaker(command_server, tmp_path, 0).run(name, CUTS, CUTS, print)
     assert tally.failures == []
-    assert (tally.kills, tally.cuts) == (4, 4)
+    assert (tally.kills, tally.cuts) == (CUTS, CUTS)

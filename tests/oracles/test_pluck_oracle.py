@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.budget import slow
 from tests.oracles.calculix import release
 from tests.oracles.cases import JACK_SPEED, arched, bars, outlines, wedge
 from tests.oracles.elastica import Bar
@@ -128,7 +129,7 @@ def test_a_tilted_bar_is_the_bar_turned():
 
 
 @pytest.mark.parametrize("contact", ["surface", "mid-line"])
-@pytest.mark.parametrize("friction", [0.0, 0.06, 0.2])
+@pytest.mark.parametrize("friction", [slow(0.0), slow(0.06), 0.2])
 def test_the_work_is_energy_and_losses(contact, friction):
     r = of_table_1(contact, friction)
     spent = r.string_energy + r.bending_energy + r.friction_loss + r.offset_work
@@ -136,6 +137,7 @@ def test_the_work_is_energy_and_losses(contact, friction):
     assert (r.friction_loss > 0) == (friction > 0)
 
 
+@pytest.mark.slow
 def test_the_work_is_energy_on_a_sloping_top_only_with_the_moment_of_the_surface():
     errors = []
     for surface_moment in (True, False):
@@ -196,6 +198,7 @@ def test_tighter_tolerances_change_nothing():
             assert getattr(a, quantity) == pytest.approx(getattr(b, quantity), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_table_is_this_solution():
     with (Path(__file__).parent / "plucks.csv").open() as file:
         rows = {row["case"]: row for row in csv.DictReader(file)}

@@ -227,7 +227,7 @@ for where, moment, pattern in (
     said = f"interrupted.*({OFF}|{NOT_OFF})"
     done = f"2 to 6 SIGINT or SIGTERM {moment}, about 20 ms apart"
     run = partial(burst, pattern=pattern)
-    FAULTS.append(Fault(f"signals in {where}", done, HOST, said, run, where == "the press"))
+    FAULTS.append(Fault(f"signals in {where}", done, HOST, said, run))
 
 
 @fault("a second host opens the same port", HOST, "another program uses it: end that", ports=SERIAL)

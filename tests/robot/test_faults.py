@@ -14,6 +14,7 @@ import pytest
 
 from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.load import load_rig
+from tests.budget import amount
 from tests.robot.fault_desk import Desk
 from tests.robot.injected_faults import ALONE, FAULTS, HOST, NOT_OFF, OFF, SOON
 from tests.robot.injected_host_faults import burst
@@ -54,7 +55,7 @@ def test_the_arm_ends_off_and_a_message_says_why(each, port, tmp_path, monkeypat
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(amount(4, 20)))
 def test_signals_at_any_time_leave_the_arm_off_and_say_so(
     seed, tmp_path, monkeypatch, command_server
 ):

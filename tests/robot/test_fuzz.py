@@ -1,16 +1,13 @@
 """Random bytes into the driver and into the emulated controller: no crash, no hang, no motion."""
 
-import contextlib
-
 import numpy as np
 import pytest
 
 from sautereau.robot.drivers.galil.driver import GalilController
-from sautereau.robot.drivers.galil.line import Line
 from sautereau.robot.errors import RobotError
 from sautereau.sim_backend.devices.galil.commands.table import HANDLERS
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
-from tests.budget import slow
+from tests.budget import amount, slow
 from tests.emulated import Encoders, ScriptedPort
 
 MEGABYTE = 1 << 20
@@ -87,9 +84,7 @@ def test_noise_into_the_controller(kind, size):
     assert firmware.receive(b"MG _MOA,_MOB\r") == b" 1.0000 1.0000\r\n:"
 
 
-@pytest.mark.parametrize(
-    "seed", [pytest.param(n, marks=pytest.mark.slow if n >= 20 else ()) for n in range(200)]
-)
+@pytest.mark.parametrize("seed", [*range(20), *map(slow, range(20, amount(40, 200)))])
 def test_noisy_programs_can_be_stopped(seed):
     """A program of random words runs in all the threads at once."""
     random = np.random.default_rng(seed)
@@ -104,26 +99,3 @@ def test_noisy_programs_can_be_stopped(seed):
     firmware.receive(b"EO 0\rAB\r")
     assert not firmware.watching
     assert firmware.receive(b"MG 4711\r").endswith(b" 4711.0000\r\n:")
-
-
-@pytest.mark.parametrize("kind", ["bytes", "text", "answers", "words"])
-@pytest.mark.parametrize("echo", [False, True])
-def test_noise_into_the_line(kind, echo):
-    """A megabyte in all."""
-    port = Noise(babble(kind, 1, MEGABYTE // 8), chunk=64)
-    line = Line(port, "noise", 0.0)
-    line.echo = echo
-    asks = [
-        lambda: line.ask("MG _TPA"),
-        lambda: line.read("_TPA", "_TPB"),
-        lambda: line.ask_packed(["PVA=1,2,3"] * 9),
-        lambda: line.send_unchecked(["AB", "MO AB"], "_MOA", "_MOB"),
-        lambda: line.download(["#A", "EN"]),
-    ]
-    turns = 0
-    while port.incoming:
-        for ask in asks:
-            with contextlib.suppress(RobotError):
-                ask()
-        turns += 1
-    assert turns < MEGABYTE

@@ -92,33 +92,6 @@ def test_a_correction_below_its_own_rounding_ends_learning():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"plectrum": "none", "string": "none"},
-        {"truth": {"jack.mass": "12 g"}},
-        {"truth": {"arm.lower_mass": "0.15 kg"}},
-        # Twice the string's force is learned to 1.7 % only where the servo's step is 0.5 ms.
-        {"truth": {"plectrum.thickness": "0.6 mm"}, "step": 2.5e-4},
-    ],
-)
-def test_a_deviation_from_the_rig_is_learned(tmp_path, changes):
-    learning, _ = learn_on("paper", tmp_path, 6, **changes)
-    assert min(learning.errors) < 0.01
-    assert learning.errors[-1] <= 1.5 * min(learning.errors)
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(3600)
-@pytest.mark.parametrize("seed", range(20))
-def test_no_seed_diverges(tmp_path, seed):
-    learning, _ = learn_on("paper", tmp_path, 6, seed=seed)
-    assert min(learning.errors) <= 0.01
-    assert max(learning.errors[1:]) < learning.errors[0]
-
-
-@pytest.mark.slow
 def test_an_ideal_finger_has_nothing_to_learn(tmp_path):
     learning, paths = learn_on("ideal", tmp_path, 6, step=1e-3)
     assert len(paths) < 6

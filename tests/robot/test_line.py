@@ -85,13 +85,6 @@ def test_another_echo_or_more_than_was_asked(line, heard, said):
         garbled.ask("SH AB")
 
 
-def test_unrequested_text_is_not_taken_for_an_answer(line):
-    unasked, port = line()
-    port.incoming = b"?7 BT AB\r\n"
-    with pytest.raises(GarbledAnswer, match=r"sent b'\?7 BT AB.*before it was asked 'SH AB'"):
-        unasked.ask("SH AB")
-
-
 @pytest.mark.parametrize("said", [OSError("gone"), OSError(5, "Input/output error")])
 def test_a_port_that_went_away(line, said):
     lost, _ = line(("MG _TPA", said))

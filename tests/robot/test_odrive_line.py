@@ -57,13 +57,6 @@ def test_noise_ends_in_errors_and_never_in_a_number(size):
     assert errors > size // 1000
 
 
-def test_unrequested_text_is_not_taken_for_an_answer():
-    port = Fed(framed("invalid property").encode())
-    port.in_waiting = 18
-    with pytest.raises(GarbledAnswer, match="before it was asked"):
-        OdriveLine(port, "port", 0.1).read("axis0.error")
-
-
 IDENTITY = ("Hardware version: 3.6-56V", "Firmware version: 0.5.6", "Serial number: 1")
 
 

@@ -11,6 +11,7 @@ from sautereau.robot.errors import MotionFault, SettingChanged
 from sautereau.robot.experiment.monitor import Stage
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.parts import ControllerUnit
+from tests.budget import slow
 from tests.presses import QUICK, mute_scene, press_on
 from tests.robot.motions import OFF, fails
 
@@ -66,7 +67,7 @@ def test_a_changed_setting_is_named_with_axis_and_values_and_nothing_moves(stand
 
 @pytest.mark.parametrize(
     ("stage", "press", "recorded"),
-    [("going to the start", None, 0), ("loading", 2, 1), ("going home", None, 2)],
+    [slow("going to the start", None, 0), ("loading", 2, 1), slow("going home", None, 2)],
 )
 def test_settings_are_read_before_each_motion_of_a_session(
     stand_in, send, tmp_path, stage, press, recorded

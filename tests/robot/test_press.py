@@ -52,10 +52,6 @@ def test_a_motion_never_played_is_cleared_before_the_next(bench, lines, segments
         controller.load(segments)
 
 
-def test_no_line_is_longer_than_the_controller_takes(lines):
-    assert max(len(sent) for sent, _ in lines.press) < 80
-
-
 def test_positions_and_identity(bench, lines):
     controller, _ = bench(lines.connect, [("MG _TPA,_TPB", " -7.0000 12.0000\r\n:")])
     assert controller.connect() == controller.identity == "DMC4020 Rev 1.3c-SIM"

@@ -51,6 +51,7 @@ def proven(truth=None, faults=None):
     return found
 
 
+@pytest.mark.slow
 def test_a_force_chain_as_in_the_rig_is_proven():
     found = proven()
     assert found.warnings == ()
@@ -81,6 +82,7 @@ def test_a_delay_off_by_1_ms_is_measured():
     assert with_values(load_rig(), found.plain).daq.channels[1].delay_std < 25e-6
 
 
+@pytest.mark.slow
 def test_a_wrong_sign_is_named_and_no_scale_written():
     found = proven({"arm.fixture_mass": "5 g"}, {"sensor_sign": {"quantity": "force"}})
     assert found.figures["gain"] == pytest.approx(-1, rel=1e-3)
@@ -188,6 +190,7 @@ def test_the_command_reads_a_recording(tmp_path, capsys):
     assert setup("paper", "tap", recording=[path], weight=MASS) == 2
 
 
+@pytest.mark.slow
 def test_taps_of_a_finger_with_a_fixture_are_doubted():
     rig = with_values(load_rig(), QUICK | {"arm.fixture_mass": "5 g"})
     with StandIn(rig, mute_scene(), seed=1) as served:

@@ -1,9 +1,6 @@
 """The arm's states: the calls that each allows, and the way out."""
 
 import pytest
-from hypothesis import settings
-from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from sautereau.robot.drivers.safety import WAYS_OUT, State, States
 from sautereau.robot.errors import NotReady
@@ -35,42 +32,6 @@ def test_a_refused_call_names_the_state_and_the_way_out(state, call):
     if call == "powered" and state is not State.FAULTED:
         way = "leave the first powered() block first"
     assert way in str(caught.value)
-
-
-NEXT = {
-    State.OFF: ("powered", State.STOPPED),
-    State.STOPPED: ("home", State.HOMED),
-    State.HOMED: ("load", State.LOADED),
-    State.LOADED: ("arm", State.ARMED),
-    State.ARMED: ("start", State.MOVING),
-    State.MOVING: ("wait", State.HOMED),
-}
-
-
-class WayOut(RuleBasedStateMachine):
-    """From every state the ways out lead to a press, after any earlier calls."""
-
-    def __init__(self):
-        super().__init__()
-        self.states = States()
-
-    @precondition(lambda self: self.states.now is not State.FAULTED)
-    @rule()
-    def follow(self):
-        call, after = NEXT[self.states.now]
-        assert f"{call}()" in WAYS_OUT[self.states.now]
-        self.states.require(call)
-        self.states.enter(after)
-
-    @rule(state=st.sampled_from(State))
-    def break_off(self, state):
-        self.states.enter(state)
-
-
-WayOut.TestCase.settings = settings(max_examples=20, stateful_step_count=20)
-
-
-TestWayOut = WayOut.TestCase
 
 
 def test_a_motion_that_fails_leaves_the_arm_moving():

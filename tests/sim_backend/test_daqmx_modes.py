@@ -90,23 +90,6 @@ def around(task, before=20):
     task.triggers.reference_trigger.cfg_dig_edge_ref_trig("/Dev1/PFI0", before, Edge.RISING)
 
 
-def test_a_reference_trigger_keeps_what_was_before(task_on):
-    card = Card(1, ready=0)
-    task = task_on(card, 100, AcquisitionType.FINITE)
-    around(task)
-    task.in_stream.relative_to = ReadRelativeTo.CURRENT_READ_POSITION
-    task.start()
-    (run,) = card.runs
-    assert (run.setup.before, run.setup.n_samples, run.setup.trigger) == (20, 100, "/Dev1/PFI0")
-    card.acquired = lambda run: 35
-    assert task.in_stream.total_samp_per_chan_acquired == 35
-    assert code_of(task.wait_until_done, timeout=0.01) == -200560
-    card.ready = 100
-    task.wait_until_done(timeout=60)
-    assert task.read(60) == list(volts(0, 60)[0])
-    assert task.read(40) == list(volts(60, 40)[0])
-
-
 def test_by_default_every_read_begins_at_the_first_sample_before_the_edge(task_on):
     card = Card(1, ready=0)
     task = task_on(card, 100, AcquisitionType.FINITE)

@@ -29,7 +29,7 @@ from sautereau.trajectory.key import (
 )
 from sautereau.trajectory.press import plan_press
 from tests import key_oracle
-from tests.budget import slow
+from tests.budget import amount, slow
 from tests.sim_backend.scenes import (
     MUTE,
     RETURNING,
@@ -103,7 +103,7 @@ def test_steps_have_their_order(order):
     assert math.log2(wrong[0] / wrong[1]) == pytest.approx(order, abs=0.2)
 
 
-@pytest.mark.parametrize("part", [slice(11, 12), slow(slice(100))], ids=["one", "all"])
+@pytest.mark.parametrize("part", [slice(11, 12), slow(slice(amount(25, 100)))], ids=["one", "all"])
 def test_the_reference_agrees_with_finer_steps(part):
     """In case 11 a jack of 0.3 g crosses many cells of the force law of a string of 1300 N."""
     for case in list(random_cases(RIG, 100, seed=424242))[part]:

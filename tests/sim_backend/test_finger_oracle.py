@@ -8,6 +8,7 @@ from sautereau.sim_backend.parts import Servo
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.trajectory.arm import joints_holding_point
 from sautereau.trajectory.motion import Motion
+from tests.budget import amount
 from tests.sim_backend import finger_oracle
 from tests.sim_backend.test_oracle import assert_same_events
 from tests.sim_backend.test_oracle import drawn as drawn_push
@@ -19,11 +20,12 @@ BRIEF = {("servo", 47): 5e-5}
 """s, steps that see a contact of the finger of 80 us, over which those of 100 us pass."""
 REFUSED = ("servo", 23)
 """The rigid bodies make a contact without a force again and again at this step, and refuse it."""
+SEEDS = amount(12, 100)
 CASES = [
     # Seeds with many landings, in series of accumulating ones too.
     ("ideal", 5, 0.0),
     ("servo", 7, 2e-5),
-    *((f, s, 0.0) for f in ("ideal", "servo") for s in range(100) if (f, s) not in GRAZES),
+    *((f, s, 0.0) for f in ("ideal", "servo") for s in range(SEEDS) if (f, s) not in GRAZES),
 ]
 """With the inertia of joint 2's rotor [kg m^2]."""
 
@@ -136,6 +138,7 @@ def test_endless_changes_of_contact_are_refused_and_end_with_shorter_steps():
     moved(rig, scene.model_copy(update={"step": 1e-5}), reference)
 
 
+@pytest.mark.slow
 def test_a_heavy_jack_does_not_rebound_from_the_finger():
     """10.8 times the key's inertia; with the iterations of other steps it flew off by 10 mm."""
     compare_rigid("ideal", 24)
@@ -144,7 +147,7 @@ def test_a_heavy_jack_does_not_rebound_from_the_finger():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("finger", "seed"),
-    [(f, s) for f in ("ideal", "servo") for s in range(60) if (f, s) != REFUSED],
+    [(f, s) for f in ("ideal", "servo") for s in range(amount(8, 60)) if (f, s) != REFUSED],
 )
 def test_random_fingers_on_rigid_bodies(finger, seed):
     compare_rigid(finger, seed)

@@ -158,6 +158,7 @@ def test_a_scene_without_friction_has_none_of_the_fingertip():
     assert smooth.motions.finger_force.max() > 0.5
 
 
+@pytest.mark.slow
 def test_the_vertical_part_acts_on_a_key_with_play():
     """A pin of 10 MN/m moves by 0.1 um: the force is that of a fixed one."""
     rig = rough(0.3)

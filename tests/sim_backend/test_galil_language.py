@@ -1,6 +1,5 @@
 """What programs can say: variables, branches, jumps, subroutines, time, automatic subroutines."""
 
-import numpy as np
 import pytest
 
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
@@ -19,10 +18,6 @@ def run(bench):
         return bench.firmware.receive(b"").decode()
 
     return go
-
-
-def test_operators_go_from_left_to_right(bench):
-    assert bench.send("MG 2=1+1,-1<0,(1=2)|(2>1)") == " 1.0000 1.0000 1.0000\r\n:"
 
 
 def test_variables_and_elements(bench):
@@ -62,12 +57,6 @@ def test_a_subroutine_may_be_skipped(run, bench):
 def test_a_program_cannot(run, bench, line, code):
     assert run(line, "EN").startswith("?1 ")
     assert bench.send("TC1").startswith(f"{code} ")
-
-
-def test_at_keeps_time_however_long_the_lines_take(run, bench):
-    run("n=0;AT 0", "#L", "SB 1;CB 1", "n=n+1", "NO", "NO", "AT -7,1", "JP #L,n<20", "EN")
-    rises = [at for at, _, level in bench.outputs if level]
-    assert np.diff(rises)[1:].tolist() == [6] * 18  # its resolution is 2
 
 
 def test_a_watchdog_that_is_not_renewed_switches_off(bench):
@@ -111,19 +100,3 @@ def test_offsets_and_torque_limits_go_to_the_amplifiers(bench):
     assert bench.send("OF ?,?") == " 1.0000,-1.0000\r\n:"
     bench.accept("AB", "MO")
     assert bench.driven[0] == (1, -1)
-
-
-def test_auto_runs_at_power_up_where_it_was_burned(bench):
-    bench.load("#AUTO", "SB 5", "EN")
-    bench.accept("x=1", "SH", "TL 1,1")
-    assert bench.firmware.receive(b"RS\rEO 0\r").endswith(b":")
-    bench.run()
-    assert bench.outputs == []
-    bench.load("#AUTO", "SB 5", "EN")
-    bench.accept("BP", "SH", "OF 1")
-    bench.firmware.receive(b"RS\rEO 0\r")
-    assert bench.firmware.motors_on == (False, False)
-    assert bench.driven == ((0, 0), (9.9982, 9.9982))
-    bench.run()
-    assert bench.outputs == [(bench.firmware.samples - 1, 5, True)]
-    assert bench.refusal("MG x") == 9

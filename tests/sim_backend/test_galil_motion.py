@@ -140,15 +140,3 @@ def test_motor_off_lets_the_reference_follow(bench):
     assert bench.send("TP;RP;TE") == " 123,-45\r\n: 0, 0\r\n:-123, 45\r\n:"
     bench.accept("DP 123,-45")
     assert bench.send("RP;TE") == " 123,-45\r\n: 0, 0\r\n:"
-
-
-def test_refused_while_moving(bench):
-    bench.accept("SH", "PR 5000,0", "PVB=1,0,5", "BGA")
-    assert bench.refusal("BP") == 7
-    assert bench.refusal("BTA;BTB") == 21
-    assert bench.send("TM ?;DC ?") == " 1000\r\n: 256000\r\n:"
-    bench.run()
-    assert bench.refusal("BTA") == 24
-    bench.accept("MO")
-    assert bench.refusal("BTB") == 20
-    assert bench.firmware.motors_on == (False, False)

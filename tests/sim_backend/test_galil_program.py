@@ -104,15 +104,6 @@ def test_a_trip_point_releases_the_rest_of_its_line(bench):
     assert bench.outputs == [(20, 1, True), (30, 1, False)]  # it moves from 21 to 30
 
 
-def test_a_refused_command_ends_the_program_and_is_reported(bench):
-    bench.load("#A", "SB 1;BT AB;SB 2", "EN")
-    bench.accept("XQ #A")
-    bench.run()
-    assert bench.firmware.receive(b"") == b"?1 BT AB\r\n"
-    assert bench.send("TC1") == "20 Begin not valid with motor off\r\n:"
-    assert [number for _, number, _ in bench.outputs] == [1]
-
-
 def test_a_program_that_does_not_end_is_an_error(bench):
     assert bench.load("#A", "SB 1") == ":"
     bench.accept("XQ #A")

@@ -131,17 +131,8 @@ def test_stop_during_pvt_forgets_the_rest(bench):
     bench.run()
     assert bench.number("_PVA") == 255
     assert bench.number("_SCA") == 4
+    assert bench.refusal("BTA") == 24  # nothing is left
     bench.assert_smooth()
-
-
-def test_times_are_repeated_and_fractions_are_not_kept(bench):
-    bench.accept("SH", "PVA=100,1001,51", "PVA=100,0", "PVA=,,0", "BTA")
-    assert bench.run() == 100
-    assert bench.number("_BTA") == 3
-    assert bench.number("_MOA") == 0
-    bench.accept("PVA=1,0,2", "PVA=,,-1")
-    assert bench.number("_PVA") == 255
-    assert bench.refusal("BTA") == 24
 
 
 @pytest.mark.parametrize("line", ["PVA=1,3,2", "PVA=1,2,3"])

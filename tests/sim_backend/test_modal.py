@@ -131,7 +131,8 @@ def integrated(speed, growth=0.0, modes=8):
 PATHS = [(0.3, 0.0), (0.05, 60.0)]  # m/s and m/s^2: constant, and accelerated
 
 
-@pytest.mark.parametrize("path", [PATHS[0], slow(PATHS[1])])
+@pytest.mark.slow
+@pytest.mark.parametrize("path", PATHS)
 def test_an_integrator_of_the_same_equations_agrees(path):
     release, force, q, v, (time, forces) = integrated(*path)
     step = 2e-6

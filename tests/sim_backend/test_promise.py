@@ -13,7 +13,7 @@ from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade.select import select_solver
-from tests.budget import slow
+from tests.budget import amount, slow
 
 DRAWN = ("key.", "jack.", "plectrum.")
 """Tables of the rig from whose assumed ranges values are drawn."""
@@ -111,7 +111,9 @@ def test_a_requested_accuracy_is_reached(seed):
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize(
-    ("solve", "n"), [(reference, 300), (None, 100)], ids=["measured", "estimated"]
+    ("solve", "n"),
+    [(reference, amount(40, 300)), (None, amount(15, 100))],
+    ids=["measured", "estimated"],
 )
 def test_requested_accuracies_are_reached(solve, n):
     broken, refused = broken_promises(n, 2, solve)

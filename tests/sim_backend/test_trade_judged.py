@@ -12,7 +12,7 @@ from sautereau.sim_backend.physics.observation import Observation, errors, obser
 from sautereau.sim_backend.trade import study
 from sautereau.sim_backend.trade.refinement import Trial, stepped
 from sautereau.sim_backend.trade.study import run_trade
-from tests.budget import slow
+from tests.budget import amount, slow
 from tests.sim_backend import finger_oracle, oracle
 from tests.sim_backend.test_finger_oracle import SAMPLES
 from tests.sim_backend.test_finger_oracle import drawn as drawn_finger
@@ -21,7 +21,7 @@ from tests.sim_backend.test_oracle import drawn as drawn_push
 ASKED = "10 us"
 FLOOR = 1e-7  # s, of times that are equal: ten times `refinement.ROUNDING`
 BESIDE = 1e-10  # s, from an event to the values before and after it
-SEEDS = [(finger, seed) for finger in ("push", "ideal", "servo") for seed in range(10)]
+SEEDS = [(f, seed) for f in ("push", "ideal", "servo") for seed in range(amount(2, 10))]
 
 
 class Played:

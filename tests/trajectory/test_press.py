@@ -222,6 +222,7 @@ def test_the_speed_error_under_load_falls_with_the_damping_of_the_loops(paper):
         assert made.loaded_speed_error == pytest.approx(np.sqrt(np.mean(lost**2)), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_correction_by_the_expected_deflection_leaves_little_speed_error(paper):
     """It adds the compliance times the force that a slow plan without it meets at that time."""
     loops = {"arm.servo_stiffness": ["20 N m/rad", "1e9 N m/rad"]}

@@ -97,7 +97,7 @@ def test_at_two_million_counts_the_cruise_keeps_its_speed_to_a_thousandth(
     assert draft.cruise.error == pytest.approx(found, rel=0.01, abs=1e-7)
 
 
-@pytest.mark.parametrize("hold", ["point", "normal"])
+@pytest.mark.parametrize("hold", ["point", slow("normal")])
 @pytest.mark.parametrize("counts", [8192, *(slow(n) for n in MIDDLE), 2**31])
 def test_other_encoders_are_reported_truthfully(bench, counts, hold):
     for speed in ("0.01 m/s", "0.072 m/s"):
@@ -180,6 +180,7 @@ def held_string(rig, depth):
     return corrected(law, [residual(law, time, sent, speed, period)], period)
 
 
+@pytest.mark.slow
 @given(counts=strategies.integers(4000, 2_000_000), depth=strategies.floats(0.05, 0.3))
 @settings(max_examples=60)
 def test_a_correction_is_rounded_as_little_as_the_encoder_permits(bench, counts, depth):
