@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
+from scipy.ndimage import uniform_filter1d
 
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.release import Release
@@ -78,6 +79,7 @@ class KeyAndString:
             key, load = white(base[:n]), white(rest.load)
             self._gram, self._right = self._gram + key.T @ key, self._right + key.T @ load
             self._square += float(load @ load)
+        self._right[INERTIA] += _common_noise(held, strings.settings.acceleration)
         # At release the force of the string ends, and the error of the inertia adds its part.
         self._fall_std = math.hypot(release.fall_std, strings.settings.fall_std * release.fall)
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
@@ -113,6 +115,31 @@ class KeyAndString:
         found = self._fits(string, noise, None)
         bound = _beyond(found.inertia)
         return found if bound is None else self._fits(string, noise, bound)
+
+    def inertia_std(self, time: float, noise: float) -> float:
+        """Return the standard uncertainty of the inertia's relative error.
+
+        The string's columns are smoothed as that of the inertia is: under a constant force any
+        factor of both explains the load, but what the smoothing leaves of one of them alone would
+        seem to determine it.
+
+        Args:
+            time: s, of contact.
+            noise: As in `at`.
+        """
+        sudden = np.vstack([self._held.inertia, self._bare(np.array([time]), 0)])
+        rows = _window(self._held, self._expected.settings.acceleration)
+        smooth, known = self._white(_smooth(sudden, rows).T), len(self._prior)
+        columns = np.column_stack([self._key, smooth[:, 1:]])
+        columns[:, INERTIA] = smooth[:, 0]
+        normal = columns.T @ columns
+        normal[:known, :known] += noise * np.diag(self._prior**-2.0)
+        normal[known:, known:] += noise * self._string_prior
+        # The row of the fall at release.
+        normal[INERTIA, INERTIA] += noise * self._slowed**2
+        both = (INERTIA, known), (known, INERTIA)
+        normal[both] += noise * self._slowed / self._fall_std
+        return math.sqrt(noise * float(np.linalg.inv(normal)[INERTIA, INERTIA]))
 
     def _key_alone(
         self, noise: float, inertia: float | None, falls: bool
@@ -231,7 +258,7 @@ def _base(strings: Expected, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
     moving[inside, 1] = 1
     moving[inside, 2] = held.rise / 10e-3
     moving[inside, 3] = held.speed / max(1e-6, float(held.speed.max(initial=0.0)))
-    moving[inside, 4] = _smooth(held.inertia, settings.acceleration / held.step)
+    moving[inside, 4] = _smooth(held.inertia, _window(held, settings.acceleration))
     lift, damped = strings.damper
     if lift:
         moving[inside, 5] = np.maximum(lift - held.rise, 0.0) / lift
@@ -243,6 +270,22 @@ def _base(strings: Expected, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
     return np.column_stack([moving, hum]), prior
 
 
+def _common_noise(held: Rows, window: float) -> float:
+    """Return the expected product of the inertia's column with the load, negative, by their noise.
+
+    Both contain that of the velocity. In units of the noise it is the sum over all frequencies of
+    the smoothing's response times the velocity's part of the load's spectrum.
+    """
+    n, rows = len(held.time), _window(held, window)
+    variance, shared = float(np.median(held.variance)), float(np.median(held.covariance))
+    turn = np.pi * (np.arange(n) + 0.5) / n  # per row
+    wave = np.cos(turn)
+    # Adjacent rows share a sixth of the force's variance; what the velocity adds is differenced.
+    of_force = (variance + 2 * shared) * (2 + wave) / 3
+    response = (np.sin(rows * turn / 2) / (rows * np.sin(turn / 2))) ** 2
+    return float(response @ (1 - of_force / (variance + 2 * shared * wave)))
+
+
 def hum_at(time: Floats) -> Floats:
     """Return sine and cosine of mains hum of 50 and of 60 Hz, shape (n, 4)."""
     return np.stack(
@@ -250,12 +293,15 @@ def hum_at(time: Floats) -> Floats:
     )
 
 
-def _smooth(signal: Floats, rows: float) -> Floats:
-    """Return a column without its noise, which would otherwise fit the noise of the load."""
-    from scipy.ndimage import uniform_filter1d
+def _window(held: Rows, window: float) -> int:
+    """Return the rows of a window [s]."""
+    return max(3, round(window / held.step))
 
-    width = max(3, round(rows))
-    return uniform_filter1d(uniform_filter1d(signal, width, mode="nearest"), width, mode="nearest")
+
+def _smooth(signal: Floats, rows: int) -> Floats:
+    """Return columns, shape (..., n), without their noise, which would fit that of the load."""
+    # Reflected at the ends, where one row would otherwise count for half a window with its noise.
+    return uniform_filter1d(uniform_filter1d(signal, rows), rows)
 
 
 @dataclass(frozen=True)
@@ -282,6 +328,8 @@ class Contact:
     """Logarithm of the likelihood of the load if it does, over that if it does not."""
     inertia: float = 0.0
     """Relative error of the rig's inertia."""
+    inertia_std: float = 0.0
+    """Its standard uncertainty, at most that of the rig if the load does not determine it."""
 
 
 def find_contact(
@@ -339,7 +387,8 @@ def find_contact(
     # A common delay of both channels shifts the contact as well.
     std = math.hypot(std, common_std)
     force = float(found.at_release[best])
-    return Contact(middle, std, gain, force, noise, found.residual, inertia=found.inertia)
+    inertia = found.inertia, fit.inertia_std(middle, noise)
+    return Contact(middle, std, gain, force, noise, found.residual, 0.0, 0.0, 0.0, *inertia)
 
 
 def _vertex(times: Floats, score: Floats) -> tuple[float, float, float]:

@@ -255,6 +255,6 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         # The fall was found with the rig's inertia.
         force_drop=release.fall - contact.inertia * release.slowed,
         force_slope=slope,
-        force_drop_std=release.fall_std or None,
+        force_drop_std=math.hypot(release.fall_std, contact.inertia_std * release.slowed) or None,
         force_rise=rise,
     )

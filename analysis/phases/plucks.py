@@ -168,7 +168,7 @@ def _with_modes(
         return release
     found = refine_event(signals, release.time, 0.7e-3, release.fall, *ends)
     # The residuals of both signals, unlike those of the load, contain the inertia of a rigid key.
-    return replace(found, noise=min(found.noise, release.noise))
+    return replace(found, noise=min(found.noise, release.noise), slowed=release.slowed)
 
 
 def _noise(found: list[tuple[Contact, Release]]) -> float:

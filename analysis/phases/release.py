@@ -121,7 +121,7 @@ def refine(signals: Signals, near: float, step: float) -> Release:
             BRIDGED * bridged,
             signals.fall_std * float(found.step[best]),
         ),
-        slowed=0.0 if bridged else _mean(rows.inertia[before]) - _mean(rows.inertia[after]),
+        slowed=_mean(rows.inertia[before]) - _mean(rows.inertia[after]),
         gain=(bent - float(found.chi2[best])) / noise,
         noise=noise,
     )

@@ -9,7 +9,7 @@ from rich.live import Live
 from rich.panel import Panel
 from rich.text import Text
 
-from sautereau.analysis.report.drawing import envelope
+from sautereau.analysis.report.pictures import envelope
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 from sautereau.robot.experiment.session import WARM_UPS
 
