@@ -45,7 +45,7 @@ TOUCH = ("release_force", "force_drop", "force_slope", "held_work", "release_ris
 """Quantities of a pluck that a recording has too."""
 EVEN = (*TOUCH, "plectrum_tip_thickness")  # Quantities whose evenness is computed
 START = ("release_lift", "release_angle", "v_osc")  # State of the string and plectrum at release
-HEAD = 13  # Columns of a head of the table, so that it fits into a terminal
+HEAD = 11  # Columns of a head of the table, so that it fits into a terminal
 OCTAVE = 13  # Nearest keys of which the trend at a key is, itself included
 LEAST = 5  # Fewest keys for a trend that an uneven one does not move, and for outliers
 MAD_OF_NORMAL = 0.6745  # Median absolute deviation of a normal distribution over its std
@@ -121,12 +121,13 @@ class Survey(Result):
         lines = [SOME_SIMULATED] * self.simulated
         for (string, source), found in self._series().items():
             titles = [QUANTITIES[e.name].title(QUANTITIES[e.name].displayed[1]) for e in found]
-            heads = [[""] * (2 - len(h)) + h for h in (wrap(title, HEAD) for title in titles)]
+            heads = [["key"], *(wrap(title, HEAD) for title in titles)]
+            deep = max(map(len, heads))
             rows = []
             for each in self.keys:
                 if each.string == string and (values := each.values(source)):
                     cells = [
-                        f"{values[own.name] * QUANTITIES[own.name].displayed[0]:.4g}"
+                        f"{values[own.name] * QUANTITIES[own.name].displayed[0]:.3g}"
                         f" {100 * own.deviations[each.key]:+.1f}"
                         if each.key in own.deviations
                         else "-"
@@ -134,7 +135,7 @@ class Survey(Result):
                     ]
                     rows.append((each.key, *cells))
             lines.append(f"string {string}, {source}, and % of deviation from the trend:")
-            heads = [("", *(h[0] for h in heads)), ("key", *(h[1] for h in heads))]
+            heads = [*zip(*([""] * (deep - len(head)) + head for head in heads), strict=True)]
             lines += table(heads + rows, indent=2)
             for own in found:
                 far = ", ".join(f"{k} {100 * own.deviations[k]:+.1f} %" for k in own.outliers)
