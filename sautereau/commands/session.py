@@ -124,7 +124,10 @@ class SessionReport(Observer):
             result |= {"picture": str(drawn[0])} if drawn else {}
             lines += compared.lines(features=False)
             if loops and self._pressing.plan.rig.arm.servo_stiffness is None:
-                lines.append(f"for plan, to predict the speed error: {loops}")
+                lines.append(
+                    f"position loops: {loops}; for `plan` to predict the speed error, write them"
+                    " into the rig with `sautereau setup RIG loops --recording PRESS --save`"
+                )
             lines += [f"picture:    {path}" for path in drawn]
         lines += [f"recording:  {press.path}" for press in session]
         lines += [f"warm-up:    {path}" for path in folder.warm_ups]

@@ -36,7 +36,7 @@ Weight = Annotated[
 
 StepName = Literal[
     "all", "port", "controller", "verify", "home", "encoders", "force", "contact", "touch", "tap",
-    "dry-run",
+    "loops", "dry-run",
 ]  # fmt: skip
 
 
@@ -166,7 +166,8 @@ def setup(
         Write the results into the rig file without asking.
     recording
         Use this recording instead of a motion: with the step `tap` of taps on the key, repeated for
-        several; with the step `force` of a weight that is taken off the transducer.
+        several; with the step `force` of a weight that is taken off the transducer; with the step
+        `loops` of presses, which show how far the position loops yield.
     weight
         With the step `force`: mass of the weight, such as "50 g"; asked for without it.
     pressing
@@ -181,7 +182,7 @@ def setup(
     simulated, typed = simulation.requested, sys.stdin.isatty()
     if yes and answers:
         return output.fail("--yes and --answers exclude each other; give one of them", 2)
-    if not (yes or answers or recording or typed or simulated):
+    if not (yes or answers or recording or typed or simulated or step == "loops"):
         return output.fail(
             "setup asks before motions: run it on a terminal, or give --yes or --answers", 2
         )
@@ -194,12 +195,8 @@ def setup(
     given = answers_of(answers) if answers else None
     operator = _Operator(given, agreed_by, output.say, mass)
     results = _Results(rig, output, operator, simulated=simulated)
-    if recording:
-        found = _of_recordings(step, recording, mass)
-        if found is None:
-            known = "tap, and force with one recording and --weight"
-            return output.fail(f"--recording: only the steps {known} read recordings", 2)
-        results.add(step, found)
+    if recording or step == "loops":
+        results.add(step, _of_recordings(step, recording or [], mass))
         return results.close(save, yes)
     served = common.bench(rig, simulation)
     if (yes or answers) and not simulated and step in ("all", "verify"):
@@ -215,17 +212,32 @@ def setup(
     return results.close(save, bool(given or agreed_by), faults)
 
 
-def _of_recordings(step: str, recordings: list[Path], mass: float | None) -> "Found | None":
-    """Return what a step finds in recordings; None for a step that reads none."""
+def _of_recordings(step: str, recordings: list[Path], mass: float | None) -> "Found":
+    """Return what a step finds in recordings.
+
+    Raises:
+        UsageError: The step reads none, or others.
+    """
     if step == "tap":
         from sautereau.robot.experiment.setup.tap import modes_of_recordings
 
         return modes_of_recordings(recordings)
+    if step == "loops" and recordings:
+        from sautereau.robot.experiment.setup.loops import loops_of_recordings
+
+        return loops_of_recordings(recordings)
     if step == "force" and mass is not None and len(recordings) == 1:
         from sautereau.robot.experiment.setup.force import force_of_recording
 
         return force_of_recording(recordings[0], mass)
-    return None
+    if step == "loops":
+        raise UsageError(
+            "setup loops: nothing moves, it reads presses; give one or more by --recording"
+        )
+    raise UsageError(
+        "--recording: only the steps tap, loops, and force with one recording and --weight read"
+        " recordings"
+    )
 
 
 class _Results:

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.press.loops import position_loops
+from sautereau.commands.setup import setup
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Joints
+from sautereau.rig.errors import UsageError
 from sautereau.rig.load import load_rig
+from sautereau.rig.text import commented_rig
+from sautereau.robot.errors import RobotError
 from tests.recordings import write_recording
 
 TIME = np.arange(0, 0.5, 2e-3)
@@ -52,3 +56,21 @@ def test_what_shows_no_loops_gives_none(recorded):
     assert position_loops([recorded(e1=nothing, m1=nothing)]) is None
     assert position_loops([recorded(e1=np.empty(0))]) is None
     assert position_loops([replace(recorded(), joints=None)]) is None
+
+
+def test_the_set_up_writes_them_into_the_rig(recorded, tmp_path, monkeypatch):
+    path = tmp_path / "rig.toml"
+    path.write_text(commented_rig(), encoding="utf-8")
+    reader = "sautereau.robot.experiment.setup.loops.read_recording"
+    monkeypatch.setattr(reader, lambda _: recorded())
+    presses = [tmp_path / "press-0001.mcap"]
+    assert setup(str(path), "loops", save=True, recording=presses) == 0
+    arm = load_rig(path).arm
+    assert arm.servo_stiffness == (27.0, 10.0)
+    assert arm.servo_damping == (0.25, 0.06)
+    with pytest.raises(UsageError, match="--recording"):
+        setup(str(path), "loops")
+    joints = replace(recorded(), joints=None)
+    monkeypatch.setattr(reader, lambda _: joints)
+    with pytest.raises(RobotError, match="do not show"):
+        setup(str(path), "loops", recording=presses)

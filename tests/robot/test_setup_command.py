@@ -11,6 +11,7 @@ from sautereau.commands.common import Simulation
 from sautereau.commands.output import Output
 from sautereau.commands.setup import setup
 from sautereau.daq.signals.calibration import to_volts
+from sautereau.rig.errors import UsageError
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.setup.step import Declined
@@ -133,8 +134,8 @@ def test_modes_from_recorded_taps_are_written_into_the_rig(tmp_path, capsys):
     modes = load_rig(file).key.modes
     assert 1 <= len(modes) <= 3
     assert all(0 < mode.frequency_std < 0.1 * mode.frequency for mode in modes)
-    assert setup(str(file), "home", recording=[taps]) == 2
-    assert "only the steps tap" in capsys.readouterr().err
+    with pytest.raises(UsageError, match="tap, loops"):
+        setup(str(file), "home", recording=[taps])
 
 
 class Terminal(io.StringIO):
