@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sautereau.rig.capabilities import HomingKind, capabilities_of
 from sautereau.rig.quantities import DISPLAYED
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import elbow_sign, fingertip_place, tilt
-from sautereau.trajectory.dynamics import joint_torques
+from sautereau.trajectory.dynamics import gravity_torque, joint_torques
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.key import contact_angle, rise_of_angle, surface_axes
 from sautereau.trajectory.motion import Floats, Motion, dot
@@ -168,6 +169,28 @@ def loads(rig: Rig, sampled: Sampled, expected: Expectation | None) -> list[Chec
     ]
 
 
+def standing(rig: Rig, sampled: Sampled) -> list[Check]:
+    """Check the torques that hold the links' weight at home and above the key.
+
+    A joint that stands at a larger fraction of its torque than `encoder_loss_torque` counts as one
+    that has lost its encoder, and homing allows `home_torque` only.
+    """
+    controller = rig.controller
+    if capabilities_of(rig).homing is not HomingKind.SWITCHES:
+        return []
+    most = rig.arm.torque_limit * controller.encoder_loss_torque
+    raised = "raise controller.encoder_loss_torque"
+    places = (
+        ("home", rig.arm.home_angles, controller.home_torque, f"{raised} or home_torque"),
+        ("rest above the key", sampled.joints.position[0, 0], 1.0, f"{raised}, or {MOVE_BASE}"),
+    )
+    return [
+        at_most(f"joint {j} torque, at {place}", abs(weight), most * fraction, "N*m", fix)
+        for place, joints, fraction, fix in places
+        for j, weight in enumerate(gravity_torque(rig.arm, np.array(joints)), 1)
+    ]
+
+
 def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
     """Check that the key does not reach its felt, and that a stop at any time is safe."""
     key, arm = rig.key, rig.arm
@@ -294,6 +317,7 @@ def verify(
         tilt_of_finger(rig, Cubics(*(array[start:end] for array in cubics))),
         *_limits(rig, reached),
         *loads(rig, sampled, expected),
+        *standing(rig, sampled),
         *depth_and_stops(rig, sampled),
         at_most(
             "cruise speed error",

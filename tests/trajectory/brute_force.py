@@ -150,4 +150,7 @@ def brute(rig, plan, expected=None):
         found[f"joint {n + 1} acceleration"] = np.abs(a[:, n]).max()
         found[f"joint {n + 1} jerk"] = np.abs(j[:, n]).max()
         found[f"joint {n + 1} torque"] = torque[n]
+        for place, angles in (("home", arm.home_angles), ("rest above the key", q[0])):
+            weight = _torques(arm, np.array([angles]), *np.zeros((2, 1, 2)), 0.0, 0.0)
+            found[f"joint {n + 1} torque, at {place}"] = weight[n]
     return found

@@ -66,6 +66,12 @@ BREAKS = [
     ("joint 2 jerk", {"arm.jerk_limit": "3e4 rad/s^3"}, "run_up_jerk"),
     ("joint 1 torque", {"arm.torque_limit": "0.2 N m"}, "run_up_acceleration"),
     ("joint 2 torque", {"arm.torque_limit": "0.01 N m"}, "run_up_acceleration"),
+    ("joint 1 torque, at home", {"controller.home_torque": 0.15}, "home_torque"),
+    (
+        "joint 1 torque, at rest above the key",
+        {"controller.encoder_loss_torque": 0.06},
+        "encoder_loss_torque",
+    ),
     ("clearance of the hovering fingertip", {"press.hover": "11 mm"}, "raise press.hover"),
     ("tilt of the finger", {"arm.elbow": "down"}, "as `mount` suggests"),
     ("clearance of the elbow", {"key.neighbour_height": "110 mm"}, 'arm.elbow = "up"'),
