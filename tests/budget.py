@@ -7,6 +7,7 @@ import os
 
 import pytest
 from hypothesis import settings
+from scipy.stats import binom
 
 FEW = settings(max_examples=20, deadline=None, derandomize=True)
 settings.register_profile("few", FEW)
@@ -21,6 +22,12 @@ def examples(few: int, many: int) -> settings:
 def slow(*values: object):
     """Return values of parameters with which a test is slow."""
     return pytest.param(*values, marks=pytest.mark.slow)
+
+
+def least(share: float, n: int) -> float:
+    """Return how many of n are to be right: a share of them in a full study; of its first few, as
+    many as all but 1 of 1000 such draws have."""
+    return share * n if amount(0, 1) else binom.ppf(1e-3, n, share)
 
 
 def amount(usual: int, study: int) -> int:
