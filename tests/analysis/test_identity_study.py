@@ -105,7 +105,7 @@ def test_a_few_presses_of_two_strings():
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-def test_three_hundred_presses_of_two_strings():
+def test_many_presses_of_two_strings():
     """99 % of the claims are right, and 90 % of the plucks that differ have one."""
     pytest.importorskip("numba")  # without it the independent simulator takes half a minute
     each = [studied(make, range(amount(24, 150))) for make in (of_the_stand_in, of_the_independent)]
