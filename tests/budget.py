@@ -7,7 +7,6 @@ import os
 
 import pytest
 from hypothesis import settings
-from scipy.stats import binom
 
 FEW = settings(max_examples=20, deadline=None, derandomize=True)
 settings.register_profile("few", FEW)
@@ -24,10 +23,12 @@ def slow(*values: object):
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
-def least(share: float, n: int) -> float:
-    """Return how many of n are to be right: a share of them in a full study; of its first few, as
-    many as all but 1 of 1000 such draws have."""
-    return share * n if amount(0, 1) else binom.ppf(1e-3, n, share)
+def least(fraction: float, n: int) -> float:
+    """Return how many of n must be right: in a full study a fraction of them, in its first cases
+    as many as all but 1 of 1000 such samples have."""
+    from scipy.stats import binom
+
+    return fraction * n if amount(0, 1) else binom.ppf(1e-3, n, fraction)
 
 
 def amount(usual: int, study: int) -> int:
