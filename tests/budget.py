@@ -23,6 +23,14 @@ def slow(*values: object):
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
+def least(fraction: float, n: int) -> float:
+    """Return how many of n must be right: in a full study a fraction of them, in its first cases
+    as many as all but 1 of 1000 such samples have."""
+    from scipy.stats import binom
+
+    return fraction * n if amount(0, 1) else binom.ppf(1e-3, n, fraction)
+
+
 def amount(usual: int, study: int) -> int:
     """Return the size of a slow study: the large one where full studies are requested."""
     return study if os.environ.get("SAUTEREAU_STUDIES") else usual

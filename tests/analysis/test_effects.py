@@ -13,6 +13,7 @@ from sautereau.analysis.text import WIDTH, wrapped
 from sautereau.commands.app import app
 from sautereau.entrance.session import Session
 from sautereau.rig.load import load_rig
+from tests.budget import amount
 
 RIG = load_rig()
 
@@ -117,7 +118,7 @@ def test_known_effects_are_inside_their_intervals():
 @pytest.mark.slow
 def test_coverage_of_the_intervals():
     """Within blocks 95 %; between few blocks never less, as a deviation of zero is conservative."""
-    found = inside(600, 2)
+    found = inside(amount(300, 600), 2)
     within, between = (np.mean(found[name]) for name in ("jack_speed", "overlap"))
     assert 0.93 < within < 0.97
     assert 0.93 < between < 0.995

@@ -89,7 +89,7 @@ def test_the_press_of_a_micrograph(tmp_path, number):
 
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
-def test_sixty_micrographs(tmp_path):
+def test_many_micrographs(tmp_path):
     """Accuracy by `fe`, intervals by the elastica, which takes a tenth of the time."""
     within, covered, warned = [], [], 0
     for number in range(CASES):

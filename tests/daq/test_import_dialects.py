@@ -21,7 +21,7 @@ import pytest
 from sautereau.__main__ import main
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Recorded
-from tests.budget import slow
+from tests.budget import amount, slow
 from tests.daq.dialects import BLANKS, UNIX, Dialect, Table, draw, simpler, write
 from tests.forked import unwrapped
 
@@ -246,7 +246,7 @@ def report(d: Dialect, outcome: Outcome, tries: int = 200) -> str:
     )
 
 
-@pytest.mark.parametrize("n", [25, slow(300)])
+@pytest.mark.parametrize("n", [25, slow(amount(100, 300))])
 def test_a_table_is_imported_sample_by_sample_or_refused(n):
     faults = [(d, outcome) for d, outcome in outcomes(n).items() if outcome.fault]
     kinds = dict(Counter(outcome.fault for _, outcome in faults))
@@ -255,7 +255,7 @@ def test_a_table_is_imported_sample_by_sample_or_refused(n):
     assert not reports, "\n".join([f"{kinds} of {n} tables", *reports])
 
 
-@pytest.mark.parametrize("n", [25, slow(300)])
+@pytest.mark.parametrize("n", [25, slow(amount(100, 300))])
 def test_documented_dialects_are_imported(n):
     refused = [
         f"{', '.join(traits(d))}: {outcome.detail}\n  {write(d).data!r}\n  {outcome.words}"

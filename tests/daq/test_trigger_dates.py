@@ -10,7 +10,7 @@ from sautereau.daq.file.survey import describe
 from sautereau.daq.source.acquisition import Acquisition
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import StandIn
-from tests.budget import slow
+from tests.budget import amount, slow
 from tests.presses import QUICK, mute_scene, press_on
 
 WAIT = 0.2  # s, from arming to the edge
@@ -63,7 +63,7 @@ def errors(stand_in, folder, session, n):
     return found
 
 
-@pytest.mark.parametrize("n", [3, slow(100)])
+@pytest.mark.parametrize("n", [3, slow(amount(20, 100))])
 @pytest.mark.parametrize("before", [0.0, 0.05])
 def test_95_of_100_edges_are_within_the_stated_interval(tmp_path, session, before, n):
     """On a busy machine the interval is wider."""

@@ -11,7 +11,7 @@ from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig
 from sautereau.rig.outline import LEAST_TIP, THINNED_PLACES, split
-from tests.budget import examples
+from tests.budget import amount, examples
 
 WEDGE = [(0, -0.24), (2, -0.2), (4.5, -0.15), (4.5, 0.15), (2, 0.2), (0, 0.24)]
 """mm, thickness 0.48 at the clamp, 0.4 at 2 mm, 0.3 at the tip."""
@@ -167,7 +167,7 @@ POINTS = st.lists(st.tuples(st.integers(-3, 9), st.integers(-3, 3)), max_size=12
 
 
 @given(POINTS)
-@examples(60, 2000)
+@examples(60, amount(400, 2000))
 def test_any_points_are_an_outline_or_refused(points):
     try:
         x, top, bottom = split(1e-3 * np.array(points, float).reshape(-1, 2))

@@ -11,7 +11,7 @@ from sautereau.trajectory.checks import at_least, at_most
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
 from sautereau.trajectory.press import draft_press, plan_press
-from tests.budget import examples
+from tests.budget import amount, examples
 from tests.trajectory.brute_force import brute
 
 PAPER = load_rig()
@@ -187,7 +187,7 @@ def check_by_force(rig, expected):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @given(presses())
-@examples(25, 2000)
+@examples(25, amount(100, 2000))
 def test_a_plan_holds_by_brute_force_or_is_refused(press):
     check_by_force(*press)
 
