@@ -194,6 +194,7 @@ class _Search:
                 first = first or trial
                 if self._significance(*trial, -1, found, fitted) > 0:
                     best = trial
+                if best or len(found) >= strings:  # a string more must explain the load best
                     break
             if best:
                 sets.append(best)
@@ -271,11 +272,10 @@ class _Search:
         gain = (without.chi2 - solved.chi2) / noise / (1 + deviations)
         near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
         moving = np.interp(pluck[1], slow.time, slow.speed()) > self._moving
-        several = len(fit.strings.contacts) > 1
-        # The error of the inertia leaves slight growths where the jack stops. Where the rig has
-        # several strings, what the model of one does not explain may look like another.
+        # The error of the inertia leaves slight growths where the jack stops, and what the model of
+        # a string does not explain may look like another one.
         least = 0.05 * float(fit.strings.forces.min())
-        strong = forces[i] > max(least, several * 0.15 * float(forces.max()))
+        strong = forces[i] > max(least, 0.15 * float(forces.max()))
         enough = gain > slow.settings.significance and strong and moving
         # Of a string that is held until the last row no collapse was seen.
         collapses = pluck[1] < slow.time[-1] - slow.width
