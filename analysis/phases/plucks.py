@@ -13,7 +13,7 @@ from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR, GOOD, RIGID, Fit, Growth
 from sautereau.analysis.phases.release import NO_RELEASE, Release, releases_in
 from sautereau.analysis.phases.rows import Rows, rows_of
-from sautereau.analysis.phases.search import Searched
+from sautereau.analysis.phases.search import SLIGHT, Searched
 from sautereau.analysis.phases.settings import PhaseSettings
 from sautereau.analysis.phases.signals import Signals
 
@@ -104,7 +104,10 @@ def _compliant(
         return None, searched
     noise = max(contact.noise for contact, _ in plucks)
     fit = Fit("compliant", noise, *_of_key(searched))
-    return Found(plucks, fit, tuple(g for g in growths if g not in searched.growths)), searched
+    # Less may be what the shape of a string leaves.
+    least = SLIGHT * max(growth.force for growth in searched.growths)
+    further = (g for g in growths if g not in searched.growths and g.force > least)
+    return Found(plucks, fit, tuple(further)), searched
 
 
 def _of_key(searched: Searched) -> tuple[float, float, float, float]:

@@ -17,6 +17,7 @@ from sautereau.analysis.phases.settings import PhaseSettings
 from sautereau.analysis.phases.slow import Slow
 from sautereau.trajectory.motion import Floats
 
+SLIGHT = 0.15  # Of the largest force in a press, that of a growth that may be of its string's shape
 APART = 0.5  # Least distance of two releases, in widths of the smoothing
 
 
@@ -182,7 +183,6 @@ class _Search:
                 first = first or trial
                 if self._significance(*trial, -1, found, fitted) > 0:
                     best = trial
-                if best or len(found) >= strings:  # a string more must explain the load best
                     break
             if best:
                 sets.append(best)
@@ -253,10 +253,11 @@ class _Search:
         gain = (without.chi2 - solved.chi2) / noise / (1 + deviations)
         near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
         moving = np.interp(pluck[1], slow.time, slow.speed()) > self._moving
-        # The error of the inertia leaves slight growths where the jack stops, and what the model of
-        # a string does not explain may look like another one.
+        # The error of the inertia leaves slight growths where the jack stops. Where the rig has
+        # several strings, what the model of one does not explain may look like another.
+        several = len(fit.strings.contacts) > 1
         least = 0.05 * float(fit.strings.forces.min())
-        strong = forces[i] > max(least, 0.15 * float(forces.max()))
+        strong = forces[i] > max(least, several * SLIGHT * float(forces.max()))
         enough = gain > slow.settings.significance and strong and moving
         # Of a string that is held until the last row no collapse was seen.
         collapses = pluck[1] < slow.time[-1] - slow.width
