@@ -82,10 +82,7 @@ def find_rests(velocity: Floats, rate: float) -> Rests:
     backwards = (velocity[len(velocity) - n_blocks * size :].reshape(-1, size) @ weights)[::-1]
     fastest = float(np.abs(forwards).max())
     least = max(MOVES * fastest, 6 * white_noise(velocity) / math.sqrt(size))
-    lengths = [
-        _steady(means, max(least, min(6 * _scatter(means), NOISY * fastest)), fastest) * size
-        for means in (forwards, backwards)
-    ]
+    lengths = [_steady(means, least, fastest) * size for means in (forwards, backwards)]
     if sum(lengths) >= len(velocity):  # it did not move
         return nothing
     first, last = (n if n >= LEAST_REST * rate else 0 for n in lengths)
@@ -240,18 +237,15 @@ def block_means(signal: Floats, size: int) -> Floats:
     return signal[: len(signal) // size * size].reshape(-1, size).mean(1)
 
 
-def _scatter(means: Floats) -> float:
-    """Return the standard deviation of the first block means; `white_noise` omits 1/f noise."""
-    steps = np.abs(np.diff(means[: 2 * round(LEAST_REST / BLOCK)]))
-    return median(steps) * NORMAL / math.sqrt(2)
-
-
-def _steady(means: Floats, threshold: float, fastest: float) -> int:
+def _steady(means: Floats, least: float, fastest: float) -> int:
     """Return the number of blocks at rest, counted from the first."""
     level = median(means[: int(LEAST_REST / BLOCK)])
     if abs(level) > LARGEST_OFFSET * fastest:
         return 0
-    moving = np.abs(means - level) > threshold
+    # The scatter of the first block means contains 1/f noise, which `white_noise` omits.
+    steps = np.abs(np.diff(means[: 2 * round(LEAST_REST / BLOCK)]))
+    scatter = median(steps) * NORMAL / math.sqrt(2)
+    moving = np.abs(means - level) > max(least, min(6 * scatter, NOISY * fastest))
     return max(0, int(np.argmax(moving)) - MARGIN) if moving.any() else len(means)
 
 

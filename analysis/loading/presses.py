@@ -20,7 +20,7 @@ from scipy import ndimage
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.drift import BLOCK, HIGH, LOW, block_means
-from sautereau.analysis.loading.press import SIGNALS
+from sautereau.analysis.loading.press import SIGNALS, Press
 from sautereau.daq.file.recorded import Recorded
 from sautereau.daq.signals.calibration import median, to_si, undo_high_pass, white_noise
 from sautereau.daq.signals.quality_flags import runs_of
@@ -127,7 +127,12 @@ def find_presses(means: Mapping[str, Floats], rate: float, n_samples: int, rig: 
             " beginning; record a rest before and after each press"
         )
     if "velocity" in levels:
-        levels["velocity"] = _deflection(levels["velocity"], rests, step)
+        # The integral of the velocity relative to that in the rests beside each block [m].
+        velocity = levels["velocity"]
+        middles = [(rows.start + rows.stop - 1) / 2 for rows in rests]
+        offsets = [float(velocity[rows].mean()) for rows in rests]
+        relative = velocity - np.interp(np.arange(len(velocity)), middles, offsets)
+        levels["velocity"] = np.cumsum(relative) * step
     largest = {name: _largest(level, rests) for name, level in levels.items()}
     path = next(iter(levels))
     if largest[path] < max(LEAST[path], NOISE * white_noise(means[path]) * (path == "force")):
@@ -141,6 +146,47 @@ def find_presses(means: Mapping[str, Floats], rate: float, n_samples: int, rig: 
         tuple(_samples(one, size, n_samples) for one in others),
         pause,
     )
+
+
+def first_press(press: Press) -> Press:
+    """Return a press, up to the lowest place of its key before it is pressed again.
+
+    Of the force alone, it is the press up to the pause before the next one.
+    """
+    end = _end_by_force(press) if press.missing == "velocity" else _end_by_key(press)
+    if end is None:
+        return press
+    warning = (
+        f"the key goes down again after {press.time[end - 1] * 1e3:.5g} ms: only the first press is"
+        " analysed; `sautereau split` writes each press into a recording of its own"
+    )
+    return replace(
+        press,
+        time=press.time[:end],
+        samples={name: column[:end] for name, column in press.samples.items()},
+        warnings=(*press.warnings, warning),
+    )
+
+
+def _end_by_key(press: Press) -> int | None:
+    """Return the row after the first press; None if there is no other one."""
+    path = press.samples["deflection"]
+    high = HIGH * float(path.max(initial=0.0))
+    first = int(np.argmax(path > high))
+    back = first + int(np.argmax(path[first:] < LOW / HIGH * high))
+    again = back + int(np.argmax(path[back:] > high))
+    return back + int(np.argmin(path[back:again])) + 1 if first < back < again else None
+
+
+def _end_by_force(press: Press) -> int | None:
+    """Return the same by the force alone."""
+    force, rate = press.samples["force"], press.rate
+    try:
+        means = block_means(force, block_size(rate))
+        found = find_presses({"force": means}, rate, len(force), press.rig).presses
+    except AnalysisError:
+        return None
+    return found[0].stop if len(found) > 1 else None
 
 
 def block_size(rate: float) -> int:
@@ -166,7 +212,10 @@ def _between(
         motion = path[before.stop : after.start] - _level(path, before)
         high = float(motion.max(initial=0.0))
         if high >= HIGH * largest:
-            start, stop = _with_rests(before, after, count, step)
+            # With up to `REST` of both pauses.
+            edge, rest = round(EDGE / step), round(REST / step)
+            start = max(before.start + edge * (before.start > 0), before.stop - rest)
+            stop = min(after.stop - edge * (after.stop < count), after.start + rest)
             turns = [before.stop + turn for turn in _turns(motion, high)] if of_key else []
             ends = [start, *turns, stop]
             again, no_end = (AGAIN,) * bool(turns), (NO_END,) * (after.start == count)
@@ -189,8 +238,11 @@ def _rests(
         least = max(STEADY[name] * spread, NOISE * white_noise(means[name]))
         # All blocks of a window whose range is that small.
         at_rest &= ndimage.binary_dilation(_range(level, width) <= least, np.ones(width))
-        if name == "velocity":
-            at_rest &= np.abs(level - _offset(level, step)) < max(SLOW * spread, least)
+        if name == "velocity":  # of which an offset changes slowly
+            parts = np.array_split(level, max(1, round(len(level) * step / OFFSET)))
+            middles = np.cumsum([len(part) for part in parts]) - len(parts[0]) / 2
+            offset = np.interp(np.arange(len(level)), middles, list(map(median, parts)))
+            at_rest &= np.abs(level - offset) < max(SLOW * spread, least)
     ends = (0, len(at_rest))
     # A rest at an end of the recording separates nothing, so that it may be shorter.
     return [
@@ -217,23 +269,9 @@ def _without_trend(level: Floats) -> Floats:
     return best[1]
 
 
-def _offset(velocity: Floats, step: float) -> Floats:
-    """Return the offset of a velocity, which changes slowly."""
-    parts = np.array_split(velocity, max(1, round(len(velocity) * step / OFFSET)))
-    middles = np.cumsum([len(part) for part in parts]) - len(parts[0]) / 2
-    return np.interp(np.arange(len(velocity)), middles, list(map(median, parts)))
-
-
 def _range(level: Floats, width: int) -> Floats:
     """Return the range of the values in a window around each block."""
     return ndimage.maximum_filter1d(level, width) - ndimage.minimum_filter1d(level, width)
-
-
-def _deflection(velocity: Floats, rests: list[slice], step: float) -> Floats:
-    """Return the integral of the velocity [m] relative to that in the rests beside each block."""
-    middles = [(rows.start + rows.stop - 1) / 2 for rows in rests]
-    offsets = [float(velocity[rows].mean()) for rows in rests]
-    return np.cumsum(velocity - np.interp(np.arange(len(velocity)), middles, offsets)) * step
 
 
 def _level(path: Floats, rest: slice) -> float:
@@ -271,14 +309,6 @@ def _pauses(
         if all(abs(moved[name]) <= limits[name] for name in levels):
             pauses.append(rest)
     return pauses
-
-
-def _with_rests(before: slice, after: slice, count: int, step: float) -> tuple[int, int]:
-    """Return the first block of a press between two pauses, and that after it."""
-    edge, rest = round(EDGE / step), round(REST / step)
-    first = before.start + edge * (before.start > 0)
-    last = after.stop - edge * (after.stop < count)
-    return max(first, before.stop - rest), min(last, after.start + rest)
 
 
 def _turns(deflection: Floats, high: float) -> list[int]:

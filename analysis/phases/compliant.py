@@ -8,11 +8,10 @@ from scipy.ndimage import uniform_filter1d
 
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.event import refine_event
-from sautereau.analysis.phases.exchange import exchange_stds, with_better_contacts
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.saw_teeth import SawTeeth
+from sautereau.analysis.phases.saw_teeth import SawTeeth, exchange_stds, with_better_contacts
 from sautereau.analysis.phases.search import Searched, row_noise, search
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.phases.slow import Slow
@@ -30,7 +29,11 @@ def compliant_plucks(
     Args:
         way: First and last sample of the way down.
     """
-    way = way[0], _rebound(signals, *way)
+    begin, end = way
+    # Up to where the key first rebounds from its front felt.
+    high = begin + int(np.argmax(signals.rise[begin:end] > HIGH * signals.rise[end]))
+    back = signals.speed[high:end] < 0.0
+    way = begin, high + int(np.argmax(back)) if back.any() else end
     start, last = (float(signals.time[sample]) for sample in way)
     slow, searched = _searched(strings, signals, way)
     growths = searched.growths
@@ -107,13 +110,6 @@ def _number(searched: Searched, least: float, slow: Slow, end: float) -> int:
     """Return how many growths above a significance end clearly before an instant [s]."""
     last = end - 3 * slow.width
     return sum(growth.release < last for growth in searched.significant(least))
-
-
-def _rebound(signals: Signals, begin: int, end: int) -> int:
-    """Return the sample at which the key first rebounds from its front felt."""
-    high = begin + int(np.argmax(signals.rise[begin:end] > HIGH * signals.rise[end]))
-    back = signals.speed[high:end] < 0.0
-    return high + int(np.argmax(back)) if back.any() else end
 
 
 def _contacts(

@@ -129,6 +129,10 @@ def _expected(
         contacts.append(contact)
         climbs.append(release - contact)
         forces.append(float(force) * lever.jack_arm / lever.press_arm)
+    damper = 0.0, 0.0
+    if (of_first := every[0].jack.damper) is not None:
+        load = of_first.stiffness * of_first.lift * key.jack_arm / key.press_arm
+        damper = of_first.lift, load
     order = np.argsort(contacts)
     bends = terms[:, :2].mean(0)
     return Expected(
@@ -139,7 +143,7 @@ def _expected(
         tuple((order + 1).tolist()),
         np.stack([_own_variation(every[k]) for k in order]),  # pyright: ignore[reportArgumentType]
         settings,
-        _damper(key, every[0]),
+        damper,
     )
 
 
@@ -152,14 +156,6 @@ def _own_variation(choir: Choir) -> Floats:
         moved = np.log(_terms(choir, **{name: 1.25 * getattr(choir.plectrum, name)})[2:])
         slopes[1:, column] = 0.15 * (moved - known) / math.log(1.25)  # of 15 % of either
     return slopes @ slopes.T + np.diag([0.0, 0.08, 0.08]) ** 2  # and 8 % of rise and force
-
-
-def _damper(key: Key, choir: Choir) -> tuple[float, float]:
-    """Return `Expected.damper`, for the choir of the key's first jack."""
-    damper = choir.jack.damper
-    if damper is None:
-        return 0.0, 0.0
-    return damper.lift, damper.stiffness * damper.lift * key.jack_arm / key.press_arm
 
 
 def _terms(choir: Choir, **other: object) -> tuple[float, float, float, float]:

@@ -124,6 +124,8 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         *checks.about_fit(signals, found.fit, found.further, plucks, strings),
         *([] if known else checks.about_likeness(signals, plucks, strings)),
     ]
+    # At the height at which the jack left rest.
+    back = np.flatnonzero(signals.rise[end:] < settings.left * top)
     doubts = [remark.plucks or range(len(plucks)) for remark in said if remark.doubt]
     warnings, remarks = divided(said)
     return Phases(
@@ -137,7 +139,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         released_speed=released_speed,
         warnings=warnings,
         bottomed=_bottomed(signals, begin, plucks),
-        returned=_returned(signals, end),
+        returned=float(time[end + back[0]]) if len(back) else None,
         peak_force=peak_force(force, signals, plucks),
         fit=found.fit,
         missed=tuple((growth.contact, growth.release) for growth in found.further),
@@ -157,12 +159,6 @@ def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float |
     below = np.flatnonzero(load < felt)
     risen = int(below[-1]) + 1 if len(below) else 0
     return float(rows.time[first + risen]) if len(load) - risen >= SETTLED else None
-
-
-def _returned(signals: Signals, end: int) -> float | None:
-    """Return the time [s] at which the jack is back at the height at which it left rest."""
-    back = np.flatnonzero(signals.rise[end:] < signals.settings.left * signals.rise.max())
-    return float(signals.time[end + back[0]]) if len(back) else None
 
 
 def _at_full_speed(time: Floats, speed: Floats, start: float, end: float) -> NDArray[np.intp]:

@@ -16,8 +16,8 @@ from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.find import phases_in
 from sautereau.analysis.phases.found import Fit, Growth, Phases
-from sautereau.analysis.phases.plucks import LEAST_FALL_GAIN, Found, find_plucks
-from sautereau.analysis.phases.release import LEAST_FALL, Release, find_falls, refine
+from sautereau.analysis.phases.plucks import Found, find_plucks
+from sautereau.analysis.phases.release import Release, releases_in
 from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.signals import Signals, signals_of
 
@@ -92,9 +92,7 @@ def _in_force(strings: Expected, signals: Signals, begin: int, end: int) -> Foun
 
 def _in_velocity(strings: Expected, signals: Signals, begin: int, end: int) -> Found:
     """Return the plucks in the velocity alone; arguments as of `find_plucks`."""
-    rows = rows_of(signals, begin, end)
-    falls = [refine(signals, float(rows.time[fall]), rows.step) for fall in find_falls(rows)]
-    falls = [f for f in falls if f.gain > LEAST_FALL_GAIN and f.fall > LEAST_FALL]
+    falls = releases_in(signals, rows_of(signals, begin, end))
     rise = np.maximum.accumulate(signals.rise[begin : end + 1])
     time, speed = signals.time[begin : end + 1], signals.speed[begin : end + 1]
     found: list[tuple[Contact, Release]] = []

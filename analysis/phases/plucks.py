@@ -11,13 +11,12 @@ from sautereau.analysis.phases.contact import Contact, KeyAndString, find_contac
 from sautereau.analysis.phases.event import refine_event, resolved
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR, GOOD, RIGID, Fit, Growth
-from sautereau.analysis.phases.release import LEAST_FALL, NO_RELEASE, Release, find_falls, refine
+from sautereau.analysis.phases.release import NO_RELEASE, Release, releases_in
 from sautereau.analysis.phases.rows import Rows, rows_of
-from sautereau.analysis.phases.search import Searched
+from sautereau.analysis.phases.search import SLIGHT, Searched
 from sautereau.analysis.phases.settings import PhaseSettings
 from sautereau.analysis.phases.signals import Signals
 
-LEAST_FALL_GAIN = 9.0  # Least reduction of chi2 by a fall of the load, compared with a bend
 SETTLED = 3  # Rows from a release to the earliest contact with the next string
 NEGLIGIBLE = 0.2e-3  # s, standard uncertainty of a contact that is no worse than elsewhere
 RINGING = 8.0  # Variance of the residuals over the noise at a release above which modes are fitted
@@ -52,9 +51,15 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
     rows = rows_of(signals, begin, end)
     if not len(rows.time):
         return Found([], Fit("rigid", 1.0))
-    first, last = _rest(signals, begin)
+    # The rest before the motion.
+    still = np.flatnonzero(signals.rise[:begin] < 3e-4 * signals.rise.max())
+    length, margin = (
+        int(t * signals.rate) for t in (signals.settings.rest, signals.settings.rest_margin)
+    )
+    last = max(0, int(still[-1]) - margin) if len(still) else 0
+    first = max(0, last - length)
     rest = rows_of(signals, first, last, max(1, (last - first) // 40))
-    before = _place(signals, min(begin, last + int(signals.settings.rest_margin * signals.rate)))
+    before = _place(signals, min(begin, last + margin))
     found = _rigid_plucks(strings, signals, rows, rest, begin, before)
     rigid = _explained(found, signals, strings, begin, end)
     clear = rigid is not None and all(
@@ -99,7 +104,10 @@ def _compliant(
         return None, searched
     noise = max(contact.noise for contact, _ in plucks)
     fit = Fit("compliant", noise, *_of_key(searched))
-    return Found(plucks, fit, tuple(g for g in growths if g not in searched.growths)), searched
+    # Less may be what the shape of a string leaves.
+    least = SLIGHT * max(growth.force for growth in searched.growths)
+    further = (g for g in growths if g not in searched.growths and g.force > least)
+    return Found(plucks, fit, tuple(further)), searched
 
 
 def _of_key(searched: Searched) -> tuple[float, float, float, float]:
@@ -116,12 +124,7 @@ def _rigid_plucks(
     before: tuple[float, float],
 ) -> list[tuple[Contact, Release]]:
     """Return the plucks in the load on a rigid key."""
-    falls = [
-        release
-        for fall in find_falls(rows)
-        if (release := refine(signals, float(rows.time[fall]), rows.step)).gain > LEAST_FALL_GAIN
-        and release.fall > LEAST_FALL
-    ]
+    falls = releases_in(signals, rows)
     found = _contacts(strings, signals, rows.step, begin, falls, rest, before)
     largest = max((release.fall for _, release in found), default=0.0)
     large = [release for _, release in found if release.fall > 0.1 * largest]
@@ -229,14 +232,6 @@ def _contacts(
         before = _place(signals, signals.sample(contact.time))
         free = until + before_release + int(SETTLED * step * signals.rate)
     return found
-
-
-def _rest(signals: Signals, begin: int) -> tuple[int, int]:
-    """Return the first and last sample of the rest before the motion."""
-    still = np.flatnonzero(signals.rise[:begin] < 3e-4 * signals.rise.max())
-    settings, rate = signals.settings, signals.rate
-    last = max(0, int(still[-1]) - int(settings.rest_margin * rate)) if len(still) else 0
-    return max(0, last - int(settings.rest * rate)), last
 
 
 def _place(signals: Signals, sample: int) -> tuple[float, float]:

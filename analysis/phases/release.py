@@ -12,6 +12,7 @@ from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
 
 LEAST_FALL = 4e-3  # N, least fall of a release
+LEAST_GAIN = 9.0  # Least reduction of chi2 by a fall of the load, compared with a bend
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,12 @@ def find_falls(rows: Rows) -> list[int]:
             found.append(row)
         left[max(0, best - m) : best + m] = -np.inf
     return sorted(found)
+
+
+def releases_in(signals: Signals, rows: Rows) -> list[Release]:
+    """Return the sudden falls of the load in order of time, fitted to the samples around them."""
+    near = [refine(signals, float(rows.time[fall]), rows.step) for fall in find_falls(rows)]
+    return [each for each in near if each.gain > LEAST_GAIN and each.fall > LEAST_FALL]
 
 
 def refine(signals: Signals, near: float, step: float) -> Release:

@@ -7,12 +7,10 @@ triangular weight. This needs no derivative of the velocity, and the noise is kn
 force, differenced white noise from the velocity.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from sautereau.analysis.phases.signals import Signals
@@ -39,18 +37,10 @@ class Rows:
     """N^2, of each row's load."""
     covariance: Floats
     """N^2, with the next row's; shape (n - 1,)."""
-    jack: Callable[[str], Floats]
-    """Returns `rise` or `speed`."""
-
-    @cached_property
-    def rise(self) -> Floats:
-        """m, of the jack."""
-        return self.jack("rise")
-
-    @cached_property
-    def speed(self) -> Floats:
-        """m/s, of the jack."""
-        return self.jack("speed")
+    rise: Floats
+    """m, of the jack."""
+    speed: Floats
+    """m/s, of the jack."""
 
     def whitener(self) -> "Whitener":
         """Return the transformation of this noise to white noise of variance 1."""
@@ -58,7 +48,7 @@ class Rows:
 
 
 _NONE = np.zeros(0)
-NO_ROWS = Rows(_NONE, 0.0, _NONE, _NONE, _NONE, _NONE, lambda _: _NONE)  # Rows without samples
+NO_ROWS = Rows(_NONE, 0.0, *[_NONE] * 6)  # Rows without samples
 
 
 class Whitener:
@@ -117,8 +107,12 @@ def rows_of(
     parts = signals.force[first:last].reshape(blocks, n) @ sides
     load = (parts[:-1, 0] + parts[1:, 1]) / n - inertia
     if no_velocity.any() and not no_velocity.all():
-        # Between means over 0.5 ms on either side.
-        bridged = _bridged(inertia, ~no_velocity, max(1, round(0.5e-3 / step)))
+        # Lines between means over 0.5 ms on either side.
+        good, place, width = ~no_velocity, np.arange(blocks - 1), max(1, round(0.5e-3 / step))
+        kernel = np.ones(2 * width + 1)
+        count = np.convolve(good, kernel)[width:-width]
+        around = np.convolve(inertia * good, kernel)[width:-width] / np.maximum(count, 1)
+        bridged = np.where(good, inertia, np.interp(place, place[good], around[good]))
         load, inertia = load + inertia - bridged, bridged
     # Sums of the squared weights of a row, late / n and (1 - late) / n, and of those it shares.
     of_force = signals.force_noise**2 / n
@@ -135,7 +129,8 @@ def rows_of(
         inertia=inertia,
         variance=variance + 100.0 * no_force,  # of no weight
         covariance=np.where(alone[1:] | alone[:-1], 0.0, shared),
-        jack=lambda name: at_rows(getattr(signals, name)),
+        rise=at_rows(signals.rise),
+        speed=at_rows(signals.speed),
     )
 
 
@@ -144,11 +139,3 @@ def _weights(n: int) -> tuple[Floats, Floats]:
     """Return the weights of a mean of n samples, and of late and early samples, shape (n, 2)."""
     late = (np.arange(n) + 0.5) / n
     return np.full(n, 1 / n), np.stack([late, 1 - late], 1)
-
-
-def _bridged(signal: Floats, good: NDArray[np.bool_], width: int) -> Floats:
-    """Return a signal with lines over bad rows, between means of `width` rows on either side."""
-    kernel, place = np.ones(2 * width + 1), np.arange(len(signal))
-    weight = np.convolve(good, kernel)[width:-width]
-    means = np.convolve(signal * good, kernel)[width:-width] / np.maximum(weight, 1)
-    return np.where(good, signal, np.interp(place, place[good], means[good]))

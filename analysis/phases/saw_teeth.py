@@ -2,11 +2,13 @@
 
 A string adds a load that grows from 0 with the rise since contact and ends at release. For given
 instants the model is linear; the instants are refined (Levenberg-Marquardt), with priors from the
-rig.
+rig. The sum of two hardly changes if their contacts are exchanged, which may belong to each other's
+release.
 """
 
 import math
 from dataclasses import dataclass
+from itertools import combinations, permutations
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ COLUMNS = 5
 """Columns of a string: its force, the first and second derivatives of its force, two deviations of
 its shape. The derivatives represent what lies between the laser and the jack."""
 FORCE_STD = 3.0  # N, prior standard deviation of the force of a string
+EQUAL = 1.1  # Ratio of two chi2 up to which the contacts of both fits count as equally good
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,7 @@ class SawTeeth:
         unexplained: Floats | float = 0.0,
     ):
         self.slow, self.compliance, self.strings = slow, compliance, strings
-        self._noise, self._releases = noise, releases
+        self.noise, self._releases = noise, releases
         self.rise = slow.rise(compliance)
         """m, of the jack at the blocks."""
         self.weight = noise / np.hypot(np.hypot(noise, unexplained), slow.error(slow.time))
@@ -162,7 +165,7 @@ class SawTeeth:
         matrix, target = np.zeros((known + k, k)), np.zeros(known + k)
         matrix[: len(columns)] = columns
         matrix[:known] -= self.base @ (self.base.T @ matrix[:known])
-        matrix[known:] = self._noise * np.eye(k)
+        matrix[known:] = self.noise * np.eye(k)
         target[:known] = self._left
         base, inverse = orthonormal(matrix)
         of = base.T @ target
@@ -174,7 +177,7 @@ class SawTeeth:
         """Return a term of the key in a fit, in its unit (`TERMS`)."""
         # The residual of a prior is minus the factor of its column.
         row = len(self.load) + list(TERMS).index(name)
-        return -float(solved.residuals[row]) / self._noise * TERMS[name]
+        return -float(solved.residuals[row]) / self.noise * TERMS[name]
 
     def rig_deviations(self, plucks: Floats) -> Floats:
         """Return the deviations of plucks from the rig (`Expected.deviations`).
@@ -239,10 +242,6 @@ class SawTeeth:
         forces = forces + ((by_instants @ inverse) * by_instants).sum(1)
         return np.sqrt(np.maximum(np.column_stack([instants, forces]), 0.0))
 
-    def relative_noises(self, plucks: Floats, solved: Solved) -> list[float]:
-        """Return `noises` over the variance of the assumed noise."""
-        return [noise / self._noise**2 for noise in self.noises(plucks, solved)]
-
     def noises(self, plucks: Floats, solved: Solved) -> list[float]:
         """Return the variance [N^2] of the residuals around each pluck."""
         rows = np.searchsorted(self.slow.time, plucks)
@@ -299,3 +298,74 @@ def noise_around(left: Floats, first: int, last: int) -> float:
     count = len(around) // width
     sums = around[: count * width].reshape(count, width).sum(1)
     return float(sums @ sums) / (count * width) + 1e-12
+
+
+def with_better_contacts(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
+    """Return plucks and their fit, or much better ones with other contacts.
+
+    The sum of strings that are held at once has several minima. So further fits start from the
+    contacts of the rig, assigned to the releases in every order.
+    """
+    rig = np.interp(fit.strings.contacts, fit.rise, fit.slow.hops)
+    if not 1 < len(plucks) <= len(rig):
+        return plucks, solved
+    variance, releases = max(fit.noises(plucks, solved)), plucks[:, 1]
+    latest = releases - 2.5 * fit.slow.width
+    starts = [
+        np.column_stack([np.minimum(order, latest), releases])
+        for order in permutations(rig, len(plucks))
+    ]
+    best = fit.refined(plucks, variance)
+    least = best[2] / EQUAL
+    for start in starts:
+        other = fit.refined(start, variance)
+        if other[2] < least and (other[1].forces > 0).all():
+            best, least = other, other[2]
+    return best[:2]
+
+
+def exchange_stds(fit: SawTeeth, plucks: Floats, variance: float) -> Floats:
+    """Return the uncertainties of plucks whose contacts may belong to each other's release.
+
+    Where strings are held at once and their contacts fit about as well when they are exchanged,
+    each contact is one of two instants, and the uncertainty is half their distance; so it is for
+    the forces.
+
+    Args:
+        plucks: s, refined contacts and releases in order of release, shape (plucks, 2).
+        variance: N^2, as for `refined`.
+
+    Returns:
+        Of contacts [s] and of forces [N], and the logarithms of the odds of the exchange, shape
+        (plucks, 3); 0 for contacts that belong to their release.
+    """
+    found = np.zeros((len(plucks), 3))
+    _, solved, least = fit.refined(plucks, variance)
+    for i, j in combinations(range(len(plucks)), 2):
+        exchanged = plucks.copy()
+        exchanged[[i, j], 0] = plucks[[j, i], 0]
+        if (np.diff(exchanged) <= fit.slow.width).any():
+            continue
+        other, fitted, chi2 = fit.refined(exchanged, variance)
+        if chi2 < fit.slow.settings.exchange * least:
+            away = np.stack([other[:, 0] - plucks[:, 0], fitted.forces - solved.forces], 1)
+            found[[i, j], :2] = np.maximum(found[[i, j], :2], np.abs(away[[i, j]]) / 2)
+            # Rows within some widths of the smoothing have the same error: while strings are held,
+            # there are about 20 independent ones.
+            found[[i, j], 2] = -20 / 2 * np.log(chi2 / least)
+    return found
+
+
+def in_order(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:
+    """Return the plucks with contacts in the order of releases, if that fits about as well.
+
+    The sum of two saw-teeth hardly changes if their contacts are exchanged.
+    """
+    order = np.argsort(plucks[:, 1])
+    swapped = plucks.copy()
+    swapped[order, 0] = np.sort(plucks[:, 0])
+    if (swapped == plucks).all():
+        return plucks, solved
+    other, fitted, _ = fit.refined(swapped)
+    better = fitted.chi2 < EQUAL * solved.chi2
+    return (other, fitted) if better else (plucks, solved)

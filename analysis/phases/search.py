@@ -10,21 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sautereau.analysis.phases.exchange import in_order
-from sautereau.analysis.phases.expected import (
-    LEAST_CLIMB,
-    Expected,
-)
+from sautereau.analysis.phases.expected import LEAST_CLIMB, Expected
 from sautereau.analysis.phases.found import Growth
-from sautereau.analysis.phases.saw_teeth import (
-    SawTeeth,
-    Solved,
-    noise_around,
-)
+from sautereau.analysis.phases.saw_teeth import SawTeeth, Solved, in_order, noise_around
 from sautereau.analysis.phases.settings import PhaseSettings
 from sautereau.analysis.phases.slow import Slow
 from sautereau.trajectory.motion import Floats
 
+SLIGHT = 0.15  # Of the largest force in a press, that of a growth that may be of its string's shape
 APART = 0.5  # Least distance of two releases, in widths of the smoothing
 
 
@@ -48,7 +41,11 @@ def pair_gains(fit: SawTeeth, found: Floats, solved: Solved) -> tuple[Floats, Fl
 
     time, rise = sums(slow.time) / size, sums(fit.row_rise) / size
     of_load = _products(sums(fit.weight * left), rise)
-    square = _squares(sums(fit.weight**2), rise)
+    # Weighted sums of squares of every saw-tooth.
+    alone, squared, count = (_before(sums(fit.weight**2) * rise**k) for k in (1, 2, 0))
+    square = squared[None, :] - squared[:, None]
+    square -= 2 * rise[:, None] * (alone[None, :] - alone[:, None])
+    square = square + rise[:, None] ** 2 * (count[None, :] - count[:, None])
     least = 1e-2 * square  # that other columns must leave of a saw-tooth
     base = np.concatenate([fit.base[: len(left)], solved.base[: len(left)]], 1)
     _subtract_explained(square, sums(fit.weight[:, None] * base), rise[:, None])
@@ -69,15 +66,6 @@ def _products(column: Floats, rise: Floats) -> Floats:
     """Return the products of a column, shape (n,), with every saw-tooth, shape (n, n)."""
     alone, risen = _before(column), _before(column * rise)
     return risen[None, :] - risen[:, None] - rise[:, None] * (alone[None, :] - alone[:, None])
-
-
-def _squares(weight: Floats, rise: Floats) -> Floats:
-    """Return the weighted sum of squares of every saw-tooth, shape (n, n)."""
-    alone, squared, count = (_before(weight * rise**k) for k in (1, 2, 0))
-    square = (
-        squared[None, :] - squared[:, None] - 2 * rise[:, None] * (alone[None, :] - alone[:, None])
-    )
-    return square + rise[:, None] ** 2 * (count[None, :] - count[:, None])
 
 
 def _subtract_explained(square: Floats, columns: Floats, rise: Floats) -> None:
@@ -189,7 +177,8 @@ class _Search:
         while len(sets[-1][0]) <= strings:
             found, fitted = sets[-1]
             first = best = None
-            for plucks, solved, _ in self._refined_trials(found, fitted):
+            trials = [fit.refined(start) for start in self._starts(found, fitted)]
+            for plucks, solved, _ in sorted(trials, key=lambda trial: trial[2]):
                 trial = in_order(fit, plucks, solved)
                 first = first or trial
                 if self._significance(*trial, -1, found, fitted) > 0:
@@ -217,10 +206,10 @@ class _Search:
             found, fitted = others, refitted
             gains = self._significances(found, fitted)
         k = fit.compliance - fit.term(fitted, "F2")  # with which there is no term of F''
-        stds, noises = fit.stds(found, fitted).tolist(), fit.relative_noises(found, fitted)
+        stds, noises = fit.stds(found, fitted).tolist(), fit.noises(found, fitted)
         each = zip(found.tolist(), fitted.forces.tolist(), gains, stds, noises, strict=True)
         growths = [
-            Growth(contact, release, force, gain, std[0], std[1], std[2], noise)
+            Growth(contact, release, force, gain, std[0], std[1], std[2], noise / fit.noise**2)
             for (contact, release), force, gain, std, noise in each
         ]
         searched = Searched(
@@ -232,13 +221,6 @@ class _Search:
             -fit.term(fitted, "F1") - fit.term(fitted, "v2") / fit.slow.inertial,
         )
         return searched, found
-
-    def _refined_trials(self, found: Floats, fitted: Solved) -> list[tuple[Floats, Solved, float]]:
-        """Return refined plucks with a further one, their fits and chi2, the best one first."""
-        starts = self._starts(found, fitted)[: self._most]
-        if len(found) < len(self._earlier):
-            starts.append(self._earlier[: len(found) + 1])
-        return sorted((self._fit.refined(start) for start in starts), key=lambda t: t[2])
 
     def _significances(self, plucks: Floats, solved: Solved) -> list[float]:
         """Return the significance of each pluck besides the others."""
@@ -271,11 +253,11 @@ class _Search:
         gain = (without.chi2 - solved.chi2) / noise / (1 + deviations)
         near = np.abs(np.delete(plucks[:, 1], i) - pluck[1]).min(initial=np.inf)
         moving = np.interp(pluck[1], slow.time, slow.speed()) > self._moving
-        several = len(fit.strings.contacts) > 1
         # The error of the inertia leaves slight growths where the jack stops. Where the rig has
         # several strings, what the model of one does not explain may look like another.
+        several = len(fit.strings.contacts) > 1
         least = 0.05 * float(fit.strings.forces.min())
-        strong = forces[i] > max(least, several * 0.15 * float(forces.max()))
+        strong = forces[i] > max(least, several * SLIGHT * float(forces.max()))
         enough = gain > slow.settings.significance and strong and moving
         # Of a string that is held until the last row no collapse was seen.
         collapses = pluck[1] < slow.time[-1] - slow.width
@@ -317,4 +299,7 @@ class _Search:
             split = np.vstack([found, found[strongest]])
             split[[strongest, -1], 1] += np.array([-1, 1]) * slow.width
             starts.append(split)
+        starts = starts[: self._most]
+        if len(found) < len(self._earlier):
+            starts.append(self._earlier[: len(found) + 1])
         return starts

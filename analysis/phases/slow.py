@@ -138,17 +138,11 @@ def _weights(derivative: int) -> tuple[Floats, Floats]:
 @lru_cache
 def _kernel(derivative: int) -> Floats:
     """Return the weights of a smoothed signal's derivative, centred, times the width's power."""
-    kernel = _spline(ORDER - derivative)
+    kernel = np.ones(1)  # the B-spline of so many boxcars
+    for _ in range(ORDER - derivative):
+        kernel = np.convolve(kernel, np.full(HOPS, 1 / HOPS))
     for _ in range(derivative):
         kernel = np.convolve(kernel, np.concatenate([[1.0], np.zeros(HOPS - 1), [-1.0]]))
     if len(kernel) % 2 == 0:  # the mean of both neighbours is centred
         kernel = np.convolve(kernel, [0.5, 0.5])
     return np.pad(kernel, (ORDER * HOPS + 1 - len(kernel)) // 2)[::-1]
-
-
-def _spline(order: int) -> Floats:
-    """Return the B-spline of a number of boxcars."""
-    kernel = np.ones(1)
-    for _ in range(order):
-        kernel = np.convolve(kernel, np.full(HOPS, 1 / HOPS))
-    return kernel

@@ -121,18 +121,12 @@ def replay(press: Press, phases: Phases, time: Floats, arm: Joints | Plan | None
         phases=phases,
         time=time,
         angle=np.interp(time, seen, turned),
-        joints=_joints(arm, time),
+        joints=arm and np.stack([np.interp(time, arm.t, q) for q in (arm.q1, arm.q2)], -1),
         choirs=tuple(
             _choir(press.rig, string, phases.of_string(number), seen, turned, time)
             for number, string in enumerate(strings, 1)
         ),
     )
-
-
-def _joints(arm: Joints | Plan | None, time: Floats) -> Floats | None:
-    if arm is None:
-        return None
-    return np.stack([np.interp(time, arm.t, q) for q in (arm.q1, arm.q2)], -1)
 
 
 def at_rest(choir: Choir, height: Floats) -> ChoirMotion:
@@ -175,7 +169,10 @@ def _choir(
     known = np.interp(rise, [first, last], [0.0, way])
     known += np.minimum(rise - first, 0) + np.maximum(rise - last, 0)
     after = seen > held.release
-    string = _with_damper(string, rise, after, seen - held.release)
+    damper = choir.jack.damper
+    if damper is not None and (down := np.flatnonzero(after & (rise < damper.lift))).size:
+        # The jack has fallen so far that the damper touches the string.
+        string = stilled(string, string.release + float(seen[down[0]] - held.release))
     exposed = np.linspace(0, time[1] - time[0], EXPOSURES, endpoint=False)
     clock = _model_clock(string, held, seen, known, (time[:, None] + exposed).ravel())
     shape = string.displacement(clock, places)[1].reshape(n, EXPOSURES, PLACES)
@@ -209,19 +206,6 @@ def _model_clock(
     late = string.release + (time - held.release)
     clock = np.where(time < held.contact, early, np.where(time < held.release, during, late))
     return np.maximum.accumulate(clock)
-
-
-def _with_damper(
-    string: VibratingString, rise: Floats, after: Flags, since_release: Floats
-) -> VibratingString:
-    """Stop the string when the jack has fallen so far that the damper touches it."""
-    damper = string.choir.jack.damper
-    if damper is None:
-        return string
-    down = np.flatnonzero(after & (rise < damper.lift))
-    if len(down) == 0:
-        return string
-    return stilled(string, string.release + float(since_release[down[0]]))
 
 
 def _tongue(choir: Choir, height: Floats, after: Flags) -> Floats:

@@ -8,8 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from sautereau.analysis.loading.first_press import first_press
 from sautereau.analysis.loading.press import Press, partial_press_of, press_of
+from sautereau.analysis.loading.presses import first_press
 from sautereau.analysis.model.predict import JackSpeed
 from sautereau.analysis.phases import HeldString, Phases, find_phases
 from sautereau.analysis.phases.one_signal import find_partial_phases

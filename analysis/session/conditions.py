@@ -11,7 +11,6 @@ from typing import Any, Generic, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.predict import JackSpeed, Prediction, predict
-from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import gain_stds
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.budget import bending_of
@@ -234,7 +233,9 @@ def _condition(
         compared, predictions, speeds = zip(*both, strict=True)
         prediction = predictions[0]
         # Another rig may be the one that these presses are like.
-        unlike = _another_instrument(own, rig) if rig else _unlike_rig(compared)
+        said = [each.unlike_rig for each in compared if each.unlike_rig]
+        unlike = said[0] if 2 * len(said) > len(compared) else ()
+        unlike = _another_instrument(own, rig) if rig else unlike
         comparison = with_budget(
             replace(compare(compared, predictions, gain_stds(own)), unlike_rig=unlike),
             rig or own,
@@ -316,12 +317,6 @@ def _may_be_equal(own: Rig, rig: Rig, key: str) -> bool:
         low, high = one.assumed.get(key, (value, value))
         ends.append((low, high) if low <= value <= high else (value, value))
     return max(low for low, _ in ends) <= min(high for _, high in ends)
-
-
-def _unlike_rig(phases: Sequence[Phases]) -> tuple[str, ...]:
-    """Return what the first of these presses says of its rig, if most of them say something."""
-    said = [found.unlike_rig for found in phases if found.unlike_rig]
-    return said[0] if 2 * len(said) > len(phases) else ()
 
 
 def _omitted(presses: Sequence[AnalysedPress], reason: str) -> list[str]:

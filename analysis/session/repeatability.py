@@ -82,7 +82,9 @@ def repeatability(presses: Sequence[Press], law: PressLaw) -> Repeatability:
     time = np.linspace(law.cruise_start, law.cruise_end, INSTANTS)
     _check(presses, time)
     rise = np.array([_at(p, "jack_rise", time) for p in presses])
-    speed = np.array([_smooth_speed(p, time) for p in presses])
+    # Between the midpoints of the instants, which averages the noise.
+    edges = np.concatenate([time[:1], (time[1:] + time[:-1]) / 2, time[-1:]])
+    speed = np.array([np.diff(_at(p, "jack_rise", edges)) / np.diff(edges) for p in presses])
     planned = law.law.at(time)
     fast = float(np.abs(planned.velocity).max())
     mean = rise.mean(axis=0)
@@ -122,12 +124,6 @@ def _start(press: Press) -> float:
 
 def _at(press: Press, column: str, time: Floats) -> Floats:
     return np.interp(time + _start(press), press.time, press.samples[column])
-
-
-def _smooth_speed(press: Press, time: Floats) -> Floats:
-    """Return the mean speed between the midpoints of the instants, which averages the noise."""
-    edges = np.concatenate([time[:1], (time[1:] + time[:-1]) / 2, time[-1:]])
-    return np.diff(_at(press, "jack_rise", edges)) / np.diff(edges)
 
 
 def _spread(values: Floats) -> Spread:

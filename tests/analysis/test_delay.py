@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.loading.delay import lost_samples, without_delay
+from sautereau.analysis.loading.press import lost_samples, without_delay
 from sautereau.daq.signals.calibration import restored
 from sautereau.daq.signals.quality_flags import QualityFlag
 

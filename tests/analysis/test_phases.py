@@ -5,7 +5,7 @@ import pytest
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.phases import phases_figure
-from sautereau.analysis.loading.first_press import first_press
+from sautereau.analysis.loading.presses import first_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.release import find_falls
 from sautereau.analysis.phases.rows import Rows
@@ -333,7 +333,7 @@ def test_a_load_falls_at_a_release_and_not_at_a_contact(contact, release):
     held = (row >= contact) & (row < release)
     load = np.where(held, (row - contact) / (release - contact), 0.0)
     load += np.random.default_rng(0).normal(0, 1e-3, 400)
-    found = find_falls(Rows(row * 1e-4, 1e-4, load, zero, zero, zero[1:], lambda _: zero))
+    found = find_falls(Rows(row * 1e-4, 1e-4, load, zero, zero, zero[1:], zero, zero))
     assert np.abs(np.array(found) - release).tolist() == pytest.approx([0], abs=2)
 
 

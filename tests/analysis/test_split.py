@@ -2,21 +2,24 @@
 
 import itertools
 import json
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.simulated import as_recorded
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.loading.press import load_press
+from sautereau.analysis.loading.press import load_press, press_of
 from sautereau.analysis.loading.presses import AGAIN, NO_END, REST, presses_of
+from sautereau.analysis.phases import find_phases
 from sautereau.analysis.session.analysed import analyse_file, analyse_partial
 from sautereau.analysis.text import WIDTH
 from sautereau.commands.app import app
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
-from sautereau.daq.file.recorded import Block, Event, SessionInfo
+from sautereau.daq.file.recorded import SPLIT, Block, Event, SessionInfo
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import with_values
@@ -127,6 +130,28 @@ def test_presses_without_a_pause_are_divided_where_the_key_is_highest(one, recor
         assert 0.05e-3 < pluck.contact_std < 0.3e-3
         assert pluck.contact + offset == pytest.approx(CONTACT, abs=2 * pluck.contact_std)
         assert pluck.release + offset == pytest.approx(RELEASE, abs=0.05e-3)
+
+
+@pytest.mark.parametrize(("seed", "cut"), [(3, 0.020), (5, 0.028)])
+def test_a_press_of_a_trill_has_no_growth_beside_its_pluck(one, paper, seed, cut):
+    """Presses that start in the ringing of the one before, found on a compliant key."""
+    fast = np.stack(one)[:, round(cut * RATE) : -round(0.049 * RATE)]
+    signals, _ = joined([fast] * 6, [0.2, 0.02, 0.01, 0.005, 0.0, 0.003, 0.2])
+    volts = dict(
+        zip((c.name for c in paper.daq.channels), sensed(paper, signals, seed), strict=True)
+    )
+    recorded = as_recorded(paper, volts, RATE, 0, "trill.mcap", seed)
+    compliant = 0
+    for number, span in enumerate(presses_of(recorded).presses, 1):
+        part = {name: values[span.start : span.stop] for name, values in volts.items()}
+        cut_out = as_recorded(paper, part, RATE, 0, "part.mcap", seed)
+        session = replace(cut_out.session, press=number)
+        after = (Event(span.start / RATE, SPLIT, "one of several"),)
+        phases = find_phases(press_of(replace(cut_out, session=session, events=after)))
+        assert len(phases.plucks) == 1
+        assert not phases.missed, phases.warnings
+        compliant += phases.fit.model == "compliant"
+    assert compliant
 
 
 def test_a_key_that_is_held_down_is_no_pause(one, record):
