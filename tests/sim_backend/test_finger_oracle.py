@@ -135,7 +135,10 @@ def test_endless_changes_of_contact_are_refused_and_end_with_shorter_steps():
     scene = scene.model_copy(update={"engine": "rigid", "step": 2e-5})
     with pytest.raises(SceneError, match=r"contacts changed .* at 0\.031.* lower the step"):
         moved(rig, scene, reference)
-    moved(rig, scene.model_copy(update={"step": 1e-5}), reference)
+    # Its landings rub: without the friction of the blows it would agree with itself, and be wrong.
+    world, time, *_ = moved(rig, scene.model_copy(update={"step": 1e-5}), reference)
+    true = finger_oracle.solve(rig, scene, reference, SAMPLES * reference.period, time[::40])
+    assert_same_events(world.events, true, 5e-4)
 
 
 @pytest.mark.slow

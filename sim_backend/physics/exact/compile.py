@@ -65,13 +65,6 @@ def records(array: NDArray[Any]) -> Any:
     return as_objects(array) if njit is None else array
 
 
-def _digest() -> str:
-    folder = Path(__file__).parent
-    shared = (folder.parent / name for name in ("laws.py", "structures.py"))
-    files = [*shared, *sorted(folder.glob("*.py"))]
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
-
-
 class Announcement(
     event.Listener if event else object  # pyright: ignore[reportGeneralTypeIssues]
 ):
@@ -92,6 +85,8 @@ class Announcement(
         """Take the end of a compilation."""
 
 
-_SOURCES = _digest()
+_FOLDER = Path(__file__).parent
+_FILES = _FOLDER.parent / "laws.py", _FOLDER.parent / "structures.py", *sorted(_FOLDER.glob("*.py"))
+_SOURCES = hashlib.sha256(b"".join(file.read_bytes() for file in _FILES)).hexdigest()[:12]
 if event:
     event.register("numba:compile", Announcement())

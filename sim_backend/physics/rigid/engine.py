@@ -115,7 +115,15 @@ class RigidWorld(World):
             )
         else:
             self._run(self._period)
-            self._end_sample()
+            # The drift of the constraints is corrected.
+            pressed, worst = finger.end_sample(key.lever.angle)
+            worst = max(worst, key.end_sample(pressed))
+            worst = max(worst, *[jack.end_sample(key.value) for jack in self._jacks])
+            self.worst_gap = max(self.worst_gap, worst / MM)
+            state, self._state = self._state, key.state()
+            unloaded = (jack.standing and jack.unloaded for jack in self._jacks)
+            # A key at rest that a sample has not changed is not changed by the next one either.
+            self._still = self._state == state and all(unloaded)
         self.samples += 1
         if not math.isfinite(sum(self._rows[-1])):
             raise self._diverged()
@@ -289,18 +297,6 @@ class RigidWorld(World):
         for jack in self._jacks:
             possible += jack.possible_events(ahead)
         return possible
-
-    def _end_sample(self) -> None:
-        """End a controller sample: correct the drift of the constraints and record its size."""
-        key = self._key
-        pressed, worst = self._finger.end_sample(key.lever.angle)
-        worst = max(worst, key.end_sample(pressed))
-        worst = max(worst, *[jack.end_sample(key.value) for jack in self._jacks])
-        self.worst_gap = max(self.worst_gap, worst / MM)
-        before, self._state = self._state, key.state()
-        unloaded = (jack.standing and jack.unloaded for jack in self._jacks)
-        # A key at rest that a sample has not changed is not changed by the next one either.
-        self._still = self._state == before and all(unloaded)
 
     def _diverged(self) -> SceneError:
         return SceneError(
