@@ -16,14 +16,8 @@ from benchmarks.independent.assembly import body_of, key_model, string_modes
 from benchmarks.simulated import judged_press
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import HeldString, Phases
-from sautereau.analysis.transient import (
-    Attributed,
-    Oscillation,
-    Source,
-    attribute,
-    combine,
-    examine,
-)
+from sautereau.analysis.transient.attribute import Attributed, Source, attribute
+from sautereau.analysis.transient.evidence import Oscillation, combine, examine
 
 CASES = 24
 NEAR = 0.08  # Relative distance of an oscillation from its true mode

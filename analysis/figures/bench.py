@@ -52,7 +52,11 @@ def bench_figure(rig: Rig, trajectory: Trajectory) -> Figure:
     side.margins(0.03, 0.08)
     side.autoscale_view()
     side.set(xlabel="x from the balance pin (mm)", ylabel="z (mm)")
-    _head(head, rig)
+    choir = choirs(rig)[0]
+    motion = at_rest(choir, np.array([-choir.jack.string_clearance]))
+    draw_head(head, motion)
+    _label_head(head, motion)
+    head.set_title("jack's head at rest, seen along the string", fontsize=10)
     _legend(words, rig)
     figure.suptitle(
         f'Rig {rig.name}, hold "{rig.press.hold}": the bench to scale, at rest and (dashed) at a'
@@ -111,15 +115,6 @@ def _dimensions(axes, rig: Rig) -> None:
             value * 500, z, text, ha="center", va="center", fontsize=8,
             bbox={"fc": "white", "ec": "none", "pad": 1},
         )  # fmt: skip
-
-
-def _head(axes, rig: Rig) -> None:
-    """Draw the first jack's head at rest, seen along the string."""
-    choir = choirs(rig)[0]
-    motion = at_rest(choir, np.array([-choir.jack.string_clearance]))
-    draw_head(axes, motion)
-    _label_head(axes, motion)
-    axes.set_title("jack's head at rest, seen along the string", fontsize=10)
 
 
 def _label_head(axes, motion: ChoirMotion) -> None:

@@ -82,8 +82,13 @@ def session_figure(
     figure = Figure(figsize=(SIZE[0], len(rows) * SIZE[1]), layout="constrained")
     parts = figure.subfigures(len(rows), squeeze=False)[:, 0]
     for part, (n, condition, prediction) in zip(parts, rows, strict=True):
-        sets = [condition, *(pair.second for pair in pairs if pair.first is condition)]
-        _draw(part, [_first_presses(each) for each in sets], prediction, condition.comparison)
+        sets = []
+        for each in (condition, *(pair.second for pair in pairs if pair.first is condition)):
+            first = each.counted[:PICTURED]
+            sets.append(
+                ([load_press(press.press.path) for press in first], [p.phases for p in first])
+            )
+        _draw(part, sets, prediction, condition.comparison)
         if count > 1:
             title = f"condition {n} of {count}, {found.label(condition)}"
             part.suptitle(f"{part.get_suptitle()}\n{title}")
@@ -138,11 +143,6 @@ def _overview(conditions: Sequence[Condition], count: int) -> Figure:
     )
     stamp(figure, simulated)
     return figure
-
-
-def _first_presses(condition: Condition) -> _Set:
-    first = condition.counted[:PICTURED]
-    return [load_press(press.press.path) for press in first], [press.phases for press in first]
 
 
 def _draw(

@@ -32,7 +32,13 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
     """
     for level in levels:
         LEVELS.get(level)
-    plucks, faults = _solve(rig, levels)
+    plucks: dict[str, Pluck] = {}
+    faults: dict[str, str] = {}
+    for level in levels:
+        try:
+            plucks[level] = rig_pluck(rig, level)
+        except ModelError as error:
+            faults[level] = f"{level}: {error}"
     if not plucks:
         raise ModelError("\n".join(["no level has a pluck for this rig", *faults.values()]))
     figure = Figure(figsize=(11, 9), layout="constrained")
@@ -81,17 +87,6 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
     lines = [line for fault in faults.values() for line in textwrap.wrap(fault, 190)]
     figure.suptitle("\n".join([title, *lines]), fontsize=10 if lines else 12)
     return figure
-
-
-def _solve(rig: Rig, levels: Sequence[str]) -> tuple[dict[str, Pluck], dict[str, str]]:
-    """Return the plucks of levels that have one, and the faults of the others."""
-    plucks, faults = {}, {}
-    for level in levels:
-        try:
-            plucks[level] = rig_pluck(rig, level)
-        except ModelError as error:
-            faults[level] = f"{level}: {error}"
-    return plucks, faults
 
 
 def _dress(rig: Rig, angle, path, force) -> None:

@@ -7,7 +7,7 @@ Gauss-Newton step changes it by -(d r) / (d d) and reduces the sum of squares of
 (d r)^2 / (d d). This is the score test; for a correct number the reduction is 1 on average.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,22 +111,17 @@ def sensitivities(
         effects = {problem.free[k].name: float(by[k]) for k in shown}
         table.append(Sensitivity(name, unit, value, change, stated, effects))
 
-    def fixed(name: str, unit: str, value: float, change: float, step: float, rig: Rig) -> None:
-        column = problem.by_another(whitened, dynamics.on(rig), fitted.values, step)
-        if column is not None:
-            add(name, unit, value, change, False, gain @ column * -change)
-
     for k, parameter in enumerate(problem.free):
         if parameter.hidden and parameter.std:
             by = known.by(k) * parameter.std / problem.scales[k]
             value = float(fitted.values[k])
             add(parameter.name, parameter.unit, value, parameter.std, True, by)
-    for name in _fixed(dynamics):
-        value = parameters.value_of(dynamics.rig, name)
+    for name, unit, value, step, rig in _fixed(dynamics):
+        column = problem.by_another(whitened, dynamics.on(rig), fitted.values, step)
         change = CHANGE * abs(value) or FRICTION_CHANGE
-        fixed(name, parameters.unit_of_parameter(name), value, change, *_beside(dynamics.rig, name))
-    on_surface = float(dynamics.rig.plectrum.contact == "surface")
-    fixed(parameters.CONTACT, "", on_surface, 1.0, 1.0, _other_contact(dynamics.rig))
+        change = 1.0 if name == parameters.CONTACT else change
+        if column is not None:
+            add(name, unit, value, change, False, gain @ column * -change)
     return tuple(sorted(table, key=lambda s: -max(map(abs, s.effects.values()), default=0.0)))
 
 
@@ -140,46 +135,41 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
     dynamics = fitted.problem.dynamics
     test = ScoreTest(fitted.problem, fitted.values, noise * np.sqrt(DEPENDENT), fitted.free_offset)
 
-    def freed(step: float, rig: Rig) -> tuple[float, float]:
-        moved, reduction = test.freed([test.column(dynamics.on(rig), fitted.values, step)])
-        return float(moved[0]), reduction
-
-    found = []
-    for name in _fixed(dynamics):
-        if name in parameters.MEASURED:
+    found, of_contact = [], []
+    for name, unit, value, step, rig in _fixed(dynamics):
+        on_surface = name == parameters.CONTACT and value
+        if name in parameters.MEASURED or on_surface:
             continue
-        unit, value = parameters.unit_of_parameter(name), parameters.value_of(dynamics.rig, name)
-        step, reduction = freed(*_beside(dynamics.rig, name))
+        moved, reduction = test.freed([test.column(dynamics.on(rig), fitted.values, step)])
+        step = float(moved[0])
+        if name == parameters.CONTACT:
+            # The step is the offset of the string's centre, as a fraction of that on the surface.
+            if reduction > SUGGESTED and step > LIKELY:
+                of_contact = [Suggestion(name, unit, reduction, 1.0)]
+            continue
         low, high = parameters.bounds_of(dynamics.rig, name)
         if low == high:
             high = np.inf
         # An impossible value is not the cause. A linear step may be too long, however.
         if reduction > SUGGESTED and low <= value + step <= high + (high - low):
             found.append(Suggestion(name, unit, reduction, min(value + step, high)))
-    found.sort(key=lambda s: -s.reduction)
-    if dynamics.rig.plectrum.contact == "mid-line":
-        # The step is the offset of the string's centre, as a fraction of that on the surface.
-        step, reduction = freed(1.0, _other_contact(dynamics.rig))
-        if reduction > SUGGESTED and step > LIKELY:
-            # It comes first, because friction has a similar effect.
-            found.insert(0, Suggestion(parameters.CONTACT, "", reduction, 1.0))
-    return tuple(found)
+    # The contact comes first, because friction has a similar effect.
+    return (*of_contact, *sorted(found, key=lambda s: -s.reduction))
 
 
-def _other_contact(rig: Rig) -> Rig:
-    """Return the rig with the string on the surface instead of the mid-line, or vice versa."""
-    other = "mid-line" if rig.plectrum.contact == "surface" else "surface"
-    return rig.replaced({"plectrum.contact": other})
+def _fixed(dynamics: InverseDynamics) -> Iterator[tuple[str, str, float, float, Rig]]:
+    """Yield name, unit, value [SI] and a step of each fixed number, and the rig after the step.
 
-
-def _fixed(dynamics: InverseDynamics) -> list[str]:
-    """Return the numbers of the model that are neither fitted nor known to within a range only."""
-    names = parameters.unfitted(dynamics.rig, [p.name for p in dynamics.free])
-    return [name for name in names if name not in dynamics.rig.assumed]
-
-
-def _beside(rig: Rig, name: str) -> tuple[float, Rig]:
-    """Return a small step of a fixed number, and the rig after it."""
-    value = parameters.value_of(rig, name)
-    step = STEP * abs(value) or STEP
-    return step, parameters.with_parameters(rig, {name: value + step})
+    These numbers are neither fitted nor known to within a range only. The last one is the place of
+    the string, 1 on the surface and 0 on the mid-line; its step leads to the other one.
+    """
+    rig = dynamics.rig
+    for name in parameters.unfitted(rig, [p.name for p in dynamics.free]):
+        if name not in rig.assumed:
+            value = parameters.value_of(rig, name)
+            step = STEP * abs(value) or STEP
+            after = parameters.with_parameters(rig, {name: value + step})
+            yield name, parameters.unit_of_parameter(name), value, step, after
+    on_surface = rig.plectrum.contact == "surface"
+    other = rig.replaced({parameters.CONTACT: "mid-line" if on_surface else "surface"})
+    yield parameters.CONTACT, "", float(on_surface), 1.0, other

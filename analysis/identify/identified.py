@@ -181,11 +181,22 @@ def evaluate(fitted: Fit) -> Identified:
     found, dynamics = fitted.problem, fitted.problem.dynamics
     suggested = suggestions(fitted, good.scale)
     good = judged(good, fitted)
-    good = replace(good, reasons=(*good.reasons, *_doubts(fitted, suggested)))
+    # The model may be wrong although the residuals are small.
+    doubts = [
+        f"{s.name}: freeing it would reduce the weighted sum of squares by {s.reduction:.0f}, and"
+        f" {SUGGESTED:.0f} are allowed: the other parameters imitate it"
+        for s in suggested
+        if s.name in (FRICTION, CONTACT)
+    ]
+    doubts += doubtful_modes(found.free, fitted.values, dynamics.presses)
+    good = replace(good, reasons=(*good.reasons, *doubts))
     shown = [k for k, p in enumerate(found.free) if not p.hidden]
     estimates, also = (_estimates(fitted, which, good, known) for which in (shown, unasked))
     forces, rises = dynamics.residuals(values)
     trends = [w.trend(f) for f, w in zip(forces, found.whitenings, strict=True)]
+    of_rig = [k for k, p in enumerate(found.free) if not p.name.startswith("offset.")]
+    low, high = np.array([(found.free[k].low, found.free[k].high) for k in of_rig]).T
+    scales = found.scales[of_rig]
     return Identified(
         rig=with_parameters(dynamics.rig, {e.name: e.value for e in estimates}),
         estimates=estimates,
@@ -199,26 +210,18 @@ def evaluate(fitted: Fit) -> Identified:
         rise_residual=rms([rises * dynamics.rise_stds]) if len(rises) else None,
         force_offsets=tuple(float(trend.mean()) for trend in trends),
         also_fitted=also,
-        distribution=_distribution(fitted, known),
+        distribution=Distribution(
+            tuple(found.free[k].name for k in of_rig),
+            np.clip(values[of_rig], low, high),  # of the rounding of scaled values
+            known.covariance[np.ix_(of_rig, of_rig)] * np.outer(scales, scales),
+            low,
+            high,
+        ),
         modes=_modes(found, values, known.stds),
         quality=good,
         sensitivity=sensitivities(fitted, data, fitted.excess * good.repetition, known),
         suggested=() if good.fits else suggested,
         warnings=_warnings(estimates, dynamics),
-    )
-
-
-def _distribution(fitted: Fit, known: Information) -> Distribution:
-    problem = fitted.problem
-    own = [k for k, p in enumerate(problem.free) if not p.name.startswith("offset.")]
-    free, scales = [problem.free[k] for k in own], problem.scales[own]
-    low, high = np.array([(p.low, p.high) for p in free]).T
-    return Distribution(
-        tuple(p.name for p in free),
-        np.clip(fitted.values[own], low, high),  # of the rounding of scaled values
-        known.covariance[np.ix_(own, own)] * np.outer(scales, scales),
-        low,
-        high,
     )
 
 
@@ -246,18 +249,6 @@ def _modes(found: Problem, values: Floats, stds: Floats) -> tuple[FittedMode, ..
             own += [float(values[at]), std if np.isfinite(std) else None]
         modes.append(FittedMode(*own))
     return tuple(sorted(modes, key=lambda mode: mode.frequency))
-
-
-def _doubts(fitted: Fit, suggested: Sequence[Suggestion]) -> list[str]:
-    """Return reasons why the model is wrong although the residuals may be small."""
-    found = fitted.problem
-    doubts = [
-        f"{s.name}: freeing it would reduce the weighted sum of squares by {s.reduction:.0f}, and"
-        f" {SUGGESTED:.0f} are allowed: the other parameters imitate it"
-        for s in suggested
-        if s.name in (FRICTION, CONTACT)
-    ]
-    return doubts + doubtful_modes(found.free, fitted.values, found.dynamics.presses)
 
 
 def _estimates(

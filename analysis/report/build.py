@@ -12,8 +12,8 @@ from markupsafe import Markup, escape
 
 from sautereau.analysis.report import facts, figures, tables
 from sautereau.analysis.report.contents import Contents
-from sautereau.analysis.report.fits import Fit
 from sautereau.analysis.report.slow_motion import moving
+from sautereau.analysis.report.tables import Fit
 from sautereau.analysis.results.comparison import (
     compared_presses,
     contribution_rows,

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+MOST_TICKS = 6  # Levels of which each has its tick
 DEFAULT = ("release_force", "force_drop", "force_slope", "pluck_duration")
 """Quantities of which effects are shown, unless others are given."""
 
@@ -105,7 +106,7 @@ class Effects(Result):
         from matplotlib.figure import Figure
 
         count = max(len(fit.factors) for fit in self.fitted.values())
-        size = (max(6.4, WIDTH * count), 0.8 + HEIGHT * len(self.fitted))
+        size = (max(6.4, 4.2 * count), 0.8 + 2.4 * len(self.fitted))  # inches
         figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(len(self.fitted), count, sharey="row", squeeze=False)
         for number, (name, fit) in enumerate(self.fitted.items()):
@@ -224,7 +225,15 @@ def _fitted_lines(name: str, fit: FittedEffects) -> list[str]:
     scale, _ = QUANTITIES[split_column(name)[0]].displayed
     lines = [f"{title_of(name)}, {counted(fit.presses, 'press')}, {fit.model}:"]
     for factor in fit.factors:
-        lines += _factor_lines(factor, scale)
+        p_value = "p < 0.0001" if factor.p_value < 1e-4 else f"p = {factor.p_value:.2g}"
+        effects = {effect.level: interval(effect, scale, 3) for effect in factor.effects}
+        rows: list[tuple[str, ...]] = [("level", "interaction"), *effects.items()]
+        if factor.means:
+            rows = [("level", "mean", f"difference from {factor.means[0].level}")] + [
+                (mean.level, interval(mean, scale), effects.get(mean.level, ""))
+                for mean in factor.means
+            ]
+        lines += [f"  {factor.name}, {p_value}", *table(rows, indent=4)]
     deviations = f"press {scale * fit.press_std:.3g}"
     if fit.block_std is not None:
         deviations += f", block {scale * fit.block_std:.3g}"
@@ -232,22 +241,6 @@ def _fitted_lines(name: str, fit: FittedEffects) -> list[str]:
     if fit.omitted:
         lines.append(f"  omitted: {counted(fit.omitted, 'press')} without this quantity")
     return lines
-
-
-def _factor_lines(factor: FactorEffects, scale: float) -> list[str]:
-    p_value = "p < 0.0001" if factor.p_value < 1e-4 else f"p = {factor.p_value:.2g}"
-    effects = {effect.level: interval(effect, scale, 3) for effect in factor.effects}
-    rows: list[tuple[str, ...]] = [("level", "interaction"), *effects.items()]
-    if factor.means:
-        rows = [("level", "mean", f"difference from {factor.means[0].level}")] + [
-            (mean.level, interval(mean, scale), effects.get(mean.level, ""))
-            for mean in factor.means
-        ]
-    return [f"  {factor.name}, {p_value}", *table(rows, indent=4)]
-
-
-WIDTH, HEIGHT = 4.2, 2.4  # Of one panel (inch)
-MOST_TICKS = 6  # Levels of which each has its tick
 
 
 def _levels(

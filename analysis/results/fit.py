@@ -13,7 +13,6 @@ from sautereau.analysis.identify import fit as fitting
 from sautereau.analysis.identify.fixed import Suggestion
 from sautereau.analysis.identify.identified import (
     Estimate,
-    FittedMode,
     Identified,
     Profile,
     profile,
@@ -132,7 +131,12 @@ class Fit(Result):
             f" {counted(len(found.presses), 'press')} with {counted(found.releases, 'release')}",
             f"{QUANTITIES['residual'].label}: {found.residual_before * 1e3:.3g} mN before the fit,"
             f" {found.residual * 1e3:.3g} mN after",
-            *map(_mode_line, found.modes),
+            *(
+                f"compliant key: mode at {m.frequency:.4g}"
+                f"{'' if m.frequency_std is None else f' +- {m.frequency_std:.2g}'} Hz, damping"
+                f" {m.damping:.2g}"
+                for m in found.modes
+            ),
             _quality_line(found.quality),
             *(f"  {reason}" for reason in found.quality.reasons),
             *(_suggestion_line(suggestion) for suggestion in found.suggested),
@@ -220,7 +224,8 @@ class Fit(Result):
         for key, (value, unit) in values.items():
             low, high = sorted(own[key][0] for own in limits)
             std = (high - low) / 12**0.5
-            stated, *assumed = (_rounded(x, std, unit) for x in (value, low, high))
+            texts = [in_rig_units(x, std, unit) for x in (value, low, high)]
+            stated, *assumed = [f"{t} {name}" if unit else float(t) for t, _, name in texts]
             # Uncertainties of [daq] have keys of their own, and a number without unit has no range.
             plain = not unit or key.startswith("daq.")
             written[key] = stated if plain else {"value": stated, "assumed": assumed}
@@ -277,17 +282,6 @@ class Fit(Result):
         return shown(figure)
 
 
-def _rounded(value: float, std: float, unit: str) -> str | float:
-    """Return an SI value as a rig file states it, with the digits that its uncertainty leaves."""
-    text, _, name = in_rig_units(value, std, unit)
-    return f"{text} {name}" if unit else float(text)
-
-
-def _mode_line(mode: FittedMode) -> str:
-    spread = "" if mode.frequency_std is None else f" +- {mode.frequency_std:.2g}"
-    return f"compliant key: mode at {mode.frequency:.4g}{spread} Hz, damping {mode.damping:.2g}"
-
-
 def _quality_line(good: Quality) -> str:
     parts = [f"{good.free_residual * 1e3:.3g} mN without a string"]
     if good.held_residual is not None:
@@ -341,7 +335,13 @@ def _stated(found: Estimate) -> str:
 def _also_lines(found: Identified) -> list[str]:
     """Return the values that were fitted without being requested."""
     reported = {e.name for e in found.estimates}
-    shown = [a for a in found.also_fitted if a.name in reported or _shown_by_data(a)]
+    # The recordings say more of a value than two thirds of its prior knowledge: the standard
+    # uncertainty of its prior is then at least 1.15 times that with the recordings.
+    shown = [
+        a
+        for a in found.also_fitted
+        if a.name in reported or (a.unaided and a.std is not None and a.unaided < 2 * a.std)
+    ]
     stated = [
         f"{a.name} {_stated(a)} (rig: {quantity_in_rig(a.rig_value, a.unit)})"
         + ", reported because it differs from the rig's" * (a.name in reported)
@@ -352,12 +352,6 @@ def _also_lines(found: Identified) -> list[str]:
             f"{counted(others, 'number')} with an assumed range, of which the recordings say little"
         )
     return [f"also fitted, without being requested: {'; '.join(stated)}"] if stated else []
-
-
-def _shown_by_data(a: Estimate) -> bool:
-    """Return whether the recordings say more of a value than two thirds of its prior knowledge."""
-    # Then the prior's standard uncertainty is at least 1.15 times that with the recordings.
-    return a.unaided is not None and a.std is not None and a.unaided < 2 * a.std
 
 
 def _profile_line(likely: Profile, found: Identified) -> str:

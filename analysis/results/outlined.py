@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -224,35 +225,35 @@ def _known(name: str, text: str | None, unit: str, faults: list[str]) -> Known |
         return None
 
 
+def _pixels(texts: Sequence[str]) -> list[float] | None:
+    """Return finite numbers; None if one is none."""
+    try:
+        found = [*map(float, texts)]
+    except ValueError:
+        return None
+    return found if math.isfinite(sum(found)) else None
+
+
 def _point(text: str | None, faults: list[str]) -> tuple[float, float] | None:
     if text is None:
         return None
-    try:
-        column, row = map(float, text.split(","))
-        if not math.isfinite(column + row):
-            raise ValueError
-    except ValueError:
+    found = _pixels(text.split(","))
+    if found is None or len(found) != 2:
         faults.append(f"clamp: {text!r} is refused; give column and row in pixels: 212,640")
         return None
-    return column, row
+    return found[0], found[1]
 
 
 def _ruler(text: str | None, faults: list[str]) -> Ruler | None:
     if text is None:
         return None
-    how = 'write two points and their distance: "100,900 1350,900 5 mm"'
-    if (match := _RULER.fullmatch(text)) is None:
-        faults.append(f"ruler: {text!r} is refused; {how}")
-        return None
-    *numbers, distance = match.groups()
-    known = _known("ruler", distance, "m", faults)
-    try:
-        x0, y0, x1, y1 = map(float, numbers)
-        if not math.isfinite(x0 + y0 + x1 + y1):
-            raise ValueError
-    except ValueError:
+    match = _RULER.fullmatch(text)
+    known = match and _known("ruler", match[5], "m", faults)
+    ends = match and _pixels(match.groups()[:4])
+    if ends is None:
+        how = 'write two points and their distance: "100,900 1350,900 5 mm"'
         faults.append(f"ruler: {text!r} is refused; {how}")
         return None
     if known and known.value <= 0:
         faults.append("ruler: its length is not above 0 mm")
-    return known and Ruler((x0, y0), (x1, y1), known)
+    return known and Ruler((ends[0], ends[1]), (ends[2], ends[3]), known)

@@ -10,7 +10,8 @@ import numpy as np
 from sautereau.analysis.figures import palette
 from sautereau.analysis.results.result import Result, frame_of, part_of, shown
 from sautereau.analysis.text import SOME_SIMULATED, counted, grouped, table
-from sautereau.analysis.transient import Attributed, Examined, ObservedMode, Oscillation, Source
+from sautereau.analysis.transient.attribute import Attributed, Source
+from sautereau.analysis.transient.evidence import Examined, ObservedMode, Oscillation
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -259,8 +259,9 @@ def voice(
         ModelError: The plectrum has no pluck before it is cut.
         RigError: The curve's file is faulty.
     """
-    if (fault := _no_string(rig, string)) or (fault := like and _no_string(like, string)):
-        raise AnalysisError(f"voice: {fault}")
+    for own in (rig, *([like] if like else [])):
+        if not 1 <= string <= (count := 1 + len(own.more_choirs)):
+            raise AnalysisError(f"voice: string {string}: rig {own.name} has {count}; correct it")
     plectrum = choirs(rig)[string - 1].plectrum
     cut = carving(plectrum, knife or Knife())
     at_first = predict(rig, "fe")
@@ -308,14 +309,6 @@ def voice(
         (at_first, predict(after, "fe")),
         SHAVING * rates / cut.shapes.max(axis=0),
         of_outline(after, "fe", string) if intervals else None,
-    )
-
-
-def _no_string(rig: Rig, string: int) -> str:
-    """Return what is wrong with the number of a string; empty if nothing is."""
-    count = 1 + len(rig.more_choirs)
-    return (
-        "" if 1 <= string <= count else f"string {string}: rig {rig.name} has {count}; correct it"
     )
 
 

@@ -11,7 +11,7 @@ from sautereau.commands import common
 from sautereau.commands.output import FileOutput, has, make_folders, save_plot
 
 if TYPE_CHECKING:
-    from sautereau.analysis.transient import Source
+    from sautereau.analysis.transient.attribute import Source
     from sautereau.analysis.transient.evidence import Examined
 
 
@@ -198,7 +198,8 @@ def transient(
     """
     from sautereau.analysis.alike import check_alike
     from sautereau.analysis.results.transient import Transient
-    from sautereau.analysis.transient import attribute, combine, examine
+    from sautereau.analysis.transient.attribute import attribute
+    from sautereau.analysis.transient.evidence import combine, examine
     from sautereau.entrance.found import each
 
     measured = _known(known or [])
@@ -218,7 +219,7 @@ def transient(
 
 def _known(texts: list[str]) -> "dict[Source, list[float]]":
     """Return measured modes by their source; all faults are reported together."""
-    from sautereau.analysis.transient import Source
+    from sautereau.analysis.transient.attribute import Source
     from sautereau.rig.errors import UsageError
     from sautereau.rig.units import parse_quantity
 

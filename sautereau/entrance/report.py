@@ -11,7 +11,7 @@ from pydantic_core import from_json
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.report.build import About, Again, build_report
 from sautereau.analysis.report.contents import Contents, PressRecord, gather
-from sautereau.analysis.report.fits import PATTERN, read_fit
+from sautereau.analysis.report.tables import PATTERN, read_fit
 from sautereau.rig.disk import make_folder, sealed, write_durably
 from sautereau.rig.schema import Rig
 from sautereau.robot.experiment.plan import LEARNING, Plan

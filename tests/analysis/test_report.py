@@ -17,8 +17,8 @@ from sautereau.analysis.report import contents
 from sautereau.analysis.report.build import About, Again, build_report
 from sautereau.analysis.report.contents import gather
 from sautereau.analysis.report.facts import cleaned
-from sautereau.analysis.report.fits import Fit, read_fit
 from sautereau.analysis.report.pictures import envelope
+from sautereau.analysis.report.tables import Fit, read_fit
 from sautereau.analysis.text import percent
 from sautereau.rig.load import parse_rig, with_values
 from tests.budget import slow

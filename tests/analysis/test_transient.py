@@ -15,8 +15,14 @@ from benchmarks.transient import true_phases
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.phases import Phases, find_phases
 from sautereau.analysis.results.transient import Transient
-from sautereau.analysis.transient import Source, attribute, combine, examine
-from sautereau.analysis.transient.attribute import MODELS, free_frequencies, held_frequencies
+from sautereau.analysis.transient.attribute import (
+    MODELS,
+    Source,
+    attribute,
+    free_frequencies,
+    held_frequencies,
+)
+from sautereau.analysis.transient.evidence import combine, examine
 from sautereau.commands.fit import transient
 from sautereau.commands.output import FileOutput
 from sautereau.rig.errors import UsageError

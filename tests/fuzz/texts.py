@@ -10,7 +10,7 @@ import numpy as np
 
 from sautereau.analysis.campaign.judged import with_labels
 from sautereau.analysis.model.predict import predict
-from sautereau.analysis.report.fits import read_fit
+from sautereau.analysis.report.tables import read_fit
 from sautereau.commands.output import json_text
 from sautereau.daq.convert.profile import load_profile
 from sautereau.rig.csv_files import read_touched_points

@@ -5,7 +5,8 @@ import pytest
 
 from benchmarks.simulated import simulated_press
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.transient import Source, attribute, combine, examine
+from sautereau.analysis.transient.attribute import Source, attribute
+from sautereau.analysis.transient.evidence import combine, examine
 from sautereau.sim_backend.scene import load_scene
 from tests.sim_backend.scenes import RIG
 
