@@ -7,8 +7,6 @@ from html import escape
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
@@ -63,7 +61,7 @@ def plain(found: Any) -> Any:
         return {own.name: plain(getattr(found, own.name)) for own in fields(found)}
     if isinstance(found, tuple | list):
         return [plain(own) for own in found]
-    return found.tolist() if isinstance(found, np.ndarray) else found
+    return found.tolist() if hasattr(found, "tolist") else found  # an array
 
 
 def named(found: Iterable[Any]) -> dict[str, Any]:

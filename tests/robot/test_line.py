@@ -47,7 +47,7 @@ def test_a_refusal_without_a_code(line, answer):
 def test_silence_names_command_timeout_and_fix(line):
     silent, _ = line(("MG _TPA", " 12.00"), ("", ""), ("MG 4711", ""))
     with pytest.raises(
-        SilentController, match=r"'MG _TPA' within 0\.2 s after '.* 12\.00'; check its power"
+        SilentController, match=r"'MG _TPA' within 0\.125 s after '.* 12\.00'; check its power"
     ):
         silent.read("_TPA")
 

@@ -193,7 +193,9 @@ def test_a_silent_controller_in_mid_motion(terminal, lines, segments):
     asked = [lines.wait[0], *lines.fresh, *lines.abort, *lines.abort[:-1]]
     silent = [(sent, "") for sent, _ in asked]
     controller, _ = terminal(lines.started, silent)
-    with fails(controller, SilentController, r"MG _BGA.*within 0\.2 s", NOT_OFF, "emergency stop"):
+    with fails(
+        controller, SilentController, r"MG _BGA.*within 0\.125 s", NOT_OFF, "emergency stop"
+    ):
         press(controller, segments)
 
 
