@@ -183,7 +183,7 @@ def evaluate(fitted: Fit) -> Identified:
     good = judged(good, fitted)
     # The model may be wrong although the residuals are small.
     doubts = [
-        f"{s.name}: freeing it would reduce the weighted sum of squares by {s.reduction:.0f}, and"
+        f"{s.name}: freeing it would reduce the weighted sum of squares by {s.reduction:.4g}, and"
         f" {SUGGESTED:.0f} are allowed: the other parameters imitate it"
         for s in suggested
         if s.name in (FRICTION, CONTACT)

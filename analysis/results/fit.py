@@ -292,7 +292,7 @@ def _quality_line(good: Quality) -> str:
 
 
 def _suggestion_line(suggestion: Suggestion) -> str:
-    gain = f"weighted sum of squares {suggestion.reduction:.0f} less"
+    gain = f"weighted sum of squares {suggestion.reduction:.4g} less"
     if suggestion.name == CONTACT:
         return f'  suggested: set {CONTACT} = "surface" in the rig ({gain})'
     value = quantity_in_rig(suggestion.value, suggestion.unit)
