@@ -26,7 +26,7 @@ from sautereau.robot.errors import (
 
 _LONGEST_ANSWER = 1 << 18
 _SPACES = b"\t\n\r\x1a"  # Control characters of answers; control-Z follows an uploaded array
-_NOISE = 3  # Bytes with their most significant bit set that are no message yet
+_NOISE = 3  # Bytes of noise, at most: before an echo, or with their most significant bit set
 _END = "\x1a\r\n "
 _MARK = "4711"
 _MARKED = re.compile(rf"{_MARK}(?:\.0*)?((?: +-?[0-9.]+)*)\s*:$")
@@ -247,11 +247,13 @@ class Line(Wire):
         echo, answer = received[: len(sent)], received[len(sent) :]
         if echo != sent or not answer.startswith("\r"):
             self.resynchronise()
-            raise GarbledAnswer(
-                f"controller on {self.name} was sent {_short(sent)} and echoed"
-                f" {_short(received.partition(chr(13))[0])}; check the cable's shield and"
-                " controller.baud_rate"
-            )
+            line = received.partition("\r")[0]
+            echoed = f"controller on {self.name} was sent {_short(sent)} and echoed {_short(line)}"
+            if received.find(sent) >= _NOISE:  # a command, and not noise, came in between
+                raise UnaskedText(
+                    f"{echoed}: another program shares the line; end it, then connect() again"
+                )
+            raise GarbledAnswer(f"{echoed}; check the cable's shield and controller.baud_rate")
         return answer
 
     def _more(
