@@ -44,9 +44,10 @@ def corpus() -> list[Press]:
     ]
     late = of_channel(stiff, "force", delay_error=0.75e-3)
     presses = [judged_press(independent(each, 7)) for each in (*alone, *together)]
-    more = independent(with_strings(stiff, {}, second(stiff, 20e-3)), 0)
-    own = {k: v for k, v in more.rig_values.items() if not k.startswith("more_choirs")}
-    presses.append(judged_press(replace(more, rig_values=own)))
+    for base, seed in ((stiff, 0), (bends, 2)):  # two strings on a rig of one
+        more = independent(with_strings(base, {}, second(base, 20e-3)), seed)
+        own = {k: v for k, v in more.rig_values.items() if not k.startswith("more_choirs")}
+        presses.append(judged_press(replace(more, rig_values=own)))
     half = UNEXPECTED["half a press"][0](bends)
     for each in (*unexpected, late, half, replace(bends, speed=0.2), replace(stiff, rate=5e3)):
         pressed = judged_press(independent(each, 0))
