@@ -32,6 +32,7 @@ SLOWER_PRESS = (
 )
 """How to fix checks of several kinds that fail."""
 
+SINGULARITY_MARGIN = np.radians(5.0)  # rad, least distance of joint 2 from straight and from folded
 INSIDE = np.linspace(0.0, 1.0, 5)  # Points at which each segment is sampled
 STOPPED = np.linspace(0.25, 1.0, 4)
 """Fractions of the slower joint's stop at which a stop is sampled."""
@@ -180,13 +181,13 @@ def standing(rig: Rig, sampled: Sampled) -> list[Check]:
         return []
     most = rig.arm.torque_limit * controller.encoder_loss_torque
     raised = "raise controller.encoder_loss_torque"
-    places = (
+    rests = (
         ("home", rig.arm.home_angles, controller.home_torque, f"{raised} or home_torque"),
         ("rest above the key", sampled.joints.position[0, 0], 1.0, f"{raised}, or {MOVE_BASE}"),
     )
     return [
         at_most(f"joint {j} torque, at {place}", abs(weight), most * fraction, "N*m", fix)
-        for place, joints, fraction, fix in places
+        for place, joints, fraction, fix in rests
         for j, weight in enumerate(gravity_torque(rig.arm, np.array(joints)), 1)
     ]
 
@@ -284,9 +285,6 @@ def _bends(values: Floats) -> Floats:
     """
     seconds = values[..., 2:] - 2 * values[..., 1:-1] + values[..., :-2]
     return np.abs(seconds).max(axis=-1) / 4
-
-
-SINGULARITY_MARGIN = np.radians(5.0)  # rad, least distance of joint 2 from straight and from folded
 
 
 def verify(

@@ -222,7 +222,11 @@ def _of_recordings(step: str, recordings: list[Path], mass: float | None) -> "Fo
         from sautereau.robot.experiment.setup.tap import modes_of_recordings
 
         return modes_of_recordings(recordings)
-    if step == "loops" and recordings:
+    if step == "loops":
+        if not recordings:
+            raise UsageError(
+                "setup loops: nothing moves, it reads presses; give one or more by --recording"
+            )
         from sautereau.robot.experiment.setup.loops import loops_of_recordings
 
         return loops_of_recordings(recordings)
@@ -230,10 +234,6 @@ def _of_recordings(step: str, recordings: list[Path], mass: float | None) -> "Fo
         from sautereau.robot.experiment.setup.force import force_of_recording
 
         return force_of_recording(recordings[0], mass)
-    if step == "loops":
-        raise UsageError(
-            "setup loops: nothing moves, it reads presses; give one or more by --recording"
-        )
     raise UsageError(
         "--recording: only the steps tap, loops, and force with one recording and --weight read"
         " recordings"
