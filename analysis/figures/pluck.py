@@ -55,16 +55,17 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
         curves = (
             (angle, height, np.degrees(pluck.angle), "-"),
             (path, shift * 1e3, lift * 1e3, "-"),
-            (force, height, stiffness * lift, "-"),
+            (force, height, stiffness * np.hypot(lift, shift), "-"),
             (force, height, stiffness * shift, (0, (9 / width, 4 / width))),
         )
         for axes, x, y, dashes in curves:
             axes.plot(x, y, color=colour, lw=width, ls=dashes)
             axes.plot(x[-1], y[-1], "o", color=colour, ms=4 + width, mfc="white", zorder=3)
         if level != reference:
-            both = height[height <= plucks[reference].height[-1] * 1e3]
-            other = np.interp(both, plucks[reference].height * 1e3, plucks[reference].lift)
-            change = stiffness * (lift[: len(both)] - other)
+            first = plucks[reference]
+            both = height[height <= first.height[-1] * 1e3]
+            other = np.interp(both, first.height * 1e3, np.hypot(first.lift, first.shift))
+            change = stiffness * (np.hypot(lift, shift)[: len(both)] - other)
             style = {"color": colour, "lw": 1.8, "ls": DASHES[i % len(DASHES)], "label": level}
             differences.plot(both, change * 1e3, **style)
         duration = pluck.release_height / rig.press.jack_speed
@@ -72,7 +73,7 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
         angle.plot([], [], color=colour, lw=width, label=label)
     _dress(rig, angle, path, force)
     differences.axhline(0, color=COLOURS[0], lw=3)
-    differences.set_ylabel(f"downward force minus that of {reference} (mN)")
+    differences.set_ylabel(f"force minus that of {reference} (mN)")
     differences.set_xlabel("jack height above first contact (mm)")
     if len(plucks) > 1:
         differences.legend(loc="best", framealpha=0.8, edgecolor="none")
@@ -96,8 +97,8 @@ def _dress(rig: Rig, angle, path, force) -> None:
     path.set_xlabel("string displacement x, outwards (mm)")
     path.set_ylabel("string displacement z, upwards (mm)")
     force.set_ylabel("force on the clamp (N)")
-    force.plot([], [], color="#777777", label="downwards")
-    force.plot([], [], color="#777777", ls=(0, (6, 2.7)), label="backwards, along the plectrum")
+    force.plot([], [], color="#777777", label="its norm, as in the paper")
+    force.plot([], [], color="#777777", ls=(0, (6, 2.7)), label="its part along the plectrum")
     force.legend(loc="best", framealpha=0.8, edgecolor="none")
     for axes in (angle, force):
         axes.set_xlabel("jack height above first contact (mm)")

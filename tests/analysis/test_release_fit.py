@@ -1,11 +1,8 @@
-"""Modulus and overlap from duration and Vosc, and the page about Table 1."""
-
-import re
+"""Modulus and overlap from duration and Vosc."""
 
 import pytest
 
 from examples.release_fit import fit_release, release_as_is
-from examples.table_1 import PAGE, page
 from sautereau.analysis.errors import ModelError
 from sautereau.rig.load import load_rig
 
@@ -73,12 +70,3 @@ def test_what_is_no_release_is_refused(duration, v_osc):
 def test_what_no_plectrum_gives_is_refused(ask):
     with pytest.raises(ModelError, match="no force up to"):
         ask()
-
-
-def test_the_page_says_what_the_software_says():
-    """All but the day; where this fails, run python -m examples.table_1."""
-    written = PAGE.read_text(encoding="utf-8")
-    stamp = re.search(r"^Written by .*$", written, re.MULTILINE)
-    assert stamp
-    assert re.search(r" on \d{4}-\d\d-\d\d\.$", stamp.group())
-    assert page(RIG, stamp.group()) == written

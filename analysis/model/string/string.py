@@ -25,7 +25,8 @@ from sautereau.rig.progress import tracked
 def release_speed(string: String, lift: float) -> float:
     """Return the initial velocity Vosc [m/s] of an ideal string from a static displacement.
 
-    Vosc = c h / (2 L b (1 - b)) with c = 2 L f: the paper's section 2.4 with all modes.
+    Vosc = c h / (2 L b (1 - b)) with c = 2 L f, of all modes together; the paper's section 2.4
+    prints that of the first mode alone, `first_mode_release_speed`.
 
     Args:
         lift: m, displacement at the plucking point at release.
