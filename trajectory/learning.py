@@ -371,12 +371,16 @@ class Learner:
                 " correction is kept"
             )
             return None
-        if len(self.errors) > PATIENCE:
-            earlier = min(self.errors[:-PATIENCE])
-            if min(self.errors[-PATIENCE:]) > (1 - IMPROVEMENT) * earlier:
-                self.stopped = f"no improvement over the last {PATIENCE} presses"
-                return None
+        earlier = self.errors[:-PATIENCE]
+        if earlier and not is_better(min(self.errors[-PATIENCE:]), earlier):
+            self.stopped = f"no improvement over the last {PATIENCE} presses"
+            return None
         return corrected(self.law, self._residuals, self.period)
+
+
+def is_better(error: float, earlier: Sequence[float]) -> bool:
+    """Return whether an error is less than all earlier ones by at least `IMPROVEMENT`."""
+    return error <= (1 - IMPROVEMENT) * min(earlier)
 
 
 def _low_pass(values: Floats, cutoff: float, time: Floats) -> Floats:

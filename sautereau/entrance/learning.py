@@ -28,7 +28,7 @@ from sautereau.robot.experiment.run import seed_from
 from sautereau.robot.experiment.session import Item, Origin, make_presses, with_warm_ups
 from sautereau.robot.experiment.session_folder import Manifest, SessionFolder, only_session
 from sautereau.sim_backend.scene import current_scene
-from sautereau.trajectory.learning import CUTOFF
+from sautereau.trajectory.learning import CUTOFF, is_better
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,7 +55,7 @@ class Learned(Shown):
     """Whether `held_speed_error` is within it."""
     floor: float
     """RMS relative error of the jack speed that no correction removes: `rounding`, `scatter` and
-    `fast`."""
+    `fast`; an upper limit if `improving`."""
     rounding: float
     """Its part from the rounding of the plan to encoder counts."""
     scatter: float | None
@@ -73,13 +73,19 @@ class Learned(Shown):
     warnings: tuple[str, ...]
 
     @property
+    def improving(self) -> bool:
+        """Whether the last press was better than those before it. What differs between presses
+        is then not only scatter, and `floor` is an upper limit."""
+        return len(self.errors) > 1 and is_better(self.errors[-1], self.errors[:-1])
+
+    @property
     def verdict(self) -> str:
         """Whether the jack has the planned speed with the correction, and what to do if not."""
         found = (
             f"reached: RMS speed error {100 * self.held_speed_error:.3g} % while a string is held"
             f" after {counted(len(self.errors), 'press')}, press.speed_tolerance"
-            f" {100 * self.tolerance:.3g} %; floor {100 * self.floor:.2g} % (rounding to encoder"
-            f" counts {100 * self.rounding:.2g} %"
+            f" {100 * self.tolerance:.3g} %; floor {'at most ' * self.improving}"
+            f"{100 * self.floor:.2g} % (rounding to encoder counts {100 * self.rounding:.2g} %"
         )
         if self.scatter is not None:
             found += f", scatter from press to press {100 * self.scatter:.2g} %"
@@ -90,7 +96,8 @@ class Learned(Shown):
         if not self.stopped:
             fixes = f"request more presses with -n, {fixes}"
         # What is fast in a press far from its plan may disappear with the rest.
-        if self.tolerance < self.floor and self.held_speed_error < 2 * self.floor:
+        at_floor = self.tolerance < self.floor and self.held_speed_error < 2 * self.floor
+        if at_floor and not self.improving:
             fixes = (
                 "use encoders with more counts (arm.counts_per_revolution), reduce the damping gain"
                 " of the position loops, which amplifies the steps of the encoders,"

@@ -126,14 +126,19 @@ def test_contacts_that_may_be_exchanged_are_uncertain(key):
     long = replace(Choir(), clearance=2e-3, overlap=0.35e-3, length=5.5e-3)
     short = replace(Choir(), arm=0.199, clearance=2.3e-3, overlap=0.15e-3)
     conditions = replace(ONE_FACTOR[key], choirs=(long, short), speed=0.08, rise=9e-3, dip=6.5e-3)
-    pressed = press(conditions, 0)
-    first, last = pressed.truth.plucks
-    assert last.contact < first.contact - 5e-3 < first.release < last.release
-    phases = find_phases(judged_press(pressed))
-    for held, true in zip(phases.plucks, (first, last), strict=True):
-        assert abs(held.contact - true.contact) < 2.5 * held.contact_std < 10e-3
-        assert abs(held.release - true.release) < 2 * held.release_std < 1e-3
-    assert any("explain the load as well if they are exchanged" in w for w in phases.warnings)
+    off = []  # standard uncertainties that each release is off
+    for seed in range(5):
+        pressed = press(conditions, seed)
+        first, last = pressed.truth.plucks
+        assert last.contact < first.contact - 5e-3 < first.release < last.release
+        phases = find_phases(judged_press(pressed))
+        for held, true in zip(phases.plucks, (first, last), strict=True):
+            assert abs(held.contact - true.contact) < 2.5 * held.contact_std < 10e-3
+            assert held.release_std < 0.5e-3
+            off.append(abs(held.release - true.release) / held.release_std)
+        assert any("explain the load as well if they are exchanged" in w for w in phases.warnings)
+    assert np.sum(np.array(off) > 2) <= 2  # of 10; 3 or more have a probability of 1 %
+    assert max(off) < 3
 
 
 def test_a_slight_growth_is_no_pluck():
