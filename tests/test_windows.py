@@ -442,6 +442,14 @@ def test_no_more_processes_than_windows_waits_for(monkeypatch, asked, started):
     assert made == [started]
 
 
+def test_no_clock_with_steps_of_16_ms_is_used():
+    """`time.monotonic` has them there before Python 3.13; `time.perf_counter` has not."""
+    root = Path(disk.__file__).parents[1]
+    for room in ("rig", "trajectory", "daq", "analysis", "sim_backend", "robot", "sautereau"):
+        for path in (root / room).rglob("*.py"):
+            assert "time.monotonic()" not in path.read_text(encoding="utf-8"), path
+
+
 @pytest.mark.usefixtures("windows")
 def test_limits_that_windows_has_not_are_not_set():
     need_open_files()

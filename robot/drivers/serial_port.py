@@ -282,10 +282,10 @@ class Wire:
     def _read(self) -> bytes:
         """Return at least one byte, or none after the timeout."""
         patience = self._patience
-        data, end = None, time.monotonic() + patience
+        data, end = None, time.perf_counter() + patience
         for _ in range(math.ceil(patience / _WAIT) or 1):
             data = self._port.read(max(1, self._port.in_waiting))
-            if data or time.monotonic() > end:
+            if data or time.perf_counter() > end:
                 break
         return data or b""
 
