@@ -17,6 +17,7 @@ from contextlib import suppress
 from pathlib import Path, PureWindowsPath
 from types import ModuleType
 
+import filelock
 import pytest
 import serial
 from serial.tools import list_ports
@@ -104,6 +105,15 @@ def is_open(path) -> bool:
     return False
 
 
+class WindowsLock(filelock.FileLock):
+    """Removes its file when it is released, as `filelock` does in Windows."""
+
+    def _release(self):
+        super()._release()
+        with suppress(OSError):
+            Path(self.lock_file).unlink()
+
+
 @pytest.fixture
 def windows(monkeypatch):
     import fcntl
@@ -137,6 +147,7 @@ def windows(monkeypatch):
     monkeypatch.setattr(os, "replace", of_windows(os.replace, moves="replace"))
     monkeypatch.setattr(io, "open", of_windows(io.open))
     monkeypatch.delattr(os, "openpty")
+    monkeypatch.setattr(filelock, "FileLock", WindowsLock)
     return msvcrt
 
 
