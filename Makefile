@@ -84,7 +84,7 @@ $(VENV)/release: $(VENV)/installed
 	touch $@
 
 bounds: $(VENV)/release links  ## the quick tests with the oldest and newest versions allowed
-	$(VENV)/tools/bin/python -m tests.bounds
+	$(VENV)/tools/bin/python -m tests.bounds $(ONLY)
 
 audit: $(VENV)/release  ## consistency, without a network; then known vulnerabilities, with one
 	$(BIN)/python -m pip check

@@ -39,7 +39,7 @@ ALL = (
     "imports",
     "transient",
 )
-LONG = ("identify_many", "expected", "stability")
+LONG = ("identify_many", "expected", "stability", "stranger", "page")
 """Benchmarks of many minutes of processor time. They run only if they are named."""
 
 

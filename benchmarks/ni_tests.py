@@ -136,7 +136,7 @@ class SineCard:
 def run_tests(checkout: Path, port: str, options: list[str]) -> Counter:
     """Run NI's tests; return how many of each outcome."""
     with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "stand_in_plugin.py").write_text(PLUGIN)
+        Path(folder, "stand_in_plugin.py").write_text(PLUGIN, encoding="utf-8")
         report = Path(folder, "report.xml")
         command = [sys.executable, "-m", "pytest", "-q", "-p", "stand_in_plugin", "-rfE"]
         command += ["--continue-on-collection-errors"]

@@ -265,7 +265,7 @@ def memory(name: str, status: str | None = None) -> float:
 
     Not ru_maxrss, which starts at the value of the parent process.
     """
-    status = status or Path("/proc/self/status").read_text()
+    status = status or Path("/proc/self/status").read_text(encoding="utf-8")
     line = next(x for x in status.splitlines() if name in x)
     return int(line.split()[1]) / 1024
 

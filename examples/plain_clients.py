@@ -15,7 +15,7 @@ import serial
 from nidaqmx.constants import READ_ALL_AVAILABLE, AcquisitionType
 from nidaqmx.grpc_session_options import GrpcSessionOptions
 
-bench, plan = (json.loads(Path(name).read_text()) for name in sys.argv[1:3])
+bench, plan = (json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:3])
 with (
     serial.serial_for_url(bench["serial_port"], timeout=10) as galil,
     grpc.insecure_channel(bench["daq_address"]) as channel,

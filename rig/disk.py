@@ -8,6 +8,7 @@ import os
 import re
 import secrets
 import stat
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -27,6 +28,12 @@ _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.E
 """Of `os.link` on disks without hard links: exFAT, FAT, and some network and user file systems."""
 _NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EBADF, errno.EISDIR)
 """Of `os.fsync` of a folder, on file systems that flush their names on their own."""
+_HELD = 2**31 - 2
+"""Last place of a byte that `msvcrt.locking` can lock: what is locked, others cannot read."""
+_NO_NAME = re.compile(
+    r'[<>:"|?*\x00-\x1f]|[. ]$|^(con|prn|aux|nul|(com|lpt)[1-9¹²³]|con(in|out)\$) *(\.|$)', re.I
+)
+"""Names that Windows gives no file: to a device, to a stream of another file, or changed."""
 _BYTE = re.compile("[\udc80-\udcff]")  # A byte that is not UTF-8, as Python holds it in a text
 _FULL = {
     errno.ENOSPC: "the disk is full; free some space",
@@ -50,6 +57,7 @@ def new_file(path: Path, *, replace: bool = False) -> Iterator[BinaryIO]:
     Raises:
         OSError: It cannot be written, or exists already; then nothing has changed.
     """
+    refuse_name(path)
     replace = replace or may_replace(path)
     if not replace and os.path.lexists(path):
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
@@ -110,11 +118,26 @@ def give_name(beside: Path, path: Path, *, replace: bool = False) -> None:
 
     Raises:
         OSError: A file of that name exists, and neither ``replace`` nor `replacing` permits that.
+            Or another program has one of them open, in Windows.
     """
-    if replace or may_replace(path):
-        if path.is_file():
+    replace = replace or may_replace(path)
+    # In Windows a scanner for viruses may have opened a file that was just closed.
+    for wait in (0.05, 0.1, 0.2, 0.4) if os.name == "nt" else ():
+        try:
+            return _rename(beside, path, replace)
+        except PermissionError:
+            time.sleep(wait)
+    return _rename(beside, path, replace)
+
+
+def _rename(beside: Path, path: Path, replace: bool) -> None:
+    if replace:
+        if path.is_file() and os.name == "posix":  # elsewhere a mode says only "read-only"
             beside.chmod(stat.S_IMODE(path.stat().st_mode))
         beside.replace(path)
+        return
+    if os.name == "nt":
+        beside.rename(path)  # there this fails if the file exists
         return
     try:
         os.link(beside, path)  # unlike a rename, this fails if the file exists
@@ -172,25 +195,48 @@ def _remove_left(path: Path) -> None:
     """Remove the files beside a file that nobody writes any more."""
     for name in os.listdir(path.parent):  # noqa: PTH208 (there may be thousands of others)
         if name.startswith(_prefix(path)) and name.endswith(NEW):
-            with suppress(OSError), path.with_name(name).open("rb") as file:
-                if hold(file):
-                    path.with_name(name).unlink()
+            with suppress(OSError):
+                with path.with_name(name).open("rb") as file:
+                    if (unused := hold(file)) and os.name == "posix":
+                        path.with_name(name).unlink()
+                if unused:  # in Windows an open file cannot be removed
+                    path.with_name(name).unlink(missing_ok=True)
 
 
 def hold(file: BinaryIO) -> bool:
-    """Mark an open file as in use until it is closed; return False if another process uses it.
-
-    On Windows it always succeeds: there a file that is in use cannot be opened or renamed.
-    """
-    if os.name != "posix":
-        return True
-    import fcntl
-
+    """Mark an open file as in use until it is closed; return False if another process uses it."""
+    entry = file.fileno()
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.name == "posix":
+            import fcntl
+
+            fcntl.flock(entry, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        else:
+            import msvcrt
+
+            place = os.lseek(entry, 0, os.SEEK_CUR)
+            os.lseek(entry, _HELD, os.SEEK_SET)
+            try:
+                msvcrt.locking(entry, msvcrt.LK_NBLCK, 1)
+            finally:
+                os.lseek(entry, place, os.SEEK_SET)
     except OSError as error:
         return error.errno not in (errno.EAGAIN, errno.EACCES)
     return True
+
+
+def refuse_name(path: Path) -> None:
+    """Refuse a path with a name that Windows gives no file, where this is Windows.
+
+    Raises:
+        OSError: A device, a stream, or a name that Windows changes, such as ``nul`` or ``a.``.
+    """
+    if os.name != "nt":
+        return
+    for name in path.parts[bool(path.anchor) :]:
+        if name != ".." and _NO_NAME.search(name):
+            reason = f"Windows has no file called {name!r}; give another name"
+            raise OSError(errno.EINVAL, reason, str(path))
 
 
 def sync_folder(folder: Path) -> None:
@@ -239,6 +285,7 @@ def make_folder(folder: Path) -> None:
     Raises:
         OSError: It cannot be made.
     """
+    refuse_name(folder)
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         for path in reversed(missing):  # `parents=True` calls itself for each of them
@@ -277,13 +324,19 @@ def why_unreadable(error: Exception) -> str:
     """Return the reason for a message that already names the file."""
     if isinstance(error, UnicodeDecodeError):
         return f"it is not a text in UTF-8 (byte {error.start + 1})"
+    name = error.filename if os.name == "nt" and isinstance(error, FileNotFoundError) else None
+    if name and (size := len(str(Path(name).absolute()))) > 247:
+        return (
+            f"its path has {size} characters, and Windows takes 259, of a folder 247, unless its"
+            " setting LongPathsEnabled is 1; give a shorter one"
+        )
     return getattr(error, "strerror", None) or str(error)
 
 
 def why_unwritable(error: OSError) -> str:
     """Return the reason for a message that already names the file, and how to fix it if known."""
     full = _FULL.get(error.errno) if error.errno is not None else None
-    return full or error.strerror or str(error)
+    return full or why_unreadable(error)
 
 
 def as_text(text: str | Path) -> str:

@@ -63,13 +63,10 @@ def locked(path: Path, purpose: str = "", *, shared: bool = False) -> Iterator[N
         yield
     finally:
         _SHARED.pop(path, None)
-        for file in (owner, *([path] if os.name == "posix" else [])):
-            with suppress(OSError):
+        for file in (owner, path):
+            with suppress(OSError):  # of Windows, where `release` removes it
                 file.unlink(missing_ok=True)  # who waits for a removed lock takes a new one
         lock.release()
-        if os.name != "posix":  # there it cannot be removed while it is held
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
 
 
 def device_lock(*names: str) -> Path:

@@ -1,10 +1,10 @@
 """What is installed, connected and missing on this machine, and how to fix it."""
 
 import os
+import platform
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -43,7 +43,7 @@ def examine(rig: Rig, folder: Path) -> list[Finding]:
         folder: Folder for recordings.
     """
     return [
-        _python(),
+        Finding("python", True, platform.python_version()),
         *_packages(),
         _extras(),
         _serial(rig.controller.port),
@@ -53,11 +53,6 @@ def examine(rig: Rig, folder: Path) -> list[Finding]:
         disk_speed(folder, rig.daq),
         clock(),
     ]
-
-
-def _python() -> Finding:
-    version, ok = ".".join(map(str, sys.version_info[:3])), sys.version_info >= (3, 11)
-    return Finding("python", ok, version, "" if ok else "install Python 3.11 or newer")
 
 
 def _packages() -> Iterator[Finding]:

@@ -69,7 +69,7 @@ class Clock:
 
         A paced tick is computed when its time begins, so that the bench is ahead of it.
         """
-        return time.monotonic() - self._ahead if self._paced else math.inf
+        return time.perf_counter() - self._ahead if self._paced else math.inf
 
     def __enter__(self) -> "Clock":
         self._thread.start()
@@ -89,7 +89,7 @@ class Clock:
                 self._lock.wait_for(lambda: bench.busy or self._stopping)
                 if self._stopping:
                     return
-                late = time.monotonic() - self._ahead - bench.time
+                late = time.perf_counter() - self._ahead - bench.time
                 if idle or late > LATEST:
                     self._ahead += late
                 try:

@@ -220,7 +220,7 @@ def _main(what: str, path: str, *words: str) -> int:
         return run(path, list(words), [0, 1, 2])
 
     def started(process: int) -> None:
-        with open(int(words[0]), "w") as file:  # noqa: PTH123
+        with open(int(words[0]), "w", encoding="utf-8") as file:  # noqa: PTH123
             file.write(str(process))
 
     return run(path, list(words[1:]), [0, 1, 2], started)

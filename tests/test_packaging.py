@@ -14,6 +14,7 @@ from email.parser import Parser
 from pathlib import Path
 
 import pytest
+import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -149,6 +150,51 @@ def test_the_release_is_described():
     newest = re.search(r"(?m)^## \[([\d.]+)\] - (.+)$", (ROOT / "CHANGELOG.md").read_text("utf-8"))
     assert newest
     assert newest.groups() == (citation["version"], citation["date-released"])
+
+
+ON_CONDA_FORGE = {
+    "matplotlib": "matplotlib-base", "isal": "python-isal", "nidaqmx": "nidaqmx-python",
+}  # fmt: skip
+
+
+def test_the_conda_recipe_has_the_names_bounds_and_entry_points_of_the_project():
+    """Nothing builds it here."""
+    text = (ROOT / "docs" / "conda" / "recipe.yaml").read_text(encoding="utf-8")
+    recipe = yaml.safe_load(text)
+    assert "NEVER built" in text
+    assert recipe["context"]["version"] == PROJECT["version"]
+    assert f">={recipe['context']['python_min']}" == PROJECT["requires-python"]
+    needed = [Requirement(text) for text in PROJECT["dependencies"]]
+    expected = {ON_CONDA_FORGE.get(one.name, one.name): one.specifier for one in needed}
+    assert [one.extras for one in needed if one.extras] == [{"grpc"}]  # which is `grpcio`
+    _, *run = recipe["requirements"]["run"]
+    found = {one.name: one.specifier for one in map(Requirement, run) if one.name != "grpcio"}
+    assert found == expected
+    points = [f"{name} = {place}" for name, place in PROJECT["scripts"].items()]
+    assert recipe["build"]["python"]["entry_points"] == points
+    assert recipe["about"]["summary"] == PROJECT["description"]
+    assert (ROOT / recipe["about"]["license_file"]).is_file()
+
+
+def test_the_public_workflow_runs_commands_of_the_project():
+    """On every Python that the project names. GitHub's schema and actionlint accept the file."""
+    text = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
+    jobs = yaml.safe_load(text)["jobs"]
+    targets = re.search(r"(?m)^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"))
+    assert targets
+    said = r"Programming Language :: Python :: (3\.\d+)"
+    named = set(re.findall(said, "\n".join(PROJECT["classifiers"])))
+    assert named <= set(jobs["posix"]["strategy"]["matrix"]["python"])
+    made = set()
+    for step in (step for job in jobs.values() for step in job["steps"] if "run" in step):
+        tool, *words = step["run"].split()
+        if tool == "make":
+            made |= {word for word in words if re.fullmatch(r"[a-z-]+", word)}
+        for word in words:
+            assert not word.startswith("tests/") or "." not in word or (ROOT / word).exists(), word
+    assert {"test", "bounds", "docs", "dist"} <= made <= set(targets[1].split())
+    for never in ("Windows", "macOS", "3.12", "3.13", "3.14"):
+        assert never in text.partition("never run:")[2].partition("name: ci")[0]
 
 
 def imported(path: Path) -> set[str]:

@@ -95,6 +95,8 @@ def _on_cores(
 ) -> Iterator[tuple[int, Result]]:
     # Not "fork", which would copy the locks of the recording readers' threads in any state.
     context = multiprocessing.get_context("spawn")
+    if os.name == "nt":
+        processes = min(processes, 61)  # all that Windows waits for at once
     pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_start_worker)
     try:
         yield from _through(pool, function, items, processes)

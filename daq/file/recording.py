@@ -53,7 +53,7 @@ class Recording:
         t0_std: float | None = None,
         compress: bool | None = None,
         clock: Callable[[], int] = time.time_ns,
-        monotonic: Callable[[], float] = time.monotonic,
+        monotonic: Callable[[], float] = time.perf_counter,
         ending: str = PART,
     ):
         """Prepare; the file is opened on entering the context.

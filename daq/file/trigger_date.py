@@ -10,7 +10,10 @@ class Counted:
     """How many samples a device had acquired at a time between question and answer."""
 
     asked: float
-    """Time before the question, s on `time.monotonic`; -inf if this gives no earliest date."""
+    """Time before the question, s on `time.perf_counter`; -inf if this gives no earliest date.
+
+    `time.monotonic` has steps of 16 ms in Windows before Python 3.13.
+    """
     answered: float
     """Time after the answer, s on the same clock; inf if this gives no latest date."""
     stop: int
@@ -36,7 +39,7 @@ class TriggerDate:
         self._counts: list[Counted] = []
 
     def not_before(self, time: float) -> None:
-        """State that the cause of the trigger came at ``time`` (s on `time.monotonic`) or later."""
+        """State that the trigger's cause came at ``time`` (s on `time.perf_counter`) or later."""
         self._cause = max(self._cause, time)
 
     def add(self, counted: Counted) -> None:
@@ -44,7 +47,7 @@ class TriggerDate:
         self._counts.append(counted)
 
     def found(self) -> tuple[float, float | None]:
-        """Return the time, s on `time.monotonic`, and its standard uncertainty, s.
+        """Return the time, s on `time.perf_counter`, and its standard uncertainty, s.
 
         The time is not before its cause. The uncertainty is None, and the time the latest possible
         one, if no count gives an earliest time.

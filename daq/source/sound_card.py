@@ -33,8 +33,8 @@ FULL_SCALE = 2.0**31  # Counts of a sample at full scale, which is the channel's
 _Piece = tuple[NDArray[np.int32], bool, float]
 """Counts as PortAudio gives them, whether some were lost before, and the time of the first one."""
 _Dated = tuple[NDArray[np.int32], tuple[int, float]]
-"""Counts, and the time (s on `time.monotonic`, NaN if unknown) at which one of them, by its index,
-was at the converter."""
+"""Counts, and the time (s on `time.perf_counter`, NaN if unknown) at which one of them, by its
+index, was at the converter."""
 
 
 class SoundCard:
@@ -218,7 +218,7 @@ class SoundCard:
         """
         converted = getattr(times, "inputBufferAdcTime", 0.0)
         age = getattr(times, "currentTime", 0.0) - converted
-        date = time.monotonic() - age if converted > 0 and age >= 0 else math.nan
+        date = time.perf_counter() - age if converted > 0 and age >= 0 else math.nan
         self._queue.put((counts.copy(), bool(status.input_overflow), date))
         self._received += len(counts)
         if self._received > self._plan.before:

@@ -166,16 +166,16 @@ class SampleCounter:
 
     def count(self) -> Counted:
         """Return the samples acquired since the start."""
-        asked = time.monotonic()
+        asked = time.perf_counter()
         acquired = self._task.in_stream.total_samp_per_chan_acquired
-        answered = time.monotonic()
+        answered = time.perf_counter()
         if self._plan.total is not None and acquired >= self._plan.total and not self._plan.before:
             asked = -math.inf  # it does not say how long ago the last one was acquired
         return Counted(asked, answered, acquired)
 
     def start(self) -> None:
         """Start the task."""
-        asked = time.monotonic()
+        asked = time.perf_counter()
         self._task.start()
         self._counts = [Counted(asked, math.inf, 0)]
 
@@ -186,7 +186,7 @@ class SampleCounter:
             The last count without a sample, if any, and the first one with samples, if any.
         """
         if self._plan.triggered:
-            end = time.monotonic() + self._plan.daq.trigger_timeout
+            end = time.perf_counter() + self._plan.daq.trigger_timeout
             while (found := self.count()).stop == 0 and found.answered < end:
                 self._counts = [found]
                 time.sleep(PERIOD)
@@ -201,9 +201,9 @@ class SampleCounter:
         """
         daq, before = self._plan.daq, self._plan.before
         longest = daq.pre_trigger + daq.trigger_timeout
-        end = time.monotonic() + longest
+        end = time.perf_counter() + longest
         while (held := self._counts[-1].stop) < before:
-            if time.monotonic() > end:
+            if time.perf_counter() > end:
                 raise DaqError(
                     f"DAQ device {daq.device}: {held} samples after {longest:g} s, but"
                     f" daq.pre_trigger needs {before}; check whether the device is still plugged in"
@@ -222,14 +222,14 @@ class SampleCounter:
             requested number of samples; empty if there was no edge.
         """
         after, not_done = self._plan.after or 0, -math.inf
-        end = (asked := time.monotonic()) + longest
+        end = (asked := time.perf_counter()) + longest
         while not self._done():
             if asked > end:
                 return ()
             not_done = asked
             self._counts.append(self.count())
-            asked = time.monotonic()
-        done = Counted(-math.inf, time.monotonic(), after)
+            asked = time.perf_counter()
+        done = Counted(-math.inf, time.perf_counter(), after)
         edge = self.count().stop - after
         if edge <= self._plan.before:  # it may not count the samples that it drops
             return done, Counted(not_done, math.inf, after - 1)

@@ -47,7 +47,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
         rig: Rig,
         *,
         open_port: Callable[[str, int, float], Port] = open_port,
-        clock: Clock = time.monotonic,
+        clock: Clock = time.perf_counter,
         sleep: Sleep = time.sleep,
         keep_alive: MakeKeepAlive = KeepAlive,
     ):

@@ -223,7 +223,7 @@ class Interrupts:
             raise KeyboardInterrupt
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        now = time.monotonic()
+        now = time.perf_counter()
         if not self._ended and (self._holding or now < self._last + PAUSE):
             self._waited = True
             return

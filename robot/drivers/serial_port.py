@@ -3,7 +3,6 @@
 import errno
 import logging
 import math
-import os
 import select
 import socket
 import time
@@ -177,19 +176,19 @@ def port_errors() -> tuple[type[Exception], ...]:
 
 def _reason(error: Exception) -> str:
     """Return the system's text; pyserial's own text names the port and repeats the error."""
-    numbers = (getattr(each, "errno", None) or 0 for each in (error, error.__context__))
-    number = next((number for number in numbers if number > 0), None)
-    return os.strerror(number) if number else str(error)
+    both = (each for each in (error.__context__, error) if isinstance(each, OSError))
+    return next((each.strerror for each in both if (each.errno or 0) > 0), None) or str(error)
 
 
 def _fix(error: Exception) -> str:
     number = getattr(error, "errno", None)
     text = str(error).lower()
-    if number in (errno.EACCES, errno.EPERM) or "access is denied" in text:
+    if number in (errno.EACCES, errno.EPERM):
         return (
             "you have no permission: add yourself to its group (often dialout), then log in again"
         )
-    if number in (errno.EBUSY, errno.EAGAIN) or "lock" in text:
+    # Windows denies access to a port that is open.
+    if number in (errno.EBUSY, errno.EAGAIN) or "lock" in text or "access is denied" in text:
         return "another program uses it: end that program"
     if number == errno.ECONNREFUSED:
         return f"correct controller.port in the rig file; if it is right, {_TAKEN}"
@@ -283,10 +282,10 @@ class Wire:
     def _read(self) -> bytes:
         """Return at least one byte, or none after the timeout."""
         patience = self._patience
-        data, end = None, time.monotonic() + patience
+        data, end = None, time.perf_counter() + patience
         for _ in range(math.ceil(patience / _WAIT) or 1):
             data = self._port.read(max(1, self._port.in_waiting))
-            if data or time.monotonic() > end:
+            if data or time.perf_counter() > end:
                 break
         return data or b""
 

@@ -18,8 +18,9 @@ from sautereau.commands.common import Dated
 from sautereau.commands.output import LATE_WARNINGS, FileOutput, Output, printable
 from sautereau.rig.disk import open_to_append
 
-ENDING = ("SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGXCPU")
-"""Signals that would end a command without a word; the last one is of a limit of processor time."""
+ENDING = ("SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGXCPU", "SIGBREAK")
+"""Signals that would end a command without a word; SIGXCPU is of a limit of processor time, and
+SIGBREAK of Windows, on Ctrl-Break and where a window is closed."""
 _ROOT = logging.getLogger("sautereau")
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -126,7 +127,7 @@ class Learning:
         self._bench, self._out = bench, out
         self._nominal = bench.rig.values
         self._file = out / LEARNED
-        self._opened: dict[Path, PressFile] = {}
+        self._open = cache(PressFile)  # a recording is analysed once
         if self._file.exists() and not may_replace(self._file):
             raise RobotError(f"learning: {self._file} already exists; give another folder")
         self._pushed = digest(feed_forward) if feed_forward else ""
@@ -182,10 +183,6 @@ class Learning:
         """Return the plan with the engine of a session that was started."""
         self._bench = self._bench.continuing(started)
         return replace(self._plan, scene=self._bench.scene_text)
-
-    def _open(self, path: Path) -> PressFile:
-        """Return a recording, which is analysed once."""
-        return self._opened.setdefault(path, PressFile(path))
 
     def _resumed(self, folder: SessionFolder, on_press: Callable[[Path, float], Any]) -> bool:
         """Learn from the presses in the folder; return whether one is left to make."""

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -113,7 +114,7 @@ class Pressing:
         self.planner.plan_all(rows or ())
         self._ignore_health = settings.ignore_health
         self._answers = None if settings.answers is None else answers_of(settings.answers)
-        self._opened: dict[Path, PressFile] = {}
+        self.open = cache(PressFile)  # a recording is analysed once
         self.folder: SessionFolder
         self.result: PlanRun
 
@@ -186,10 +187,6 @@ class Pressing:
         self.bench = self.bench.continuing(started)
         self.plan = replace(self.plan, scene=self.bench.scene_text)
         return self.plan
-
-    def open(self, path: Path) -> PressFile:
-        """Return a recording, which is analysed once."""
-        return self._opened.setdefault(path, PressFile(path))
 
     def _examine(self, path: Path, first: Path | None) -> Health:
         if self._ignore_health:

@@ -169,7 +169,7 @@ def test_foxglove_is_served_on_the_loopback_alone(foxglove):
         table = Path("/proc/net/tcp")
         if not table.exists():
             pytest.skip("only Linux lists the listening sockets")
-        listening = [line.split()[1] for line in table.read_text().splitlines()[1:]]
+        listening = [line.split()[1] for line in table.read_text(encoding="utf-8").splitlines()[1:]]
         own = [a for a in listening if a.endswith(f":{view.port:04X}")]
         assert "0100007F:" + f"{view.port:04X}" in own
         assert not [a for a in own if a.startswith("00000000:")]

@@ -28,10 +28,10 @@ def test_the_page_s_format_imports_its_file(command, capsys):
 
 
 def test_a_damaged_file_and_an_unknown_extension_are_refused(command):
-    Path("press.toy").write_text("rate: fast\n")
+    Path("press.toy").write_text("rate: fast\n", encoding="utf-8")
     with pytest.raises(RecordingError, match=r"import of press\.toy: it is damaged"):
         app(command, print_error=False, exit_on_error=False)
-    Path("press.xyz").write_text("")
+    Path("press.xyz").write_text("", encoding="utf-8")
     words = ["press.xyz" if word == "press.toy" else word for word in command]
     with pytest.raises(RecordingError, match=r"'\.xyz'.*\.tdms, \.csv, .*, \.hdf5, \.toy"):
         app(words, print_error=False, exit_on_error=False)

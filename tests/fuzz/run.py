@@ -83,7 +83,7 @@ def one(target: Target, name: str, number: int) -> str:
 
 def peak_memory() -> int:
     """Return the peak of this process, byte, and of those it has started, whichever is larger."""
-    found = re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())
+    found = re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text(encoding="utf-8"))
     children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     return 1024 * max(int(found[1]) if found else 0, children)
 

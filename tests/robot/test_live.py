@@ -150,7 +150,7 @@ def test_what_ends_a_session_is_seen(tmp_path):
         press(tmp_path / "file", seen.append)
     assert isinstance(seen[-1], Fault)
     assert "session folder" in seen[-1].text
-    assert Path(tmp_path / "file").read_text() == ""
+    assert Path(tmp_path / "file").read_text(encoding="utf-8") == ""
 
 
 def test_an_interrupted_session_reports_the_motors(tmp_path):

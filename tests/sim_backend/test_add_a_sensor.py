@@ -32,13 +32,15 @@ def run_commands(page):
             runpy.run_path(words[1], run_name="__main__")
         else:
             _, source, _, target = words
-            with Path(target).open("a") as file:
-                file.write(Path(source).read_text())
+            with Path(target).open("a", encoding="utf-8") as file:
+                file.write(Path(source).read_text(encoding="utf-8"))
         if "init" in words:  # so that no answer is too late on a busy machine
             rig = Path("my-rig.toml")
-            text, n = re.subn(r"(?m)^timeout = .*$", 'timeout = "10 s"', rig.read_text())
+            text, n = re.subn(
+                r"(?m)^timeout = .*$", 'timeout = "10 s"', rig.read_text(encoding="utf-8")
+            )
             assert n == 1
-            rig.write_text(text)
+            rig.write_text(text, encoding="utf-8")
 
 
 @pytest.mark.slow
@@ -55,14 +57,16 @@ def test_a_third_channel_is_recorded(follow, monkeypatch, capsys):
 
 def test_its_scale_has_the_dimension_of_its_quantity(follow):
     follow(PAGE)
-    Path("rig.toml").write_text(_with_channel().replace("20 deg/s/V", "20 mm/s/V"))
+    Path("rig.toml").write_text(
+        _with_channel().replace("20 deg/s/V", "20 mm/s/V"), encoding="utf-8"
+    )
     with pytest.raises(RigError, match=r'give a quantity in rad/s/V such as "10 deg/s/V'):
         load_rig("rig.toml")
 
 
 def test_an_unknown_quantity_is_refused_by_its_name(follow):
     follow(PAGE, installed=False)
-    Path("rig.toml").write_text(_with_channel())
+    Path("rig.toml").write_text(_with_channel(), encoding="utf-8")
     with pytest.raises(
         RigError, match=r"'angular_velocity' is unknown; .* known: velocity, force, "
     ):
@@ -71,11 +75,13 @@ def test_an_unknown_quantity_is_refused_by_its_name(follow):
 
 def test_a_quantity_that_nothing_simulates_is_refused_by_the_stand_in(follow):
     follow(PAGE, MEASURED)
-    Path("rig.toml").write_text(_with_channel())
+    Path("rig.toml").write_text(_with_channel(), encoding="utf-8")
     with pytest.raises(SceneError, match=r"channels\.2\.quantity: .*'angular_velocity' is unknown"):
         Bench(load_rig("rig.toml"), load_scene("ideal"))
 
 
 def _with_channel():
     app(["init", "start.toml"])
-    return Path("start.toml").read_text() + Path("channel.toml").read_text()
+    return Path("start.toml").read_text(encoding="utf-8") + Path("channel.toml").read_text(
+        encoding="utf-8"
+    )

@@ -23,7 +23,14 @@ from sautereau.daq.file.container.records import (
     record_bytes,
     with_checksum,
 )
-from sautereau.rig.disk import give_name, hold, may_replace, sync_folder, why_unwritable
+from sautereau.rig.disk import (
+    give_name,
+    hold,
+    may_replace,
+    refuse_name,
+    sync_folder,
+    why_unwritable,
+)
 
 _OVERHEAD = 64 * 1024  # bytes of a chunk besides its only message: prefixes and definitions
 
@@ -157,6 +164,7 @@ class DurableFile:
                 f"recording {self.path}: there is no folder {self.path.parent}; create it first"
             )
         with self.writing():
+            refuse_name(self.path)
             self.stream: BinaryIO = self.part_path.open("xb", buffering=_BUFFER)
             self._named = False
             hold(self.stream)

@@ -104,7 +104,7 @@ class ViewProcess:
             started, self.instructions = self._pipe.recv()
             if not started:
                 raise LiveError(" ".join(self.instructions))
-        except (EOFError, LiveError) as error:
+        except (EOFError, OSError, LiveError) as error:  # OSError: `poll` of Windows
             self.__exit__()
             if isinstance(error, LiveError):
                 raise

@@ -171,9 +171,9 @@ class CardTask(TaskSettings):
         """Return the number of samples after waiting for ``n``; ``timeout`` in s, -1 for ever."""
         if timeout < 0 and timeout != -1:
             raise DaqmxError(-200453, f"Timeout {timeout:g} s is not valid: -1, 0 or more.")
-        deadline = math.inf if timeout == -1 else time.monotonic() + timeout
+        deadline = math.inf if timeout == -1 else time.perf_counter() + timeout
         while (run := self.run) is not None:
-            left = deadline - time.monotonic()
+            left = deadline - time.perf_counter()
             there = run.wait_for(n, max(0.0, min(left, _SLICE)))
             if there >= n or left <= 0 or not alive():
                 return there

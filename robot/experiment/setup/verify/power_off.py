@@ -50,7 +50,7 @@ def look(bench: Workbench) -> None:
     """Look at a controller before it is set up; nothing is changed but its echo."""
     settings = bench.rig.controller
     port = open_port(settings.port, settings.baud_rate, settings.timeout)
-    driver = GalilDriver(bench.rig, port, time.monotonic, time.sleep)
+    driver = GalilDriver(bench.rig, port, time.perf_counter, time.sleep)
     try:
         identity = driver.introduce()
         line = driver.line

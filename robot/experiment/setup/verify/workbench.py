@@ -61,8 +61,8 @@ class Workbench:
 
     def until(self, holds: Callable[[], bool], limit: float) -> bool:
         """Ask until something holds, for ``limit`` s at most; return whether it does."""
-        deadline = time.monotonic() + limit
-        while not (held := holds()) and time.monotonic() < deadline:
+        deadline = time.perf_counter() + limit
+        while not (held := holds()) and time.perf_counter() < deadline:
             time.sleep(POLL)
         return held
 
