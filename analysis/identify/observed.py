@@ -26,7 +26,8 @@ RELEASE_MARGIN = 1.5e-3  # Excluded beside a release (s): filters spread the for
 DIP_MARGIN = 0.1e-3  # Travel of the pressing point that is excluded before the front felt (m)
 CATCH_RATIO = 2.5
 """Multiple of the planned return acceleration above which the finger catches a key that it had
-lost. What precedes a catch is excluded: the force transducer does not measure the load then."""
+lost, or a key turns without it. What precedes is excluded: the force transducer does not measure
+the load then."""
 STRING_MARGIN = 0.3e-3  # Least height above the string on the way down (m): tongue and damper act
 
 
@@ -72,6 +73,11 @@ def used_instants(
     caught = back & ~low & (np.abs(motion.acceleration) > CATCH_RATIO * planned)
     # It is not known when the finger lost the key.
     used &= ~(back & (low | (time <= np.max(time[caught], initial=-np.inf) + edge)))
+    # A key that turns faster than a finger would turn it was thrown, at the latest where its
+    # deceleration began.
+    top, gentle = int(np.argmax(motion.position)), motion.acceleration > -CATCH_RATIO * planned
+    thrown = time[:top][gentle[:top]].max(initial=time[0])
+    used &= gentle[top] | (time < thrown - edge) | (time > time[top])
     for pluck in phases.plucks:
         used &= np.abs(time - pluck.release) > RELEASE_MARGIN + edge
         if pluck.string is None:  # and its force is not modelled

@@ -5,6 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.independent import Conditions
+from benchmarks.independent import press as simulated
+from benchmarks.simulated import judged_press
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify.elastic import CLOTH_STD, Mode, mode_parameters
 from sautereau.analysis.identify.fit import inverse_dynamics
@@ -180,3 +183,17 @@ def test_a_thrown_jack_lands_after_its_ballistic_flight():
     found = landing(key, time, motion, contact=1.0)
     assert found == pytest.approx(stop + 2 * speed / 9.81, abs=1.5e-3)
     assert landing(key, time, motion, contact=stop / 2) is None
+
+
+@pytest.mark.parametrize("speed", [0.072, 0.118])
+def test_a_key_that_the_finger_has_lost_is_not_fitted(speed):
+    """At the end of these presses it flies on: below 15 mN the transducer feels its own mass."""
+    pressed = simulated(replace(Conditions(), speed=speed, return_speed=0.04), 0)
+    made = judged_press(pressed)
+    phases = find_phases(made)
+    taken = observed(made, phases)
+    force = np.interp(taken.time, pressed.times, pressed.truth.force)
+    down = (taken.time > phases.plucks[0].release) & (taken.motion.velocity > 0)
+    assert np.sum(down & (force < 15e-3)) > 20
+    assert not np.any(taken.used & down & (force < 15e-3))
+    assert np.sum(taken.used & down) > MIN_INSTANTS
