@@ -122,7 +122,10 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
 
     def drawn(match: re.Match[str]) -> str:
         tex = match[2].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
-        return convert(tex, display="block" if match[1] == "div" else "inline")
+        if match[1] == "span":
+            return convert(tex)
+        # A formula itself does not scroll, so it is cut off on a narrow page without a box.
+        return f'<div class="equation">{convert(tex, display="block")}</div>'
 
     return _EQUATION.sub(drawn, html)
 
