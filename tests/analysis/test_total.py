@@ -12,9 +12,10 @@ from benchmarks.uncertain import NOMINAL, RANGES, conditions, inertia_of, record
 from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.results.fit import Fit
 from sautereau.analysis.text import in_rig_units
+from tests.budget import amount
 
 STATED = {"inertia": 7e-4, "coulomb": 1e-3}  # What the rigs say of the fitted numbers
-BENCHES = range(300, 336)  # Of 200 that the issue asks for: each takes 6 s
+BENCHES = range(300, 300 + amount(36, 200))
 SLOW_RETURN = 0.04  # m/s, so that the finger keeps the key, and the friction shows on its way back
 
 
@@ -78,21 +79,24 @@ def test_all_columns_are_in_text_json_and_table():
 
 @pytest.mark.slow
 def test_total_intervals_hold_on_benches_with_drawn_fixed_numbers():
-    """36 benches, of which 28 fit: 0.9 and not 0.95 is required, as 28 miss 3 one time in six."""
-    held, far = {name: [] for name in FREE}, []
+    """0.9 and not 0.95 is required of 36 benches, as they miss 3 one time in four. All keys are
+    rigid."""
+    held, far, modes = {name: [] for name in FREE}, [], 0
     for number in BENCHES:
         made, values = bench(number)
         pressed, phases = recorded(made, range(1, 3), RANGES, **STATED)
         found = identify(pressed, phases, FREE, starts=1)
+        modes += len(found.modes) > 0
         for e in found.estimates:
             if e.name in values and e.low is not None:
                 held[e.name].append(e.low <= values[e.name] <= e.high)
                 off = abs(e.value - values[e.name]) / e.std
                 far.append(e.identifiable and off > 3)
     for name, own in held.items():
-        assert len(own) > len(BENCHES) / 3, name
+        assert len(own) >= 0.95 * len(BENCHES), name
         assert np.mean(own) >= 0.9, name
     assert not any(far)
+    assert modes <= 0.05 * len(BENCHES)
 
 
 @pytest.mark.parametrize(
