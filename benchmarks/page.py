@@ -141,7 +141,7 @@ def _press_time(folder: Path) -> float:
 
 
 def _address(session: subprocess.Popen[str]) -> str:
-    """Return the page's address, and go on reading what the session says."""
+    """Return the page's address, and continue to read what the session says."""
     assert session.stderr
     for line in session.stderr:
         sys.stderr.write(line)
