@@ -27,7 +27,7 @@ from sautereau.sim_backend.scene import load_scene
 
 HOUR = 3600.0  # s
 REST = 10  # s, between presses
-PLAIN = 20  # Number of presses without the page
+PLAIN = 5  # Number of presses without the page
 PERIOD = 10.0  # s, between two looks
 GROWTH = 10.0  # MiB, limit: by which the page's process grows in the last nine tenths
 HOSTILE = '</script><script>alert(1)</script><img src="http://192.0.2.1/x.png" onerror=alert(2)>'
@@ -35,6 +35,8 @@ RIG = """base = "paper"
 name = {name}
 [controller]
 port = "{port}"
+watchdog_period = "5 s"
+timeout = "5 s"
 [daq]
 address = "{address}"
 """
@@ -84,7 +86,7 @@ def inside(seconds: float) -> dict[str, object]:
         rig.write_text(RIG.format(name=json.dumps(HOSTILE), **places), encoding="utf-8")
         plain = folder.with_name("plain")
         check(_start(rig, plain, PLAIN).wait() == 0, "the session without the page has failed")
-        session = _start(rig, folder, 100_000, "--page")
+        session = _start(rig, folder, 1000, "--page")
         address = _address(session)
         page_process = next(_descendants(session.pid, "spawn_main"))
         browser = driver.chromium.launch(
@@ -101,6 +103,10 @@ def inside(seconds: float) -> dict[str, object]:
             page.wait_for_timeout(1e3 * PERIOD)
             used.append(memory("VmRSS", Path(f"/proc/{page_process}/status").read_text("utf-8")))
             files.append(len(os.listdir(f"/proc/{page_process}/fd")))  # noqa: PTH208
+            if len(used) % 30 == 0:
+                sys.stderr.write(
+                    f"{used[-1]:.1f} MiB, {files[-1]} files, {len(requests)} requests\n"
+                )
         session.send_signal(signal.SIGQUIT)  # pause: the press is completed
         page.wait_for_timeout(3e3 * REST)
         presses = len(list(folder.glob("press-*.mcap")))
@@ -135,7 +141,7 @@ def _press_time(folder: Path) -> float:
 
 
 def _address(session: subprocess.Popen[str]) -> str:
-    """Return the page's address, and go on reading what the session says."""
+    """Return the page's address, and continue to read what the session says."""
     assert session.stderr
     for line in session.stderr:
         sys.stderr.write(line)

@@ -135,7 +135,7 @@ def windows(monkeypatch):
     monkeypatch.setitem(sys.modules, "msvcrt", msvcrt)
     for name in POSIX_ONLY:
         monkeypatch.setitem(sys.modules, name, None)
-    for name in ("SIGHUP", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGXCPU"):
+    for name in ("SIGHUP", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGXCPU"):  # pytest uses SIGALRM
         monkeypatch.delattr(signal, name)
     monkeypatch.setattr(signal, "SIGBREAK", signal.SIGTTIN, raising=False)  # 21 in both
     for name, module in list(sys.modules.items()):
@@ -260,17 +260,19 @@ GOOD = ["console.mcap", "COM10.csv", "press-0001.mcap.part", ".rig.toml.0a1b2c3d
 @pytest.mark.parametrize("name", [*DEVICES, *CHANGED])
 def test_names_that_windows_has_not_are_refused_there(name, tmp_path, request):
     write_durably(tmp_path / name, "elsewhere")
+    folder = tmp_path / "windows"
+    folder.mkdir()
     request.getfixturevalue("windows")
     for write in (
-        lambda: write_durably(tmp_path / "x" / name, "a"),
-        lambda: make_folder(tmp_path / name / "y"),
+        lambda: write_durably(folder / name, "a"),
+        lambda: make_folder(folder / name / "y"),
     ):
         with pytest.raises(OSError, match="Windows has no file called") as caught:
             write()
         assert repr(name) in str(caught.value)
     with pytest.raises(RecordingError, match="Windows has no file called"):
-        DurableFile(tmp_path / name)
-    assert names(tmp_path) == [name]
+        DurableFile(folder / name)
+    assert names(folder) == []
 
 
 def test_the_names_are_those_that_python_knows(windows):
@@ -331,10 +333,10 @@ def test_every_help_fits_into_the_code_page_of_windows(monkeypatch):
     for command in (command for commands in GROUPS.values() for command in commands):
         out = io.TextIOWrapper(io.BytesIO(), encoding="cp1252")
         monkeypatch.setattr(sys, "stdout", out)
-        with pytest.raises(SystemExit) as ended:
-            app([command.__name__.replace("_", "-"), "--help"], console=None)
+        app([command.__name__.strip("_").replace("_", "-"), "--help"])
         monkeypatch.undo()
-        assert ended.value.code == 0
+        out.flush()
+        assert b"Usage: sautereau" in out.buffer.getvalue()
 
 
 @pytest.mark.usefixtures("windows")
