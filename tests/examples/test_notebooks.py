@@ -29,7 +29,7 @@ def test_the_tutorial_runs_and_is_stored_without_outputs(tmp_path, monkeypatch, 
     assert "simulated" in output
     assert "Model error" in output
     assert len(names["session"]) == 2
-    assert list(names["tuesday"].features["jack_speed"]) == [0.06, 0.09, 0.072]
+    assert list(names["tuesday"].features["jack_speed"]) == [0.06, 0.09, 0.072, 0.072]
     assert len(names["tuesday"].compare().found.conditions) == 3
     assert abs(names["fit"].params.loc["plectrum.overlap", "value"] - 0.3e-3) < 0.01e-3
     assert (tmp_path / "fit.toml").is_file()
