@@ -37,6 +37,8 @@ FORMATS = Registry(
         **dict.fromkeys(
             ("flac", "w64", "aiff", "caf"), "sautereau.daq.convert.from_arrays:open_sound"
         ),
+        **dict.fromkeys(("mf4", "mdf"), "sautereau.daq.convert.from_arrays:open_mdf"),
+        **dict.fromkeys(("bag", "mcap", "db3"), "sautereau.daq.convert.from_arrays:open_rosbag"),
         "h5": "sautereau.daq.convert.from_arrays:open_hdf5",
         "hdf5": "sautereau.daq.convert.from_arrays:open_hdf5",
     },

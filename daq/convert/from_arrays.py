@@ -12,6 +12,7 @@ import sys
 import weakref
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -21,7 +22,7 @@ import numpy as np
 from sautereau.daq.convert.document import Document, read_document, volts_name
 from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.convert.from_tables import open_csv
-from sautereau.daq.convert.readers import Found
+from sautereau.daq.convert.readers import MOST_COLUMNS, Found
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.disk import new_file, open_regular
 from sautereau.rig.errors import require
@@ -30,7 +31,6 @@ READERS = "sautereau.daq.convert.readers"  # Program that reads a file
 HDF5_AT = (0, 512)  # Bytes before the HDF5 signature; MATLAB writes 512 of its own
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_VALUES = 100_000_000  # Limit of the numbers in all arrays of a file, which are read together
-MOST_COLUMNS = 64  # Limit of the columns of a matrix; a larger one is a picture and not a table
 LONGEST = 120  # s, limit of the time in which a file is read
 
 Array = np.ndarray[Any, Any]
@@ -49,7 +49,7 @@ def open_mat(path: Path) -> ImportSource:
         head = file.read(HDF5_AT[-1] + len(HDF5_SIGNATURE))
     if any(head[at:].startswith(HDF5_SIGNATURE) for at in HDF5_AT):
         return open_hdf5(path)
-    return _opened("MATLAB", path)
+    return _opened("MATLAB", "", "", "", path)
 
 
 def open_hdf5(path: Path) -> ImportSource:
@@ -72,45 +72,6 @@ def open_hdf5(path: Path) -> ImportSource:
         raw = {volts_name(c.name): f"acquisition/{c.name}/data" for c in document.rig.daq.channels}
         arrays = {name: arrays[at] for name, at in raw.items() if at in arrays}
     return _source("HDF5", arrays, about, document)
-
-
-def open_numpy(path: Path) -> ImportSource:
-    """Open a numpy array or archive; no object in it is unpickled.
-
-    Raises:
-        RecordingError: It is damaged, or not a numpy file.
-    """
-    return _opened("numpy", path)
-
-
-def open_lvm(path: Path) -> ImportSource:
-    """Open a LabVIEW measurement file; the channels of several segments have their numbers.
-
-    Raises:
-        RecordingError: It is damaged or cut off, or no such file.
-        MissingExtraError: lvm_read is not installed.
-    """
-    return _opened("lvm", path, "LabVIEW measurement file", "lvm_read")
-
-
-def open_uff(path: Path) -> ImportSource:
-    """Open a universal file; its columns are the functions of time, called by node and direction.
-
-    Raises:
-        RecordingError: It is damaged or cut off, or holds no functions of time.
-        MissingExtraError: pyuff is not installed.
-    """
-    return _opened("universal", path, "universal file", "pyuff")
-
-
-def open_sound(path: Path) -> ImportSource:
-    """Open a sound file other than WAV; as there, its values are fractions of full scale.
-
-    Raises:
-        RecordingError: It is damaged or cut off, or no sound file.
-        MissingExtraError: soundfile is not installed.
-    """
-    return replace(_opened("sound", path, "sound file", "soundfile"), full_scale=True)
 
 
 def open_xlsx(path: Path) -> ImportSource:
@@ -140,11 +101,30 @@ def open_xlsx(path: Path) -> ImportSource:
     return replace(found, kind="workbook", read=read, guess=guess)
 
 
-def _opened(kind: str, path: Path, what: str = "", library: str = "") -> ImportSource:
-    """Return the columns of a file without a document, which may need a library of an extra."""
+def _opened(kind: str, what: str, extra: str, library: str, path: Path) -> ImportSource:
+    """Open a file that a library of an extra reads.
+
+    Raises:
+        RecordingError: It is damaged or cut off, or no file of this kind.
+        MissingExtraError: The library is not installed.
+    """
     if library:
-        require("formats", f"{path}: {what}", library)
-    return _source(kind, *_read(kind, path)[:2])
+        require(extra, f"{path}: {what}", library)
+    return replace(_source(kind, *_read(kind, path)[:2]), full_scale=kind == "sound")
+
+
+open_numpy = partial(_opened, "numpy", "numpy array or archive", "", "")
+"""A numpy array or archive; no object in it is unpickled."""
+open_lvm = partial(_opened, "lvm", "LabVIEW measurement file", "formats", "lvm_read")
+"""A LabVIEW measurement file; the channels of several segments have their numbers."""
+open_uff = partial(_opened, "universal", "universal file", "formats", "pyuff")
+"""A universal file; its columns are the functions of time, called by node and direction."""
+open_sound = partial(_opened, "sound", "sound file", "formats", "soundfile")
+"""A sound file other than WAV; as there, its values are fractions of full scale."""
+open_mdf = partial(_opened, "MDF", "MDF", "mdf", "asammdf")
+"""ASAM's measurement data format; the channels of several groups have their numbers."""
+open_rosbag = partial(_opened, "ROS bag", "ROS bag", "ros", "rosbags")
+"""A bag of ROS; its columns are the numbers in the messages of each topic."""
 
 
 def _read(kind: str, path: Path) -> Found:
@@ -160,7 +140,7 @@ def _read(kind: str, path: Path) -> Found:
         names, about, document = json.loads(str(head))
         return dict(zip(names, found, strict=True)), about, document
     except subprocess.CalledProcessError as error:
-        fault = error.stderr.decode(errors="replace").strip() or fault
+        *_, fault = [fault, *error.stderr.decode(errors="replace").strip().splitlines()]
     except subprocess.TimeoutExpired:
         fault = f"reading it takes longer than the limit LONGEST = {LONGEST} s"
     raise RecordingError(
@@ -213,5 +193,6 @@ def _source(
         units=of("unit"),
         rates={name: rate for name, rate in of("rate").items() if rate > 0},
         starts=of("start"),
+        dates=of("date"),
         document=document,
     )

@@ -2,10 +2,14 @@
 
 import pickle
 import re
+import sqlite3
 import struct
 import sys
 import zipfile
-from datetime import datetime, timedelta
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -100,6 +104,96 @@ def workbook(path):
     book.save(path)
 
 
+def mdf(path, version="4.10", compression=0, groups=1, **conversion):
+    """A measurement of ASAM's format, written by asammdf."""
+    asammdf = pytest.importorskip("asammdf")
+    made = asammdf.MDF(version=version)
+    made.start_time = datetime(2026, 2, 3, 4, 5, 6, tzinfo=UTC)
+    counts = np.rint(F * 1000).astype(np.int16)
+    for _ in range(groups):
+        made.append(
+            [
+                asammdf.Signal(V, 0.5 + T, unit="mm/s", name="vel", conversion=conversion or None),
+                asammdf.Signal(
+                    counts, 0.5 + T, unit="N", name="force", conversion={"a": 1e-3, "b": 2.0}
+                ),
+                asammdf.Signal(np.array([b"note"] * N), 0.5 + T, name="text", encoding="utf-8"),
+            ]
+        )
+    made.save(path, overwrite=True, compression=compression)
+    made.close()
+
+
+def begun(n):
+    """The date of a message, ns since 1970: not a multiple of 1 us, as clocks give it."""
+    return 1_770_000_000_000_000_100 + n * 1_000_000
+
+
+LITTLE_ENDIAN = b"\0\1\0\0"  # Head of a message in CDR
+
+
+def bag(path, definition=b"float64 data\n", kind="std_msgs/msg/Float64", pack="d"):
+    """A bag of ROS 2, of other writers than rosbags: mcap, or sqlite3 as before ROS 2 Iron."""
+    messages = [(begun(n), LITTLE_ENDIAN + struct.pack(f"<{pack}", v)) for n, v in enumerate(V)]
+    if path.suffix == ".db3":
+        database = sqlite3.connect(path)
+        database.executescript(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,"
+            " serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);"
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL,"
+            " timestamp INTEGER NOT NULL, data BLOB NOT NULL);"
+        )
+        database.execute("INSERT INTO topics VALUES (1, '/laser', ?, 'cdr', '')", [kind])
+        database.executemany("INSERT INTO messages VALUES (NULL, 1, ?, ?)", messages)
+        database.commit()
+        database.close()
+        return
+    from mcap.writer import Writer
+
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "a test")
+        schema = writer.register_schema(kind, "ros2msg", definition)
+        channel = writer.register_channel("/laser", "cdr", schema, {"offered_qos_profiles": ""})
+        for date, message in messages:
+            writer.add_message(channel, date, message, date)
+        writer.finish()
+
+
+def stamped(path):
+    """Forces with their own stamps, and the velocity, by rosbags: of ROS 1, or of ROS 2."""
+    rosbags = pytest.importorskip("rosbags.typesys")
+    first = path.suffix == ".bag"
+    store = rosbags.get_typestore(
+        rosbags.Stores.ROS1_NOETIC if first else rosbags.Stores.ROS2_HUMBLE
+    )
+    if first:
+        from rosbags.rosbag1 import Writer
+
+        writer, pack = Writer(path), store.serialize_ros1
+    else:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+
+        kinds = {".mcap": StoragePlugin.MCAP, ".db3": StoragePlugin.SQLITE3}
+        writer = Writer(path.parent / path.stem, version=8, storage_plugin=kinds[path.suffix])
+        pack = store.serialize_cdr
+    types = store.types
+    header, wrench = types["std_msgs/msg/Header"], types["geometry_msgs/msg/WrenchStamped"]
+    vector, time = types["geometry_msgs/msg/Vector3"], types["builtin_interfaces/msg/Time"]
+    with writer:
+        scale = writer.add_connection("/scale", wrench.__msgtype__, typestore=store)
+        laser = writer.add_connection("/laser", "std_msgs/msg/Float64", typestore=store)
+        for n in range(N):
+            stamp = time(*divmod(begun(n) - 300_000, 10**9))
+            head = header(**({"seq": n} if first else {}), stamp=stamp, frame_id="key")
+            zero = vector(0.0, 0.0, 0.0)
+            force = types["geometry_msgs/msg/Wrench"](vector(0.0, 0.0, F[n]), zero)
+            writer.write(scale, begun(n), pack(wrench(head, force), wrench.__msgtype__))
+            velocity = types["std_msgs/msg/Float64"](V[n])
+            writer.write(laser, begun(n), pack(velocity, "std_msgs/msg/Float64"))
+    return path if first else path.parent / path.stem / path.name
+
+
 def read(path, *names):
     source = open_source(path)
     found = source.read(list(names))
@@ -180,6 +274,100 @@ def test_a_workbook_is_read_as_a_table(tmp_path, paper):
     assert np.allclose(read_recording(made.path).volts["velocity"], V * 1e-3 / 0.025)
 
 
+@pytest.mark.parametrize(
+    ("version", "compression"), [("4.10", 2), slow("4.10", 0), slow("3.30", 0)]
+)
+def test_measurement_data_of_asam(tmp_path, version, compression):
+    path = tmp_path / f"a.{'mdf' if version < '4' else 'mf4'}"
+    mdf(path, version, compression)
+    source, (v, f, t) = read(path, "vel", "force", "time")
+    assert source.names == ("time", "vel", "force")
+    assert np.array_equal(v, V)
+    assert np.allclose(f, np.rint(F * 1000) * 1e-3 + 2.0, rtol=1e-15)
+    assert np.array_equal(t, 0.5 + T)
+    assert dict(source.units) == {"time": "s", "vel": "mm/s", "force": "N"}
+    assert datetime.fromisoformat(source.dates["vel"]) == datetime(2026, 2, 3, 4, 5, 6, tzinfo=UTC)
+
+
+def test_measurement_data_of_several_groups_and_a_formula(tmp_path):
+    """A formula is text of a file, which is never evaluated."""
+    mdf(path := tmp_path / "a.mf4", groups=2, formula="X * 2")
+    source = open_source(path)
+    assert source.names[3:] == ("group(2)/time", "group(2)/vel", "group(2)/force")
+    with pytest.raises(RecordingError, match="formula"):
+        source.read(["group(1)/vel"])
+
+
+def test_measurement_data_of_another_writer(tmp_path):
+    mf4_rs = pytest.importorskip("mf4_rs")
+    writer = mf4_rs.MdfWriter(str(path := tmp_path / "a.mf4"))
+    writer.init_mdf_file()
+    group = writer.add_channel_group("press")
+    writer.add_time_channel(group, "t")
+    writer.add_float_channel(group, "vel")
+    writer.start_data_block(group)
+    writer.write_columns(group, [0.5 + T, V], ["f64", "f64"])
+    writer.finish_data_block(group)
+    writer.finalize()
+    _, (t, v) = read(path, "t", "vel")
+    assert np.array_equal(t, 0.5 + T)
+    assert np.array_equal(v, V)
+
+
+@pytest.mark.parametrize("ending", ["mcap", "db3"])
+def test_bags_of_other_writers(tmp_path, ending, paper):
+    pytest.importorskip("rosbags")
+    bag(path := tmp_path / f"a.{ending}")
+    source, (v, t) = read(path, "/laser/data", "/laser/times")
+    assert source.names == ("/laser/times", "/laser/data")
+    assert np.array_equal(v, V)
+    assert np.allclose(t, T, atol=1e-12)
+    options = ImportOptions(
+        column={"velocity": "/laser/data"},
+        unit={"velocity": "mm/s"},
+        without=("force",),
+        time="/laser/times",
+        trigger="0 s",
+        simulated=False,
+    )
+    made = import_file(path, tmp_path / "out.mcap", rig=paper, options=options)
+    assert made.rate == RATE
+    assert read_recording(made.path).t0_ns == begun(0) // 1000 * 1000
+
+
+@pytest.mark.parametrize("ending", ["bag", slow("mcap"), slow("db3")])
+def test_bags_with_stamps(tmp_path, ending):
+    path = stamped(tmp_path / f"a.{ending}")
+    names = "/scale/wrench.force.z", "/laser/data", "/scale/header.stamp", "/scale/times"
+    source, (f, v, stamps, times) = read(path, *names)
+    assert np.array_equal(f, F)
+    assert np.array_equal(v, V)
+    assert np.allclose(times, T, atol=1e-12)
+    assert np.allclose(stamps, T - 3e-4, atol=1e-12)
+    assert ("/scale/header.seq" in source.names) == (ending == "bag")
+
+
+FLOAT = "std_msgs/msg/Float64"
+HOSTILE = (
+    ("std_msgs/msg/X:\n    import os; os.mkdir('made')\nclass Y", "float64 data\n"),
+    ('std_msgs/msg/X"""\nimport os; os.mkdir("made")\n"""', "float64 data\n"),
+    (FLOAT, "float64 data\nuint8 A=__import__('os').mkdir('made')\n"),
+    (FLOAT, "float64 data\nstring A='\\n\"\"\"\nimport os; os.mkdir('made')\n"),
+    (FLOAT, "float64 data\nint32 a); __import__('os').mkdir('made'\n"),
+)
+
+
+@pytest.mark.parametrize(("kind", "definition"), [HOSTILE[0], *(slow(*one) for one in HOSTILE[1:])])
+def test_no_definition_of_a_message_is_code(tmp_path, monkeypatch, kind, definition):
+    """rosbags makes Python of the definitions that a bag holds."""
+    pytest.importorskip("rosbags")
+    monkeypatch.chdir(tmp_path)
+    bag(path := tmp_path / "a.mcap", definition.encode(), kind)
+    with suppress(RecordingError):
+        open_source(path)
+    assert not (tmp_path / "made").exists()
+
+
 @pytest.mark.parametrize(("ending", "subtype"), [("flac", "PCM_24"), ("w64", "DOUBLE")])
 def test_sound_files(tmp_path, ending, subtype):
     soundfile = pytest.importorskip("soundfile")
@@ -217,7 +405,23 @@ def bomb(path):
 
 
 HUGE = b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000,), }"
+
+
+def made_by(write, name, cut=0, **options):
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        write(path, **options)
+        return path.read_bytes()[: -cut or None]
+
+
 FAULTS = {
+    "cut.mf4": (lambda: made_by(mdf, "a.mf4", cut=3000), "MDF"),
+    "unfinished.mf4": (lambda: b"UnFinMF " + made_by(mdf, "a.mf4")[8:], "never finished"),
+    "archive.mf4": (lambda: b"PK\x03\x04" + bytes(100), "MDF"),
+    "cut.mcap": (lambda: made_by(bag, "a.mcap", cut=3000), "ROS bag"),
+    "cut.db3": (lambda: made_by(bag, "a.db3", cut=5000), "ROS bag"),
+    "other.mcap": (lambda: made_by(bag, "a.mcap", definition=b"float64[9] data\n"), "ROS bag"),
+    "junk.bag": (lambda: b"#ROSBAG V2.0\n" + b"\xff" * 300, "ROS bag"),
     "cut.lvm": (lambda: lvm(stated=N + 1).encode(), "has 400 of 401"),
     "other.lvm": (lambda: b"a,b\n1,2\n", "no data segment"),
     "empty.lvm": (lambda: b"", "lvm"),
@@ -245,7 +449,16 @@ def pickled():
     return file.getvalue()
 
 
-QUICK = ("cut.lvm", "nested.lvm", "junk.unv", "junk.xlsx", "object.npy", "a.svd")
+QUICK = (
+    "cut.lvm",
+    "cut.mf4",
+    "cut.mcap",
+    "nested.lvm",
+    "junk.unv",
+    "junk.xlsx",
+    "object.npy",
+    "a.svd",
+)
 
 
 @pytest.mark.parametrize("name", [n if n in QUICK else slow(n) for n in FAULTS])

@@ -207,9 +207,35 @@ def of_npy(dice: random.Random) -> bytes:
     return file.getvalue()
 
 
+def of_mf4(dice: random.Random, folder: Path) -> bytes:
+    libraries.mdf(
+        path := folder / "made.mf4",
+        dice.choice(("4.10", "4.10", "3.30")),
+        dice.choice((0, 1, 2)),
+        **dice.choice(({}, {"a": 1e-3, "b": 1.0}, {"formula": "X * 2"})),
+    )
+    return path.read_bytes()
+
+
+def of_bag(dice: random.Random, folder: Path) -> bytes:
+    text, kind = "float64 data\n", "std_msgs/msg/Float64"
+    text = mutate.of_text(text, dice) if dice.random() < 0.3 else text
+    kind = mutate.of_text(kind, dice) if dice.random() < 0.2 else kind
+    libraries.bag(path := folder / "made.mcap", text.encode("utf-8", "replace"), kind)
+    return path.read_bytes()
+
+
+def of_db3(dice: random.Random, folder: Path) -> bytes:
+    (path := folder / "made.db3").unlink(missing_ok=True)
+    libraries.bag(path)
+    return path.read_bytes()
+
+
 MAKERS = {"csv": of_csv, "parquet": of_parquet, "wav": of_wav, "tdms": of_tdms, "mat": of_mat,
           "npz": of_npz, "npy": of_npy, "h5": of_h5, "lvm": of_lvm, "uff": of_uff, "xlsx": of_xlsx,
           "flac": of_flac}  # fmt: skip
+WRITTEN = {"mf4": of_mf4, "mcap": of_bag, "db3": of_db3}
+"""The same for libraries that write files only: with a folder for them."""
 COLUMNS = {
     "wav": "1",
     "flac": "1",
@@ -217,6 +243,9 @@ COLUMNS = {
     "lvm": "vel",
     "uff": "1Z",
     "xlsx": "vel (mm/s)",
+    "mf4": "vel",
+    "mcap": "/laser/data",
+    "db3": "/laser/data",
 }
 """Column of the velocity; otherwise `v`."""
 
@@ -230,7 +259,8 @@ class Imports:
     def case(self, dice: random.Random) -> str:
         kind, out = self._kind, self._folder / "out.mcap"
         out.unlink(missing_ok=True)
-        data = MAKERS[kind](dice)
+        made = kind in WRITTEN
+        data = WRITTEN[kind](dice, self._folder) if made else MAKERS[kind](dice)
         cut = None
         if kind == "csv" and dice.random() < 0.3:
             cut = dice.randrange(len(data))

@@ -37,7 +37,8 @@ IN_PROCESS = ("rig", "csv", "parquet", "wav", "tdms")
 
 
 @pytest.mark.parametrize(
-    "name", [*IN_PROCESS, "npz", *map(slow, ("mat", "h5", "lvm", "uff", "xlsx"))]
+    "name",
+    [*IN_PROCESS, "npz", *map(slow, ("mat", "h5", "lvm", "uff", "xlsx", "mf4", "mcap", "db3"))],
 )
 def test_damaged_rigs_and_files_of_other_programs_are_refused_or_read_right(tmp_path, name):
     target = TARGETS[name]()(tmp_path)

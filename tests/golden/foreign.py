@@ -1,6 +1,10 @@
 """Files of other programs with the same 400 values, one of each format that `import` reads."""
 
+import sqlite3
+import struct
 from collections.abc import Callable
+from contextlib import closing
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +75,38 @@ def _hdf5(path: Path) -> None:
             file[name].attrs["unit"] = "V"
 
 
+def _mf4(path: Path) -> None:
+    from asammdf import MDF, Signal
+
+    mdf = MDF(version="4.10")
+    mdf.start_time = datetime(2026, 2, 3, tzinfo=UTC)
+    times = np.arange(400) / RATE
+    mdf.append([Signal(v, times, unit="V", name=name) for name, v in _SAMPLES.items()])
+    mdf.save(path, overwrite=True)
+
+
+def _db3(path: Path) -> None:
+    """Messages of ROS 2, packed by hand: four bytes for little endian, and a double."""
+    messages = [
+        (topic, 1_770_000_000 * 10**9 + n * 10**6, b"\0\1\0\0" + struct.pack("<d", value))
+        for topic, values in enumerate(_SAMPLES.values(), 1)
+        for n, value in enumerate(values)
+    ]
+    with closing(sqlite3.connect(path)) as bag, bag:
+        bag.execute(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format,"
+            " offered_qos_profiles)"
+        )
+        bag.execute(
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER,"
+            " data BLOB)"
+        )
+        for name in _SAMPLES:
+            kind = (f"/{name}", "std_msgs/msg/Float64", "cdr", "")
+            bag.execute("INSERT INTO topics VALUES (NULL, ?, ?, ?, ?)", kind)
+        bag.executemany("INSERT INTO messages VALUES (NULL, ?, ?, ?)", messages)
+
+
 FOREIGN: dict[str, tuple[Callable[[Path], None], str]] = {
     "csv": (_csv, f'{_NAMED} --time "t (s)"'),
     "tsv": (_tsv, f'{_ANSWERS} --column.velocity "v [V]" --column.force "w [V]" --time "t [ms]"'),
@@ -85,5 +121,10 @@ FOREIGN: dict[str, tuple[Callable[[Path], None], str]] = {
     "npz": (_npz, _RATED),
     "mat": (_mat, _RATED),
     "h5": (_hdf5, _RATED),
+    "mf4": (_mf4, f"{_NAMED} --time time"),
+    "db3": (
+        _db3,
+        f"{_ANSWERS} --column.velocity /v/data --column.force /w/data --time /v/times",
+    ),
 }
 """What writes a file, and the options of its import, by the file extension."""

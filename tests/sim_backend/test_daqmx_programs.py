@@ -22,8 +22,9 @@ from nidaqmx.constants import (
     TerminalConfiguration,
     VoltageUnits,
 )
-from nidaqmx.system import Device
+from nidaqmx.system import Device, PhysicalChannel
 from nptdms import TdmsFile
+from numpy.polynomial.polynomial import polyval
 
 from sautereau.sim_backend.device_types import DEVICE_TYPES
 from tests.cards import Card, code_of
@@ -115,6 +116,91 @@ def test_a_channel_is_read_in_a_custom_scale(serve, slope, intercept):
         assert code_of(add, "cDAQ1Mod1/ai0", custom_scale_name="of load", **settings) == -200409
 
 
+def test_a_channel_is_read_in_a_polynomial_scale(serve):
+    """A thermistor's curve, say: its inverse is fitted, and checked at the volts in use."""
+    options = serve(ramp_card())
+    forward = [1.0, 20.0, 0.5, 0.1]
+    reverse = Scale.calculate_reverse_poly_coeff(forward, -5.0, 5.0, 1000, 7, grpc_options=options)
+    volts = np.linspace(-5, 5, 50)
+    back = polyval(polyval(volts, forward), reverse)
+    np.testing.assert_allclose(back, volts, atol=2e-3)
+    scale = Scale.create_polynomial_scale("curve", forward, reverse, grpc_options=options)
+    assert scale.scale_type == ScaleType.POLYNOMIAL
+    assert scale.poly_forward_coeff == forward
+    assert code_of(getattr, scale, "lin_slope") == -200601
+    line = Scale.create_lin_scale("line", 2.0, grpc_options=options)
+    assert code_of(getattr, line, "poly_forward_coeff") == -200601
+    assert code_of(setattr, line, "poly_forward_coeff", [1.0]) == -200601
+    settings = {"units": VoltageUnits.FROM_CUSTOM_SCALE, "min_val": -80.0, "max_val": 110.0}
+    with Task(grpc_options=options) as task:
+        channel = task.ai_channels.add_ai_voltage_chan(
+            "cDAQ1Mod1/ai0", custom_scale_name="curve", **settings
+        )
+        low, high = polyval([-5.0, 5.0], forward)
+        assert (channel.ai_min, channel.ai_max) == pytest.approx((low, high))
+        task.timing.cfg_samp_clk_timing(51_200, samps_per_chan=100)
+        expected = polyval(np.arange(10) / 1000, forward)
+        np.testing.assert_allclose(task.read(10), expected, rtol=1e-12)
+    make = Scale.create_polynomial_scale
+    for bad, code in (([], -200405), ([0.0], -200407)):
+        make("bad", bad, reverse, grpc_options=options)
+        with Task(grpc_options=options) as task:
+            add = task.ai_channels.add_ai_voltage_chan
+            assert code_of(add, "cDAQ1Mod1/ai0", custom_scale_name="bad", **settings) == code
+    find = Scale.calculate_reverse_poly_coeff
+    for wrong, code in (((1000, 0), -200402), ((3, 3), -200403), ((10**9, 3), -200403)):
+        assert code_of(find, forward, -1.0, 1.0, *wrong, grpc_options=options) == code
+    table = Scale.create_table_scale
+    assert code_of(table, "t", [0.0, 1.0], [0.0, 2.0], grpc_options=options) == -200077
+
+
+def test_a_task_exports_signals_to_terminals_that_exist(task):
+    task.ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+    exported = task.export_signals
+    assert exported.samp_clk_output_term == exported.start_trig_output_term == ""
+    exported.export_signal(Signal.SAMPLE_CLOCK, "/cDAQ1/PFI0")
+    assert exported.samp_clk_output_term == "/cDAQ1/PFI0"
+    task.control(TaskMode.TASK_VERIFY)
+    exported.start_trig_output_term = "RTSI"
+    assert code_of(task.control, TaskMode.TASK_VERIFY) == -89121
+    del exported.start_trig_output_term
+    task.control(TaskMode.TASK_VERIFY)
+    assert code_of(exported.export_signal, Signal.COUNTER_OUTPUT_EVENT, "PFI0") == -200077
+    assert code_of(getattr, exported, "hshk_event_delay") == -200197
+
+
+def test_a_device_gives_its_calibration(serve):
+    device = Device("cDAQ1Mod1", grpc_options=serve(ramp_card()))
+    assert device.device_supports_cal
+    assert device.self_cal_supported
+    before = device.self_cal_last_date_and_time
+    assert before == device.ext_cal_last_date_and_time
+    device.self_cal()
+    assert device.self_cal_last_date_and_time >= before
+    assert device.ext_cal_recommended_interval == 24
+    device.cal_user_defined_info = "abcd"
+    assert device.cal_user_defined_info == "abcd"
+    assert device.cal_user_defined_info_max_size == 4
+    assert code_of(setattr, device, "cal_user_defined_info", "abcde") == -201245
+    assert code_of(getattr, device, "cal_acc_connection_count") == -200197
+    assert code_of(setattr, device, "cal_acc_connection_count", 1) == -200197
+
+
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [
+        ("teds_mfg_id", -200741),
+        ("teds_template_ids", -200741),
+        ("teds_bit_stream", -200741),
+        ("ai_power_control_enable", -200197),
+        ("di_change_detect_supported", -200197),
+    ],
+)
+def test_what_an_input_does_not_have_is_refused(serve, name, code):
+    channel = PhysicalChannel("cDAQ1Mod1/ai0", grpc_options=serve(ramp_card()))
+    assert code_of(getattr, channel, name) == code
+
+
 def test_what_the_device_cannot_supply_is_refused(task):
     add = task.ai_channels.add_ai_accel_chan
     assert code_of(add, "cDAQ1Mod1/ai0", current_excit_val=0.004) == -200077
@@ -131,7 +217,7 @@ def test_counts_and_their_polynomial_are_the_volts(serve):
         counts = task.in_stream.read(50).reshape(50, 2).T
         assert counts.dtype == np.int16
         assert channel.ai_rng_high == 2.0
-        volts = np.polynomial.polynomial.polyval(counts[0], channel.ai_dev_scaling_coeff)
+        volts = polyval(counts[0], channel.ai_dev_scaling_coeff)
         np.testing.assert_allclose(volts, np.arange(50) / 1000, atol=0.5 * 4 / 2**16 + 1e-12)
         task.ai_channels["Dev1/ai1"].ai_max = 10
         assert code_of(lambda: task.ai_channels.all.ai_rng_high) == -200428

@@ -6,8 +6,9 @@ Here is what a reader returns for a file, and its limits.
 import numpy as np
 
 Found = tuple[dict[str, np.ndarray], dict[str, dict[str, str | float]], str | None]
-"""Arrays; properties of each in the file: `unit`, `rate` (Hz), `start` (s), and the attributes that
-are `unknown`; the document of an export."""
+"""Arrays; what the file says of each: `unit`, `rate` (Hz), `start` (s), `date` of its time 0, and
+the attributes that are `unknown`; the document of an export."""
+MOST_COLUMNS = 64  # Limit of the columns of a matrix; a larger one is a picture and not a table
 
 
 def refuse(values: float, most: int) -> None:

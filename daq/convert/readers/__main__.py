@@ -10,6 +10,7 @@ python -m sautereau.daq.convert.readers KIND FILE MOST_VALUES
 import io
 import json
 import sys
+from contextlib import redirect_stdout
 from importlib import import_module
 
 import numpy as np
@@ -24,23 +25,27 @@ READERS = {
     "universal": "uff:read",
     "workbook": "xlsx:read",
     "sound": "arrays:read_sound",
+    "MDF": "mdf:read",
+    "ROS bag": "rosbag:read",
 }
 """Function of this folder that reads a kind of file."""
 MEMORY = 0.5e9  # Bytes for the libraries themselves, besides the values and one copy of them
 LONGEST = 120  # s, limit of the processor time
+LONGEST_TEXT = 400  # Characters of a fault; rosbags repeats the definition of a message
 
 
 def main() -> None:
-    """Read the file; a fault is one line on standard error, and status 1."""
+    """Read the file; a fault is the last line on standard error, and status 1."""
     kind, path, most = sys.argv[1:]
     limit(MEMORY + 16 * int(most))
     module, _, function = READERS[kind].partition(":")
     try:
-        read = getattr(import_module(f"sautereau.daq.convert.readers.{module}"), function)
-        arrays, about, document = read(path, int(most))
+        with redirect_stdout(sys.stderr):  # asammdf prints what it ignores
+            read = getattr(import_module(f"sautereau.daq.convert.readers.{module}"), function)
+            arrays, about, document = read(path, int(most))
         refuse(sum(array.size for array in arrays.values()), int(most))
     except BaseException as error:  # noqa: BLE001 (the readers raise many kinds)
-        text = " ".join(str(error).split()) or "its memory is limited"
+        text = " ".join(str(error).split())[:LONGEST_TEXT] or "its memory is limited"
         sys.exit(f"{type(error).__name__}: {text}")
     file = io.BytesIO()
     np.savez(file, np.array(json.dumps([list(arrays), about, document])), *arrays.values())

@@ -12,6 +12,7 @@ from sautereau.sim_backend.devices.daqmx.card import DaqmxError, ServerGone, inv
 
 KINDS = (
     "Bool",
+    "Bytes",
     "Double",
     "DoubleArray",
     "Int32",
@@ -88,9 +89,9 @@ def stored(
         return default(about) if callable(default) else default
 
     def write(about: Any, value: Any) -> None:
+        check(about)
         if possible is not None:
             about.must_be_idle()
-            check(about)
             if value not in (values := possible(about)):
                 raise invalid(name, value, f"one of {list(values)}", about.input)
         about.stored[key] = value

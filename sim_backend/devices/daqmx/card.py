@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from nidaqmx._stubs import nidaqmx_pb2 as pb
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from sautereau.sim_backend.device_types import DeviceType
@@ -188,6 +189,8 @@ def physical_channels(text: str, card: Card) -> list[tuple[Module, str]]:
 
 
 REMOVE_FILTER_DELAY = pb.CHANNEL_ATTRIBUTE_AI_REMOVE_FILTER_DELAY
+LINEAR = (0.0, 1.0), (0.0, 1.0)
+"""Polynomials of a channel in volts: its units of volts, and the inverse."""
 INTERNAL, NO_EXCITATION = 10200, 10230  # Sources of an excitation
 
 
@@ -204,10 +207,11 @@ class Input:
     configuration: int = -1
     measurement: int = 10322
     """What it measures: voltage, force, ..."""
-    volts_per_unit: float = 1.0
-    """V per unit of the channel: its sensor's sensitivity, or of its custom scale."""
-    zero: float = 0.0
-    """Units of 0 V, of a custom scale."""
+    forward: tuple[float, ...] = LINEAR[0]
+    """Units of the channel as a polynomial of the volts, of its sensor or its custom scale: the
+    coefficients from degree 0 up."""
+    reverse: tuple[float, ...] = LINEAR[1]
+    """Volts as a polynomial of the units."""
     custom_scale: str = ""
     """Its name; empty without one."""
     requested_range: float | None = None
@@ -248,8 +252,8 @@ class Input:
         """Requested lowest and highest value, V."""
         if math.isnan(self.low + self.high):
             raise DaqmxError(-200695, f"Set the limits of {self.physical}, which were reset.")
-        low, high = ((limit - self.zero) * self.volts_per_unit for limit in (self.low, self.high))
-        return min(low, high), max(low, high)
+        low, high = sorted(map(float, polyval(np.array([self.low, self.high]), self.reverse)))
+        return low, high
 
     def removed_delay(self, rate: float) -> float:
         """Return how much of its filter's delay the driver removes, s, at a rate [Hz]."""
@@ -268,8 +272,9 @@ class Input:
 
     def scaled(self, volts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return volts in the channel's unit."""
-        plain = self.volts_per_unit == 1 and not self.zero
-        return volts if plain else volts / self.volts_per_unit + self.zero
+        return (
+            volts if self.forward == LINEAR[0] else np.asarray(polyval(volts, self.forward), float)
+        )
 
     def counts(self, volts: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the integers that the converter gives for volts."""

@@ -5,12 +5,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from nidaqmx._stubs import nidaqmx_pb2_grpc
+from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyval
 
 from sautereau.sim_backend.device_types import DeviceType
-from sautereau.sim_backend.devices.daqmx.attributes import call, given, kept, number
+from sautereau.sim_backend.devices.daqmx.attributes import (
+    Attribute,
+    call,
+    given,
+    kept,
+    number,
+    stored,
+)
 from sautereau.sim_backend.devices.daqmx.card import (
     INTERNAL,
+    LINEAR,
     DaqmxError,
     invalid,
     physical_channels,
@@ -20,6 +31,7 @@ G = 9.80665  # m/s^2, standard gravity
 POUND_FORCE = 0.45359237 * G  # N
 INCH = 0.0254  # m
 CUSTOM_SCALE = 10065
+MOST_POINTS = 1_000_000  # Limit of the points that a reverse polynomial is fitted to
 
 _UNITS = {
     15875: 1.0,  # N
@@ -121,17 +133,19 @@ def _excitation(request: Any, device: DeviceType) -> dict[str, Any]:
 
 def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
     def create(self: Any, request: Any, context: Any) -> None:
-        units, zero, scale = given(request, "units"), 0.0, ""
+        units, scale, polynomials = given(request, "units"), "", LINEAR
         sensitivity, volts_per_unit = _sensitivity(request)
         if units == CUSTOM_SCALE and not sensor.sensitivity:
             scale = request.custom_scale_name
-            volts_per_unit, zero = find_scale(self, scale).line
+            polynomials = find_scale(self, scale).polynomials
         elif units not in _UNITS:
             raise invalid("the units", units, "those of the sensor")
         elif (volts_per_unit := volts_per_unit * _UNITS[units]) <= 0:
             raise invalid("the sensitivity", volts_per_unit, "above 0")
         elif given(request, "shunt_resistor_loc") == INTERNAL:
             raise invalid("AI.CurrentShunt.Loc", INTERNAL, "external")
+        else:
+            polynomials = (0.0, 1 / volts_per_unit), (0.0, volts_per_unit)
         task = self._task(request)
         (module, _), *_ = physical_channels(request.physical_channel, task.card)
         kept = {sensor.units: units, **_excitation(request, module.device)}
@@ -150,8 +164,8 @@ def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
             high=high,
             configuration=given(request, "terminal_config"),
             measurement=sensor.measurement,
-            volts_per_unit=volts_per_unit,
-            zero=zero,
+            forward=polynomials[0],
+            reverse=polynomials[1],
             custom_scale=scale,
         )
         for channel in added:
@@ -161,44 +175,59 @@ def _creator(name: str, sensor: Sensor) -> Callable[..., Any]:
 
 
 VOLTS = 10348
-_LINEAR = 10447
-_SLOPE = number("SCALE", "LIN_SLOPE")
-_INTERCEPT = number("SCALE", "LIN_Y_INTERCEPT")
-
-SCALE = kept(
-    "SCALE",
-    {
-        "DESCR": "",
-        "LIN_SLOPE": 1.0,
-        "LIN_Y_INTERCEPT": 0.0,
-        "PRE_SCALED_UNITS": VOLTS,
-        "SCALED_UNITS": "",
-        "TYPE": _LINEAR,
-    },
-)
-"""The properties of a scale; a channel takes those of its creation."""
+_LINEAR, _POLYNOMIAL = 10447, 10449
+_SLOPE, _INTERCEPT = number("SCALE", "LIN_SLOPE"), number("SCALE", "LIN_Y_INTERCEPT")
+_FORWARD, _REVERSE = number("SCALE", "POLY_FORWARD_COEFF"), number("SCALE", "POLY_REVERSE_COEFF")
+_KIND, _SCALED_UNITS = number("SCALE", "TYPE"), number("SCALE", "SCALED_UNITS")
 
 
 class Scale:
-    """Volts times a slope, plus an intercept, are units."""
+    """Units of volts: a line or a polynomial, by its properties."""
 
-    def __init__(self, slope: float, intercept: float, units: str):
-        self.stored: dict[int, Any] = {
-            _SLOPE: slope,
-            _INTERCEPT: intercept,
-            number("SCALE", "SCALED_UNITS"): units,
-        }
+    def __init__(self, kind: int, units: str, properties: dict[int, Any]):
+        self.stored: dict[int, Any] = {_KIND: kind, _SCALED_UNITS: units, **properties}
+
+    def must_be(self, kind: int) -> None:
+        """Refuse a property of another kind of scale."""
+        if self.stored[_KIND] != kind:
+            raise DaqmxError(-200601, "Property is not supported for the custom scale type.")
 
     @property
-    def line(self) -> tuple[float, float]:
-        """V per unit, and the units of 0 V.
+    def polynomials(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Coefficients from degree 0 up: units of volts, and volts of units.
 
         Raises:
-            DaqmxError: The slope is zero.
+            DaqmxError: The slope is zero, or there are no coefficients, or all are zero.
         """
-        if not self.stored[_SLOPE]:
-            raise DaqmxError(-200409, "Slope of the linear scale is zero.")
-        return 1 / self.stored[_SLOPE], self.stored[_INTERCEPT]
+        if self.stored[_KIND] == _LINEAR:
+            slope, intercept = self.stored[_SLOPE], self.stored[_INTERCEPT]
+            if not slope:
+                raise DaqmxError(-200409, "Slope of the linear scale is zero.")
+            return (intercept, slope), (-intercept / slope, 1 / slope)
+        forward, reverse = tuple(self.stored[_FORWARD]), tuple(self.stored[_REVERSE])
+        for coefficients, absent, zero, which in (
+            (forward, -200405, -200407, "forward"),
+            (reverse, -200406, -200408, "reverse"),
+        ):
+            if not any(coefficients):
+                code, what = (zero, "are all zero") if coefficients else (absent, "are missing")
+                raise DaqmxError(code, f"The {which} coefficients of the scale {what}.")
+        return forward, reverse
+
+
+def _of_kind(name: str, kind: int) -> dict[int, Attribute]:
+    check: Callable[[Any], None] = lambda scale: scale.must_be(kind)  # noqa: E731
+    return {number("SCALE", name): stored("SCALE", name, None, check=check)}
+
+
+SCALE = {
+    **kept("SCALE", {"DESCR": "", "PRE_SCALED_UNITS": VOLTS, "SCALED_UNITS": "", "TYPE": _LINEAR}),
+    **_of_kind("LIN_SLOPE", _LINEAR),
+    **_of_kind("LIN_Y_INTERCEPT", _LINEAR),
+    **_of_kind("POLY_FORWARD_COEFF", _POLYNOMIAL),
+    **_of_kind("POLY_REVERSE_COEFF", _POLYNOMIAL),
+}
+"""The properties of a scale; a channel takes those of its creation."""
 
 
 def find_scale(server: Any, name: str) -> Scale:
@@ -212,11 +241,41 @@ def find_scale(server: Any, name: str) -> Scale:
     return server.scales[name]
 
 
-def _create_scale(self: Any, request: Any, context: Any) -> None:
-    """Create a scale that lasts as long as the server."""
-    if given(request, "pre_scaled_units") != VOLTS:
-        raise DaqmxError(-200077, "The stand-in's scales have volts as the pre-scaled units.")
-    self.scales[request.name] = Scale(request.slope, request.y_intercept, request.scaled_units)
+def _scale_creator(name: str, kind: int, fields: dict[int, str]) -> Callable[..., Any]:
+    """Return the call that creates a scale, which lasts as long as the server.
+
+    Args:
+        fields: The request's field of each property.
+    """
+
+    def create(self: Any, request: Any, context: Any) -> None:
+        if given(request, "pre_scaled_units") != VOLTS:
+            raise DaqmxError(-200077, "The stand-in's scales have volts as the pre-scaled units.")
+        found = {key: getattr(request, field) for key, field in fields.items()}
+        self.scales[request.name] = Scale(kind, request.scaled_units, found)
+
+    return call(create, name)
+
+
+def _reverse_polynomial(self: Any, request: Any, context: Any) -> dict[str, list[float]]:
+    """Return the polynomial that fits the inverse of another one best, by least squares."""
+    forward, points = list(request.forward_coeffs), request.num_points_to_compute
+    order = request.reverse_poly_order
+    if not forward:
+        raise DaqmxError(-200405, "The forward coefficients are missing.")
+    order = len(forward) - 1 if order == -1 else order
+    if order < 1:
+        raise DaqmxError(-200402, f"The order of the reverse polynomial is {order}, not above 0.")
+    if not order < points <= MOST_POINTS:
+        raise DaqmxError(
+            -200403, f"{points} points are not above the order {order} and up to {MOST_POINTS}."
+        )
+    volts = np.linspace(request.min_val_x, request.max_val_x, points)
+    units = polyval(volts, forward)
+    if not (np.isfinite(units).all() and np.ptp(units) > 0):
+        raise DaqmxError(-200077, "The forward polynomial is constant or not finite there.")
+    fitted = Polynomial.fit(units, volts, order).convert().coef
+    return {"reverse_coeffs": [*fitted, *[0.0] * (order + 1 - len(fitted))]}
 
 
 def _refused(name: str, code: int, what: str) -> Any:
@@ -235,6 +294,18 @@ CREATING = {
     },
     **{name: _refused(name, -200741, "TEDS sensors") for name in _TEDS},
     **{name: _creator(name, sensor) for name, sensor in SENSORS.items()},
-    "CreateLinScale": call(_create_scale, "CreateLinScale"),
+    **{
+        name: _refused(name, -200077, "scales of this kind: use a linear or a polynomial one")
+        for name in ("CreateMapScale", "CreateTableScale")
+    },
+    "CreateLinScale": _scale_creator(
+        "CreateLinScale", _LINEAR, {_SLOPE: "slope", _INTERCEPT: "y_intercept"}
+    ),
+    "CreatePolynomialScale": _scale_creator(
+        "CreatePolynomialScale",
+        _POLYNOMIAL,
+        {_FORWARD: "forward_coeffs", _REVERSE: "reverse_coeffs"},
+    ),
+    "CalculateReversePolyCoeff": call(_reverse_polynomial, "CalculateReversePolyCoeff"),
 }
 """Methods that create channels and scales, or refuse to, by the call of nidaqmx.proto."""

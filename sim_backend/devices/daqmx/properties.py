@@ -4,7 +4,12 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+from datetime import datetime
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.sim_backend.device_types import AC, C_SERIES, DC, IDEAL, USB_DAQ, DeviceType
 from sautereau.sim_backend.devices.daqmx.attributes import (
@@ -17,6 +22,7 @@ from sautereau.sim_backend.devices.daqmx.attributes import (
 )
 from sautereau.sim_backend.devices.daqmx.card import (
     INTERNAL,
+    LINEAR,
     NO_EXCITATION,
     Card,
     DaqmxError,
@@ -25,7 +31,7 @@ from sautereau.sim_backend.devices.daqmx.card import (
     owner_of,
 )
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
-from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, FINITE, terminals
+from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, EXPORTS, FINITE, terminals
 
 SERIAL_NUMBER = 0x5A07E2EA
 VERSION = (25, 0, 0)
@@ -177,6 +183,16 @@ def _of_either(key: int) -> Attribute:
 DEVICE = {key: _of_either(key) for key in (*_OF_CARD, *_OF_CHASSIS)}
 """Properties of a device, or of the chassis."""
 
+_TEDS = (
+    "MFG_ID", "MODEL_NUM", "SERIAL_NUM", "VERSION_NUM", "VERSION_LETTER", "BIT_STREAM",
+    "TEMPLATE_I_DS",
+)  # fmt: skip
+
+
+def _no_memory(one: Device) -> Any:
+    raise DaqmxError(-200741, "The stand-in has no TEDS sensors: the rig file has calibrations.")
+
+
 PHYSICAL_CHANNEL = table(
     "PHYSICALCHANNEL",
     {
@@ -185,8 +201,53 @@ PHYSICAL_CHANNEL = table(
             _CONFIGURATION_BITS[bit] for bit in one.type.configurations
         ),
         "PHYSICAL_CHAN_AI_INPUT_SRCS": "_external_channel",
+        **dict.fromkeys((f"PHYSICAL_CHAN_TEDS_{name}" for name in _TEDS), _no_memory),
     },
 )
+
+MOST_INFO = 4  # Characters of a card's own note, as of an NI PCIe-6363
+
+
+@dataclass
+class Calibration:
+    """Dates and note of the calibration of a device; a simulated converter does not drift."""
+
+    external: datetime
+    """Date of the external one: that of the server's start."""
+    own: datetime
+    """Date of the self-calibration."""
+    stored: dict[int, Any] = dataclass_field(default_factory=dict)
+
+
+def _note(about: Calibration, text: str) -> None:
+    if len(text) > MOST_INFO:
+        raise DaqmxError(-201245, f"The device keeps a note of up to {MOST_INFO} characters.")
+    about.stored[_NOTE] = text
+
+
+_NOTE = number("CALIBRATIONINFO", "CAL_USER_DEFINED_INFO")
+CALIBRATION = table(
+    "CALIBRATIONINFO",
+    {
+        "SELF_CAL_SUPPORTED": True,
+        # degC: NI's simulated devices answer 0 as well
+        **dict.fromkeys(("CAL_DEV_TEMP", "EXT_CAL_LAST_TEMP", "SELF_CAL_LAST_TEMP"), 0.0),
+        "EXT_CAL_RECOMMENDED_INTERVAL": 24,  # months
+        "CAL_USER_DEFINED_INFO": Attribute(lambda about: about.stored.get(_NOTE, ""), _note),
+        "CAL_USER_DEFINED_INFO_MAX_SIZE": MOST_INFO,
+    },
+)
+"""The calibration of a device."""
+
+EXPORTED = kept(
+    "EXPORTSIGNAL",
+    {
+        **dict.fromkeys(EXPORTS.values(), ""),
+        "SAMP_CLK_OUTPUT_BEHAVIOR": 10265,  # a pulse
+        **{f"{name}_PULSE_POLARITY": 10095 for name in ("SAMP_CLK", "START_TRIG", "REF_TRIG")},
+    },
+)
+"""Signals that a task puts on terminals, to which the bench connects nothing."""
 
 _ANALOG_INPUT = 10100
 _SECONDS, _PERIODS, _EXTERNAL = 10364, 10286, 10167
@@ -243,17 +304,21 @@ def _of_input(name: str, default: object, read: Callable[[Seat], object]) -> Att
     return field(name, default, read, of=lambda seat: seat.input)
 
 
+def _ends(seat: Seat) -> NDArray[np.float64]:
+    return np.array([-1.0, 1.0]) * seat.input.range
+
+
 def _limit(name: str, sign: int) -> Attribute:
     return _of_input(
         name,
         math.nan,  # must be set before it is read
-        lambda seat: sign * seat.input.range / abs(seat.input.volts_per_unit) + seat.input.zero,
+        lambda seat: sign * max(sign * float(end) for end in seat.input.scaled(_ends(seat))),
     )
 
 
 def _unscale(seat: Seat) -> None:
     seat.must_be_idle()
-    seat.input.custom_scale, seat.input.volts_per_unit, seat.input.zero = "", 1.0, 0.0
+    seat.input.custom_scale, seat.input.forward, seat.input.reverse = "", *LINEAR
 
 
 def _scaling(seat: Seat) -> list[float]:

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from datetime import datetime
 from typing import Any
 
 import grpc
@@ -21,11 +22,14 @@ from sautereau.sim_backend.devices.daqmx.card import Card, DaqmxError, module_of
 from sautereau.sim_backend.devices.daqmx.creation import CREATING, SCALE, Scale, find_scale
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.properties import (
+    CALIBRATION,
     CHANNEL,
     DEVICE,
+    EXPORTED,
     PHYSICAL_CHANNEL,
     SYSTEM,
     TASK,
+    Calibration,
     Device,
     Seat,
 )
@@ -53,6 +57,8 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
         self._lock = threading.Lock()
         self._gone = False
         self._closing = threading.Event()
+        self._started = datetime.now()
+        self._calibrations: dict[str, Calibration] = {}
         self._count = 0
 
     def stop_all(self) -> None:
@@ -71,6 +77,13 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
             self._card.check()
             return Device(self._card, None)
         return Device(self._card, module_of(self._card, request.device_name))
+
+    def _calibration(self, request: Any) -> Calibration:
+        """Return the calibration of the device that the request names."""
+        if (module := self._device(request).module) is None:
+            raise DaqmxError(-200197, "The chassis has no converter to calibrate.")
+        started = self._started
+        return self._calibrations.setdefault(module.name, Calibration(started, started))
 
     def _physical(self, request: Any) -> Device:
         return Device(self._card, physical_channels(request.physical_channel, self._card)[0][0])
@@ -199,7 +212,23 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
     @call
     def DeviceSupportsCal(self, request, context):  # noqa: N802
         self._device(request)
-        return {"cal_supported": False}
+        return {"cal_supported": True}
+
+    @call
+    def SelfCal(self, request, context):  # noqa: N802
+        self._calibration(request).own = datetime.now()
+
+    @call
+    def GetSelfCalLastDateAndTime(self, request, context):  # noqa: N802
+        return _date(self._calibration(request).own)
+
+    @call
+    def GetExtCalLastDateAndTime(self, request, context):  # noqa: N802
+        return _date(self._calibration(request).external)
+
+
+def _date(date: datetime) -> dict[str, int]:
+    return {part: getattr(date, part) for part in ("year", "month", "day", "hour", "minute")}
 
 
 def _only_connected(self: Servicer, request: Any, context: Any) -> None:
@@ -228,6 +257,8 @@ PROPERTIES: dict[str, tuple[Callable[[Any, Any], Any], Table]] = {
     "Trig": (Servicer._task, TRIGGER),
     "Read": (Servicer._task, READ),
     "Buffer": (Servicer._task, BUFFER),
+    "ExportedSignal": (Servicer._task, EXPORTED),
+    "CalInfo": (Servicer._calibration, CALIBRATION),
     "Scale": (lambda self, request: find_scale(self, request.scale_name), SCALE),
 }
 """What a request is about, and the properties of that, by the subject in the names of the calls."""
@@ -237,7 +268,7 @@ for _subject, (_find, _table) in PROPERTIES.items():
         setattr(Servicer, _name, _method)
 for _name, _method in {**CREATING, **CONFIGURING}.items():
     setattr(Servicer, _name, _method)
-for _name in ("SelfTestDevice", "SelfCal", "RestoreLastExtCalConst"):
+for _name in ("SelfTestDevice", "RestoreLastExtCalConst"):
     setattr(Servicer, _name, call(_only_connected, _name))
 for _name in dir(nidaqmx_pb2_grpc.NiDAQmxServicer):
     if "TimingAttributeEx" in _name:

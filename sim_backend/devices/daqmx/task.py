@@ -57,8 +57,24 @@ class Trigger:
         return terminal(self.source, card)
 
 
-def terminal(name: str, card: Card) -> str:
-    """Return the complete name of a terminal, ``/Dev1/PFI0``, of the device or its chassis."""
+EXPORTS = {
+    12484: "AI_CONV_CLK_OUTPUT_TERM",
+    12487: "SAMP_CLK_OUTPUT_TERM",
+    12490: "REF_TRIG_OUTPUT_TERM",
+    12491: "START_TRIG_OUTPUT_TERM",
+}
+"""Properties with the terminals to which a task exports a signal, by the signal."""
+
+
+def terminal(name: str, card: Card, code: int = -89120, what: str = "Source") -> str:
+    """Return the complete name of a terminal, ``/Dev1/PFI0``, of the device or its chassis.
+
+    Args:
+        name: With or without the device.
+        card: The card with the terminal.
+        code: The driver's error where there is no such terminal.
+        what: What it is of a route, for the error: its source or its destination.
+    """
     owner = owner_of(card)
     route = re.fullmatch(r"(?:/(\w+)/)?(A?PFI)(\d+)", name, re.IGNORECASE)
     if route:
@@ -67,9 +83,9 @@ def terminal(name: str, card: Card) -> str:
         if known and local in terminals(card):
             return f"/{owner}/{local}"
     raise DaqmxError(
-        -89120,
-        "Source terminal to be routed could not be found on the device.\n"
-        f"Device: {owner}\nSource Terminal: {name}",
+        code,
+        f"{what} terminal to be routed could not be found on the device.\n"
+        f"Device: {owner}\n{what} Terminal: {name}",
     )
 
 
@@ -284,6 +300,9 @@ class TaskSettings:
         for trigger in triggers:
             trigger.verify(self.card)
         self._verify_stored()
+        for name in EXPORTS.values():
+            if to := self.stored.get(number("EXPORTSIGNAL", name)):
+                terminal(to, self.card, -89121, "Destination")
         self._verify_reference()
         if self.retriggerable and not self.device.retriggers:
             raise DaqmxError(-200452, "This device has no retriggerable start trigger.")

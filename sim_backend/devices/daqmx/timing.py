@@ -14,13 +14,14 @@ from sautereau.sim_backend.devices.daqmx.attributes import (
     number,
     table,
 )
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError, Module
+from sautereau.sim_backend.devices.daqmx.card import DaqmxError, Module, invalid
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import (
     ANALOG_EDGE,
     ANALOG_WINDOW,
     CONTINUOUS,
     DIGITAL_EDGE,
+    EXPORTS,
     LEAST,
     NONE,
     RISING,
@@ -99,6 +100,14 @@ def _configure_logging(self: Any, request: Any, context: Any) -> None:
     }
 
 
+def _export(self: Any, request: Any, context: Any) -> None:
+    task, signal = self._task(request), given(request, "signal_id")
+    task.must_be_idle()
+    if signal not in EXPORTS:
+        raise invalid("the signal to export", signal, f"one of {list(EXPORTS)}")
+    task.stored[number("EXPORTSIGNAL", EXPORTS[signal])] = request.output_terminal
+
+
 CONFIGURING = {
     name: call(method, name)
     for name, method in {
@@ -107,6 +116,7 @@ CONFIGURING = {
             request.num_samps_per_chan
         ),
         "ConfigureLogging": _configure_logging,
+        "ExportSignal": _export,
         "StartNewFile": lambda self, request, _: self._task(request).stored.update(
             {progress.PATH: request.file_path}
         ),
