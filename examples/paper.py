@@ -114,12 +114,12 @@ def _candidate(rig: Rig, name: str, release: Release) -> str:
 
 def _chances(name: str, errors: Errors, inverse: float) -> str:
     low, high = np.quantile(errors.slope, (0.025, 0.975))
-    told = errors.slope[errors.as_told]
+    told = errors.slope[errors.as_said]
     least = f", down to {told.min():+.0%}" if len(told) else ""
     return (
         f"| {name} | {low:+.0%} to {high:+.0%} | {_fraction(errors.slope <= -SLOPE_ERROR)}"
         f" | {_fraction(errors.slope <= inverse)} | {_fraction(errors.slope >= SLOPE_ERROR)}"
-        f" | {_fraction(errors.as_told)}{least} |"
+        f" | {_fraction(errors.as_said)}{least} |"
     ).replace("%", " %")
 
 

@@ -74,8 +74,8 @@ class Errors:
     """From contact to release, shape (n,)."""
 
     @property
-    def as_told(self) -> np.ndarray:
-        """Where the model has too little force and too long a contact, as the paper tells."""
+    def as_said(self) -> np.ndarray:
+        """Where the model has too little force and too long a contact, as the paper says."""
         return (self.rise < 0) & (self.duration > 0)
 
 

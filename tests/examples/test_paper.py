@@ -58,12 +58,12 @@ def test_a_model_with_little_force_and_long_contact_has_a_low_slope():
     """Of instruments whose levers are known, as the page concludes; and none of them is 37.5 %
     off."""
     errors = draw_errors(RIG, levers=False, surface=False, draws=300)
-    assert errors.as_told.any()
+    assert errors.as_said.any()
     # The growth is the slope times the way, up to the curvature and the last step.
     np.testing.assert_allclose(
         1 + errors.rise, (1 + errors.slope) * (1 + errors.duration), rtol=1e-3
     )
-    assert errors.slope[errors.as_told].max() < 1e-3
+    assert errors.slope[errors.as_said].max() < 1e-3
     assert errors.slope.min() > -0.375
 
 
