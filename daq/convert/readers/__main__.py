@@ -9,6 +9,7 @@ python -m sautereau.daq.convert.readers KIND FILE MOST_VALUES
 
 import io
 import json
+import os
 import sys
 from contextlib import redirect_stdout
 from importlib import import_module
@@ -46,7 +47,8 @@ def main() -> None:
         refuse(sum(array.size for array in arrays.values()), int(most))
     except BaseException as error:  # noqa: BLE001 (the readers raise many kinds)
         text = " ".join(str(error).split())[:LONGEST_TEXT] or "its memory is limited"
-        sys.exit(f"{type(error).__name__}: {text}")
+        print(f"{type(error).__name__}: {text}", file=sys.stderr, flush=True)  # noqa: T201
+        os._exit(1)  # at the end, asammdf would print faults of its half-made objects
     file = io.BytesIO()
     np.savez(file, np.array(json.dumps([list(arrays), about, document])), *arrays.values())
     sys.stdout.buffer.write(file.getbuffer())
