@@ -107,12 +107,12 @@ def inside(seconds: float) -> dict[str, object]:
                 sys.stderr.write(
                     f"{used[-1]:.1f} MiB, {files[-1]} files, {len(requests)} requests\n"
                 )
+        ticks = Path(f"/proc/{page_process}/stat").read_text("utf-8").rpartition(")")[2].split()
         session.send_signal(signal.SIGQUIT)  # pause: the press is completed
         page.wait_for_timeout(3e3 * REST)
         presses = len(list(folder.glob("press-*.mcap")))
         times = _press_time(folder), _press_time(plain)
         shown = page.get_by_text(f"of {presses}").count() and presses
-        ticks = Path(f"/proc/{page_process}/stat").read_text("utf-8").rpartition(")")[2].split()
         session.terminate()
         session.wait(60)
         browser.close()
