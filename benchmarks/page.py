@@ -142,11 +142,11 @@ def _press_time(folder: Path) -> float:
 
 def _address(session: subprocess.Popen[str]) -> str:
     """Return the page's address, and continue to read what the session says."""
-    assert session.stderr
-    for line in session.stderr:
+    errors = session.stderr or ()
+    for line in errors:
         sys.stderr.write(line)
         if "page: open " in line:
-            rest = threading.Thread(target=sys.stderr.writelines, args=(session.stderr,))
+            rest = threading.Thread(target=sys.stderr.writelines, args=(errors,))
             rest.daemon = True
             rest.start()
             return line.partition("page: open ")[2].split()[0]

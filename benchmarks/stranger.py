@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.figures import check
+from sautereau.analysis.text import counted
 
 ROOT = Path(__file__).parents[1]
 HEAD = "| what | now | before |\n|---|---|---|"
@@ -68,9 +69,9 @@ class Stranger:
     def took(self) -> str:
         """Return how many commands and how much time since the last call."""
         wall, spent = time.perf_counter() - self._start, _spent() - self._spent
-        text = f"{self.commands} commands, {wall:.3g} s ({spent:.3g} s of processor time)"
+        made = counted(self.commands, "command")
         self.commands, self._start, self._spent = 0, time.perf_counter(), _spent()
-        return text.replace("1 commands", "1 command")
+        return f"{made}, {wall:.3g} s ({spent:.3g} s of processor time)"
 
 
 def run() -> list[Row]:

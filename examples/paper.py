@@ -19,15 +19,15 @@ from examples.paper_numbers import (
     CONTACT,
     DRAWS,
     FRICTION_MAX,
+    MEANT,
     RELEASE,
-    SLOPE_ERROR,
     SPREAD,
     Errors,
     candidates,
     draw_errors,
     explain,
     first_mode,
-    measured,
+    model_errors,
     overlap_at,
     string_speed,
 )
@@ -50,7 +50,7 @@ def page(rig: Rig, pressed: st.Session, day: str, draws: int = INSTRUMENTS) -> s
     (held,) = phases.plucks
     speed = pressed[0].data["jack_speed"]
     cruise = speed[phases.start + 10e-3 : held.release + 50e-3]
-    share, inverse = first_mode(rig), 1 / (1 + SLOPE_ERROR) - 1
+    share = first_mode(rig)
     meant = candidates(rig)
     _, soft, _, turned = meant.values()
     shares = (0.25, 1.0, 4.0)
@@ -75,11 +75,11 @@ def page(rig: Rig, pressed: st.Session, day: str, draws: int = INSTRUMENTS) -> s
         candidates="\n".join(_candidate(rig, *each) for each in meant.items()),
         soft=soft.bending_stiffness / rig.plectrum.bending_stiffness,
         soft_v_s=string_speed(soft),
-        inverse=100 * inverse,
+        inverse=100 * MEANT[1],
         draws=draws,
         friction_max=FRICTION_MAX,
         chances="\n".join(
-            _chances(name, draw_errors(rig, levers=levers, surface=surface, draws=draws), inverse)
+            _chances(name, draw_errors(rig, levers=levers, surface=surface, draws=draws))
             for name, levers, surface in (
                 ("levers known", False, False),
                 ("levers known, string on the surface", False, True),
@@ -87,7 +87,7 @@ def page(rig: Rig, pressed: st.Session, day: str, draws: int = INSTRUMENTS) -> s
                 ("levers drawn, string on the surface", True, True),
             )
         ),
-        turned_slope=100 * (measured(rig) / measured(turned.rig) - 1)[0],
+        turned_slope=100 * model_errors(rig, turned.rig)[0],
         spread=100 * SPREAD,
         scalar_draws=DRAWS,
         scalars="\n".join(_scalars(rig, all_modes) for all_modes in (False, True)),
@@ -108,18 +108,18 @@ def _candidate(rig: Rig, name: str, release: Release) -> str:
         release.v_osc,
         string_speed(release),
     )
-    slope = (measured(rig) / measured(release.rig) - 1)[0]
+    slope = model_errors(rig, release.rig)[0]
     return " | ".join([f"| {name}", *(f"{cell:.3g}" for cell in cells), f"{100 * slope:+.0f} % |"])
 
 
-def _chances(name: str, errors: Errors, inverse: float) -> str:
+def _chances(name: str, errors: Errors) -> str:
     low, high = np.quantile(errors.slope, (0.025, 0.975))
     told = errors.slope[errors.as_said]
     least = f", down to {told.min():+.0%}" if len(told) else ""
+    steep, flat, flatter = MEANT
+    true = errors.slope <= flatter, errors.slope <= flat, errors.slope >= steep, errors.as_said
     return (
-        f"| {name} | {low:+.0%} to {high:+.0%} | {_fraction(errors.slope <= -SLOPE_ERROR)}"
-        f" | {_fraction(errors.slope <= inverse)} | {_fraction(errors.slope >= SLOPE_ERROR)}"
-        f" | {_fraction(errors.as_said)}{least} |"
+        f"| {name} | {low:+.0%} to {high:+.0%} | {' | '.join(map(_fraction, true))}{least} |"
     ).replace("%", " %")
 
 

@@ -1,15 +1,14 @@
 """The paper's figures 2, 4, 6, 7 and 8 by this software, with the printed numbers marked."""
 
 import numpy as np
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 import sautereau as st
 from examples.paper_numbers import (
     CONTACT,
+    MEANT,
     RELEASE,
     RISE,
-    SLOPE_ERROR,
     SPEED,
     V_OSC,
     first_mode,
@@ -50,15 +49,11 @@ def meshes(rig: Rig) -> Figure:
         figure.subplots(2, 1, sharex=True), (rig, carved(rig)), names, strict=True
     ):
         grid = plectrum_grid(profile_of(case.plectrum))
-        # The corners of an element of nine nodes, around it.
-        corners = grid.nodes[grid.cells][:, [0, 1, 2, 3]]
-        middle = corners.mean(axis=1, keepdims=True)
-        turn = np.arctan2(*np.moveaxis(corners - middle, -1, 0)[::-1])
-        order = np.argsort(turn, axis=1)
-        rings = np.take_along_axis(corners, order[:, :, None], axis=1) * case.plectrum.length
-        axes.add_collection(PolyCollection(rings * 1e3, fc="none", ec=PREDICTED, lw=0.5))
+        # Of elements with nine nodes the corners.
+        corners = grid.nodes.reshape(-1, grid.height, 2)[::2, ::2] * case.plectrum.length * 1e3
+        for x, z in (corners.T, corners.transpose(2, 0, 1)):
+            axes.plot(x, z, color=PREDICTED, lw=0.5)
         axes.set(aspect="equal", ylabel="z (mm)", title=name)
-        axes.autoscale_view()
     axes.set_xlabel("x from the clamp (mm)")
     figure.suptitle("Outline and finite elements of the plectrum; the load acts at the tip")
     return figure
@@ -142,11 +137,7 @@ def _mark_slope(axes, model: Prediction) -> None:
     slope, _ = predicted_features(model)
     low, high = axes.get_ylim()
     end = axes.get_xlim()[1] * 1e-3
-    for error, style in (
-        (SLOPE_ERROR, ":"),
-        (1 / (1 + SLOPE_ERROR) - 1, "--"),
-        (-SLOPE_ERROR, "-."),
-    ):
+    for error, style in zip(MEANT, (":", "--", "-."), strict=True):
         force = float(model.finger_force[0]) + np.array([0, slope / (1 + error) * end])
         label = f"slope, if the model's error is {100 * error:+.3g} %"
         axes.plot([0, end * 1e3], force, color=OTHER, ls=style, label=label)

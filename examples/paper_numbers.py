@@ -24,6 +24,8 @@ V_OSC, V_S = 0.46, 0.03
 """m/s, as printed: of the released string, and of the string that the plectrum moves."""
 SLOPE_ERROR = 0.6
 """Printed without a sign, and without saying whether of the model's slope or of the measured."""
+MEANT = (SLOPE_ERROR, 1 / (1 + SLOPE_ERROR) - 1, -SLOPE_ERROR)
+"""What the error of the model's slope, (model - measured) / measured, may then be."""
 ROUNDING = (0.5e-3, 0.5e-3, 0.005)
 """s, s and m/s, half of the last printed digit."""
 SPREAD = 0.02
@@ -83,6 +85,11 @@ def measured(rig: Rig) -> np.ndarray:
     """Return slope [N/m] and rise [N] of the finger force, and duration [s], shape (3,)."""
     found = predict(rig)
     return np.array([*predicted_features(found), found.release - found.contact])
+
+
+def model_errors(rig: Rig, instrument: Rig) -> np.ndarray:
+    """Return the errors of a rig's model, as of `Errors`, on an instrument, shape (3,)."""
+    return measured(rig) / measured(instrument) - 1
 
 
 def draw_errors(rig: Rig, *, levers: bool, surface: bool, draws: int) -> Errors:

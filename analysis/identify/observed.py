@@ -65,17 +65,17 @@ def used_instants(
     resting |= np.sign(motion.velocity) != np.sign(np.roll(motion.velocity, 1))
     beside = np.ones(2 * max(1, round((TURN_MARGIN + shift) / step)) + 1)
     used &= np.convolve(resting, beside, "same") < 0.5
-    planned = rig.press.return_acceleration / rig.key.jack_arm
+    fast = CATCH_RATIO * rig.press.return_acceleration / rig.key.jack_arm
     clearances = [rig.jack.string_clearance]
     clearances += [c.jack.string_clearance * rig.key.jack_arm / c.jack_arm for c in rig.more_choirs]
     back = motion.velocity < 0
     low = rise_of_angle(rig.key, motion.position) < max(clearances) + STRING_MARGIN
-    caught = back & ~low & (np.abs(motion.acceleration) > CATCH_RATIO * planned)
+    caught = back & ~low & (np.abs(motion.acceleration) > fast)
     # It is not known when the finger lost the key.
     used &= ~(back & (low | (time <= np.max(time[caught], initial=-np.inf) + edge)))
     # A key that turns faster than a finger would turn it was thrown, at the latest where its
     # deceleration began.
-    top, gentle = int(np.argmax(motion.position)), motion.acceleration > -CATCH_RATIO * planned
+    top, gentle = int(np.argmax(motion.position)), motion.acceleration > -fast
     thrown = time[:top][gentle[:top]].max(initial=time[0])
     used &= gentle[top] | (time < thrown - edge) | (time > time[top])
     for pluck in phases.plucks:

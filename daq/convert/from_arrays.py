@@ -49,7 +49,7 @@ def open_mat(path: Path) -> ImportSource:
         head = file.read(HDF5_AT[-1] + len(HDF5_SIGNATURE))
     if any(head[at:].startswith(HDF5_SIGNATURE) for at in HDF5_AT):
         return open_hdf5(path)
-    return _opened("MATLAB", "", "", "", path)
+    return _opened(path, "MATLAB")
 
 
 def open_hdf5(path: Path) -> ImportSource:
@@ -101,8 +101,10 @@ def open_xlsx(path: Path) -> ImportSource:
     return replace(found, kind="workbook", read=read, guess=guess)
 
 
-def _opened(kind: str, what: str, extra: str, library: str, path: Path) -> ImportSource:
-    """Open a file that a library of an extra reads.
+def _opened(
+    path: Path, kind: str, what: str = "", extra: str = "", library: str = ""
+) -> ImportSource:
+    """Open a file, which may need a library of an extra.
 
     Raises:
         RecordingError: It is damaged or cut off, or no file of this kind.
@@ -113,17 +115,21 @@ def _opened(kind: str, what: str, extra: str, library: str, path: Path) -> Impor
     return replace(_source(kind, *_read(kind, path)[:2]), full_scale=kind == "sound")
 
 
-open_numpy = partial(_opened, "numpy", "numpy array or archive", "", "")
+open_numpy = partial(_opened, kind="numpy")
 """A numpy array or archive; no object in it is unpickled."""
-open_lvm = partial(_opened, "lvm", "LabVIEW measurement file", "formats", "lvm_read")
+open_lvm = partial(
+    _opened, kind="lvm", what="LabVIEW measurement file", extra="formats", library="lvm_read"
+)
 """A LabVIEW measurement file; the channels of several segments have their numbers."""
-open_uff = partial(_opened, "universal", "universal file", "formats", "pyuff")
+open_uff = partial(
+    _opened, kind="universal", what="universal file", extra="formats", library="pyuff"
+)
 """A universal file; its columns are the functions of time, called by node and direction."""
-open_sound = partial(_opened, "sound", "sound file", "formats", "soundfile")
+open_sound = partial(_opened, kind="sound", what="sound file", extra="formats", library="soundfile")
 """A sound file other than WAV; as there, its values are fractions of full scale."""
-open_mdf = partial(_opened, "MDF", "MDF", "mdf", "asammdf")
+open_mdf = partial(_opened, kind="MDF", what="MDF", extra="mdf", library="asammdf")
 """ASAM's measurement data format; the channels of several groups have their numbers."""
-open_rosbag = partial(_opened, "ROS bag", "ROS bag", "ros", "rosbags")
+open_rosbag = partial(_opened, kind="ROS bag", what="ROS bag", extra="ros", library="rosbags")
 """A bag of ROS; its columns are the numbers in the messages of each topic."""
 
 

@@ -10,7 +10,7 @@ from examples.release_fit import fit_release
 @pytest.fixture(scope="module")
 def explained(paper):
     """Return the explanations with Vosc of all modes, and of the first mode."""
-    return [explain(paper, all_modes=not first_mode, draws=40) for first_mode in (False, True)]
+    return [explain(paper, all_modes=all_modes, draws=40) for all_modes in (True, False)]
 
 
 @pytest.mark.parametrize(("first_mode", "share"), [(False, 0.24), (True, 0.47)])
