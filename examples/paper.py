@@ -103,7 +103,7 @@ def _candidate(rig: Rig, name: str, release: Release) -> str:
         release.bending_stiffness / rig.plectrum.bending_stiffness,
         release.overlap * 1e3,
         release.lift * 1e3,
-        release.pluck.force[-1],
+        release.pluck.string_force[-1],
         release.v_osc * first_mode(rig),
         release.v_osc,
         string_speed(release),

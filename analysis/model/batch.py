@@ -218,7 +218,7 @@ def _chunk(
     status[ended & ~(lift <= LIFT_MAX * nearer)] = Status.STRING_OUT_OF_RANGE
     scalars = (
         height / speed,
-        slide.force[:, -1],
+        slide.string_force[:, -1],
         lift,
         slide.angle[:, -1],
         _peak_force(v, equilibria, paths),

@@ -237,7 +237,7 @@ def plucked(
         string_force=string_force,
         contact=times[0],
         release=times[1],
-        plectrum_force=float(pluck.force[-1]),
+        plectrum_force=float(pluck.string_force[-1]),
         release_lift=lift,
         release_angle=float(pluck.angle[-1]),
         released_string=ReleasedString(

@@ -55,8 +55,8 @@ class ModalPluck:
 
     @property
     def plectrum_force(self) -> float:
-        """Force at release [N]."""
-        return float(self.force[-1])
+        """Force between plectrum and string at release [N], with friction."""
+        return float(self.force[-1] * np.hypot(1.0, self.drag[-1]))
 
     @property
     def free(self) -> FreeString:

@@ -94,7 +94,7 @@ def test_friction_releases_like_the_spring():
     rig = rig_at(0.05, friction=0.1)
     modal, static = modal_pluck(rig, modes=10, step=8e-5), rig_pluck(rig)
     assert modal.release == pytest.approx(duration(rig), rel=2e-3)
-    assert modal.plectrum_force == pytest.approx(static.force[-1], rel=3e-3)
+    assert modal.plectrum_force == pytest.approx(static.string_force[-1], rel=3e-3)
 
 
 def test_damping_stills_the_held_string():

@@ -119,7 +119,8 @@ def test_a_batch_of_an_outline_is_its_predictions():
     rig = case(row)
     overlaps = np.array([0.2e-3, 0.35e-3, 0.39e-3])
     found = predict_many(rig, {"plectrum.overlap": overlaps})
-    assert found.plectrum_force[1] == pytest.approx(0.7936, rel=2e-3)
+    # The force between both is that of the stretched string, which friction pulls along as well.
+    assert found.plectrum_force[1] == pytest.approx(float(np.hypot(1, 0.1)) * 0.7936, rel=2e-3)
     for k, overlap in enumerate(overlaps.tolist()):
         one = predict(rig.replaced({"plectrum.overlap": overlap}))
         assert one.level == "fe"

@@ -99,6 +99,15 @@ def test_friction_holds_the_string_between_sliding_back_and_out(friction):
     assert np.all(np.diff(pluck.height) > 0)
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.48])
+def test_the_force_on_the_plectrum_is_that_of_the_displaced_string(friction):
+    rig = paper(friction=friction)
+    found = predict(rig)
+    string = found.released_string
+    force = rig.string.static_stiffness * np.hypot(string.x, string.z)
+    assert found.plectrum_force == pytest.approx(force, rel=1e-9)
+
+
 def test_a_batch_and_a_slow_moving_string_agree():
     rig, values = paper(friction=0.1), {"plectrum.thickness": [0.4e-3, 0.48e-3]}
     found, one = predict_many(rig, values), predict(rig)

@@ -13,7 +13,7 @@ from sautereau.analysis.model.plectrum.fe.build import DEPTH, Solver
 from sautereau.analysis.model.plectrum.fe.level import FE
 from sautereau.analysis.model.plectrum.fe.solve import Elastic
 from sautereau.analysis.model.plectrum.profile import Profile, profile_of
-from sautereau.analysis.model.predict import predict
+from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.outline.carve import Knife, carving, observed
 from sautereau.analysis.results.prediction import OF_OUTLINE, quantities
 from sautereau.analysis.results.rig import Rig
@@ -225,5 +225,5 @@ def beside_calculix(plectrum, force):
 def test_calculix_bends_a_carved_plectrum_as_the_elements_do(target):
     """At the force of release to 1 %, so that string and plectrum have that force to 1 %."""
     after = voice(RIG, [target], intervals=False).after
-    ours, peer = beside_calculix(after.plectrum, predict(after, "fe").plectrum_force)
+    ours, peer = beside_calculix(after.plectrum, rig_pluck(after, "fe").force[-1])
     np.testing.assert_allclose(ours, peer, rtol=0.01)

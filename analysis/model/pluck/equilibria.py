@@ -52,6 +52,11 @@ class Curve:
     drag: Floats
     """Force along the surface towards the clamp over the one normal to it, dimensionless."""
 
+    @property
+    def string_force(self) -> Floats:
+        """N, between string and plectrum: the resultant of normal force and friction."""
+        return self.force * np.hypot(1.0, self.drag)
+
 
 class Equilibria:
     """Plectra and their spring strings."""
