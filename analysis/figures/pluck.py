@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.figures.palette import DASHES, GRID
 from sautereau.analysis.figures.palette import LEVELS as COLOURS
-from sautereau.analysis.model.plectrum.levels import LEVELS
+from sautereau.analysis.model.choirs import string_names
+from sautereau.analysis.model.plectrum.levels import LEVELS, dropped
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.schema import Rig
@@ -70,6 +71,8 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
             differences.plot(both, change * 1e3, **style)
         duration = pluck.release_height / rig.press.jack_speed
         label = f"{level}: {duration * 1e3:.4g} ms, {pluck.string_force[-1]:.4g} N"
+        if ignored := dropped(rig.plectrum, level):
+            label += f", without {' and '.join(ignored)}"
         angle.plot([], [], color=colour, lw=width, label=label)
     _dress(rig, angle, path, force)
     differences.axhline(0, color=COLOURS[0], lw=3)
@@ -78,11 +81,12 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
     if len(plucks) > 1:
         differences.legend(loc="best", framealpha=0.8, edgecolor="none")
     differences.grid(color=GRID, lw=0.7)
-    entries, columns = angle.get_legend_handles_labels(), min(4, len(levels))
+    entries, columns = angle.get_legend_handles_labels(), min(3, len(levels))
     figure.legend(*entries, loc="outside lower center", ncols=columns, frameon=False, title=LEGEND)
     plectrum = rig.plectrum
+    which = f", {string_names(rig)[0]} of {1 + len(rig.more_choirs)}" if rig.more_choirs else ""
     title = (
-        f"Pluck of rig {rig.name}: overlap {plectrum.overlap * 1e3:.4g} mm, string of"
+        f"Pluck of rig {rig.name}{which}: overlap {plectrum.overlap * 1e3:.4g} mm, string of"
         f" {stiffness:.4g} N/m, jack at {rig.press.jack_speed:.4g} m/s; circles: release"
     )
     lines = [line for fault in faults.values() for line in textwrap.wrap(fault, 190)]

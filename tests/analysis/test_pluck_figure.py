@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.spinet import SPINET
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.figures.pluck import pluck_figure
 from sautereau.analysis.model.predict import rig_pluck
@@ -60,6 +61,14 @@ def test_a_level_out_of_range_is_named(tmp_path):
     assert len(curves(figure.axes[0])) == 2
     figure.savefig(tmp_path / "pluck.png")
     assert (tmp_path / "pluck.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_a_level_ignores_and_which_string_it_is_are_said():
+    carved = SPINET.replaced({"plectrum.tip_thickness": 0.3e-3, "plectrum.tip_length": 1.5e-3})
+    figure = pluck_figure(carved, ["elastica", "beam"])
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert ["without tip_thickness" in label for label in labels] == [False, True]
+    assert "string 1 (8') of 2" in figure.get_suptitle()
 
 
 def test_nothing_to_draw_is_refused():
