@@ -87,7 +87,7 @@ class Prediction(ChoirPluck):
     level: str
     """Of the plectra, as computed: for `auto` the level that was chosen."""
     warnings: tuple[str, ...]
-    """What the level ignores."""
+    """What the level ignores, and a press that ends on the front felt."""
     time: Floats
     """s, after the jack leaves rest."""
     rise: Floats
@@ -163,7 +163,20 @@ def predict(rig: Rig, level: str = "auto", *, speed: JackSpeed | None = None) ->
         ModelError: The level has no solution for this rig, or the press ends before release.
     """
     found = pressed(rig, hold(rig, level), level, speed)
-    return replace(found, warnings=tuple(ignored(rig, level)))
+    return replace(found, warnings=(*ignored(rig, level), *_on_felt(rig, found)))
+
+
+def _on_felt(rig: Rig, found: Prediction) -> list[str]:
+    """Return a warning if the press ends with the key on its front felt."""
+    key = rig.key
+    depth = found.deflection * key.press_arm / key.laser_arm
+    if depth[-1] <= key.dip:
+        return []
+    rise = float(np.interp(key.dip, depth, found.rise))
+    return [
+        f"press.jack_rise: of {rig.press.jack_rise * 1e3:.4g} mm the key is on its front felt from"
+        f" {rise * 1e3:.4g} mm on (key.dip), whose force counts in the peak force; lower jack_rise"
+    ]
 
 
 def pressed(

@@ -128,3 +128,16 @@ def test_statics_before_contact(paper):
     found = predict(slow).finger_force[0]
     expected = static_moment(paper, friction=1) / paper.key.press_arm
     assert found == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_press_that_ends_on_the_front_felt_is_named(paper, prediction):
+    """The jack is where the key's depth is the dip: (c + rise) cos a - b sin a = c."""
+    assert not prediction.warnings
+    key, dip = paper.key, 7e-3
+    angle = dip / key.press_arm
+    c = key.jack_surface_height
+    rise = (c + key.jack_arm * np.sin(angle)) / np.cos(angle) - c
+    found = predict(paper.replaced({"key.dip": dip}))
+    (warning,) = found.warnings
+    assert f"from {rise * 1e3:.4g} mm" in warning
+    assert found.peak_force > prediction.peak_force
