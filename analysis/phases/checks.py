@@ -227,6 +227,25 @@ def _differs(
     return Remark(f"{what} is {ratio:.2g} times that of the rig; check {fix}", plucks, doubt)
 
 
+def about_rest(press: Press, unseen: float | None, peak: float) -> list[Remark]:
+    """Return a remark if AC coupling hides more of the force than the gain's uncertainty.
+
+    Args:
+        unseen: N, `Phases.unseen_force`.
+        peak: N, largest force of the press.
+    """
+    channel = press.rig.daq.channel("force")
+    if unseen is None or channel is None or abs(unseen) <= channel.gain_std * peak:
+        return []
+    text = (
+        f"force: by the rig the free key needs {abs(unseen):.2g} N {'more' if unseen > 0 else 'less'}"
+        " than was measured, so that contact, release and peak force and work are uncertain by as"
+        " much, force drop and slope are not: AC coupling hides the force of a finger that rests on"
+        " the key; use a sensor without it, or check `key.gravity_moment`"
+    )
+    return [Remark(text, doubt=False)]
+
+
 def about_end(signals: Signals, begin: int) -> list[Remark]:
     """Return a warning if the recording ends on the way down, which starts at a sample."""
     speed, top = signals.speed[begin:], int(np.argmax(signals.rise[begin:]))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError, MissingSignalError
 from sautereau.analysis.loading.press import Press
+from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.phases import checks
 from sautereau.analysis.phases.by_hand import plucks_by_hand, read_by_hand
 from sautereau.analysis.phases.expected import Expected, expected
@@ -25,7 +26,8 @@ from sautereau.analysis.phases.signals import (
 )
 from sautereau.analysis.remark import divided
 from sautereau.daq.signals.calibration import median, robust_std
-from sautereau.trajectory.motion import Floats
+from sautereau.trajectory.key import key_motion
+from sautereau.trajectory.motion import Floats, Motion
 
 Finder = Callable[[Expected, Signals, int, int], Found]
 """Finds the plucks of a rig's strings between two samples, as `find_plucks` does."""
@@ -111,11 +113,14 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     steady = float(time[begin + np.argmax(speed[begin:] >= 0.95 * speed[settled].mean())])
     start, bottom = float(-offset / slope), float(time[end])
     contacts = [contact for contact, *_ in known_plucks]
+    highest = peak_force(force, signals, plucks)
+    unseen = _unseen_force(press, signals, settled)
     # Slower than this quantile is a jack that starts or stops, faster one that was released.
     cruise, top = float(np.quantile(speed[begin:end], 0.65)), float(signals.rise.max())
     unlike = [] if known else checks.about_rig(press, cruise, top, found.fit, plucks, strings)
     said = [
         *checks.about_end(signals, begin),
+        *checks.about_rest(press, unseen, highest),
         *checks.about_instants(plucks, contacts, steady, signals.missing, settings),
         *checks.about_flags(signals, press.quality_flags, plucks, (start, bottom)),
         *checks.about_exchange(contacts, plucks, settings),
@@ -140,12 +145,28 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         warnings=warnings,
         bottomed=_bottomed(signals, begin, plucks),
         returned=float(time[end + back[0]]) if len(back) else None,
-        peak_force=peak_force(force, signals, plucks),
+        peak_force=highest,
+        unseen_force=unseen,
         fit=found.fit,
         missed=tuple((growth.contact, growth.release) for growth in found.further),
         remarks=remarks,
         unlike_rig=divided(unlike)[0],
     )
+
+
+def _unseen_force(press: Press, signals: Signals, free: NDArray[np.intp]) -> float | None:
+    """Return the force [N] that the free key needs by the rig, less the measured one, at samples.
+
+    AC coupling hides the force at rest, such as that of a finger that rests on the key.
+    """
+    channel = press.rig.daq.channel("force")
+    if channel is None or not channel.high_pass or signals.missing or len(free) < 2:
+        return None
+    time, speed = signals.time[free], signals.speed[free]
+    steady = np.full(len(free), line_through(time, speed)[0])
+    angle = key_motion(press.rig.key, Motion(signals.rise[free], speed, steady))
+    required = finger_force(press.rig, angle, np.zeros(len(free)))
+    return float((required - signals.force[free]).mean())
 
 
 def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float | None:

@@ -135,6 +135,9 @@ class Phases:
     """s, at which the key is back at rest; None where it does not return."""
     peak_force: float | None = None
     """N, of `sautereau.analysis.phases.find.peak_force`; None where it was not evaluated."""
+    unseen_force: float | None = None
+    """N, what the free key needs by the rig, less the measured force: the force at rest, which an
+    AC-coupled sensor does not show; None of another sensor."""
     fit: Fit | None = None
     """How well the load was explained; None where it was not evaluated."""
     missed: tuple[tuple[float, float], ...] = ()

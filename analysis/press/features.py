@@ -28,7 +28,7 @@ OF_PHASES = ("start", "bottom", "bottomed", "returned", "free_speed", "held_spee
 """Columns that are attributes of the phases."""
 OF_SPEED = ("held_speed_mean", "held_speed_min", "held_speed_max", "held_speed_error")
 """Columns of `held_speeds`."""
-OF_REST = ("full_rise", "end_rise", "rest_force")
+OF_REST = ("full_rise", "end_rise", "rest_force", "unseen_force")
 """Columns that show from press to press whether the key comes back, and whether sensors drift."""
 WINDOW = 1e-3
 """s, longest time over which a speed is averaged, so that the vibrometer's noise is below 0.2 % of
@@ -65,7 +65,7 @@ UNITS = {
 `sautereau.rig.quantities` defines the columns; times are in s after the trigger."""
 
 NEED_BOTH = ("bottomed", "force_drop", "force_drop_std", "force_slope", "held_work", "press_work",
-             "rest_force")  # fmt: skip
+             "rest_force", "unseen_force")  # fmt: skip
 """Columns that need the force and the velocity."""
 NEED = {
     "force": ("contact_force", "release_force", "peak_force", *NEED_BOTH),
@@ -149,8 +149,8 @@ def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
     """Return the standard uncertainty of a column of one press, in its unit; None if unknown.
 
     It is the fit's for instants, the pluck duration and the force drop, and the calibration's for
-    columns that are proportional to a signal; the noise that remains in the others of those shows
-    in repeated presses.
+    columns that are proportional to a signal, with what AC coupling hides of a force; the noise
+    that remains in the others of those shows in repeated presses.
 
     Args:
         row: Of `features`.
@@ -163,6 +163,9 @@ def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
     parts = stds if len(stds) == len(ends) else []
     if isinstance(value, float) and feature in gains:
         parts = [*parts, abs(value) * gains[feature]]
+    unseen = row.get("unseen_force")
+    if feature in GAINED["force"] and isinstance(unseen, float):
+        parts = [*parts, abs(unseen)]
     return math.hypot(*parts) if parts else None
 
 
@@ -248,6 +251,7 @@ def features(press: Press, phases: Phases) -> Row:
         "press_work": work(-np.inf, phases.bottom),
         "full_rise": float(rise.max()),
         "end_rise": float(rise[-1]),
+        "unseen_force": phases.unseen_force,
         "rest_force": press.drift.force + float(force[still].mean()) if force[still].size else None,
         "warnings": len(press.warnings) + len(phases.warnings),
     }

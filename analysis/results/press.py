@@ -10,6 +10,7 @@ from sautereau.analysis.press.features import NEED, OF_SPEED, Row, features, gai
 HEADER = (
     "Jack speed: mean and RMS error while a string is held. #: string of the rig.\n"
     "Contact and release: time after the trigger. !: doubtful, see the warnings.\n"
+    "Release force: of an AC-coupled sensor counted from that at rest.\n"
     f"{'':<15} {'jack':>7} {'speed':>5} {'':>19} {'pluck':>8} {'release':>9}\n"
     f"{'':<15} {'speed':>7} {'error':>5}   {'contact':>8} {'release':>8} {'duration':>8}"
     f" {'force':>9}\n"
@@ -57,6 +58,7 @@ def press_summary(press: Press, phases: Phases, found: Row | None = None) -> dic
             "release": of_first("release_force"),
             "drop": of_first("force_drop"),
             "peak": known("peak_force", phases.peak_force),
+            "unseen": known("unseen_force", phases.unseen_force),
         },
         "gain_std": gain_stds(press.rig),
         "fit": phases.fit and asdict(phases.fit) | {"verdict": phases.fit.verdict},

@@ -49,8 +49,22 @@ def test_a_press_has_the_uncertainties_of_its_fit_and_of_its_sensors(found):
     assert std_of(row, "pluck_duration", gains) == pytest.approx(both)
     assert std_of(row, "release", gains) == held.release_std
     force = row["release_force"] * press.rig.daq.channel("force").gain_std
-    assert std_of(row, "release_force", gains) == pytest.approx(force)
+    unseen = row["unseen_force"]  # Its force at rest is 0, of a key that has a weight
+    assert std_of(row, "release_force", gains) == pytest.approx(math.hypot(force, unseen))
     assert std_of(row, "plucks", gains) is std_of({}, "release_force_2", gains) is None
+
+
+def test_what_ac_coupling_hides_of_the_force_is_named(make_press, paper):
+    """A finger that rests on the key with 0.1 N, which is subtracted as the force at rest."""
+    seen, less = find_phases(make_press()), find_phases(make_press(level=0.33 - 0.1))
+    assert less.unseen_force - seen.unseen_force == pytest.approx(0.1, abs=2e-3)
+    assert f"needs {abs(less.unseen_force):.2g} N" in less.remarks[0]
+    press = make_press()
+    channels = tuple(c.model_copy(update={"high_pass": 0.0}) for c in paper.daq.channels)
+    daq = paper.daq.model_copy(update={"channels": channels})
+    seen = find_phases(replace(press, rig=paper.model_copy(update={"daq": daq})))
+    assert seen.unseen_force is None
+    assert not seen.remarks
 
 
 def test_wrong_gains_change_features_by_their_uncertainties(make_press, paper):
