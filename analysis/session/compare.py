@@ -130,7 +130,8 @@ def compare(
     shared = (gains.get("force_slope", 0.0), gains.get("release_force", 0.0), duration_std)
     found, stds = {}, {}
     for name, own, std in zip(ERRORS, ratios, shared, strict=True):
-        found[name] = error = _with_shared(mean_of([ratio - 1 for ratio in own]), std)
+        mean = mean_of([ratio - 1 for ratio in own])
+        found[name] = error = with_shared(mean, std * (1 + mean.value))
         if error.low is not None and error.high is not None:
             std = (error.high - error.low) / 2 / NORMAL / (1 + error.value)
         stds[name] = std
@@ -177,19 +178,16 @@ def compared_string(phases: Sequence[Phases]) -> int:
     )
 
 
-def _with_shared(error: Mean, std: float) -> Mean:
-    """Return a model error whose interval contains an error that all presses share.
+def with_shared(mean: Mean, std: float) -> Mean:
+    """Return a mean whose interval contains an error that all presses share.
 
     Args:
-        std: Its standard uncertainty over the measured value.
+        std: Its standard uncertainty, in the mean's unit.
     """
-    if error.low is None or error.high is None:
-        return error
-    half = NORMAL * std * (1 + error.value)
-    low, high = error.value - error.low, error.high - error.value
-    return replace(
-        error, low=error.value - math.hypot(low, half), high=error.value + math.hypot(high, half)
-    )
+    if mean.low is None or mean.high is None:
+        return mean
+    low, high = (math.hypot(end - mean.value, NORMAL * std) for end in (mean.low, mean.high))
+    return replace(mean, low=mean.value - low, high=mean.value + high)
 
 
 def predicted_features(

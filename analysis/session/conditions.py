@@ -259,7 +259,7 @@ def _condition(
         tuple(presses),
         prediction,
         comparison,
-        pooled_features(rows, predicted),
+        pooled_features(rows, predicted, gain_stds(own)),
         spread,
         tuple(warnings),
     )

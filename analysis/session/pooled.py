@@ -12,8 +12,9 @@ from sautereau.analysis.press.features import (
     by_string,
     column,
     split_column,
+    std_of,
 )
-from sautereau.analysis.session.compare import Mean, mean_of
+from sautereau.analysis.session.compare import Mean, mean_of, with_shared
 from sautereau.analysis.session.repeatability import LEAST, Trend, trend_of
 
 POOLED = tuple(
@@ -48,13 +49,17 @@ class PooledFeature:
 
 
 def pooled_features(
-    rows: Sequence[Row], predicted: Mapping[str, float]
+    rows: Sequence[Row], predicted: Mapping[str, float], gains: Mapping[str, float]
 ) -> tuple[PooledFeature, ...]:
     """Return the features of repeated presses, those of plucks by their strings.
+
+    The intervals of the means contain the uncertainty of a single press by its sensors and its fit,
+    which further presses do not reduce.
 
     Args:
         rows: Of `sautereau.analysis.press.features`.
         predicted: The model's, of `sautereau.analysis.session.compare.predicted_means`.
+        gains: Relative standard uncertainties of features, of `gain_stds`.
     """
     rows = [by_string(row) for row in rows]
     most = max((split_column(name)[1] for row in rows for name in row), default=1)
@@ -63,7 +68,9 @@ def pooled_features(
     for name in (*POOLED, *later):
         values = tuple(value for row in rows if isinstance(value := row.get(name), float))
         if values:
-            unit, mean = UNITS[split_column(name)[0]], mean_of(values)
+            shared = [known for row in rows if (known := std_of(row, name, gains)) is not None]
+            mean = with_shared(mean_of(values), float(np.mean(shared)) if shared else 0.0)
+            unit = UNITS[split_column(name)[0]]
             std = float(np.std(values, ddof=1)) if len(values) > 1 else None
             drift = trend_of(np.array(values)) if len(values) >= LEAST else None
             model = predicted.get(name)

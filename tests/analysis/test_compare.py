@@ -222,7 +222,7 @@ def test_equal_presses_have_an_interval_of_zero_width(n):
 
 def pooled(rows, rig, predictions):
     """Return the features that are compared, by name."""
-    found = pooled_features(rows, predicted_means(rows, rig, [[p] for p in predictions]))
+    found = pooled_features(rows, predicted_means(rows, rig, [[p] for p in predictions]), {})
     return {feature.name: feature for feature in found if feature.predicted is not None}
 
 

@@ -131,26 +131,35 @@ def released(force):
 def test_drift_and_spread_of_a_known_series():
     random = np.random.default_rng(1)
     values = 0.7 + 0.01 * np.arange(8) + 1e-4 * random.standard_normal(8)
-    (feature,) = pooled_features([released(v) for v in values.tolist()], {})
+    (feature,) = pooled_features([released(v) for v in values.tolist()], {}, {})
     assert feature.std == pytest.approx(values.std(ddof=1))
     assert feature.drift.significant
     assert feature.drift.low < 0.01 < feature.drift.high
     assert feature.predicted is None
 
 
+def test_an_interval_of_a_mean_contains_what_all_presses_share():
+    """Equal presses: what is left is the gain of 2 %, and 30 mN that AC coupling hides."""
+    rows = [released(1.5) | {"unseen_force": 0.03}] * 4
+    (feature,) = (f for f in pooled_features(rows, {}, {"release_force": 0.02}) if f.name[0] == "r")
+    std = np.hypot(0.02 * 1.5, 0.03)
+    assert feature.measured.high - 1.5 == pytest.approx(1.96 * std, rel=1e-3)
+    assert 1.5 - feature.measured.low == pytest.approx(1.96 * std, rel=1e-3)
+
+
 def test_a_difference_has_welchs_interval():
     random = np.random.default_rng(2)
     a, b = random.normal(1.0, 0.1, 5), random.normal(0.8, 0.3, 9)
     first, second = (
-        pooled_features([released(v) for v in values.tolist()], {})[0] for values in (a, b)
+        pooled_features([released(v) for v in values.tolist()], {}, {})[0] for values in (a, b)
     )
     found = difference(first, second)
     expected = ttest_ind(a, b, equal_var=False).confidence_interval(0.95)
     assert (found.low, found.high) == pytest.approx((expected.low, expected.high))
     assert found.value == pytest.approx(a.mean() - b.mean())
-    alone = pooled_features([released(1.0)], {})[0]
+    alone = pooled_features([released(1.0)], {}, {})[0]
     assert (difference(first, alone).low, difference(first, alone).significant) == (None, False)
-    same = pooled_features([released(1.0)] * 3, {})[0]
+    same = pooled_features([released(1.0)] * 3, {}, {})[0]
     assert (difference(same, same).low, difference(same, same).high) == (0, 0)
 
 

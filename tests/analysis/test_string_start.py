@@ -105,7 +105,7 @@ def test_compare_sets_it_beside_the_model(made):
     rows = [row | {"string": 1, **{n: v and v * f for n, v in row.items() if n in OF_START}}
             for f in (0.99, 1.01)]  # fmt: skip
     predictions = [[predict(rig, "elastica")]] * 2
-    found = pooled_features(rows, predicted_means(rows, rig, predictions))
+    found = pooled_features(rows, predicted_means(rows, rig, predictions), {})
     own = {each.name: each for each in found if each.name in OF_START}
     assert set(own) == {name for name in OF_START if row[name] is not None}
     for each in own.values():
