@@ -190,9 +190,9 @@ class Plectrum(Section):
     tip_length: Length | None = Field(default=None, gt=0)
     """m, length of the section at the tip. Default: half the length."""
     outline: Outline | None = None
-    """Shape of a carved plectrum; without it the section is that of the thicknesses. It can be read
-    from a file: ``outline = { file = "contour.csv" }``, which also gives `length` and `thickness`
-    where they are omitted."""
+    """Shape of a carved plectrum, which also gives `length` and `thickness` where they are omitted;
+    without it the section is that of the thicknesses. It can be read from a file:
+    ``outline = { file = "contour.csv" }``."""
 
     @model_validator(mode="after")
     def _overlap_on_the_plectrum(self):

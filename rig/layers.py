@@ -5,6 +5,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -278,17 +279,22 @@ def _read_files(values: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
     for prefix, holder in holders:
         plectrum = holder.get("plectrum")
         outline = plectrum.get("outline") if isinstance(plectrum, dict) else None
-        if isinstance(plectrum, dict) and isinstance(outline, dict) and "file" in outline:
+        if not (isinstance(plectrum, dict) and isinstance(outline, dict)):
+            continue
+        if "file" in outline:
             from sautereau.rig.outline import read_outline  # imports numpy; few rigs need it
 
             try:
-                read = plectrum["outline"] = read_outline(outline, folder)
-                end, top, bottom = (parse_quantity(read[n][i], "m") for n, i in _SIZES)
-                plectrum.setdefault("length", f"{end * 1e3:.10g} mm")
-                plectrum.setdefault("thickness", f"{(top - bottom) * 1e3:.10g} mm")
+                outline = plectrum["outline"] = read_outline(outline, folder)
             except RigError as error:
                 del plectrum["outline"]
                 faults.append((f"{prefix}plectrum.outline", str(error)))
+                continue
+        # Its sizes go before those of a base; what is no outline is refused with all values.
+        with suppress(KeyError, IndexError, TypeError, ValueError):
+            end, top, bottom = (parse_quantity(outline[n][i], "m") for n, i in _SIZES)
+            plectrum.setdefault("length", f"{end * 1e3:.10g} mm")
+            plectrum.setdefault("thickness", f"{(top - bottom) * 1e3:.10g} mm")
     return faults
 
 

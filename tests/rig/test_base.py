@@ -202,3 +202,12 @@ def test_the_differences_are_listed(tmp_path):
     assert found["plectrum.overlap"] == ("0.263 mm", "0.3 mm")
     assert found["jack.tongue.pivot"] == ("12 mm", None)
     assert len(found) == 5  # the name, the overlap, three values of the tongue
+
+
+def test_the_sizes_of_an_outline_go_before_those_of_the_base(rigs):
+    rig = rigs(
+        a='base = "paper"\nname = "carved"\n[plectrum.outline]\nx = ["0 mm", "5.5 mm"]\n'
+        'top = ["0.02 mm", "0 mm"]\nbottom = ["-0.4 mm", "-0.2 mm"]\n'
+    )
+    assert rig.plectrum.length == pytest.approx(5.5e-3)
+    assert rig.plectrum.thickness == pytest.approx(0.42e-3)

@@ -105,8 +105,7 @@ def profile_of(plectrum: Plectrum) -> Profile:
     if abs(end - plectrum.length) > SAME_LENGTH * plectrum.length:
         raise ModelError(
             f"plectrum.outline: it ends at x = {end * 1e3:.6g} mm and plectrum.length is"
-            f" {plectrum.length * 1e3:.6g} mm; make them equal, or omit the length of an"
-            " outline from a file"
+            f" {plectrum.length * 1e3:.6g} mm; make them equal, or omit the length"
         )
     x, top, bottom = (np.array(edge) / end for edge in (outline.x, outline.top, outline.bottom))
     return Profile(x, top, bottom)
