@@ -10,6 +10,7 @@ from pydantic_core import to_jsonable_python
 
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.disk import named_text, packaged_names
+from sautereau.rig.errors import RigError
 from sautereau.rig.faults import in_text, validating
 from sautereau.rig.instrument import Choir
 from sautereau.rig.layers import read_toml, refuse_other
@@ -250,12 +251,12 @@ class Scene(Section):
         """Return the simulated bench: the rig with the scene's `truth` and `more_choirs`.
 
         Raises:
-            SceneError: The scene has a part of which the rig has no values.
+            SceneError: The scene has a part of which the rig has no values, or `truth` has a value
+                that is wrong or has no effect.
         """
         if self.more_choirs is not None:
             rig = rig.model_copy(update={"more_choirs": self.more_choirs})
-        rig = with_values(rig, self.truth) if self.truth else rig
-        faults = []
+        rig, faults = self._with_truth(rig), []
         for number, jack in enumerate([rig.jack, *(choir.jack for choir in rig.more_choirs)]):
             at = f"more_choirs[{number - 1}].jack" if number else "jack"
             for part in ("tongue", "damper"):
@@ -283,6 +284,17 @@ class Scene(Section):
         if faults:
             raise SceneError("\n".join(faults))
         return rig
+
+    def _with_truth(self, rig: Rig) -> Rig:
+        if self.finger == "servo" and "key.press_arm" in self.truth:
+            raise SceneError(
+                '[truth] of the scene: key.press_arm: with finger = "servo" the fingertip is where'
+                " the arm puts it, so the value has no effect; change arm.base_x instead"
+            )
+        try:
+            return with_values(rig, self.truth) if self.truth else rig
+        except RigError as error:
+            raise SceneError(f"[truth] of the scene: {error}") from error
 
     def as_wired(self, rig: Rig) -> Rig:
         """Return the rig with the calibrations of this scene's sensors.

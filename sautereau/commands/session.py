@@ -19,6 +19,7 @@ from sautereau.entrance.pressing import Observer, Pressing
 from sautereau.rig.disk import read_limited, write_durably
 from sautereau.robot.experiment.monitor import Watch
 from sautereau.robot.experiment.run import Place
+from sautereau.robot.experiment.session import WARM_UPS
 from sautereau.robot.experiment.session_folder import SessionFolder
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ class SessionReport(Observer):
         self._show: Callable[[float], None] = lambda fraction: None
         self._said = [*pressing.planner.warnings]
         self._headed = False
+        self._of_warm_ups: list[tuple[str, str]] = []
         self._reached = ""
         self._announced = False
 
@@ -67,7 +69,10 @@ class SessionReport(Observer):
         if not self._headed:
             self._output.say(HEADER)
         self._headed = True
-        self._output.say(self._pressing.open(path).line)
+        press = self._pressing.open(path)
+        self._output.say(press.line)
+        if path.match(WARM_UPS):
+            self._of_warm_ups += [(path.name, text) for text in press.phases.warnings]
         if total := self._pressing.plan.total:
             self._show(len(self._pressing.folder.done) / total)
 
@@ -114,7 +119,8 @@ class SessionReport(Observer):
             "warnings": [*self._said, *found],
         }
         warnings = [(p.path.name, warning) for p in session for warning in p.phases.warnings]
-        lines = [f"warning: {text}" for text in [*grouped(warnings, "press"), *found]]
+        warnings = grouped([*self._of_warm_ups, *warnings], "press")
+        lines = [f"warning: {text}" for text in [*warnings, *found]]
         if len(session):
             compared = session.compare()
             drawn = _pictures(compared, folder.path)

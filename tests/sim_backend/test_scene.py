@@ -7,7 +7,6 @@ from importlib.util import find_spec
 
 import pytest
 
-from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.parts import Bending
@@ -170,8 +169,18 @@ def test_truth_overrides_the_rig(rig):
 
 def test_truth_that_is_no_part_of_a_rig(rig):
     scene = parse_scene(MUTE + '[truth]\n"jack.masss" = "7 g"\n')
-    with pytest.raises(RigError, match="mass"):
+    with pytest.raises(SceneError, match=r"\[truth\].*jack.masss.*mass"):
         scene.true_rig(rig)
+
+
+def test_truth_without_an_effect_is_refused(rig):
+    """A servo's fingertip presses where the arm puts it."""
+    truth = {"key.press_arm": "165 mm"}
+    scene = load_scene("paper").model_copy(update={"truth": truth})
+    with pytest.raises(SceneError, match=r"key.press_arm.*arm.base_x"):
+        scene.true_rig(rig)
+    ideal = load_scene("ideal").model_copy(update={"truth": truth})
+    assert ideal.true_rig(rig).key.press_arm == pytest.approx(0.165)
 
 
 def test_without_sensors_the_calibrations_are_those_of_ideal_ones(rig):
