@@ -67,8 +67,8 @@ def compliant_plucks(
         # A growth whose release is less certain is no pluck.
         if std < max(10e-3, 0.05 * (release.time - contact.time)):
             force_std = settings.contact_larger * growth.force_std
-            parts = force_std, 0.015 * growth.force, searched.residual
-            release = replace(release, std=std, fall_std=several * math.hypot(*parts))
+            fall_std = several * math.hypot(force_std, searched.residual)
+            release = replace(release, std=std, fall_std=fall_std)
             found.append((contact, release))
     return found, searched
 

@@ -79,6 +79,22 @@ def test_one_imperfection_at_a_time(name, contact, release):
     assert abs(of_release) < release
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["jack on cloth of 400 kN/m", *map(slow, ("transducer rings at 1 kHz", "sampled at 10 kHz"))],
+)
+def test_the_force_drop_of_a_rigid_key_that_rings_is_that_of_the_string(name):
+    conditions = ONE_FACTOR[name]
+    pressed = press(conditions, 1)
+    phases = find_phases(judged_press(pressed))
+    (held,), (true,) = phases.plucks, pressed.truth.plucks
+    drop = true.release_force * conditions.choirs[0].arm / conditions.press_arm
+    assert phases.fit is not None
+    assert phases.fit.model == "rigid"
+    assert held.force_drop == pytest.approx(drop, rel=0.02)
+    assert abs(held.force_drop - drop) < 2 * held.force_drop_std < 0.06 * drop
+
+
 def test_two_strings_that_hide_each_other():
     """Held at once, on a key that heaves: neither explains the load alone."""
     first = replace(Choir(), clearance=2e-3)
