@@ -206,6 +206,12 @@ def test_an_impact_hides_no_pluck_and_a_press_that_reaches_no_string_has_none(se
     assert random_press(seed).right
 
 
+@pytest.mark.slow
+def test_a_pluck_that_is_too_slight_is_not_silent():
+    found = random_press(221)
+    assert found.right or any("no pluck was found there" in w for w in found.phases.warnings)
+
+
 def test_the_smoothed_derivatives_belong_to_the_smoothed_signal(make_press):
     from sautereau.analysis.phases.signals import signals_of
 
