@@ -190,7 +190,10 @@ def about_rig(
         )
     ]
     if plucks and fit.inertia is not None:
-        fix = "the scales of force and velocity, `key.press_arm`, `key.laser_arm` and `key.inertia`"
+        fix = (
+            "the scales and the `delay` of force and velocity, `key.press_arm`, `key.laser_arm` and"
+            " `key.inertia`"
+        )
         # The finger adds its own inertia.
         limits = 1 / 1.5, settings.force
         said.append(_differs(limits, "the inertia of key and jacks", fit.inertia, fix))

@@ -67,8 +67,8 @@ def compliant_plucks(
         # A growth whose release is less certain is no pluck.
         if std < max(10e-3, 0.05 * (release.time - contact.time)):
             force_std = settings.contact_larger * growth.force_std
-            parts = force_std, 0.015 * growth.force, searched.residual
-            release = replace(release, std=std, fall_std=several * math.hypot(*parts))
+            fall_std = several * math.hypot(force_std, searched.residual)
+            release = replace(release, std=std, fall_std=fall_std)
             found.append((contact, release))
     return found, searched
 
@@ -103,6 +103,8 @@ def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tupl
             better = number == found > 0 and again.residual < searched.residual / 2
             if number > found or better:
                 slow, searched, found = finer, again, number
+            elif not searched.significant(least / 2) and (slight := again.significant(least / 2)):
+                searched = replace(searched, further=slight[0])  # it may be a pluck
     return slow, searched
 
 

@@ -35,7 +35,7 @@ class ContactFits:
     chi2: Floats
     """Sum of squared residuals in units of the noise."""
     at_release: Floats
-    """N at the finger, force of the string at the end of the rows."""
+    """N at the finger, force of the string at release."""
     noise: float
     """Variance of the residuals of the best fit over the assumed noise."""
     residual: float
@@ -65,7 +65,7 @@ class KeyAndString:
         before: tuple[float, float],
         struck: bool = False,
     ):
-        self._expected, self._struck = strings, struck
+        self._expected, self._struck, self._release = strings, struck, release.time
         self._path = np.append(before[0], held.time), np.append(before[1], held.rise)
         self._held, n = held, len(rest.time)
         base, self._prior = _base(strings, rest, held)
@@ -116,8 +116,8 @@ class KeyAndString:
         bound = _beyond(found.inertia)
         return found if bound is None else self._fits(string, noise, bound)
 
-    def inertia_std(self, time: float, noise: float) -> float:
-        """Return the standard uncertainty of the inertia's relative error.
+    def force_std(self, time: float, noise: float) -> float:
+        """Return the standard uncertainty [N] of the string's force at release.
 
         The string's columns are smoothed as that of the inertia is: under a constant force any
         factor of both explains the load, but what the smoothing leaves of one of them alone would
@@ -139,7 +139,7 @@ class KeyAndString:
         normal[INERTIA, INERTIA] += noise * self._slowed**2
         both = (INERTIA, known), (known, INERTIA)
         normal[both] += noise * self._slowed / self._fall_std
-        return math.sqrt(noise * float(np.linalg.inv(normal)[INERTIA, INERTIA]))
+        return math.sqrt(noise * float(np.linalg.inv(normal)[known, known]))
 
     def _key_alone(
         self, noise: float, inertia: float | None, falls: bool
@@ -189,7 +189,9 @@ class KeyAndString:
         place = (times[:, None] - held.time[0]) / held.step
         near = np.maximum(1 - np.abs(np.arange(first, len(held.time)) - place), 0.0)
         line += moved / 6 * near * near * near
-        line /= np.maximum(held.rise[-1] - at, np.maximum(moved, 1e-6))
+        # The last row is some samples before the release.
+        top = held.rise[-1] + held.speed[-1] * (self._release - held.time[-1])
+        line /= np.maximum(top - at, np.maximum(moved, 1e-6))
         square = line * (line - 1)
         cube = square * (line - 0.5)
         quadratic, cubic = self._expected.bends
@@ -315,7 +317,7 @@ class Contact:
     gain: float
     """Dimensionless, reduction of chi2 compared with a key without a string."""
     at_release: float
-    """N at the finger, force of the string at the end of the fit."""
+    """N at the finger, force of the string at release."""
     noise: float
     """Dimensionless, variance of the residuals over the assumed noise, at least 1."""
     residual: float = 0.0
@@ -328,8 +330,8 @@ class Contact:
     """Logarithm of the likelihood of the load if it does, over that if it does not."""
     inertia: float = 0.0
     """Relative error of the rig's inertia."""
-    inertia_std: float = 0.0
-    """Its standard uncertainty, at most that of the rig if the load does not determine it."""
+    force_std: float = 0.0
+    """N, standard uncertainty of `at_release`, with that of the inertia."""
 
 
 def find_contact(
@@ -387,8 +389,14 @@ def find_contact(
     # A common delay of both channels shifts the contact as well.
     std = math.hypot(std, common_std)
     force = float(found.at_release[best])
-    inertia = found.inertia, fit.inertia_std(middle, noise)
-    return Contact(middle, std, gain, force, noise, found.residual, 0.0, 0.0, 0.0, *inertia)
+    # Of the fit, and of the load that it does not explain.
+    force_std = math.hypot(
+        strings.settings.contact_larger * fit.force_std(middle, noise),
+        found.residual * math.sqrt(1 - 1 / noise),
+    )
+    return Contact(
+        middle, std, gain, force, noise, found.residual, inertia=found.inertia, force_std=force_std
+    )
 
 
 def _vertex(times: Floats, score: Floats) -> tuple[float, float, float]:

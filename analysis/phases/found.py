@@ -248,6 +248,8 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         before = float(force[min(side.start, len(force) - 1)])
     held = slice(first, last)
     slope, rise = growth(time[held], signals.deflection[held], force[held])
+    # Of the fingertip on the key, which has a moment about the pin.
+    friction = 0.015 * release.fall
     return HeldString(
         contact=contact.time,
         release=release.time,
@@ -255,9 +257,8 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         release_std=release.std,
         contact_force=float(force[max(0, first - m) : max(1, first)].mean()),
         release_force=before,
-        # The fall was found with the rig's inertia.
-        force_drop=release.fall - contact.inertia * release.slowed,
+        force_drop=release.fall,
         force_slope=slope,
-        force_drop_std=math.hypot(release.fall_std, contact.inertia_std * release.slowed) or None,
+        force_drop_std=math.hypot(release.fall_std, friction) if release.fall_std else None,
         force_rise=rise,
     )

@@ -130,31 +130,34 @@ def _rigid_plucks(
     large = [release for _, release in found if release.fall > 0.1 * largest]
     if len(large) < len(found):  # between two plucks the key is free
         found = _contacts(strings, signals, rows.step, begin, large, rest, before)
-    return found
+    # The force is that of the fit, as ringing makes the fall larger or smaller than the force.
+    return [(c, replace(r, fall=c.at_release, fall_std=c.force_std)) for c, r in found]
 
 
 def _explained(
     found: list[tuple[Contact, Release]], signals: Signals, strings: Expected, begin: int, end: int
 ) -> Found | None:
     """Return the plucks of a rigid key if it explains the load, else None."""
-    settings = signals.settings
+    if not found:
+        return None
     # A string held together with the next one spoils the fit of its contact on any key; but where
     # a release rings, or a contact is far from explained, what exceeds the number of strings may be
     # ringing.
     rings = any(r.noise > GOOD or c.noise > BENT for c, r in found)
     surplus = len(found) > len(strings.contacts) and rings
     typical = max if surplus else min
-    inertia = 1 + found[0][0].inertia if found else None
-    if found and typical(c.noise for c, _ in found) < GOOD:
-        ends = float(signals.time[begin]), float(signals.time[end])
-        sharp = [(c, _with_modes(signals, r, c.noise, ends)) for c, r in found]
-        sharp = [_with_residual(settings, c, r) if c.noise > GOOD else (c, r) for c, r in sharp]
-        return Found(sharp, Fit("rigid", _noise(sharp), inertia=inertia))
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
-    exact = [_with_residual(settings, contact, release) for contact, release in found]
-    if found and all(c.std < NEGLIGIBLE and r.noise < RINGING for c, r in exact):
-        return Found(exact, Fit("rigid", _noise(found), 0.0, 0.0, inertia, negligible=True))
-    return None
+    negligible = typical(c.noise for c, _ in found) >= GOOD
+    ends = float(signals.time[begin]), float(signals.time[end])
+    exact = [
+        _with_residual(signals.settings, c, r) if negligible or c.noise > GOOD else (c, r)
+        for c, r in found
+    ]
+    if negligible and not all(c.std < NEGLIGIBLE for c, _ in exact):
+        return None
+    exact = [(c, _with_modes(signals, r, c.noise, ends)) for c, r in exact]
+    inertia = 1 + found[0][0].inertia
+    return Found(exact, Fit("rigid", _noise(exact), inertia=inertia, negligible=negligible))
 
 
 def _with_modes(
@@ -171,7 +174,7 @@ def _with_modes(
         return release
     found = refine_event(signals, release.time, 0.7e-3, release.fall, *ends)
     # The residuals of both signals, unlike those of the load, contain the inertia of a rigid key.
-    return replace(found, noise=min(found.noise, release.noise), slowed=release.slowed)
+    return replace(release, time=found.time, std=found.std, noise=min(found.noise, release.noise))
 
 
 def _noise(found: list[tuple[Contact, Release]]) -> float:

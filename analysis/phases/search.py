@@ -107,7 +107,7 @@ class Searched:
     growths: tuple[Growth, ...]
     """In order of release."""
     further: Growth | None
-    """The next one, for which the rig has no string."""
+    """The next one, for which the rig has no string, or one that only a repetition showed."""
     compliance: float
     """s^2, k of `sautereau.analysis.phases.slow`."""
     residual: float

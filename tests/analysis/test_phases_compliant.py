@@ -79,6 +79,22 @@ def test_one_imperfection_at_a_time(name, contact, release):
     assert abs(of_release) < release
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["jack on cloth of 400 kN/m", *map(slow, ("transducer rings at 1 kHz", "sampled at 10 kHz"))],
+)
+def test_the_force_drop_of_a_rigid_key_that_rings_is_that_of_the_string(name):
+    conditions = ONE_FACTOR[name]
+    pressed = press(conditions, 1)
+    phases = find_phases(judged_press(pressed))
+    (held,), (true,) = phases.plucks, pressed.truth.plucks
+    drop = true.release_force * conditions.choirs[0].arm / conditions.press_arm
+    assert phases.fit is not None
+    assert phases.fit.model == "rigid"
+    assert held.force_drop == pytest.approx(drop, rel=0.02)
+    assert abs(held.force_drop - drop) < 2 * held.force_drop_std < 0.06 * drop
+
+
 def test_two_strings_that_hide_each_other():
     """Held at once, on a key that heaves: neither explains the load alone."""
     first = replace(Choir(), clearance=2e-3)
@@ -188,6 +204,12 @@ def test_a_pause_before_the_pluck_hides_no_release(make_press):
 @pytest.mark.parametrize("seed", [10153, 10237], ids=["impact on the felt", "short press"])
 def test_an_impact_hides_no_pluck_and_a_press_that_reaches_no_string_has_none(seed):
     assert random_press(seed).right
+
+
+@pytest.mark.slow
+def test_a_pluck_that_is_too_slight_is_not_silent():
+    found = random_press(221)
+    assert found.right or any("no pluck was found there" in w for w in found.phases.warnings)
 
 
 def test_the_smoothed_derivatives_belong_to_the_smoothed_signal(make_press):
