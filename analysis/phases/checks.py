@@ -147,8 +147,27 @@ def about_likeness(
 
 
 def about_strings(plucks: Sequence[HeldString], strings: Expected) -> list[Remark]:
-    """Return a remark on plucks whose string is not known, in a rig that has several."""
+    """Return remarks on plucks whose string is not known, and on strings held at once."""
+    names = pluck_names(plucks)
+    meanwhile = [
+        [
+            f"{name} is {what}"
+            for name, other in zip(names, plucks, strict=True)
+            for what, instant in (("touched", other.contact), ("released", other.release))
+            if held.contact < instant < held.release
+        ]
+        for held in plucks
+    ]
     return [
+        Remark(
+            f"{names[i]}: its force slope and rise are those of the finger, and meanwhile"
+            f" {' and '.join(others)}",
+            (i,),
+            doubt=False,
+        )
+        for i, others in enumerate(meanwhile)
+        if others
+    ] + [
         Remark(
             f"pluck {i + 1}, released at {held.release * 1e3:.5g} ms: its string is not known; the"
             f" likeliest one has a probability of {held.string_probability:.2g}: check clearance,"

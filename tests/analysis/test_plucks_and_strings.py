@@ -76,6 +76,11 @@ def test_every_pluck_has_its_string_in_either_order_of_releases(recordings, anal
             assert held.string_probability > 0.95
             assert held.contact == pytest.approx(contact, abs=0.5e-3)
             assert held.release == pytest.approx(release, abs=0.2e-3)
+        first, second = found.phases.plucks
+        # The string that is released last is held while the other one is released.
+        said = [text for text in found.phases.remarks if "force slope" in text]
+        (own,) = (text for text in said if text.startswith(f"string {second.string}: "))
+        assert f"string {first.string} is released" in own
         orders.append([held.string for held in found.phases.plucks])
     assert orders == [[2, 1], [1, 2]] * 2
 
