@@ -96,7 +96,7 @@ def realised(presses: list[Press], phases: list[Phases], bends: bool) -> Outcome
         [replace(p, rig=rig) for p in presses], phases, FREE, None, "auto", 1, False
     )
     found = fitted.problem
-    data = found.jacobian(fitted.values / found.scales, found.data)
+    data = found.white(found.differences(fitted.values / found.scales))
     rows = informative(fitted, data) / np.sqrt(quality(fitted).repetition)
     names, scales = [p.name for p in found.free], found.scales
     if bends != any(name.startswith(MODE_NAME) for name in names):

@@ -15,7 +15,7 @@ from sautereau.analysis.identify.fit import (
     scatter,
     spread,
 )
-from sautereau.analysis.identify.fixed import ScoreTest
+from sautereau.analysis.identify.fixed import ScoreTest, derivative
 from sautereau.analysis.identify.observed import Observed, too_short
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.identify.residuals import InverseDynamics
@@ -170,14 +170,17 @@ def _strongest(dynamics: InverseDynamics, number: int, free_offset: bool) -> ela
     forces, rises = dynamics.residuals(values)
     size = spread(dynamics, forces, free_offset)
     problem = problem_at(dynamics, values, factor=scatter(rises))
-    test = ScoreTest(problem, values, size, free_offset)
+    slopes = problem.differences(values / problem.scales)
+    test, before = ScoreTest(problem, values, slopes, size, free_offset), dynamics.joined(values)
 
     def tried(mode: elastic.Mode) -> tuple[float, elastic.Mode]:
         columns: list[Floats] = []
         for ringing in ({}, {"cosine": 1.0}, {"sine": 1.0}):
             own = elastic.mode_parameters(number, replace(mode, weight=WEIGHT, **ringing))
             moved = dynamics.with_free([*dynamics.free, *own])
-            column = test.column(moved, np.append(values, [p.start for p in own]), WEIGHT)
+            column = derivative(before, moved, np.append(values, [p.start for p in own]), WEIGHT)
+            if column is None:
+                return 0.0, mode
             columns.append(column - columns[0] if columns else column)
         steps, reduction = test.freed(columns)
         # A linear step may be too long: the fit starts at most at a weight of 3 and at 2 N.

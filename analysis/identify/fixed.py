@@ -7,11 +7,12 @@ Gauss-Newton step changes it by -(d r) / (d d) and reduces the sum of squares of
 (d r)^2 / (d d). This is the score test; for a correct number the reduction is 1 on average.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sautereau.analysis.errors import ModelError
 from sautereau.analysis.identify import parameters
 from sautereau.analysis.identify.fit import DEPENDENT, Fit
 from sautereau.analysis.identify.information import Information
@@ -61,27 +62,28 @@ class ScoreTest:
     """The effects of freeing further numbers of a problem, at values [SI] of its parameters.
 
     The residuals are treated as independent, with a standard deviation of `spread` [N].
+
+    Args:
+        slopes: `Problem.differences` at the values.
     """
 
-    def __init__(self, problem: Problem, values: Floats, spread: float, free_offset: bool):
+    def __init__(
+        self, problem: Problem, values: Floats, slopes: Floats, spread: float, free_offset: bool
+    ):
         self.problem = replace(problem, whitenings=white(problem.dynamics, spread, free_offset))
         point = values / problem.scales
-        self._data, own = self.problem.data(point), self.problem.jacobian(point, self.problem.data)
-        self._basis, _ = np.linalg.qr(np.vstack([own, self.problem.prior_jacobian]))
-        self._residuals = np.concatenate([self._data, self.problem.prior(point)])
-
-    def column(self, dynamics: InverseDynamics, values: Floats, step: float) -> Floats:
-        """Return the derivative by a number; 0 if the model has no solution after the step.
-
-        Arguments as for `Problem.by_another`.
-        """
-        column = self.problem.by_another(self._data, dynamics, values, step)
-        column = np.zeros(len(self._data)) if column is None else column
-        return np.append(column, np.zeros(len(self._residuals) - len(self._data)))
+        own = np.vstack([self.problem.white(slopes), self.problem.prior_jacobian])
+        self._basis, _ = np.linalg.qr(own)
+        self._residuals = np.append(self.problem.data(point), self.problem.prior(point))
 
     def freed(self, columns: Sequence[Floats]) -> tuple[Floats, float]:
-        """Return the changes of numbers that are freed together, and the reduction."""
-        rows = np.stack(columns, axis=1)
+        """Return the changes of numbers that are freed together, and the reduction.
+
+        Args:
+            columns: Derivatives of `InverseDynamics.joined` by each number.
+        """
+        rows = self.problem.white(np.stack(columns, axis=1))
+        rows = np.pad(rows, ((0, len(self._residuals) - len(rows)), (0, 0)))
         left = rows - self._basis @ (self._basis.T @ rows)
         sizes = np.linalg.norm(left, axis=0)
         left[:, sizes <= 3e-5 * np.linalg.norm(rows, axis=0)] = 0.0
@@ -91,21 +93,73 @@ class ScoreTest:
         return steps / scales, float(moved @ moved)
 
 
+@dataclass(frozen=True)
+class Fixed:
+    """A number of the rig that is neither fitted nor known to within a range only."""
+
+    name: str
+    unit: str
+    value: float
+    """SI; of `plectrum.contact`, the last one, 1 on the surface and 0 on the mid-line."""
+    column: Floats | None
+    """Derivatives of `InverseDynamics.joined` by it, shape (n,); None if the model has no solution
+    after the step."""
+
+
+def fixed_numbers(fitted: Fit) -> list[Fixed]:
+    """Return the fixed numbers at the values of a fit."""
+    dynamics, found = fitted.problem.dynamics, []
+    rig, before = dynamics.rig, dynamics.joined(fitted.values)
+
+    def add(name: str, unit: str, value: float, step: float, after: Rig) -> None:
+        column = derivative(before, dynamics.on(after), fitted.values, step)
+        found.append(Fixed(name, unit, value, column))
+
+    for name in parameters.unfitted(rig, [p.name for p in dynamics.free]):
+        if name not in rig.assumed:
+            value = parameters.value_of(rig, name)
+            step = STEP * abs(value) or STEP
+            after = parameters.with_parameters(rig, {name: value + step})
+            add(name, parameters.unit_of_parameter(name), value, step, after)
+    on_surface = rig.plectrum.contact == "surface"
+    other = rig.replaced({parameters.CONTACT: "mid-line" if on_surface else "surface"})
+    add(parameters.CONTACT, "", float(on_surface), 1.0, other)
+    return found
+
+
+def derivative(
+    before: Floats, dynamics: InverseDynamics, values: Floats, step: float
+) -> Floats | None:
+    """Return the derivative of `InverseDynamics.joined` by a number that is not a parameter.
+
+    It is None if the model has no solution after the step.
+
+    Args:
+        before: Residuals before the step.
+        dynamics: Inverse dynamics after the step.
+        values: SI, values of its parameters.
+    """
+    try:
+        return (dynamics.joined(values) - before) / step
+    except ModelError:
+        return None
+
+
 def sensitivities(
-    fitted: Fit, jacobian: Floats, excess: float, known: Information
+    fitted: Fit, fixed: Sequence[Fixed], jacobian: Floats, excess: float, known: Information
 ) -> tuple[Sensitivity, ...]:
     """Return the effects of fixed numbers and of hidden parameters, the largest effect first.
 
     Args:
+        fixed: Its fixed numbers.
         jacobian: Derivatives of its whitened residuals by the scaled parameters.
         excess: Mean square of the whitened residuals.
         known: The information of the fit.
     """
-    problem, dynamics, table = fitted.problem, fitted.problem.dynamics, []
+    problem, table = fitted.problem, []
     shown = [k for k, p in enumerate(problem.free) if not p.hidden]
     rows = np.vstack([jacobian / np.sqrt(excess), problem.prior_jacobian])
     gain = np.linalg.pinv(rows, rcond=1e-9)[:, : len(jacobian)] / np.sqrt(excess)
-    whitened = problem.data(fitted.values / problem.scales)
 
     def add(name: str, unit: str, value: float, change: float, stated: bool, by: Floats) -> None:
         effects = {problem.free[k].name: float(by[k]) for k in shown}
@@ -116,38 +170,42 @@ def sensitivities(
             by = known.by(k) * parameter.std / problem.scales[k]
             value = float(fitted.values[k])
             add(parameter.name, parameter.unit, value, parameter.std, True, by)
-    for name, unit, value, step, rig in _fixed(dynamics):
-        column = problem.by_another(whitened, dynamics.on(rig), fitted.values, step)
-        change = CHANGE * abs(value) or FRICTION_CHANGE
-        change = 1.0 if name == parameters.CONTACT else change
-        if column is not None:
-            add(name, unit, value, change, False, gain @ column * -change)
+    for number in fixed:
+        change = CHANGE * abs(number.value) or FRICTION_CHANGE
+        change = 1.0 if number.name == parameters.CONTACT else change
+        if number.column is not None:
+            by = gain @ problem.white(number.column) * -change
+            add(number.name, number.unit, number.value, change, False, by)
     return tuple(sorted(table, key=lambda s: -max(map(abs, s.effects.values()), default=0.0)))
 
 
-def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
+def suggestions(
+    fitted: Fit, fixed: Sequence[Fixed], slopes: Floats, noise: float
+) -> tuple[Suggestion, ...]:
     """Return the fixed numbers that should be freed, the largest reduction first.
 
     Args:
         fitted: A fit whose model does not fit.
+        fixed: Its fixed numbers.
+        slopes: Its `Problem.differences`.
         noise: N, RMS of the part of the force residual that is no error of the model.
     """
-    dynamics = fitted.problem.dynamics
-    test = ScoreTest(fitted.problem, fitted.values, noise * np.sqrt(DEPENDENT), fitted.free_offset)
-
+    spread, rig = noise * np.sqrt(DEPENDENT), fitted.problem.dynamics.rig
+    test = ScoreTest(fitted.problem, fitted.values, slopes, spread, fitted.free_offset)
     found, of_contact = [], []
-    for name, unit, value, step, rig in _fixed(dynamics):
+    for number in fixed:
+        name, unit, value = number.name, number.unit, number.value
         on_surface = name == parameters.CONTACT and value
-        if name in parameters.MEASURED or on_surface:
+        if name in parameters.MEASURED or on_surface or number.column is None:
             continue
-        moved, reduction = test.freed([test.column(dynamics.on(rig), fitted.values, step)])
+        moved, reduction = test.freed([number.column])
         step = float(moved[0])
         if name == parameters.CONTACT:
             # The step is the offset of the string's centre, as a fraction of that on the surface.
             if reduction > SUGGESTED and step > LIKELY:
                 of_contact = [Suggestion(name, unit, reduction, 1.0)]
             continue
-        low, high = parameters.bounds_of(dynamics.rig, name)
+        low, high = parameters.bounds_of(rig, name)
         if low == high:
             high = np.inf
         # An impossible value is not the cause. A linear step may be too long, however.
@@ -155,21 +213,3 @@ def suggestions(fitted: Fit, noise: float) -> tuple[Suggestion, ...]:
             found.append(Suggestion(name, unit, reduction, min(value + step, high)))
     # The contact comes first, because friction has a similar effect.
     return (*of_contact, *sorted(found, key=lambda s: -s.reduction))
-
-
-def _fixed(dynamics: InverseDynamics) -> Iterator[tuple[str, str, float, float, Rig]]:
-    """Yield name, unit, value [SI] and a step of each fixed number, and the rig after the step.
-
-    These numbers are neither fitted nor known to within a range only. The last one is the place of
-    the string, 1 on the surface and 0 on the mid-line; its step leads to the other one.
-    """
-    rig = dynamics.rig
-    for name in parameters.unfitted(rig, [p.name for p in dynamics.free]):
-        if name not in rig.assumed:
-            value = parameters.value_of(rig, name)
-            step = STEP * abs(value) or STEP
-            after = parameters.with_parameters(rig, {name: value + step})
-            yield name, parameters.unit_of_parameter(name), value, step, after
-    on_surface = rig.plectrum.contact == "surface"
-    other = rig.replaced({parameters.CONTACT: "mid-line" if on_surface else "surface"})
-    yield parameters.CONTACT, "", float(on_surface), 1.0, other

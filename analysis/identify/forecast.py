@@ -232,8 +232,9 @@ def _informed(
     fitted = at_values(dynamics, values, FORCE in names)
     for _ in range(ROUNDS - 1):
         fitted = replace(fitted, problem=whitened(fitted))
-    data = fitted.problem.jacobian(values / fitted.problem.scales, fitted.problem.data)
-    return fitted.problem, informative(fitted, data)
+    problem = fitted.problem
+    slopes = problem.differences(values / problem.scales)
+    return problem, informative(fitted, problem.white(slopes))
 
 
 def together(problem: Problem, data: Sequence[Floats], counts: Sequence[int]) -> Information:

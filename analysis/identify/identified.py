@@ -13,6 +13,7 @@ from sautereau.analysis.identify.fixed import (
     SUGGESTED,
     Sensitivity,
     Suggestion,
+    fixed_numbers,
     sensitivities,
     suggestions,
 )
@@ -170,7 +171,8 @@ def evaluate(fitted: Fit) -> Identified:
     """Return the result of a fit with its uncertainties."""
     found, values, good = fitted.problem, fitted.values, quality(fitted)
     unasked = [k for k, p in enumerate(found.free) if p.hidden and not p.name.startswith("offset.")]
-    data = found.jacobian(values / found.scales, found.data)
+    slopes = found.differences(values / found.scales)
+    data = found.white(slopes)
     known = Information(
         [p.name for p in found.free],
         informative(fitted, data) / np.sqrt(good.repetition),
@@ -179,7 +181,8 @@ def evaluate(fitted: Fit) -> Identified:
     )
     fitted = _with_found_friction(fitted, known)
     found, dynamics = fitted.problem, fitted.problem.dynamics
-    suggested = suggestions(fitted, good.scale)
+    fixed = fixed_numbers(fitted)
+    suggested = suggestions(fitted, fixed, slopes, good.scale)
     good = judged(good, fitted)
     # The model may be wrong although the residuals are small.
     doubts = [
@@ -219,7 +222,7 @@ def evaluate(fitted: Fit) -> Identified:
         ),
         modes=_modes(found, values, known.stds),
         quality=good,
-        sensitivity=sensitivities(fitted, data, fitted.excess * good.repetition, known),
+        sensitivity=sensitivities(fitted, fixed, data, fitted.excess * good.repetition, known),
         suggested=() if good.fits else suggested,
         warnings=_warnings(estimates, dynamics),
     )

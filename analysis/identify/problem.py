@@ -5,14 +5,14 @@ the model. Their autocovariance is estimated from a fit that ignores it, and whi
 so that they become independent ones of variance 1. It has rows for the fitted instants only.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import ModelError
-from sautereau.analysis.identify.parameters import DIFFERENCE, Parameter
+from sautereau.analysis.identify.parameters import Parameter
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.phases.rows import SOLVE
 from sautereau.trajectory.motion import Floats
@@ -38,8 +38,8 @@ class Whitening:
     """N, trends before whitening; shape (n, trends)."""
 
     def __call__(self, residual: Floats) -> Floats:
-        """Return the whitened residuals [1] of residuals [N], shape (n,)."""
-        white = _solved(self.factor, residual / self.scale)
+        """Return the whitened residuals [1] of residuals [N], shape (n,) or (n, columns)."""
+        white = _solved(self.factor, (residual.T / self.scale).T)
         return white - self.trends @ (self.trends.T @ white)
 
     def coloured(self, columns: Floats) -> Floats:
@@ -173,27 +173,14 @@ class Problem:
         Raises:
             ModelError: The model has no solution there.
         """
-        forces, rises = self.dynamics.residuals(point * self.scales)
+        return self.white(self.dynamics.joined(point * self.scales))
+
+    def white(self, joined: Floats) -> Floats:
+        """Return `InverseDynamics.joined`, or columns of its derivatives, whitened."""
+        ends = np.cumsum([int(p.used.sum()) for p in self.dynamics.presses])
+        *forces, rises = np.split(joined, ends)
         white = [w(f) for w, f in zip(self.whitenings, forces, strict=True)]
         return np.concatenate([*white, rises / self.rise_factor])
-
-    def by_another(
-        self, data: Floats, dynamics: InverseDynamics, values: Floats, step: float
-    ) -> Floats | None:
-        """Return the derivative of `data` by a number that is not a parameter.
-
-        It is None if the model has no solution after the step.
-
-        Args:
-            data: Residuals before the step.
-            dynamics: Inverse dynamics after the step.
-            values: SI, values of its parameters.
-        """
-        moved = replace(self, dynamics=dynamics, scales=np.ones(len(values)))
-        try:
-            return (moved.data(values) - data) / step
-        except ModelError:
-            return None
 
     def prior(self, point: Floats) -> Floats:
         """Return the residuals [1] of the priors at a scaled point."""
@@ -221,28 +208,24 @@ class Problem:
         low = np.array([p.low for p in self.free]) / self.scales
         return low, np.array([p.high for p in self.free]) / self.scales
 
-    def jacobian(self, point: Floats, residuals: Callable[[Floats], Floats]) -> Floats:
-        """Return the derivatives of `residuals` by central differences, one-sided at bounds."""
-        low, high = self.bounds
+    def differences(self, point: Floats) -> Floats:
+        """Return the derivatives of `InverseDynamics.joined` by the scaled parameters.
+
+        They are central differences, one-sided at bounds; see `white`.
+        """
+        steps = np.diag([p.difference for p in self.free])
+        ends = np.clip(point + np.stack([-steps, steps]), *self.bounds)
+        self.dynamics.solve_together((ends * self.scales).reshape(-1, len(point)))
         columns = []
-        for k, parameter in enumerate(self.free):
-            ends = []
-            for end in (point[k] - parameter.difference, point[k] + parameter.difference):
-                moved = point.copy()
-                moved[k] = min(max(end, low[k]), high[k])
-                ends.append(moved)
-            width = ends[1][k] - ends[0][k]
-            columns.append((residuals(ends[1]) - residuals(ends[0])) / width)
+        for first, last in zip(*ends, strict=True):
+            before, after = (self.dynamics.joined(end * self.scales) for end in (first, last))
+            columns.append((after - before) / (last - first).sum())
         return np.stack(columns, axis=1)
 
     def slopes(self, point: Floats) -> Floats:
         """Return the derivatives of `all` by one-sided differences, in half the time."""
-        low, high = self.bounds
-        steps = np.where(point + DIFFERENCE <= high, DIFFERENCE, -DIFFERENCE)
-        at, columns = self.all(point), []
-        for step in np.diag(np.clip(point + steps, low, high) - point):
-            columns.append((self.all(point + step) - at) / step.sum())
-        return np.stack(columns, axis=1)
+        slopes = self.dynamics.slopes(point * self.scales, self.scales) * self.scales
+        return np.vstack([self.white(slopes), self.prior_jacobian])
 
 
 def minimise(

@@ -1,16 +1,18 @@
 """Inverse-dynamics residuals of presses: force at every instant, rise at every release."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from sautereau.analysis.errors import ModelError
 from sautereau.analysis.identify import elastic, parameters
 from sautereau.analysis.identify.observed import SUBSTEPS, Observed
-from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of
+from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of, solve_together
 from sautereau.analysis.model.key import finger_force
+from sautereau.analysis.model.plectrum.levels import level_of
 from sautereau.rig.instrument import Choir, Key
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, moving_inertia, rise_of_angle
@@ -51,6 +53,7 @@ class InverseDynamics:
         self.rig, self.free, self.presses, self.level = rig, tuple(free), tuple(presses), level
         self.unusable = tuple(unusable)
         self._states: dict[tuple[float, ...], _State] = {}
+        self._known_slopes: tuple[Floats, Floats] | None = None
         self._nominal, self._record = _inertia_over_arm(rig), elastic.shortest_record(presses)
         rows = [np.stack([*p.motion, p.lagged_force, p.slide])[:, p.used] for p in self.presses]
         *motion, self._lagged, self._slide = np.concatenate(rows, axis=1)
@@ -96,15 +99,13 @@ class InverseDynamics:
         Raises:
             ModelError: The model has no solution there.
         """
-        values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
-        rig = parameters.with_parameters(self.rig, values)
+        values, rig, held = self._bench(point)
         # The angle follows from the measured velocity and this lever arm.
         turned = self.presses[0].laser_arm / rig.key.laser_arm
         values[parameters.VELOCITY_GAIN] = gain = turned * values.get(parameters.VELOCITY_GAIN, 1.0)
         lag, force_gain = values.get(parameters.TIME, 0.0), values.get(parameters.FORCE_GAIN, 1.0)
         sliding = values.get(parameters.SLIDING, 0.0), values.get(parameters.LATE_SLIDING, 0.0)
-        friction = rig.plectrum.friction - self.rig.plectrum.friction
-        strings, modes = _strings(rig, self.level, values, friction), elastic.modes_of(values)
+        strings, modes = _strings(rig, held, self.level, values), elastic.modes_of(values)
         # Of the measured acceleration on the measured force.
         inertia = _inertia_over_arm(rig) * gain / force_gain
         amplified = elastic.noise_gain(modes, self._record)
@@ -127,6 +128,58 @@ class InverseDynamics:
                 rest = math.sqrt(max(0.0, self.floor**2 - stated**2))
                 own *= math.hypot(stated, rest) / math.hypot(changed, rest)
         return forces, rises
+
+    def _bench(self, point: Floats) -> tuple[dict[str, float], Rig, list[Choir]]:
+        """Return the values of the parameters by name, the rig with them, and its choirs."""
+        values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
+        rig = parameters.with_parameters(self.rig, values)
+        friction = rig.plectrum.friction - self.rig.plectrum.friction
+        first, *others = choirs(rig)
+        further = [_further(c, k, values, friction) for k, c in enumerate(others, 2)]
+        return values, rig, [first, *further]
+
+    def solve_together(self, points: Iterable[Floats]) -> None:
+        """Solve the plucks at several points, which takes less time than one by one."""
+        held = [choir for point in points for choir in self._bench(point)[2]]
+        solve_together(
+            (c.plectrum, c.string, level_of(c.plectrum, self.level))  # type: ignore[arg-type]
+            for c in held
+        )
+
+    def joined(self, point: Floats) -> Floats:
+        """Return all `residuals` in one array, those of the rises last; shape (n,)."""
+        forces, rises = self.residuals(point)
+        return np.concatenate([*forces, rises])
+
+    def slopes(self, point: Floats, scales: Floats) -> Floats:
+        """Return derivatives of `joined` by one-sided differences, by number of the parameter.
+
+        Those of a last point that is closer than a step are kept: differences with other steps
+        differ from each other as much.
+
+        Args:
+            point: Values of the parameters [SI], shape (parameters,).
+            scales: SI, of the parameters, of which the steps are a fraction.
+
+        Returns:
+            Shape (n, parameters). A column is 0 where the model has no solution after the step,
+            so that the solver leaves this parameter as it is.
+        """
+        steps, high = parameters.DIFFERENCE * scales, np.array([p.high for p in self.free])
+        if self._known_slopes is not None:
+            at, known = self._known_slopes
+            if np.all(np.abs(point - at) <= steps):
+                return known
+        steps = np.where(point + steps <= high, steps, -steps)
+        before, columns = self.joined(point), []
+        self.solve_together(point + step for step in np.diag(steps))
+        for step in np.diag(steps):
+            try:
+                columns.append((self.joined(point + step) - before) / step.sum())
+            except ModelError:
+                columns.append(np.zeros_like(before))
+        self._known_slopes = point, np.stack(columns, axis=1)
+        return self._known_slopes[1]
 
     def _state(
         self, rig: Rig, strings: "Sequence[_String]", values: Mapping[str, float]
@@ -172,22 +225,21 @@ class _State:
     """m, contribution of modes and cloth to the first jack's rise at each modelled release."""
 
 
-def _strings(rig: Rig, level: str, values: Mapping[str, float], friction: float) -> list[_String]:
-    """Return the strings in the order of the rig.
+def _strings(
+    rig: Rig, held: Sequence[Choir], level: str, values: Mapping[str, float]
+) -> list[_String]:
+    """Return the strings of choirs.
 
     Args:
         rig: Rig with the values of the parameters.
         values: Values of the parameters, by name.
-        friction: Fitted friction of the first plectrum minus that of the rig.
     """
-    found = []
-    for number, stated in enumerate(choirs(rig), 1):
-        choir = _further(stated, number, values, friction) if number > 1 else stated
+    late, found = 1 + values.get(parameters.RELEASE, 0.0), []
+    for choir in held:
         key, pluck = key_of(rig, choir), choir_pluck(choir, level)
-        late = 1 + values.get(parameters.RELEASE, 0.0)
         height = choir.jack.string_clearance + late * pluck.release_height
-        held = elastic.held_string(choir, pluck, values.get(parameters.VIBRATION, 0.0))
-        found.append(_String(choir, key, held, float(angle_of_rise(key, height))))
+        string = elastic.held_string(choir, pluck, values.get(parameters.VIBRATION, 0.0))
+        found.append(_String(choir, key, string, float(angle_of_rise(key, height))))
     return found
 
 
@@ -229,17 +281,17 @@ def _state(
         values.get(parameters.CLOTH, 0.0),
         elastic.modes_of(values),
     )
-    angle, step = (
-        values.get(parameters.VELOCITY_GAIN, 1.0) * press.substep_angle,
-        press.step / SUBSTEPS,
-    )
-    risen = [rise_of_angle(string.key, angle) for string in strings]
     releases, key, damped = press.releases - lag, rig.key, values.get(parameters.DAMPER, 0.0)
     higher = (
         values[parameters.DAMPER_LIFT] - rig.jack.damper.lift if rig.jack.damper and damped else 0.0
     )
     lasts = np.zeros(len(strings), int)
     lasts[press.strings] = np.searchsorted(press.substep_time, releases)
+    # Of a rigid key without dampers nothing else acts after the last release.
+    count = None if modes or damped else int(lasts.max()) + 1
+    angle = values.get(parameters.VELOCITY_GAIN, 1.0) * press.substep_angle[:count]
+    time, step = press.substep_time[:count], press.step / SUBSTEPS
+    risen = [rise_of_angle(string.key, angle) for string in strings]
     arms = np.array([choir.jack_arm for choir in choirs(rig)])
     inertia, gain = moving_inertia(rig), values.get(parameters.FORCE_GAIN, 1.0)
     bending = elastic.Bending(modes, press, lag, gain, key.press_arm, inertia)
@@ -270,9 +322,11 @@ def _state(
                 lowered = np.maximum(damper.lift + higher - height, 0.0)
                 push -= damped * damper.stiffness * lowered
     extra = key.jack_arm * (rise - bent[0]) - cloth * before[0]
+    forces = np.zeros((len(strings), len(press.substep_time)))
+    forces[:, : len(time)] = pushing
     return _State(
         press.force(lag)[press.used],
-        press.smoothed(pushing)[:, press.used],
+        press.smoothed(forces)[:, press.used],
         press.smoothed(bent)[:, press.used] if modes else np.zeros((3, int(press.used.sum()))),
-        np.interp(releases[: len(press.release_angles)], press.substep_time, extra),
+        np.interp(releases[: len(press.release_angles)], time, extra),
     )

@@ -1,6 +1,6 @@
 """The choirs of a key, each with its own jack, plectrum and string."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
@@ -9,7 +9,7 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.levels import AUTO, dropped, level_of
 from sautereau.analysis.model.plectrum.surface import string_map
-from sautereau.analysis.model.pluck.pluck import Pluck, solve_pluck
+from sautereau.analysis.model.pluck.pluck import Pluck, solve_plucks
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.instrument import Choir, Key, Plectrum, String
 from sautereau.rig.schema import Rig
@@ -116,24 +116,55 @@ def choir_pluck(choir: Choir, level: str = AUTO) -> Pluck:
     return pluck_of(choir.plectrum, choir.string, named)  # pyright: ignore[reportArgumentType]
 
 
-@lru_cache(maxsize=128)
 def pluck_of(plectrum: Plectrum, string: String, level: str) -> Pluck:
     """Return the pluck of a plectrum and a spring string; the last 128 are kept.
 
     Raises:
         ModelError: The level has no solution for them.
     """
-    mapped = string_map(plectrum, string, level)
-    found = solve_pluck(mapped, string.static_stiffness, plectrum.overlap)
-    lift, most = float(found.lift[-1]), LIFT_MAX * string.nearer_end
-    if lift > most:
-        raise ModelError(
-            f"plectrum.overlap: the string would be lifted by {lift * 1e3:.4g} mm. A spring of"
-            f" constant stiffness is no string beyond {most * 1e3:.4g} mm, {100 * LIFT_MAX:.0f} %"
-            " of the way from the plucking point to its nearer end; lower overlap or"
-            " plectrum.thickness, or raise string.tension"
-        )
+    kept = _kept(plectrum, string, level)
+    if not kept:
+        solve_together([(plectrum, string, level)])
+    found = kept[0]
+    if isinstance(found, ModelError):
+        kept.clear()
+        raise found
     return found
+
+
+@lru_cache(maxsize=128)
+def _kept(plectrum: Plectrum, string: String, level: str) -> list[Pluck | ModelError]:
+    """Return where the pluck is kept: a list, empty until it is solved."""
+    return []
+
+
+def solve_together(cases: Iterable[tuple[Plectrum, String, str]]) -> None:
+    """Solve the plucks of some arguments of `pluck_of`, where they are kept.
+
+    Those of plectra of one shape and friction take little more time than one.
+    """
+    wanted, maps = [], []
+    for plectrum, string, level in dict.fromkeys(cases):
+        if kept := _kept(plectrum, string, level):
+            continue
+        try:
+            maps.append(string_map(plectrum, string, level))
+            wanted.append((kept, plectrum, string))
+        except ModelError as error:
+            kept.append(error)
+    solved = solve_plucks(
+        [(m, s.static_stiffness, p.overlap) for m, (_, p, s) in zip(maps, wanted, strict=True)]
+    )
+    for found, (kept, _, string) in zip(solved, wanted, strict=True):
+        most = LIFT_MAX * string.nearer_end
+        if isinstance(found, Pluck) and (lift := float(found.lift[-1])) > most:
+            found = ModelError(
+                f"plectrum.overlap: the string would be lifted by {lift * 1e3:.4g} mm. A spring of"
+                f" constant stiffness is no string beyond {most * 1e3:.4g} mm,"
+                f" {100 * LIFT_MAX:.0f} % of the way from the plucking point to its nearer end;"
+                " lower overlap or plectrum.thickness, or raise string.tension"
+            )
+        kept.append(found)
 
 
 def level_name(rig: Rig, level: str) -> str:

@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_simpson, solve_ivp
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.elastica import Elastica
-from sautereau.analysis.model.pluck.pluck import solve_pluck
+from sautereau.analysis.model.pluck.pluck import solve_pluck, solve_plucks
 from sautereau.rig.load import load_rig
 
 RIG = load_rig("paper")
@@ -222,3 +222,20 @@ def test_release_slopes_are_those_of_the_equations(pluck):
     height_f = lift_f + lift_s * s_f - bend.z_f - bend.z_s * s_f
     expected = ((shift_f + shift_s * s_f) / height_f, (lift_f + lift_s * s_f) / height_f)
     np.testing.assert_allclose(pluck.release_slopes, expected, rtol=1e-7)
+
+
+def test_plucks_solved_together_are_those_solved_one_by_one():
+    rough, longer = with_(friction=0.1), with_(length=5e-3)
+    cases = [
+        (Elastica(plectrum), stiffness, plectrum.overlap * part)
+        for plectrum in (PLECTRUM, rough, longer)
+        for stiffness, part in ((STIFFNESS, 1.0), (300.0, 0.8), (1e9, 15.0), (0.0, 1.0))
+    ]
+    for case, found in zip(cases, solve_plucks(cases), strict=True):
+        if isinstance(found, ModelError):
+            with pytest.raises(ModelError, match=re.escape(str(found))):
+                solve_pluck(*case)
+            continue
+        alone = solve_pluck(*case)
+        for name in FIELDS:
+            np.testing.assert_allclose(getattr(found, name), getattr(alone, name), atol=1e-12)

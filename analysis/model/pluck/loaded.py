@@ -5,7 +5,7 @@ a uniform section each load belongs to one position, so that the load leads from
 release past any fold over height or force.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, Self
 
 import numpy as np
@@ -290,14 +290,27 @@ class OnePlectrum:
         return np.minimum(load / s**2, self._map.force_limit(s))
 
 
-def plectra_of(plectrum: PlectrumMap, overlap: float) -> Plectra:
-    """Return the map of a plectrum, or of a string's centre on it, as a single case."""
-    centre = plectrum if isinstance(plectrum, StringCentre) else None
-    mid_line = centre.mid_line if centre else plectrum
-    if isinstance(mid_line, Elastica):
-        half, radius = (centre.half, centre.radius) if centre else (0.0, 0.0)
-        values = mid_line.length, mid_line.bending_stiffness, overlap, half, radius
-        return TabledPlectra(
-            mid_line.table, mid_line.friction, *(np.array([value]) for value in values)
-        )
-    return OnePlectrum(plectrum)
+def shape_of(plectrum: PlectrumMap) -> tuple[int, float] | None:
+    """Return what plectra have in common that `plectra_of` can join; None if it joins no others."""
+    mid_line = _mid_line(plectrum)
+    return (id(mid_line.table), mid_line.friction) if isinstance(mid_line, Elastica) else None
+
+
+def plectra_of(plectra: Sequence[PlectrumMap], overlap: Floats) -> Plectra:
+    """Return the maps of plectra of one `shape_of`, or of strings' centres on them, a case each.
+
+    Args:
+        overlap: m, shape (cases,).
+    """
+    found = [m for m in map(_mid_line, plectra) if isinstance(m, Elastica)]
+    if not found:
+        return OnePlectrum(plectra[0])
+    length, stiffness = np.array([(m.length, m.bending_stiffness) for m in found]).T
+    centres = [(getattr(p, "half", 0.0), getattr(p, "radius", 0.0)) for p in plectra]
+    half, radius = np.array(centres).T
+    table, friction = found[0].table, found[0].friction
+    return TabledPlectra(table, friction, length, stiffness, overlap, half, radius)
+
+
+def _mid_line(plectrum: PlectrumMap) -> PlectrumMap:
+    return plectrum.mid_line if isinstance(plectrum, StringCentre) else plectrum

@@ -12,6 +12,8 @@ less than its radius, as in hardly any pluck.
 """
 
 import math
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,8 +23,8 @@ from numpy.typing import ArrayLike
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats, PlectrumMap
 from sautereau.analysis.model.pluck.equilibria import AT_END, Curve, Equilibria
-from sautereau.analysis.model.pluck.loaded import plectra_of
-from sautereau.analysis.model.pluck.paths import Status, lasts, solve_paths
+from sautereau.analysis.model.pluck.loaded import plectra_of, shape_of
+from sautereau.analysis.model.pluck.paths import Paths, Status, lasts, solve_paths
 
 POINTS = 201  # Points of a stretch of the pluck
 STIFFNESS_RANGE = (1e-3, 1e12)  # N/m, of a string that a plectrum can pluck
@@ -96,16 +98,46 @@ def solve_pluck(plectrum: PlectrumMap, stiffness: float, overlap: float) -> Pluc
         ModelError: The overlap or the string's stiffness is out of range, or the string is
             not released within the range of the level.
     """
-    _check(plectrum, stiffness, overlap)
-    equilibria = Equilibria(
-        plectra_of(plectrum, overlap), np.array([stiffness]), np.array([overlap])
-    )
-    paths = solve_paths(equilibria, POINTS)
-    status = Status(paths.status[0])
+    (found,) = solve_plucks([(plectrum, stiffness, overlap)])
+    if isinstance(found, ModelError):
+        raise found
+    return found
+
+
+def solve_plucks(cases: Sequence[tuple[PlectrumMap, float, float]]) -> list[Pluck | ModelError]:
+    """Return the plucks of several arguments of `solve_pluck`, or why there is none.
+
+    Those of one table and friction are solved together, in little more than the time of one.
+    """
+    found: dict[int, Pluck | ModelError] = {}
+    alike = defaultdict(list)
+    for k, case in enumerate(cases):
+        if faults := _faults(*case):
+            found[k] = ModelError("\n".join(faults))
+        else:
+            alike[shape_of(case[0]) or k].append(k)
+    for rows in alike.values():
+        plectra, *values = zip(*(cases[k] for k in rows), strict=True)
+        stiffness, overlap = np.array(values)
+        equilibria = Equilibria(plectra_of(plectra, overlap), stiffness, overlap)
+        paths = solve_paths(equilibria, POINTS)
+        for row, k in enumerate(rows):
+            try:
+                found[k] = _followed(paths, row, *cases[k])
+            except ModelError as error:
+                found[k] = error
+    return [found[k] for k in range(len(cases))]
+
+
+def _followed(
+    paths: Paths, row: int, plectrum: PlectrumMap, stiffness: float, overlap: float
+) -> Pluck:
+    """Return the pluck of one row of paths; other arguments and errors as for `solve_pluck`."""
+    status = Status(paths.status[row])
     curves = [
-        Curve(*(values[0] for values in vars(curve).values()))
+        Curve(*(values[row] for values in vars(curve).values()))
         for curve in paths.curves
-        if lasts(curve.load)[0]
+        if lasts(curve.load)[row]
     ]
     at = f"plectrum.overlap: at {overlap * 1e3:.6g} mm the string"
     if status == Status.NOT_CONVERGED:
@@ -132,7 +164,7 @@ def solve_pluck(plectrum: PlectrumMap, stiffness: float, overlap: float) -> Pluc
     return _joined(curves)
 
 
-def _check(plectrum: PlectrumMap, stiffness: float, overlap: float) -> None:
+def _faults(plectrum: PlectrumMap, stiffness: float, overlap: float) -> list[str]:
     faults = []
     low, high = STIFFNESS_RANGE
     if not low <= stiffness <= high:
@@ -145,8 +177,7 @@ def _check(plectrum: PlectrumMap, stiffness: float, overlap: float) -> None:
             f"plectrum.overlap: {overlap * 1e3:.6g} mm must lie between 0 and {OVERLAP_MAX:.6g} of"
             f" the plectrum's length of {plectrum.length * 1e3:.6g} mm; change it"
         )
-    if faults:
-        raise ModelError("\n".join(faults))
+    return faults
 
 
 def _joined(curves: list[Curve], released_at_fold: bool = False) -> Pluck:
