@@ -1,5 +1,6 @@
 """The instrument's tables of the rig file: key, jack, plectrum, string."""
 
+import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -304,7 +305,13 @@ class String(Section):
     @property
     def linear_density(self) -> float:
         """kg/m, mu = T / (2 L f)^2."""
-        return self.tension / (2 * self.length * self.frequency) ** 2
+        speed = 2 * self.length * self.frequency  # m/s, of waves
+        return self.tension / speed / speed
+
+    @property
+    def density(self) -> float:
+        """kg/m^3, of a plain wire with this diameter and linear density."""
+        return self.linear_density / self.diameter * (4 / math.pi) / self.diameter
 
 
 class Choir(Section):

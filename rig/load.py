@@ -118,7 +118,9 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
             if not isinstance(node, dict) or last not in node or isinstance(node[last], dict):
                 raise KeyError(last)
         except (KeyError, IndexError, ValueError, TypeError):
-            faults.append(f"{dotted}: unknown quantity{near_miss(dotted, list(model_keys(Rig)))}")
+            hint = "; name an entry of the list by its index, from 0" * isinstance(node, list)
+            near = near_miss(dotted, list(model_keys(Rig)))
+            faults.append(f"{dotted}: unknown quantity{hint or near}")
             continue
         node[last] = value
     changed = validated(document, f"rig {rig.name}", faults)

@@ -1,12 +1,12 @@
 """Implementations by name: sautereau's own, and those of other packages; motion controllers."""
 
 import difflib
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sautereau.rig.errors import RigError, SautereauError
@@ -79,7 +79,7 @@ class Registry:
         )
 
     def _provided(self) -> EntryPoints:
-        return _installed(self.group, (*sys.path, str(Path.cwd())))
+        return _installed(self.group, tuple(map(os.path.abspath, sys.path)))
 
     def _load(self, point: EntryPoint) -> Any:
         try:
@@ -95,7 +95,8 @@ class Registry:
 def _installed(group: str, path: tuple[str, ...]) -> EntryPoints:
     """Return a group's entry points of all packages on a search path; the files are read once.
 
-    The working directory is part of the path, because an entry of `sys.path` may be relative.
+    Args:
+        path: Absolute, because an entry of `sys.path` may be relative to the working directory.
     """
     return entry_points(group=group)
 

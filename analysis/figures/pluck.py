@@ -70,9 +70,9 @@ def pluck_figure(rig: Rig, levels: Sequence[str]) -> Figure:
             style = {"color": colour, "lw": 1.8, "ls": DASHES[i % len(DASHES)], "label": level}
             differences.plot(both, change * 1e3, **style)
         duration = pluck.release_height / rig.press.jack_speed
-        label = f"{level}: {duration * 1e3:.4g} ms, {pluck.string_force[-1]:.4g} N"
-        if ignored := dropped(rig.plectrum, level):
-            label += f", without {' and '.join(ignored)}"
+        lost = dropped(rig.plectrum, level)
+        without = f", without {' and '.join(lost)}" * bool(lost)
+        label = f"{level}: {duration * 1e3:.4g} ms, {pluck.string_force[-1]:.4g} N{without}"
         angle.plot([], [], color=colour, lw=width, label=label)
     _dress(rig, angle, path, force)
     differences.axhline(0, color=COLOURS[0], lw=3)

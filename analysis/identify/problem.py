@@ -146,7 +146,9 @@ def autocovariance(
     return means
 
 
-AT_BOUND = 1e-6  # A parameter is at a bound if it is closer to it than this fraction of its range
+AT_BOUND = 1e-3
+"""Fraction of its range: a parameter that is closer to a bound is at it. The solver, which stays
+inside, stops up to 2e-4 short of it."""
 TOLERANCE = 1e-6  # Relative tolerance of the solver for a result
 COARSE = 1e-4  # Relative tolerance of the solver for a fit that only serves to estimate the noise
 UNSOLVED = 1e6  # Residuals where the model has no solution: the solver rejects the step

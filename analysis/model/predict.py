@@ -18,6 +18,7 @@ from sautereau.analysis.model.choirs import (
     key_of,
     level_name,
     plucked,
+    string_names,
 )
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.plectrum.base import Floats
@@ -75,6 +76,7 @@ class JackSpeed:
 
 
 STEPS = 2000  # Instants of a prediction
+DENSITIES = 1000.0, 20_000.0  # kg/m^3: gut and nylon have 1150 to 1350, overspun wires up to 18,000
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class Prediction(ChoirPluck):
     level: str
     """Of the plectra, as computed: for `auto` the level that was chosen."""
     warnings: tuple[str, ...]
-    """What the level ignores, and a press that ends on the front felt."""
+    """What the level ignores, strings of no material, and a press that ends on the front felt."""
     time: Floats
     """s, after the jack leaves rest."""
     rise: Floats
@@ -163,7 +165,19 @@ def predict(rig: Rig, level: str = "auto", *, speed: JackSpeed | None = None) ->
         ModelError: The level has no solution for this rig, or the press ends before release.
     """
     found = pressed(rig, hold(rig, level), level, speed)
-    return replace(found, warnings=(*ignored(rig, level), *_on_felt(rig, found)))
+    warnings = *ignored(rig, level), *_of_no_material(rig), *_on_felt(rig, found)
+    return replace(found, warnings=warnings)
+
+
+def _of_no_material(rig: Rig) -> list[str]:
+    """Return a warning for each string whose numbers contradict each other."""
+    return [
+        f"{name}: tension, length, frequency and diameter belong to a wire of"
+        f" {choir.string.density:.2g} kg/m^3, and materials have {DENSITIES[0]:g} to"
+        f" {DENSITIES[1]:g}; check them in [string]"
+        for name, choir in zip(string_names(rig), choirs(rig), strict=True)
+        if not DENSITIES[0] < choir.string.density < DENSITIES[1]
+    ]
 
 
 def _on_felt(rig: Rig, found: Prediction) -> list[str]:
@@ -175,7 +189,7 @@ def _on_felt(rig: Rig, found: Prediction) -> list[str]:
     rise = float(np.interp(key.dip, depth, found.rise))
     return [
         f"press.jack_rise: of {rig.press.jack_rise * 1e3:.4g} mm the key is on its front felt from"
-        f" {rise * 1e3:.4g} mm on (key.dip), whose force counts in the peak force; lower jack_rise"
+        f" {rise * 1e3:.4g} mm on (key.dip), whose force is part of the finger's; lower jack_rise"
     ]
 
 

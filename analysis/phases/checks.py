@@ -259,11 +259,12 @@ def about_rest(press: Press, unseen: float | None, peak: float) -> list[Remark]:
     channel = press.rig.daq.channel("force")
     if unseen is None or channel is None or abs(unseen) <= channel.gain_std * peak:
         return []
+    needs = f"{abs(unseen):.2g} N {'more' if unseen > 0 else 'less'}"
     text = (
-        f"force: by the rig the free key needs {abs(unseen):.2g} N {'more' if unseen > 0 else 'less'}"
-        " than was measured, so that contact, release and peak force and work are uncertain by as"
-        " much, force drop and slope are not: AC coupling hides the force of a finger that rests on"
-        " the key; use a sensor without it, or check `key.gravity_moment`"
+        f"force: by the rig the free key needs {needs} than was measured, so that contact, release"
+        " and peak force and work are uncertain by as much, force drop and slope are not: AC"
+        " coupling hides the force of a finger that rests on the key; use a sensor without it, or"
+        " check `key.gravity_moment`"
     )
     return [Remark(text, doubt=False)]
 

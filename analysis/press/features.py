@@ -164,8 +164,12 @@ def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
     if isinstance(value, float) and feature in gains:
         parts = [*parts, abs(value) * gains[feature]]
     unseen = row.get("unseen_force")
-    if feature in GAINED["force"] and isinstance(unseen, float):
+    if isinstance(unseen, float) and feature in GAINED["force"]:
         parts = [*parts, abs(unseen)]
+    if isinstance(unseen, float) and feature == "held_work" and isinstance(value, float):
+        ends = (row.get(column(end, pluck)) for end in ("contact_force", "release_force"))
+        mean = sum(force for force in ends if isinstance(force, float)) / 2
+        parts = [*parts, abs(unseen * value / mean)] if mean else parts  # Times the travel
     return math.hypot(*parts) if parts else None
 
 

@@ -276,7 +276,8 @@ def _comparison_lines(found: Condition, features: bool) -> list[str]:
         heads = ("feature", "measured", "95 % of the mean", "model")
         lines += table([heads, *(feature_cells(one, strings) for one in compared)], indent=2)
         kind = compared[0].measured.interval
-        lines += [f"  95 % intervals: {INTERVALS[kind]}, sensors and fit"] if kind in INTERVALS else []
+        if kind in INTERVALS:
+            lines.append(f"  95 % intervals: {INTERVALS[kind]}, sensors and fit")
     return lines
 
 

@@ -51,6 +51,9 @@ def test_a_press_has_the_uncertainties_of_its_fit_and_of_its_sensors(found):
     force = row["release_force"] * press.rig.daq.channel("force").gain_std
     unseen = row["unseen_force"]  # Its force at rest is 0, of a key that has a weight
     assert std_of(row, "release_force", gains) == pytest.approx(math.hypot(force, unseen))
+    travel = row["held_work"] / (row["contact_force"] + row["release_force"]) * 2
+    work = math.hypot(row["held_work"] * gains["held_work"], unseen * travel)
+    assert std_of(row, "held_work", gains) == pytest.approx(work)
     assert std_of(row, "plucks", gains) is std_of({}, "release_force_2", gains) is None
 
 

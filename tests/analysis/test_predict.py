@@ -141,3 +141,11 @@ def test_a_press_that_ends_on_the_front_felt_is_named(paper, prediction):
     (warning,) = found.warnings
     assert f"from {rise * 1e3:.4g} mm" in warning
     assert found.peak_force > prediction.peak_force
+
+
+def test_a_string_of_no_material_is_named(paper):
+    """Of steel it has 7850 kg/m^3; ten times the tension would need ten times as much."""
+    assert paper.string.density == pytest.approx(7850, rel=0.005)
+    (warning,) = predict(paper.replaced({"string.tension": 669.5})).warnings
+    assert warning.startswith("string 1: tension")
+    assert "7.9e+04 kg/m^3" in warning
