@@ -119,10 +119,7 @@ def serve(path: str) -> None:
 
     for name in (*SLOW, *project_modules()):
         importlib.import_module(name)
-    from sautereau.rig.load import load_rig
-
-    load_rig()
-    _draw()
+    _use()
     gc.freeze()
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(path)
@@ -142,10 +139,18 @@ def serve(path: str) -> None:
             running -= 1
 
 
-def _draw() -> None:
-    """Draw a picture, which loads the fonts."""
+def _use() -> None:
+    """Use what takes long the first time: fonts, registries, the records, the compiled engine."""
     from matplotlib.figure import Figure
 
+    from sautereau.daq.file.provenance import check_recordable
+    from sautereau.rig.load import load_rig
+    from sautereau.sim_backend.physics.observation import observe
+    from sautereau.sim_backend.scene import load_scene
+
+    rig = load_rig()
+    check_recordable(rig, "")
+    observe(rig, load_scene("pluck"))
     figure = Figure(figsize=(1, 1), layout="constrained")
     figure.subplots().set_title("x")
     figure.savefig(io.BytesIO(), format="png")

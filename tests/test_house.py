@@ -119,11 +119,13 @@ def _of_system(function: ast.expr) -> bool:
 
 def test_files_are_read_and_written_in_one_way():
     """A reader without limits, or a writer that follows links, would be a way around it."""
+    called = re.compile(rf"\b(?:{'|'.join((*_READS, *_OPENS, 'savefig'))})\(")
     found = {
         path.relative_to(ROOT).as_posix(): sorted(lines)
         for folder in FOLDERS
         for path in sorted((ROOT / folder).rglob("*.py"))
-        if (lines := set(_other_ways(ast.parse(path.read_text(encoding="utf-8")))))
+        if called.search(text := path.read_text(encoding="utf-8"))
+        and (lines := set(_other_ways(ast.parse(text))))
     }
     assert {name: lines for name, lines in found.items() if name not in OTHER_WAYS} == {}
     assert sorted(set(OTHER_WAYS) - set(found)) == []

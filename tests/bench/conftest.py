@@ -3,14 +3,18 @@
 import json
 import re
 import subprocess
+import sys
+import warnings
 from importlib import resources
 from pathlib import Path
 
 import pytest
 
+from sautereau.commands.app import main
 from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import StandIn
 from sautereau.sim_backend.scene import load_scene
+from tests.forked import unwrapped
 from tests.presses import MUTE_TEXT, QUICK, QUICK_TEXT, press_on
 
 
@@ -87,5 +91,24 @@ def sautereau(command_server, tmp_path):
             assert json.loads(printed)["schema"] == 1, printed
             assert done.returncode or "warning" not in done.stderr
         return done
+
+    return run
+
+
+@pytest.fixture
+def refusal(tmp_path, monkeypatch, capsys):
+    """Run a command in this process and in `tmp_path`, which ends before it makes anything."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: str) -> subprocess.CompletedProcess[str]:
+        monkeypatch.setattr(sys, "argv", ["sautereau", *words])
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Cyclopts application invoked without tokens")
+            with pytest.raises(SystemExit) as ended:
+                main()
+        printed = capsys.readouterr()
+        return subprocess.CompletedProcess(
+            words, ended.value.code, printed.out, unwrapped(printed.err)
+        )
 
     return run

@@ -183,16 +183,16 @@ def test_a_press_is_heard(sautereau, tmp_path):
         ("campaign runs --ot a.parquet", "Unknown option: --ot"),
     ],
 )
-def test_wrong_usage_ends_with_two(sautereau, tmp_path, words, message):
-    done = sautereau(*words.split(), "--json")
+def test_wrong_usage_ends_with_two(refusal, tmp_path, words, message):
+    done = refusal(*words.split(), "--json")
     error = json.loads(done.stderr)["error"]
     assert (done.returncode, done.stdout, error["status"]) == (2, "", 2)
     assert message in error["message"]
     assert not any(tmp_path.iterdir())
 
 
-def test_the_text_of_wrong_usage_is_the_message_in_json(sautereau):
-    done, as_json = (sautereau("plan", "paper", "paper", *more) for more in ((), ("--json",)))
+def test_the_text_of_wrong_usage_is_the_message_in_json(refusal):
+    done, as_json = (refusal("plan", "paper", "paper", *more) for more in ((), ("--json",)))
     assert (done.returncode, done.stdout) == (2, "")
     message = json.loads(as_json.stderr)["error"]["message"]
     assert done.stderr == f"sautereau: {message}\n"
@@ -215,12 +215,10 @@ KINDS = (
 
 
 @pytest.mark.parametrize(("words", "argument", "kind", "instead"), KINDS)
-def test_a_file_of_the_wrong_kind_is_recognised(
-    sautereau, tmp_path, words, argument, kind, instead
-):
+def test_a_file_of_the_wrong_kind_is_recognised(refusal, tmp_path, words, argument, kind, instead):
     for name in ("a.mcap", "rig.toml"):
         (tmp_path / name).write_bytes(b"")
-    done = sautereau(*words.split())
+    done = refusal(*words.split())
     assert done.returncode == 2
     message = " ".join(done.stderr.split())
     assert argument in message
@@ -302,10 +300,10 @@ ERRORS = (
 )  # fmt: skip
 
 
-def test_errors_of_every_command_are_json_under_json(sautereau):
+def test_errors_of_every_command_are_json_under_json(refusal):
     assert {words.split()[0] for words in ERRORS} == {n for n in app if not n.startswith("-")}
     for words in ERRORS:
-        done = sautereau(*words.split(), "--json")
+        done = refusal(*words.split(), "--json")
         assert (done.returncode, done.stdout) == (1, ""), words
         error = json.loads(done.stderr)["error"]
         assert error["status"] == 1
@@ -344,9 +342,9 @@ def test_interrupts_and_bugs_are_json_under_json(monkeypatch, capsys, error, mes
     assert answer["error"]["message"].startswith(message)
 
 
-def test_faults_of_rig_and_scene_are_reported_together(sautereau):
+def test_faults_of_rig_and_scene_are_reported_together(refusal):
     for words in ("press none --scene nothing --out out", "stand-in nothing --rig none"):
-        refused(sautereau(*words.split()), "rig 'none' is neither", "scene 'nothing' is neither")
+        refused(refusal(*words.split()), "rig 'none' is neither", "scene 'nothing' is neither")
 
 
 def test_a_packaged_rig_does_not_move_the_hardware(sautereau, tmp_path):

@@ -1,8 +1,8 @@
 """The page of a running session: read-only, on the loopback, in a real browser."""
 
 import http.client
+import itertools
 import json
-import queue
 import signal
 import socket
 import subprocess
@@ -185,19 +185,18 @@ def test_in_a_browser_narrow_wide_light_and_dark(view, browser, hostile):
     page.get_by_text("the newest 2 of 2").wait_for()
     report.locator("html[data-ready=yes]").wait_for()
     assert HOSTILE in page.locator("#faults").inner_text()
-    for scheme in ("light", "dark"):
+    for width, scheme in ((1280, "light"), (800, "dark"), (390, "light"), (390, "dark")):
         page.emulate_media(color_scheme=scheme)
-        for width in (1280, 800, 390):
-            page.set_viewport_size({"width": width, "height": 900})
-            page.wait_for_timeout(300)
-            for frame in page.frames:
-                seen = frame.evaluate(OVERLAPS)
-                assert seen["texts"] > 4
-                assert (seen["overlaps"], seen["cut"]) == ([], []), (scheme, width)
-                assert seen["wide"] <= width, (scheme, width)
-            fitted = "() => document.getElementById('report').contentDocument.body.offsetHeight"
-            height = page.locator("#report").evaluate("e => e.clientHeight")
-            assert height >= page.evaluate(fitted)
+        page.set_viewport_size({"width": width, "height": 900})
+        page.wait_for_timeout(300)
+        for frame in page.frames:
+            seen = frame.evaluate(OVERLAPS)
+            assert seen["texts"] > 4
+            assert (seen["overlaps"], seen["cut"]) == ([], []), (scheme, width)
+            assert seen["wide"] <= width, (scheme, width)
+        fitted = "() => document.getElementById('report').contentDocument.body.offsetHeight"
+        height = page.locator("#report").evaluate("e => e.clientHeight")
+        assert height >= page.evaluate(fitted)
     page.add_style_tag(content=WIDE)
     assert page.evaluate(OVERLAPS)["overlaps"] == []
     view.__exit__()
@@ -208,12 +207,15 @@ def test_in_a_browser_narrow_wide_light_and_dark(view, browser, hostile):
     page.close()
 
 
-def _address(stream, found):
-    for line in stream:
-        found.append(line)
-        if "page: open " in line:
-            return line.partition("page: open ")[2].split()[0]
-    raise AssertionError("".join(found))
+def kinds_on(stream):
+    """Yield the kinds of events of the page whose address is printed on a stream."""
+    (address,) = itertools.islice((line for line in stream if "page: open " in line), 1)
+    port = int(address.partition("page: open ")[2].split()[0].rstrip("/").rpartition(":")[2])
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
+    connection.request("GET", "/events")
+    for line in iter(connection.getresponse().readline, b""):
+        if line.startswith(b"data: "):
+            yield json.loads(line[6:])["kind"]
 
 
 def test_press_serves_the_page_and_is_undisturbed(command_server, tmp_path, bare):
@@ -221,17 +223,10 @@ def test_press_serves_the_page_and_is_undisturbed(command_server, tmp_path, bare
     words = ("press", "--scene", bare, "--seed", 1, "--warm-up", 0, "--out", "out", "--page")
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with command_server.start(*words, cwd=tmp_path, **pipes) as process:
-        address = _address(process.stderr, [])
-        port = int(address.rstrip("/").rpartition(":")[2])
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
-        connection.request("GET", "/events")
-        answer, kinds = connection.getresponse(), queue.Queue()
-        for line in iter(answer.readline, b""):
-            if line.startswith(b"data: "):
-                kinds.put(json.loads(line[6:])["kind"])
+        kinds = set(kinds_on(process.stderr))
         _, message = process.communicate(timeout=100)
     assert process.returncode == 0, message
-    assert {"stage", "samples", "made"} <= set(kinds.queue)
+    assert {"stage", "samples", "made"} <= kinds
     assert len(list((tmp_path / "out").glob("press-*.mcap"))) == 1
     assert "warning" not in message
 
@@ -241,13 +236,8 @@ def test_ctrl_c_ends_watch_with_its_page(command_server, write_session, tmp_path
     write_session(tmp_path / "evening", 1)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with command_server.start("watch", "evening", "--page", cwd=tmp_path, **pipes) as process:
-        address = _address(process.stdout, [])
-        port = int(address.rstrip("/").rpartition(":")[2])
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
-        connection.request("GET", "/events")
-        answer = connection.getresponse()
-        while b'"kind": "report"' not in answer.readline():
-            pass
+        kinds = kinds_on(process.stdout)  # which stays connected
+        assert "report" in kinds
         process.send_signal(signal.SIGINT)
         out, message = process.communicate(timeout=100)
     assert process.returncode == 0, message

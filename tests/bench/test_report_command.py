@@ -71,22 +71,22 @@ def test_a_folder_without_a_manifest(write_session, tmp_path, capsys):
     assert "AGAIN" not in page
 
 
-def test_a_custom_scene_is_on_the_page(started, write_session, capsys):
-    scene = load_scene("ideal").model_copy(update={"step": 7e-4}).model_dump_json()
-    write_session(started.path, 3, session=started.session, scene=scene)
-    _, page = page_of(started.path, capsys)
-    assert "--scene scene.toml" in page
-    assert scene in page
-
-
-@pytest.mark.parametrize(("level", "named"), [("elastica", "ideal"), ("beam", "scene.toml")])
-def test_a_packaged_scene_is_named_unless_it_has_another_level(
-    started, write_session, capsys, level, named
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"plectrum": "elastica"}, "ideal"),
+        ({"plectrum": "beam"}, "scene.toml"),
+        ({"step": 7e-4}, "scene.toml"),
+    ],
+)
+def test_the_scene_is_on_the_page_and_a_packaged_one_is_named(
+    started, write_session, capsys, changes, named
 ):
-    scene = load_scene("ideal").model_copy(update={"plectrum": level}).model_dump_json()
+    scene = load_scene("ideal").model_copy(update=changes).model_dump_json()
     write_session(started.path, 3, session=started.session, scene=scene)
     _, page = page_of(started.path, capsys)
     assert f"--scene {named} " in page
+    assert scene in page
 
 
 def test_an_unreadable_plan_is_a_warning(started, write_session, capsys):

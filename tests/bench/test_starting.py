@@ -44,8 +44,8 @@ def test_init_writes_a_rig_that_plans(sautereau, tmp_path):
         (["press", "--scene", "idea", "--out", "x"], "ideal", 1),
     ],
 )
-def test_the_nearest_name_is_suggested(sautereau, words, meant, status):
-    done = sautereau(*words)
+def test_the_nearest_name_is_suggested(refusal, words, meant, status):
+    done = refusal(*words)
     assert done.returncode == status
     assert re.search(rf"[Dd]id you mean ['\"]?{meant}", done.stderr)
 

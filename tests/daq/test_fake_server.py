@@ -26,7 +26,7 @@ from nidaqmx._stubs import nidaqmx_pb2 as messages
 from sautereau.daq.source.source import open_source
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.load import load_rig_to_acquire
-from tests.budget import amount
+from tests.budget import amount, slow
 from tests.daq.declared import declared_class
 from tests.daq.fake_server import OFFSET, STEP, Act, Call, Coded, FakeServer
 
@@ -514,15 +514,15 @@ def judged(command_server, card: FakeServer, folder: Path, call: Call, fault: st
     return [f"{call}, {fault}: {what}" for what in found]
 
 
-# The number of a call: 1 the first one, 0 each of that name.
+# The number of a call: 1 the first one, 0 each of that name. Some reads are tested quickly below.
 QUICK = [
     ("ReadBinaryI16", 2, "one short"),
-    ("ReadBinaryI16", 2, "one long"),
+    slow("ReadBinaryI16", 2, "one long"),
     ("ReadBinaryI16", 2, "status 200010"),
     ("ReadBinaryI16", 2, "code 200010"),
     ("ReadBinaryI16", 2, "code -50405"),
     ("ReadBinaryI16", 2, "-200284 after 128, 256 of 512 numbers"),
-    ("ReadAnalogF64", 2, "nan at 511"),
+    slow("ReadAnalogF64", 2, "nan at 511"),
     ("GetTimingAttributeDouble SAMP_CLK_RATE", 0, "is nan"),
     ("GetChanAttributeDouble AI_RNG_LOW", 0, "is nan"),
     ("GetChanAttributeDouble AI_FILTER_DELAY", 0, "is nan"),

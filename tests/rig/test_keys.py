@@ -58,9 +58,8 @@ def test_decimal_commas_and_the_packaged_rig(keys, paper):
     assert key.rig.arm == paper.arm
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
+FAULTS = {
+    "keys.csv": [
         ("", ["no column `key`"]),
         ("\nkey,overlap\n", ["no column `key`"]),
         ("key,overlap\n", ["no key"]),
@@ -70,17 +69,7 @@ def test_decimal_commas_and_the_packaged_rig(keys, paper):
         ("key,overlap [mm]\nc,0.2\nd,9\ne,x\n", ["line 3: d: ", "9 mm is not less", "line 4: e"]),
         ("key,plectrum.outline\nc,none.csv\n", ["line 2: c: plectrum.outline: outline file"]),
     ],
-)
-def test_faults_of_a_csv_name_line_and_key(keys, text, said):
-    with pytest.raises(RigError, match="table of keys") as caught:
-        keys(text)
-    for word in said:
-        assert word in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
+    "keys.toml": [
         ("keys = 3\nbench = 4", ["bench: unknown key", "no table of a key"]),
         ("[keys]\nc = 3", ["no table of a key"]),
         ('[keys.c]\nname = "d"\n', ["line 1: c: name: that of a key"]),
@@ -90,10 +79,15 @@ def test_faults_of_a_csv_name_line_and_key(keys, text, said):
             ["c: plectrum.over", "strin"],
         ),
     ],
+}
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "said"), [(file, *each) for file, cases in FAULTS.items() for each in cases]
 )
-def test_faults_of_a_toml_name_line_and_key(keys, text, said):
+def test_faults_name_line_and_key(keys, file, text, said):
     with pytest.raises(RigError, match="table of keys") as caught:
-        keys(text, "keys.toml")
+        keys(text, file)
     for word in said:
         assert word in str(caught.value)
 

@@ -5,7 +5,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as some
 from scipy.stats import chisquare
 
@@ -13,6 +13,7 @@ import sautereau as st
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.design import read_design
+from tests.budget import examples, slow
 
 RIG = load_rig()
 OVERLAPS = ["0.2 mm", "0.25 mm", "0.3 mm", "0.35 mm"]
@@ -27,7 +28,7 @@ def in_blocks(rows):
     return [(block, list(own)) for block, own in groupby(rows, lambda row: row.block)]
 
 
-@settings(deadline=None, max_examples=60)
+@examples(20, 100)
 @given(
     some.integers(1, 4), some.integers(1, 3), some.integers(1, 3), some.integers(1, 3),
     some.integers(0, 2**64 - 1),
@@ -49,7 +50,7 @@ def test_every_combination_in_random_order_within_blocks(overlaps, speeds, repea
     assert documents(design.rows(RIG)) == documents(rows)
 
 
-@settings(deadline=None, max_examples=40)
+@examples(15, 100)
 @given(some.data())
 def test_more_repeats_and_levels_continue_what_is_planned(data):
     first = st.design({"overlap": OVERLAPS[:2], "jack_speed": SPEEDS[:2]}, 2, seed=1).rows(RIG)
@@ -64,9 +65,10 @@ def test_more_repeats_and_levels_continue_what_is_planned(data):
     assert all(len(levels) == 1 for levels in held)
 
 
-def test_all_orders_are_equally_probable():
-    """Of 3 speeds, each of the 6 orders; p > 1e-4 for 400 seeds."""
-    design = [st.design({"jack_speed": SPEEDS}, seed=seed).rows(RIG) for seed in range(400)]
+@pytest.mark.parametrize("seeds", [150, slow(1000)])
+def test_all_orders_are_equally_probable(seeds):
+    """Of 3 speeds, each of the 6 orders, with p > 1e-4."""
+    design = [st.design({"jack_speed": SPEEDS}, seed=seed).rows(RIG) for seed in range(seeds)]
     orders = Counter(tuple(row.levels["jack_speed"] for row in rows) for rows in design)
     assert len(orders) == 6
     assert chisquare(list(orders.values())).pvalue > 1e-4

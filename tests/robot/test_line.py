@@ -31,16 +31,16 @@ def test_a_refused_command_is_named_with_its_code(line):
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
-def test_an_unknown_code_names_the_reference(line):
-    refused, _ = line(("XX", "?"), ("TC1", "150 Odd\r\n:"))
-    with pytest.raises(CommandRefused, match="look up code 150 under TC"):
-        refused.ask("XX")
-
-
-@pytest.mark.parametrize("answer", ["?", "what\r\n:", "\r\n:"])
-def test_a_refusal_without_a_code(line, answer):
+@pytest.mark.parametrize(
+    ("answer", "error", "said"),
+    [
+        ("150 Odd\r\n:", CommandRefused, "look up code 150 under TC"),
+        *((text, GarbledAnswer, "TC1") for text in ("?", "what\r\n:", "\r\n:")),
+    ],
+)
+def test_a_refusal_with_an_unknown_code_or_without_one(line, answer, error, said):
     refused, _ = line(("XX", "?"), ("TC1", answer))
-    with pytest.raises(GarbledAnswer, match="TC1"):
+    with pytest.raises(error, match=said):
         refused.ask("XX")
 
 

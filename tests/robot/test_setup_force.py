@@ -16,6 +16,7 @@ from sautereau.rig.errors import UsageError
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.units import GRAVITY
 from sautereau.robot.errors import RobotError
+from sautereau.robot.experiment.setup import force
 from sautereau.robot.experiment.setup.force import proof_of, prove_force
 from sautereau.robot.experiment.setup.tap import tap_key
 from sautereau.sim_backend.bench import StandIn
@@ -28,6 +29,12 @@ MASS = 0.05  # kg
 WEIGHT = Weight.model_validate({"mass": "50 g", "cut": "1.0003 s"})
 SENSORS = load_scene("paper").sensors
 RATE = 51_200
+
+
+@pytest.fixture(autouse=True)
+def _short(monkeypatch):
+    """Record for 2 s, which contain all that is used on both sides of a cut at 1 s."""
+    monkeypatch.setattr(force, "HANGING", 2.0)
 
 
 class Operator:

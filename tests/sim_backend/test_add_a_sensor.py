@@ -55,33 +55,31 @@ def test_a_third_channel_is_recorded(follow, monkeypatch, capsys):
     assert channel.scale == pytest.approx(np.radians(20))
 
 
-def test_its_scale_has_the_dimension_of_its_quantity(follow):
-    follow(PAGE)
-    Path("rig.toml").write_text(
-        _with_channel().replace("20 deg/s/V", "20 mm/s/V"), encoding="utf-8"
-    )
-    with pytest.raises(RigError, match=r'give a quantity in rad/s/V such as "10 deg/s/V'):
-        load_rig("rig.toml")
+def write_rig(scale="20 deg/s/V"):
+    app(["init", "start.toml"])
+    texts = [Path(name).read_text(encoding="utf-8") for name in ("start.toml", "channel.toml")]
+    rig = "".join(texts).replace("20 deg/s/V", scale)
+    Path("rig.toml").write_text(rig, encoding="utf-8")
 
 
-def test_an_unknown_quantity_is_refused_by_its_name(follow):
-    follow(PAGE, installed=False)
-    Path("rig.toml").write_text(_with_channel(), encoding="utf-8")
-    with pytest.raises(
-        RigError, match=r"'angular_velocity' is unknown; .* known: velocity, force, "
-    ):
+@pytest.mark.parametrize(
+    ("scale", "installed", "said"),
+    [
+        ("20 mm/s/V", True, r'give a quantity in rad/s/V such as "10 deg/s/V'),
+        ("20 deg/s/V", False, r"'angular_velocity' is unknown; .* known: velocity, force, "),
+    ],
+)
+def test_a_scale_of_another_dimension_and_an_unknown_quantity_are_refused(
+    follow, scale, installed, said
+):
+    follow(PAGE, installed=installed)
+    write_rig(scale)
+    with pytest.raises(RigError, match=said):
         load_rig("rig.toml")
 
 
 def test_a_quantity_that_nothing_simulates_is_refused_by_the_stand_in(follow):
     follow(PAGE, MEASURED)
-    Path("rig.toml").write_text(_with_channel(), encoding="utf-8")
+    write_rig()
     with pytest.raises(SceneError, match=r"channels\.2\.quantity: .*'angular_velocity' is unknown"):
         Bench(load_rig("rig.toml"), load_scene("ideal"))
-
-
-def _with_channel():
-    app(["init", "start.toml"])
-    return Path("start.toml").read_text(encoding="utf-8") + Path("channel.toml").read_text(
-        encoding="utf-8"
-    )
