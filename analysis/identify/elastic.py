@@ -18,7 +18,7 @@ equation of motion of the key is integrated, so damped modes cannot diverge.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -28,7 +28,7 @@ from sautereau.analysis.identify.observed import SUBSTEPS, WINDOW, Observed
 from sautereau.analysis.identify.parameters import INERTIA, MODE, Parameter
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.string.string import ModalString
-from sautereau.rig.instrument import Choir, String
+from sautereau.rig.instrument import String
 from sautereau.trajectory.motion import Floats
 
 SHAPES = {"key": (-0.6, -0.6), "second": (0.8, -0.35), "cloth": (-2.5, -2.5)}
@@ -289,8 +289,11 @@ class HeldString:
     """The quasi-static pluck."""
     vibration: float
     """Vibration of the string divided by that of an undamped string."""
-    slope: float
-    """N/m, mean slope of the force on the height."""
+
+    @cached_property
+    def slope(self) -> float:
+        """N/m, mean slope of the force on the height."""
+        return float(self.pluck.vertical_force[-1]) / self.pluck.release_height
 
     def force(self, height: Floats, behind: Floats) -> Floats:
         """Return the downward force [N] on a jack.
@@ -319,16 +322,6 @@ class HeldString:
             own = _response(self.string, self.slope, step, size)  # pyright: ignore
             found[first:] = np.convolve(push[first:], own[:count])[:count]
         return self.vibration * found
-
-
-def held_string(choir: Choir, pluck: Pluck, vibration: float) -> HeldString:
-    """Return the held string of a choir.
-
-    Args:
-        vibration: Vibration of the string divided by that of an undamped string.
-    """
-    slope = float(pluck.vertical_force[-1]) / pluck.release_height
-    return HeldString(choir.string, pluck, vibration, slope)
 
 
 @lru_cache(maxsize=32)

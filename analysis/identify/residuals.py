@@ -238,7 +238,7 @@ def _strings(
     for choir in held:
         key, pluck = key_of(rig, choir), choir_pluck(choir, level)
         height = choir.jack.string_clearance + late * pluck.release_height
-        string = elastic.held_string(choir, pluck, values.get(parameters.VIBRATION, 0.0))
+        string = elastic.HeldString(choir.string, pluck, values.get(parameters.VIBRATION, 0.0))
         found.append(_String(choir, key, string, float(angle_of_rise(key, height))))
     return found
 

@@ -125,11 +125,9 @@ def pluck_of(plectrum: Plectrum, string: String, level: str) -> Pluck:
     kept = _kept(plectrum, string, level)
     if not kept:
         solve_together([(plectrum, string, level)])
-    found = kept[0]
-    if isinstance(found, ModelError):
-        kept.clear()
-        raise found
-    return found
+    if isinstance(kept[0], ModelError):
+        raise kept.pop()
+    return kept[0]
 
 
 @lru_cache(maxsize=128)

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.independent import Choir as IndependentChoir
 from benchmarks.independent.elastica import static_pluck
-from sautereau.analysis.identify.elastic import held_string
+from sautereau.analysis.identify.elastic import HeldString
 from sautereau.analysis.identify.residuals import ITERATIONS
 from sautereau.analysis.model.choirs import choir_pluck, choirs
 from sautereau.analysis.model.modal_pluck import modal_pluck
@@ -17,7 +17,7 @@ RIG = with_values(load_rig(), {"plectrum.contact": "surface"})
 def _force(rig, height, step, vibration):
     """Return the force of the string at heights of the jack at steps of time."""
     choir = choirs(rig)[0]
-    held = held_string(choir, choir_pluck(choir), vibration)
+    held = HeldString(choir.string, choir_pluck(choir), vibration)
     behind = np.zeros_like(height)
     for _ in range(1 + ITERATIONS):
         force = held.force(height, behind)
