@@ -220,9 +220,8 @@ class EventFit:
         slopes, always = partial(self._slopes, orders), np.ones(1, dtype=bool)
         found = minimise(states, evaluate, slopes, lambda *_: always, bounded, longest, 1e-3)
         _, residuals, factors, _ = found.found
-        diagonal = (
-            np.diagonal(found.normal, axis1=1, axis2=2) * 1e-9 + 1e-9
-        )  # for columns that no sample determines
+        # For columns that no sample determines.
+        diagonal = np.diagonal(found.normal, axis1=1, axis2=2) * 1e-9 + 1e-9
         inverse = np.linalg.inv(found.normal + diagonal[:, None] * np.eye(len(low) + events))
         left = residuals[:, :, : self.load.shape[1]]
         deviations = found.chi2 - (left**2).sum((1, 2))

@@ -18,12 +18,7 @@ from sautereau.analysis.phases.identity import with_strings
 from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.settings import SETTINGS, PhaseSettings
-from sautereau.analysis.phases.signals import (
-    SPIKE,
-    Signals,
-    signals_of,
-    way_down,
-)
+from sautereau.analysis.phases.signals import SPIKE, Signals, signals_of, way_down
 from sautereau.analysis.remark import divided
 from sautereau.daq.signals.calibration import median, robust_std
 from sautereau.trajectory.key import key_motion

@@ -18,13 +18,13 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
+from scipy.sparse import csr_array
 
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
 HOPS = 6  # Blocks of samples in a width
 ORDER = 8  # Number of boxcars of the spline
-REACH = -(-(ORDER * HOPS + 1) // (HOPS // 2))  # Rows over which a kernel extends
 TERMS = {
     "v1": 0.4,
     "F2": 1.5e-5,
@@ -66,10 +66,11 @@ class Slow:
         start, stop = np.searchsorted(self.hops, signals.time[[begin, end]])
         self.inertial = signals.inertial
         self.time, self.step = self.hops[start : stop : HOPS // 2], self.hop * (HOPS // 2)
-        # Each stretch of as many blocks as a kernel has gives `REACH` rows, with the next stretch.
-        stretches = np.arange(-(-len(self.time) // REACH) + 1)[:, None] * REACH * (HOPS // 2)
-        places = int(start) - ORDER * HOPS // 2 + stretches + np.arange(REACH * (HOPS // 2))
-        self._places = np.clip(places, 0, hops - 1)
+        places = np.arange(start, stop, HOPS // 2)[:, None] + np.arange(ORDER * HOPS + 1)
+        self._places = np.clip(places - ORDER * HOPS // 2, 0, hops - 1)
+        """Blocks that are part of a row, shape (n, blocks)."""
+        self._smoothing: dict[int, csr_array] = {}
+        """Of each derivative the matrix that makes rows of blocks."""
         force, velocity = means(signals.force), means(signals.velocity)
         self._rise, self._speed = means(signals.rise), means(signals.speed)
         self._slow_force = uniform_filter1d(force - force[0], 2 * HOPS + 1, mode="nearest")
@@ -95,11 +96,14 @@ class Slow:
             signal: Shape (blocks,) or (blocks, k).
             derivative: Its order.
         """
-        near, far = _weights(derivative)
-        stretches = signal.T[..., self._places]
-        rows = stretches[..., :-1, :] @ near + stretches[..., 1:, :] @ far
-        rows = rows.reshape(*signal.shape[1:], rows.shape[-2] * REACH)[..., : len(self.time)]
-        return rows.T / self.width**derivative
+        if derivative not in self._smoothing:
+            rows, size = self._places.shape
+            weights = np.tile(_kernel(derivative) / self.width**derivative, rows)
+            ends = np.arange(0, rows * size + 1, size)
+            self._smoothing[derivative] = csr_array(
+                (weights, self._places.ravel(), ends), shape=(rows, len(self.hops))
+            )
+        return self._smoothing[derivative] @ signal
 
     def load(self, compliance: float) -> Floats:
         """Return the load [N] for a compliance k [s^2]."""
@@ -117,22 +121,6 @@ class Slow:
     def speed(self) -> Floats:
         """Return the jack's speed [m/s]."""
         return self.smooth(self._speed)
-
-
-@lru_cache
-def _weights(derivative: int) -> tuple[Floats, Floats]:
-    """Return the weights of a stretch of blocks, and of the next one, in the rows of the first.
-
-    A row is a product of kernel and blocks; `REACH` rows at once are a product of matrices.
-
-    Returns:
-        Both of shape (blocks, rows), for a width of 1.
-    """
-    kernel, hop = _kernel(derivative), HOPS // 2
-    places = np.arange(2 * REACH * hop)[:, None] - hop * np.arange(REACH)
-    inside = (places >= 0) & (places < len(kernel))
-    weights = np.where(inside, kernel[np.clip(places, 0, len(kernel) - 1)], 0.0)
-    return weights[: REACH * hop], weights[REACH * hop :]
 
 
 @lru_cache
