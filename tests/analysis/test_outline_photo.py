@@ -178,7 +178,7 @@ BAD = {
     "many objects": (_bad_canvas("dots"), "objects"),
     "a hair": (_bad_canvas("hair"), "cut off|fold"),
     "upright": (_bad_canvas("upright"), "upright"),
-    "two plectra": (_bad_camera(_twice), "2 objects"),
+    "two plectra": (_bad_camera(_twice, jack=False), "2 objects"),
     "tip cut off": (_bad_camera(_cut), "cut off"),
     "lower side cut off": (_bad_camera(_lower_half, jack=False), "cut off|wrong clamp|no clamp"),
     "low contrast": (_bad_camera(dark=(0.77, 0.8), noise=0.002), "low contrast"),
