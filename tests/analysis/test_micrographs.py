@@ -149,7 +149,7 @@ def test_many_micrographs(tmp_path):
     within, covered, warned = [], [], 0
     for number in range(CASES):
         pixel, true, seen, warnings = case(number, tmp_path)
-        warned += bool(warnings)
+        warned += any("specks" not in own for own in warnings)  # Dust is seen, and no fault
         own, _ = errors(true, seen, "fe")
         _, exact = errors(true, seen, "elastica")
         factor = 1 if pixel <= FINE else 3
