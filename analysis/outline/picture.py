@@ -1,8 +1,8 @@
 """The contour of the one object in a photograph, at sub-pixel accuracy.
 
 Brightness is put on a scale of 0 on the background and 1 on the object, with a polynomial of the
-position for each, so that uneven light moves no edge: the contour is its level 1/2, where a blurred
-straight edge lies.
+position for each, and near the edge with what the background shows there, so that neither uneven
+light nor a shadow moves it: the contour is its level 1/2, where a blurred straight edge lies.
 """
 
 from dataclasses import dataclass
@@ -27,6 +27,7 @@ BLUR = 6.0  # Pixels; a larger standard deviation of the edge is out of focus
 _POWERS = ((0, 0), (0, 1), (1, 0), (0, 2), (1, 1), (2, 0))
 """Powers of row and column in the polynomial of the light. The object, which is flat, has the first
 four."""
+BESIDE = 8.0  # Pixels, standard deviation of the window in which a shadow is measured
 BORDER = 2.0  # Pixels from the picture's edge within which an object continues beyond it
 
 
@@ -92,6 +93,8 @@ def silhouette(image: Floats) -> Silhouette:
         share = np.nan_to_num((image - outside) / span, posinf=0.0, neginf=0.0)
     _check_contrast(span, share)
     smooth = gaussian_filter(np.clip(share, -1, 2), SMOOTHING)
+    beside = _beside(smooth)
+    smooth = gaussian_filter(np.clip((share - beside) / (1 - beside), -1, 2), SMOOTHING)
     numbers = np.asarray(label(smooth > 0.5))
     regions = sorted(regionprops(numbers), key=lambda region: -region.area)
     if not regions or regions[0].area < LEAST_AREA * image.size:
@@ -123,7 +126,7 @@ def silhouette(image: Floats) -> Silhouette:
     x, y = contour.T
     if x @ np.roll(y, -1) > np.roll(x, -1) @ y:  # clockwise as displayed
         contour = contour[::-1]
-    blur, level_std = _edge(share, smooth, contour)
+    blur, level_std = _edge(smooth, contour)
     noise = _noise(share)
     if blur > BLUR:
         raise AnalysisError(
@@ -188,6 +191,31 @@ def _light(image: Floats) -> tuple[Floats, Floats]:
     return np.asarray(inside, float), np.asarray(outside, float)
 
 
+def _beside(smooth: Floats) -> Floats:
+    """Return the level that the background has at the contour, at every pixel near it.
+
+    A shadow is no polynomial of the position. Beyond what the blur mixes, a line over the distance
+    from the contour is fitted in a Gaussian window around the pixel.
+    """
+    from scipy.ndimage import distance_transform_edt, gaussian_filter
+
+    down, right = np.gradient(smooth)
+    slopes = np.hypot(down, right)[np.abs(smooth - 0.5) < 0.1]
+    steep = float(np.median(slopes)) if len(slopes) else 1.0
+    mixed = 3 * min(1 / (np.sqrt(2 * np.pi) * steep), BLUR)
+    away = np.asarray(distance_transform_edt(smooth < 0.5), float) - 0.5
+    own = (away > mixed) & (away < mixed + 3 * BESIDE)
+    weight, x, z, xx, xz = (
+        np.asarray(gaussian_filter(own * term, BESIDE), float)
+        for term in (np.ones_like(away), away, smooth, away**2, away * smooth)
+    )
+    seen = weight > 1e-3
+    x, z, xx, xz = (np.where(seen, m, 0) / np.where(seen, weight, 1) for m in (x, z, xx, xz))
+    # 1 square pixel keeps the line level where the window shows a narrow strip of background. A
+    # level of 1/2 or more would be no background.
+    return np.clip(z - x * (xz - x * z) / (xx - x**2 + 1), -0.45, 0.45)
+
+
 def _fitted(terms: Floats, image: Floats, within: NDArray[np.bool_]) -> Floats:
     """Return the least-squares coefficients, without the pixels that are far off."""
     design, values = terms[:, within].T, image[within]
@@ -217,7 +245,7 @@ def _check_contrast(span: Floats, share: Floats) -> None:
         )
 
 
-def _edge(share: Floats, smooth: Floats, contour: Floats) -> tuple[float, float]:
+def _edge(smooth: Floats, contour: Floats) -> tuple[float, float]:
     """Return the edge's blur, and the uncertainty of its level's position, in pixels.
 
     The level is uncertain by what the polynomials of the light leave, and by the distance between
@@ -229,7 +257,7 @@ def _edge(share: Floats, smooth: Floats, contour: Floats) -> tuple[float, float]
     tangent = np.roll(contour, -3, 0) - np.roll(contour, 3, 0)
     length = np.hypot(*tangent.T)
     normal = np.column_stack([tangent[:, 1], -tangent[:, 0]]) / np.maximum(length, 1e-9)[:, None]
-    rows, columns = share.shape
+    rows, columns = smooth.shape
     reach = 6.0
     x, y = contour.T
     far = (x > reach) & (y > reach) & (x < columns - 1 - reach) & (y < rows - 1 - reach)

@@ -408,9 +408,8 @@ class Prediction(Result):
         return [
             *lines,
             f"finger: {_shown('release_force', found.release_force)}{first},"
-            f" {_shown('peak_force', found.peak_force)}, {_shown('work', found.work)}"
-            + " (all strings)"
-            * several,
+            f" {_shown('peak_force', found.peak_force)},"
+            f" {_shown('work', found.work)}{' (all strings)' * several}",
             f"{QUANTITIES['v_osc'].label}{first}: {found.v_osc:.4g} m/s (all modes);"
             f" largest velocity of the first mode alone: {first_mode:.3g} m/s",
             *(f"warning: {warning}" for warning in found.warnings),

@@ -17,6 +17,7 @@ from sautereau.daq.file.recorded import Block
 from sautereau.rig.load import load_rig
 from sautereau.robot.experiment.monitor import Fault, Feed, Made, Samples, Stage
 from tests.bench.test_report_browser import CHROMIUM, OVERLAPS, WIDE
+from tests.budget import slow
 
 RIG = load_rig()
 HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
@@ -164,7 +165,14 @@ def browser():
         browser.close()
 
 
-def test_in_a_browser_narrow_wide_light_and_dark(view, browser, hostile):
+@pytest.mark.parametrize(
+    "looks",
+    [
+        ((1280, "light"), (800, "dark"), (390, "light"), (390, "dark")),
+        slow((1280, "dark"), (800, "light")),
+    ],
+)
+def test_in_a_browser_narrow_wide_light_and_dark(view, browser, hostile, looks):
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     faults, loaded = [], []
     page.on("console", lambda message: faults.append(message.text))
@@ -185,7 +193,7 @@ def test_in_a_browser_narrow_wide_light_and_dark(view, browser, hostile):
     page.get_by_text("the newest 2 of 2").wait_for()
     report.locator("html[data-ready=yes]").wait_for()
     assert HOSTILE in page.locator("#faults").inner_text()
-    for width, scheme in ((1280, "light"), (800, "dark"), (390, "light"), (390, "dark")):
+    for width, scheme in looks:
         page.emulate_media(color_scheme=scheme)
         page.set_viewport_size({"width": width, "height": 900})
         page.wait_for_timeout(300)
