@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.convert.document import Document, digest, sha256, volts_name
+from sautereau.daq.convert.document import Document, digest, volts_name
 from sautereau.daq.convert.formats import Columns, ImportSource, open_source, refuse_missing
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolve_options
@@ -29,6 +29,7 @@ from sautereau.daq.file.recorded import (
 )
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
+from sautereau.rig import disk
 from sautereau.rig.acquisition import MEASURED, Channel
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
@@ -84,7 +85,7 @@ def import_file(
         names = [channel.name for channel in rig.daq.channels] if rig else []
         columns = [options.column.get(n, n) for n in names if n not in options.without]
         source = open_source(path, options, columns + ([options.time] if options.time else []))
-        origin = f"imported from {path.name}, sha256 {sha256(path)}"
+        origin = f"imported from {path.name}, sha256 {disk.digest(path)}"
         if source.document is not None:
             if given := options.given():
                 names = ", ".join("--" + name.replace("_", "-") for name in given)

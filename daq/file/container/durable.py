@@ -151,8 +151,9 @@ class DurableFile:
         """
         self.path = Path(path)
         self.part_path = self.path.with_name(self.path.name + ending)
-        if ending != PART:
-            self.part_path.unlink(missing_ok=True)
+        with self.writing():
+            if ending != PART:
+                self.part_path.unlink(missing_ok=True)
         for taken in (self.path, self.part_path):
             if os.path.lexists(taken) and not may_replace(taken):
                 raise RecordingError(
@@ -219,6 +220,23 @@ class DurableFile:
                     f" overwritten; this recording is in {self.part_path}: rename that file"
                 ) from error
             sync_folder(self.path.parent)
+
+    @contextmanager
+    def made(self) -> Iterator[BinaryIO]:
+        """Yield the stream of a file that is made of others, which still exist.
+
+        It gets its name at the end of the context; after an error it is removed.
+        """
+        try:
+            with self.writing():
+                yield self.stream
+            self.close()
+            self.publish()
+        except BaseException:
+            self.abandon()
+            with suppress(OSError):  # the first error is reported
+                self.part_path.unlink(missing_ok=True)
+            raise
 
 
 class RecordingFile(DurableFile):
