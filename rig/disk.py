@@ -377,6 +377,10 @@ class _Named(FileIO):
         except OSError as error:
             raise _named(error, self._path) from error
 
+    def close(self) -> None:
+        with suppress(OSError):  # nothing is lost of what was read
+            super().close()
+
 
 def open_to_append(path: Path) -> TextIO:
     """Open a regular file, or a new one, to append text; a device or a pipe is refused.

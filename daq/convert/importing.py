@@ -312,7 +312,7 @@ def _write(
     plan: Plan | None = None,
     joints: Joints | None = None,
 ) -> None:
-    """Write a recording; after an error delete it.
+    """Write a recording; after an error none is left: the samples are in the file it is made of.
 
     Args:
         volts: V, shape (n_channels, n_samples).
@@ -339,22 +339,15 @@ def _write(
         monotonic=lambda: 0.0,
         ending=ENDING,
     )
-    opened = False
-    try:
-        with recording:
-            opened = True
-            for at in range(0, volts.shape[1], rig.daq.block):
-                recording.write_block(Block(first + at, volts[:, at : at + rig.daq.block]))
-            if plan is not None:
-                recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
-            if joints is not None:
-                recording.write_joints(joints)
-            for event in events:
-                recording.event(event.kind, event.text, event.time, event.std)
-    except BaseException:
-        if opened:  # the samples are in the imported file
-            recording.part_path.unlink(missing_ok=True)
-        raise
+    with recording:
+        for at in range(0, volts.shape[1], rig.daq.block):
+            recording.write_block(Block(first + at, volts[:, at : at + rig.daq.block]))
+        if plan is not None:
+            recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
+        if joints is not None:
+            recording.write_joints(joints)
+        for event in events:
+            recording.event(event.kind, event.text, event.time, event.std)
 
 
 OF_ALL = ("imported", "warning")  # Events about all samples of a file

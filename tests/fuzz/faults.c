@@ -73,7 +73,9 @@ static int fails(const char *operation, const char *path) {
     strncat(full, path, PATH_MAX - strlen(full));
     path = full;
   }
-  int found = !strncmp(path, folder, strlen(folder)) && fails_here(operation, path);
+  size_t n = strlen(folder);
+  int below = !strncmp(path, folder, n) && (!path[n] || path[n] == '/');
+  int found = below && fails_here(operation, path);
   inside = 0;
   if (!found) errno = before;
   return found;
@@ -86,7 +88,7 @@ static int fails_of(const char *operation, int file) {
   snprintf(link, sizeof link, "/proc/self/fd/%d", file);
   ssize_t length = readlink(link, path, PATH_MAX);
   errno = before;
-  if (length < 0) return 0;
+  if (length < 0 || *path != '/') return 0; /* no file */
   path[length] = 0;
   return fails(operation, path);
 }
