@@ -37,8 +37,7 @@ from sautereau.rig.errors import require
 if TYPE_CHECKING:
     import pyarrow as pa
 
-Format = Literal["parquet", "csv", "h5", "wav", "tdms"]
-"""Formats, by their file extensions."""
+Format = Literal["parquet", "csv", "h5", "wav", "tdms"]  # Formats, by their file extensions
 ENDING = ".exporting.part"  # Appended to the name of an exported file until it is complete
 TIME = "time [s]"  # Name of the column of times after the trigger
 JOINT_UNITS = {"jack_rise": "m", "m1": "N m", "m2": "N m"}

@@ -186,7 +186,7 @@ class Surroundings:
             for path in re.findall(r"(?m)^@ \w+ \w+ 1 (.*)$", notes)
             for part in (final_name(Path(path)), Path(path).parent.name)
         }
-        partly = fail.startswith(("read", "open"))  # an input that is left out is reported
+        partly = fail.startswith(("read", "open"))  # an input that is omitted is reported
         self._judge(name, folder, known, status, text, f"{name}, {fail}", named, partly)
         return text
 
