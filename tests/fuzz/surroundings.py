@@ -86,7 +86,7 @@ SITUATIONS = {
         f"{name}={value}": Situation(environment={name: value})
         for name, value in (
             ("LC_ALL", "C"), ("LC_ALL", "xx_YY.UTF-8"), ("LC_ALL", "de_DE.ISO-8859-1"),
-            ("PYTHONIOENCODING", "ascii"), ("PYTHONUTF8", "0"), ("PYTHONOPTIMIZE", "2"),
+            ("PYTHONIOENCODING", "ascii"), ("PYTHONUTF8", "0"), ("PYTHONOPTIMIZE", "1"),
             ("HOME", NO_FOLDER), ("HOME", "/dev/null"), ("HOME", None), ("XDG_CACHE_HOME", "/proc"),
             ("TMPDIR", NO_FOLDER), ("MPLCONFIGDIR", NO_FOLDER), ("TERM", None), ("PATH", None),
             ("COLUMNS", "1"), ("TZ", "nowhere"), ("PYTHONUNBUFFERED", "1"),
