@@ -79,7 +79,11 @@ class Registry:
         )
 
     def _provided(self) -> EntryPoints:
-        return _installed(self.group, (*sys.path, str(Path.cwd())))
+        try:
+            here = str(Path.cwd())
+        except FileNotFoundError:  # it was removed, and `sautereau` will say so
+            here = ""
+        return _installed(self.group, (*sys.path, here))
 
     def _load(self, point: EntryPoint) -> Any:
         try:

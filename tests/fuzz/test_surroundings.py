@@ -44,7 +44,7 @@ def test_a_file_may_have_any_name(bare, name):
     bare.named("init OUT.toml", "", name)
 
 
-@pytest.mark.parametrize("where", ["umask 0777", "ascii", "no streams"])
+@pytest.mark.parametrize("where", ["umask 0777", "ascii", "no streams", "no folder"])
 def test_a_command_starts_in_any_environment(bare, where):
     bare.situation("init", where)
 
