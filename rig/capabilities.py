@@ -63,8 +63,7 @@ def capabilities_of(rig: "Rig") -> Capabilities:
     return CONTROLLERS.get(rig.controller.kind)(rig).capabilities
 
 
-PVT = frozenset({"PV", "BT"})
-"""Commands, and operands, of motions with position, velocity and time."""
+PVT = frozenset({"PV", "BT"})  # Commands, and operands, of motions with position, velocity and time
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from importlib import resources
-from io import BufferedReader
+from io import BufferedReader, FileIO
 from pathlib import Path
-from typing import BinaryIO, TextIO
+from typing import Any, BinaryIO, TextIO
 
 from sautereau.rig.errors import SautereauError
 
@@ -187,7 +187,7 @@ def _prefix(path: Path) -> str:
 
 
 def _named(error: OSError, path: Path) -> OSError:
-    """Return an error about ``path``, not about the random name beside it."""
+    """Return an error about ``path``: not about the random name beside it, nor about no file."""
     return type(error)(error.errno, why_unwritable(error), str(path))
 
 
@@ -247,14 +247,15 @@ def sync_folder(folder: Path) -> None:
     """
     if os.name != "posix":
         return
-    entry = os.open(folder, os.O_RDONLY)
     try:
-        os.fsync(entry)
+        entry = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(entry)
+        finally:
+            os.close(entry)
     except OSError as error:
         if error.errno not in _NO_SYNC:
-            raise
-    finally:
-        os.close(entry)
+            raise _named(error, folder.absolute()) from error
 
 
 def need_open_files(count: int = 64) -> None:
@@ -354,7 +355,31 @@ def open_regular(path: Path) -> BufferedReader:
     Raises:
         OSError: It cannot be opened, or is not a regular file.
     """
-    return os.fdopen(_regular(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)), "rb")
+    return BufferedReader(_Named(_regular(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)), path))
+
+
+class _Named(FileIO):
+    """A file to read, whose errors name it: those of the system do so only where it is opened."""
+
+    def __init__(self, entry: int, path: Path):
+        super().__init__(entry, "rb")
+        self._path = path
+
+    def readinto(self, buffer: Any) -> int:
+        try:
+            return super().readinto(buffer)
+        except OSError as error:
+            raise _named(error, self._path) from error
+
+    def readall(self) -> bytes:
+        try:
+            return super().readall()
+        except OSError as error:
+            raise _named(error, self._path) from error
+
+    def close(self) -> None:
+        with suppress(OSError):  # nothing is lost of what was read
+            super().close()
 
 
 def open_to_append(path: Path) -> TextIO:

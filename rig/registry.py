@@ -79,7 +79,15 @@ class Registry:
         )
 
     def _provided(self) -> EntryPoints:
+<<<<<<< HEAD
         return _installed(self.group, tuple(map(os.path.abspath, sys.path)))
+=======
+        try:
+            here = str(Path.cwd())
+        except FileNotFoundError:  # it was removed, and `sautereau` will say so
+            here = ""
+        return _installed(self.group, (*sys.path, here))
+>>>>>>> wt-labs
 
     def _load(self, point: EntryPoint) -> Any:
         try:

@@ -3,7 +3,7 @@
 Most of the second that a command takes is imports. Each command is a process with its own
 folder, environment and streams; only its start differs from `python -m sautereau`.
 
-python forked.py serve SOCKET       be the server
+python forked.py serve SOCKET       be the server; `bare` instead starts sooner, and imports little
 python forked.py run SOCKET WORDS   run `sautereau WORDS`, for the shell of a page
 python forked.py start SOCKET FILE WORDS    the same; the command's process id goes to FILE
 
@@ -40,12 +40,14 @@ ROOT = Path(__file__).parents[1]
 class CommandServer:
     """Runs commands of `sautereau`; a context manager. `path` is the server's socket."""
 
-    def __init__(self, path: str):
-        self.path = path
+    def __init__(self, path: str, imports: bool = True, **environment: str):
+        self.path, self._environment = path, environment
+        self._what = "serve" if imports else "bare"
 
     def __enter__(self) -> "CommandServer":
-        command = [sys.executable, __file__, "serve", self.path]
+        command = [sys.executable, __file__, self._what, self.path]
         environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
+        environment |= self._environment
         self._process = subprocess.Popen(command, env=environment)
         return self
 
@@ -110,17 +112,24 @@ def project_modules() -> list[str]:
     return found
 
 
-def serve(path: str) -> None:
-    """Fork for every client until SIGTERM."""
+def serve(path: str, imports: bool = True) -> None:
+    """Fork for every client until SIGTERM, or until the process that has started it ends."""
+    import ctypes
     import gc
     import importlib
 
     import sautereau.commands.app  # noqa: F401 (limits the threads of BLAS before it is loaded)
+    from sautereau.rig.load import load_rig
 
-    for name in (*SLOW, *project_modules()):
-        importlib.import_module(name)
-    _use()
+    load_rig()
+    if imports:
+        for name in (*SLOW, *project_modules()):
+            importlib.import_module(name)
+        _draw()
+        _use()
     gc.freeze()
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(path)
     listener.listen()
@@ -210,7 +219,7 @@ def run(
 
 def _connect(client: socket.socket, path: str) -> None:
     """Connect to the server as soon as it has imported everything."""
-    for _ in range(1200):
+    for _ in range(6000):
         try:
             return client.connect(path)
         except (FileNotFoundError, ConnectionRefusedError):
@@ -219,8 +228,8 @@ def _connect(client: socket.socket, path: str) -> None:
 
 
 def _main(what: str, path: str, *words: str) -> int:
-    if what == "serve":
-        serve(path)
+    if what in ("serve", "bare"):
+        serve(path, what == "serve")
     if what == "run":
         return run(path, list(words), [0, 1, 2])
 

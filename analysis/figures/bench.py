@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from sautereau.analysis.figures import parts
 from sautereau.analysis.figures.artists import Artists, draw_head, draw_pose
-from sautereau.analysis.figures.palette import ARM, FELT, GRAIN, LASER, METAL, PRESSED
+from sautereau.analysis.figures.palette import ARM, FELT, GRAIN, LASER, METAL, PRESSED, literal
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.press.replay import ChoirMotion, at_rest
 from sautereau.rig.schema import Rig
@@ -62,6 +62,7 @@ def bench_figure(rig: Rig, trajectory: Trajectory) -> Figure:
         f'Rig {rig.name}, hold "{rig.press.hold}": the bench to scale, at rest and (dashed) at a'
         f" jack rise of {rise.max() * 1e3:.4g} mm"
     )
+    literal(figure)
     return figure
 
 

@@ -26,6 +26,7 @@ from sautereau.analysis.figures.palette import (
     SERIES,
     SEVERAL,
     how_made,
+    literal,
     stamp,
 )
 from sautereau.analysis.figures.parts import arm_parts, bench_parts, fixed_parts, string_parts
@@ -88,6 +89,7 @@ def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Panel]]:
         fontsize=10,
     )
     stamp(figure, press.simulated, 80)
+    literal(figure)
 
     for part in parts:
         part.show(0)

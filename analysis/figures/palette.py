@@ -7,6 +7,8 @@ tritanopia; lines differ in their dashes as well, areas in their hatching, point
 
 from typing import TYPE_CHECKING
 
+from sautereau.rig.disk import as_text
+
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
@@ -49,6 +51,15 @@ LEAST_DIFFERENCE = 10.0  # In CAM02-UCS, of a group's colours; 1 is just noticea
 def how_made(simulated: bool) -> str:
     """Return whether presses are simulated or measured, for a plot's title."""
     return "SIMULATED" if simulated else "measured"
+
+
+def literal(figure: "FigureBase") -> None:
+    """Draw all texts as they are: names of files and rigs are no formulas, and may be no UTF-8."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if (said := text.get_text()) != (drawn := as_text(said)) or "$" in said:
+            text.set(text=drawn, parse_math=False)
 
 
 def stamp(figure: "FigureBase", simulated: bool, size: float = 90) -> None:

@@ -7,6 +7,8 @@ from html import escape
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
+from sautereau.analysis.figures.palette import literal
+
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
@@ -103,5 +105,6 @@ def shown(figure: "Figure") -> "Figure":
         figure.savefig(buffer, format="png", dpi=100)
         return buffer.getvalue()
 
+    literal(figure)
     figure._repr_png_ = png  # pyright: ignore[reportAttributeAccessIssue]
     return figure

@@ -22,8 +22,9 @@ from sautereau.daq.file.recorded import (
     session_from_metadata,
 )
 from sautereau.daq.signals.quality_flags import find_quality_flags
+from sautereau.rig import disk
 from sautereau.rig.acquisition import Channel
-from sautereau.rig.disk import explained, open_regular, read_limited
+from sautereau.rig.disk import explained, read_limited
 from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import fault_list
@@ -64,12 +65,6 @@ class Document:
     events: tuple[Event, ...]
 
 
-def sha256(path: Path) -> str:
-    """Return the SHA-256 of a file, in hexadecimal."""
-    with open_regular(path) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def digest(volts: Sequence[Signal]) -> str:
     """Return the SHA-256 of raw volts as little-endian doubles, one channel after another."""
     hashed = hashlib.sha256()
@@ -103,7 +98,7 @@ def document_text(recorded: Recorded, columns: dict[str, dict[str, str]]) -> str
     return json.dumps(
         {
             "format": FORMAT,
-            "source": {"name": recorded.path.name, "sha256": sha256(recorded.path)},
+            "source": {"name": recorded.path.name, "sha256": disk.digest(recorded.path)},
             "columns": columns,
             "full_scale": {c.name: full_scale(c) for c in recorded.rig.daq.channels},
             "t0_ns": recorded.t0_ns,

@@ -6,6 +6,7 @@ sampled, each with its start and rate.
 
 import io
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -36,8 +37,7 @@ from sautereau.rig.errors import require
 if TYPE_CHECKING:
     import pyarrow as pa
 
-Format = Literal["parquet", "csv", "h5", "wav", "tdms"]
-"""Formats, by their file extensions."""
+Format = Literal["parquet", "csv", "h5", "wav", "tdms"]  # Formats, by their file extensions
 ENDING = ".exporting.part"  # Appended to the name of an exported file until it is complete
 TIME = "time [s]"  # Name of the column of times after the trigger
 JOINT_UNITS = {"jack_rise": "m", "m1": "N m", "m2": "N m"}
@@ -98,23 +98,10 @@ def export(path: str | Path, to: Format, out: Path, *, raw: bool = False) -> lis
     document = document_text(recorded, {column.name: column.about for column in columns})
     ways = {"parquet": to_parquet, "csv": to_csv, "h5": to_hdf5, "wav": to_wav, "tdms": to_tdms}
     parts = ways[to](recorded, columns, document)
-    # After an error none of the files exists.
     files = {out.with_name(out.name + end): write for end, write in parts.items()}
-    opened: list[DurableFile] = []
-    try:
+    with ExitStack() as stack:  # the first file is the last to get its name
         for path, write in files.items():
-            file = DurableFile(path, ending=ENDING)
-            opened.append(file)
-            with file.writing():
-                write(file.stream)
-            file.close()
-    except BaseException:
-        for file in opened:
-            file.abandon()
-            file.part_path.unlink(missing_ok=True)
-        raise
-    for file in reversed(opened):
-        file.publish()
+            write(stack.enter_context(DurableFile(path, ending=ENDING).made()))
     return list(files)
 
 

@@ -18,30 +18,25 @@ from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.registry import Registry
 
+_OPENERS = {
+    "from_loggers:open_tdms": "tdms",
+    "from_tables:open_csv": "csv txt tsv dat asc prn log",
+    "from_loggers:open_wav": "wav",
+    "from_tables:open_parquet": "parquet",
+    "from_arrays:open_mat": "mat",
+    "from_arrays:open_numpy": "npy npz",
+    "from_arrays:open_lvm": "lvm",
+    "from_arrays:open_uff": "uff unv",
+    "from_arrays:open_xlsx": "xlsx",
+    "from_arrays:open_sound": "flac w64 aiff caf",
+    "from_arrays:open_mdf": "mf4 mdf",
+    "from_arrays:open_rosbag": "bag mcap db3",
+    "from_arrays:open_hdf5": "h5 hdf5",
+}
 FORMATS = Registry(
     "sautereau.import_formats",
     "import format",
-    {
-        "tdms": "sautereau.daq.convert.from_loggers:open_tdms",
-        **dict.fromkeys(
-            ("csv", "txt", "tsv", "dat", "asc", "prn", "log"),
-            "sautereau.daq.convert.from_tables:open_csv",
-        ),
-        "wav": "sautereau.daq.convert.from_loggers:open_wav",
-        "parquet": "sautereau.daq.convert.from_tables:open_parquet",
-        "mat": "sautereau.daq.convert.from_arrays:open_mat",
-        **dict.fromkeys(("npy", "npz"), "sautereau.daq.convert.from_arrays:open_numpy"),
-        "lvm": "sautereau.daq.convert.from_arrays:open_lvm",
-        **dict.fromkeys(("uff", "unv"), "sautereau.daq.convert.from_arrays:open_uff"),
-        "xlsx": "sautereau.daq.convert.from_arrays:open_xlsx",
-        **dict.fromkeys(
-            ("flac", "w64", "aiff", "caf"), "sautereau.daq.convert.from_arrays:open_sound"
-        ),
-        **dict.fromkeys(("mf4", "mdf"), "sautereau.daq.convert.from_arrays:open_mdf"),
-        **dict.fromkeys(("bag", "mcap", "db3"), "sautereau.daq.convert.from_arrays:open_rosbag"),
-        "h5": "sautereau.daq.convert.from_arrays:open_hdf5",
-        "hdf5": "sautereau.daq.convert.from_arrays:open_hdf5",
-    },
+    {end: f"{__package__}.{place}" for place, ends in _OPENERS.items() for end in ends.split()},
     RecordingError,
 )
 """Functions that open a file, by file extension in lower case, without the dot."""

@@ -7,6 +7,7 @@ import importlib.util
 import io
 import json
 import shutil
+import signal
 import subprocess
 import sys
 import weakref
@@ -31,7 +32,8 @@ READERS = "sautereau.daq.convert.readers"  # Program that reads a file
 HDF5_AT = (0, 512)  # Bytes before the HDF5 signature; MATLAB writes 512 of its own
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_VALUES = 100_000_000  # Limit of the numbers in all arrays of a file, which are read together
-LONGEST = 120  # s, limit of the time in which a file is read
+LONGEST = 120  # s, limit of the processor time in which a file is read
+HANGING = 20 * LONGEST  # s of real time, for a busy machine, and a disk that does not answer
 
 Array = np.ndarray[Any, Any]
 
@@ -137,18 +139,21 @@ def _read(kind: str, path: Path) -> Found:
     """Return the content of a file, read by a program of its own with limited memory and time."""
     with open_regular(path):  # no device, and no pipe
         pass
-    command = [sys.executable, "-P", "-m", READERS, kind, str(path), str(MOST_VALUES)]
-    fault = "its reader has ended"
+    limits = str(MOST_VALUES), str(LONGEST)
+    command = [sys.executable, "-P", "-m", READERS, kind, str(path), *limits]
+    fault, slow = "its reader has ended", "reading it takes longer than the limit"
     try:
-        run = subprocess.run(command, capture_output=True, check=True, timeout=LONGEST)
+        run = subprocess.run(command, capture_output=True, check=True, timeout=HANGING)
         with np.load(io.BytesIO(run.stdout), allow_pickle=False) as arrays:
             head, *found = (arrays[name] for name in arrays.files)
         names, about, document = json.loads(str(head))
         return dict(zip(names, found, strict=True)), about, document
     except subprocess.CalledProcessError as error:
         *_, fault = [fault, *error.stderr.decode(errors="replace").strip().splitlines()]
+        if -error.returncode == getattr(signal, "SIGXCPU", None):
+            fault = f"{slow} LONGEST = {LONGEST} s of processor time"
     except subprocess.TimeoutExpired:
-        fault = f"reading it takes longer than the limit LONGEST = {LONGEST} s"
+        fault = f"{slow} HANGING = {HANGING} s"
     raise RecordingError(
         f"it cannot be read as a {kind} file: {fault}; use a copy, or save it again"
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.convert.document import Document, digest, sha256, volts_name
+from sautereau.daq.convert.document import Document, digest, volts_name
 from sautereau.daq.convert.formats import Columns, ImportSource, open_source, refuse_missing
 from sautereau.daq.convert.options import ImportOptions
 from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolve_options
@@ -29,6 +29,7 @@ from sautereau.daq.file.recorded import (
 )
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
+from sautereau.rig import disk
 from sautereau.rig.acquisition import MEASURED, Channel
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
@@ -84,7 +85,7 @@ def import_file(
         names = [channel.name for channel in rig.daq.channels] if rig else []
         columns = [options.column.get(n, n) for n in names if n not in options.without]
         source = open_source(path, options, columns + ([options.time] if options.time else []))
-        origin = f"imported from {path.name}, sha256 {sha256(path)}"
+        origin = f"imported from {path.name}, sha256 {disk.digest(path)}"
         if source.document is not None:
             if given := options.given():
                 names = ", ".join("--" + name.replace("_", "-") for name in given)
@@ -311,7 +312,7 @@ def _write(
     plan: Plan | None = None,
     joints: Joints | None = None,
 ) -> None:
-    """Write a recording; after an error delete it.
+    """Write a recording; after an error none is left: the samples are in the file it is made of.
 
     Args:
         volts: V, shape (n_channels, n_samples).
@@ -338,22 +339,15 @@ def _write(
         monotonic=lambda: 0.0,
         ending=ENDING,
     )
-    opened = False
-    try:
-        with recording:
-            opened = True
-            for at in range(0, volts.shape[1], rig.daq.block):
-                recording.write_block(Block(first + at, volts[:, at : at + rig.daq.block]))
-            if plan is not None:
-                recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
-            if joints is not None:
-                recording.write_joints(joints)
-            for event in events:
-                recording.event(event.kind, event.text, event.time, event.std)
-    except BaseException:
-        if opened:  # the samples are in the imported file
-            recording.part_path.unlink(missing_ok=True)
-        raise
+    with recording:
+        for at in range(0, volts.shape[1], rig.daq.block):
+            recording.write_block(Block(first + at, volts[:, at : at + rig.daq.block]))
+        if plan is not None:
+            recording.write_plan(plan.t, plan.q1, plan.q2, plan.jack_rise)
+        if joints is not None:
+            recording.write_joints(joints)
+        for event in events:
+            recording.event(event.kind, event.text, event.time, event.std)
 
 
 OF_ALL = ("imported", "warning")  # Events about all samples of a file

@@ -139,10 +139,15 @@ class Recording:
             try:
                 self._close(file)
                 file.publish()
-            except RecordingError as fault:
-                if not (self.part_path.exists() or self._path.exists()):
+            except BaseException as fault:
+                file.abandon()
+                if file.kept and not (self.part_path.exists() or self._path.exists()):
                     fault.add_note(self._removed)
                 raise
+            return
+        if not file.kept:
+            self._opened = None
+            file.abandon()
             return
         if not self.part_path.exists():
             error.add_note(self._removed)

@@ -81,16 +81,8 @@ def recover(path: str | Path, out: str | Path | None = None) -> Recovery:
                 " copy of it, or press again"
             )
         damage = found.damage or "it is undamaged, but its press was aborted"
-        target = DurableFile(out, ending=ENDING)
-        try:
-            with target.writing():
-                _write(McapWriter(target.stream), file, found, path.name, damage)
-            target.close()
-            target.publish()
-        except BaseException:
-            target.abandon()
-            target.part_path.unlink(missing_ok=True)
-            raise
+        with DurableFile(out, ending=ENDING).made() as stream:
+            _write(McapWriter(stream), file, found, path.name, damage)
     return Recovery(
         source=path,
         path=out,

@@ -125,6 +125,7 @@ def main() -> None:
     as_json = "--json" in sys.argv
     _open_closed_streams()
     try:
+        _need_folder()
         status = app(print_error=False, exit_on_error=False)
     except CycloptsError as error:
         command = " ".join(["sautereau", *(error.command_chain or ())])
@@ -171,6 +172,16 @@ def _follows(error: Exception) -> bool:
     It does while a compiled module is loaded, and if the terminal of a progress bar is closed.
     """
     return isinstance(error, ImportError) or getattr(error, "errno", None) == errno.EIO
+
+
+def _need_folder() -> None:
+    """Refuse to run in a folder that was removed: no relative path means anything there."""
+    from sautereau.rig.errors import SautereauError
+
+    try:
+        Path.cwd()
+    except FileNotFoundError as error:
+        raise SautereauError("the working folder was removed; change to another one") from error
 
 
 def _open_closed_streams() -> None:

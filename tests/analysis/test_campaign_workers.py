@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from distributed import Client
 
-from benchmarks.campaign import cluster
+from benchmarks.campaign import OTHER, cluster
 from sautereau.analysis.campaign import run as campaign_run
 from sautereau.analysis.campaign import workers
 from sautereau.analysis.campaign.row import Source, read_batch
@@ -134,12 +134,6 @@ def test_workers_of_another_version_are_refused_by_name(address, monkeypatch):
             list(run_over(abs, [1], address))
     finally:
         workers.computed_by.cache_clear()
-
-
-OTHER = """
-from sautereau.analysis.campaign import workers
-workers.computed_by = lambda: "0.1 (code 123), numpy 1"
-"""
 
 
 @pytest.mark.slow

@@ -1,17 +1,26 @@
 """The colours of the plots, as readers with colour deficiencies see them."""
 
 import warnings
+from io import BytesIO
 from itertools import combinations
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 with warnings.catch_warnings():
     # Where the package was installed without its bytecode, Python compiles invalid escapes in it.
     warnings.simplefilter("ignore")
     from colorspacious import cspace_convert, deltaE
 
-from sautereau.analysis.figures.palette import DASHES, GROUPS, LEAST_DIFFERENCE, MARKERS, SERIES
+from sautereau.analysis.figures.palette import (
+    DASHES,
+    GROUPS,
+    LEAST_DIFFERENCE,
+    MARKERS,
+    SERIES,
+    literal,
+)
 from sautereau.analysis.report import figures
 
 ALL = {**GROUPS, "report": (*figures.COLOURS, figures.MODEL)}
@@ -38,3 +47,11 @@ def test_colours_of_one_plot_differ(group, deficiency):
 def test_lines_and_points_differ_without_colour():
     assert len({str(dashes) for dashes in DASHES}) == len(DASHES) == len(SERIES)
     assert len(set(MARKERS)) == len(MARKERS) >= len(SERIES)
+
+
+def test_names_in_a_plot_are_no_formulas_and_need_not_be_utf_8():
+    figure = Figure()
+    figure.suptitle("a$_$ \udcff.mcap")
+    literal(figure)
+    figure.savefig(BytesIO(), format="png")
+    assert figure.get_suptitle() == "a$_$ \\xff.mcap"

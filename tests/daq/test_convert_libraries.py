@@ -505,6 +505,31 @@ def test_a_reader_that_takes_too_much_memory_ends_in_a_sentence(tmp_path, monkey
         open_source(tmp_path / "a.npy")
 
 
+BUSY = """
+import sys, time
+from sautereau.daq.convert.readers.__main__ import limit
+limit(1e9, int(sys.argv[-1]))
+while "{name}" == "busy" or time.sleep(60):
+    pass
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="it limits no processor time")
+@pytest.mark.parametrize(("name", "limit"), [("busy", "LONGEST = 1 s of pro"), ("hung", "HANGING")])
+def test_the_limit_of_time_is_of_the_reader_and_not_of_a_busy_machine(
+    tmp_path, monkeypatch, name, limit
+):
+    (tmp_path / "reader.py").write_text(BUSY.format(name=name))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(from_arrays, "READERS", "reader")
+    monkeypatch.setattr(from_arrays, "LONGEST", 1)
+    if name == "hung":
+        monkeypatch.setattr(from_arrays, "HANGING", 3)
+    np.save(tmp_path / "a.npy", V)
+    with pytest.raises(RecordingError, match=limit):
+        open_source(tmp_path / "a.npy")
+
+
 def test_a_missing_library_is_named(tmp_path, monkeypatch):
     (tmp_path / "a.lvm").write_text(lvm())
     monkeypatch.setattr("sautereau.rig.errors.find_spec", lambda name: None)

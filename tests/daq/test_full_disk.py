@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from sautereau.daq.convert.importing import write_part
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.reading import read_recording
@@ -84,3 +85,18 @@ def test_each_fault_says_how_to_fix_it(tmp_path, code, how_to_fix):
     file.stream.close()
     assert how_to_fix in str(caught.value)
     assert f"is in {file.part_path}" in str(caught.value)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of the file size are POSIX's")
+@pytest.mark.parametrize("limit", [1, 1000, 5000, -300])
+def test_a_recording_that_is_made_of_another_file_leaves_nothing_behind(tmp_path, paper, limit):
+    complete, copy = tmp_path / "complete.mcap", tmp_path / "copy.mcap"
+    record(complete, paper)
+    recorded = read_recording(complete)
+    limit = limit if limit > 0 else complete.stat().st_size + limit
+    with pytest.raises(RecordingError) as caught, largest_file(limit):
+        write_part(recorded, 0, recorded.n_samples, copy, 1)
+    assert "raise the limit" in str(caught.value)
+    assert ".part" not in str(caught.value)
+    assert not hasattr(caught.value, "__notes__")
+    assert [path.name for path in tmp_path.iterdir()] == ["complete.mcap"]

@@ -6,7 +6,9 @@ import random
 import struct
 import wave
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -207,47 +209,48 @@ def of_npy(dice: random.Random) -> bytes:
     return file.getvalue()
 
 
-def of_mf4(dice: random.Random, folder: Path) -> bytes:
-    libraries.mdf(
-        path := folder / "made.mf4",
-        dice.choice(("4.10", "4.10", "3.30")),
-        dice.choice((0, 1, 2)),
-        **dice.choice(({}, {"a": 1e-3, "b": 1.0}, {"formula": "X * 2"})),
-    )
-    return path.read_bytes()
+def written(write: Callable[[Path], object], ending: str) -> bytes:
+    """Return what a library writes that writes files only."""
+    with TemporaryDirectory() as folder:
+        write(path := Path(folder) / f"made.{ending}")
+        return path.read_bytes()
 
 
-def of_bag(dice: random.Random, folder: Path) -> bytes:
+def of_mf4(dice: random.Random) -> bytes:
+    version, packed = dice.choice(("4.10", "4.10", "3.30")), dice.choice((0, 1, 2))
+    conversion = dice.choice(({}, {"a": 1e-3, "b": 1.0}, {"formula": "X * 2"}))
+    return written(lambda path: libraries.mdf(path, version, packed, **conversion), "mf4")
+
+
+def of_bag(dice: random.Random) -> bytes:
     text, kind = "float64 data\n", "std_msgs/msg/Float64"
     text = mutate.of_text(text, dice) if dice.random() < 0.3 else text
     kind = mutate.of_text(kind, dice) if dice.random() < 0.2 else kind
-    libraries.bag(path := folder / "made.mcap", text.encode("utf-8", "replace"), kind)
-    return path.read_bytes()
+    return written(lambda path: libraries.bag(path, text.encode("utf-8", "replace"), kind), "mcap")
 
 
-def of_db3(dice: random.Random, folder: Path) -> bytes:
-    (path := folder / "made.db3").unlink(missing_ok=True)
-    libraries.bag(path)
-    return path.read_bytes()
+def of_db3(dice: random.Random) -> bytes:
+    return written(libraries.bag, "db3")
 
 
-MAKERS = {"csv": of_csv, "parquet": of_parquet, "wav": of_wav, "tdms": of_tdms, "mat": of_mat,
-          "npz": of_npz, "npy": of_npy, "h5": of_h5, "lvm": of_lvm, "uff": of_uff, "xlsx": of_xlsx,
-          "flac": of_flac}  # fmt: skip
-WRITTEN = {"mf4": of_mf4, "mcap": of_bag, "db3": of_db3}
-"""The same for libraries that write files only: with a folder for them."""
-COLUMNS = {
-    "wav": "1",
-    "flac": "1",
-    "npy": "data(1)",
-    "lvm": "vel",
-    "uff": "1Z",
-    "xlsx": "vel (mm/s)",
-    "mf4": "vel",
-    "mcap": "/laser/data",
-    "db3": "/laser/data",
+MAKERS: dict[str, tuple[Callable[[random.Random], bytes], str]] = {
+    "csv": (of_csv, "v"),
+    "parquet": (of_parquet, "v"),
+    "wav": (of_wav, "1"),
+    "tdms": (of_tdms, "v"),
+    "mat": (of_mat, "v"),
+    "npz": (of_npz, "v"),
+    "npy": (of_npy, "data(1)"),
+    "h5": (of_h5, "v"),
+    "lvm": (of_lvm, "vel"),
+    "uff": (of_uff, "1Z"),
+    "xlsx": (of_xlsx, "vel (mm/s)"),
+    "flac": (of_flac, "1"),
+    "mf4": (of_mf4, "vel"),
+    "mcap": (of_bag, "/laser/data"),
+    "db3": (of_db3, "/laser/data"),
 }
-"""Column of the velocity; otherwise `v`."""
+"""What makes a file of a kind, and the column of its velocity."""
 
 
 class Imports:
@@ -259,8 +262,7 @@ class Imports:
     def case(self, dice: random.Random) -> str:
         kind, out = self._kind, self._folder / "out.mcap"
         out.unlink(missing_ok=True)
-        made = kind in WRITTEN
-        data = WRITTEN[kind](dice, self._folder) if made else MAKERS[kind](dice)
+        data = MAKERS[kind][0](dice)
         cut = None
         if kind == "csv" and dice.random() < 0.3:
             cut = dice.randrange(len(data))
@@ -286,7 +288,7 @@ class Imports:
         time = self._kind == "csv" and dice.random() < 0.5
         scale: Any = {"full_scale": {"velocity": "1 V"}} if wav else {"unit": {"velocity": "V"}}
         return ImportOptions(
-            column={"velocity": COLUMNS.get(self._kind, "v")},
+            column={"velocity": MAKERS[self._kind][1]},
             without=("force",),
             rate=None if self._kind in RATED or time else "1 kHz",
             time="t (s)" if time else None,

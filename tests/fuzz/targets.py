@@ -6,6 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+SURROUNDINGS = ("names", "environment", "calls", "clocks", "disks")
 _PLACES = {
     "recording": "recordings:Recordings",
     "lengths": "recordings:Lengths",
@@ -42,6 +43,7 @@ _PLACES = {
         ),
         "imports:Imports",
     ),
+    **dict.fromkeys(SURROUNDINGS, "surroundings:Surroundings"),
 }
 
 
@@ -56,7 +58,7 @@ def _make(name: str) -> Callable[[Path], Any]:
         return partial(import_module("tests.fuzz.protocols").make, name)
     module, kind = _PLACES[name].split(":")
     made = getattr(import_module(f"tests.fuzz.{module}"), kind)
-    return partial(made, kind=name) if kind == "Imports" else made
+    return partial(made, kind=name) if kind in ("Imports", "Surroundings") else made
 
 
 TARGETS = {name: partial(_make, name) for name in (*_PLACES, *_PROTOCOLS)}

@@ -154,6 +154,9 @@ COMMANDS = {
     "import": Command("import press-0001.csv press-0002.csv --out . --force", _same, _CSV),
     "report": Command("report session --force", _report, ("session",)),
     "split": Command("split long.mcap --out parts --force", _same, ("long.mcap",)),
+    "init": Command("init my-rig.toml", _same),
+    "phases": Command("phases ../inputs/session --plot phases.png --force", _same),
+    "package": Command("package session --out archive.zip --force", _same, ("session",)),
     "recover": Command("recover cut-off.mcap.part --force", _same, ("cut-off.mcap.part",)),
 }
 

@@ -14,6 +14,7 @@ from sautereau.rig.disk import (
     hold,
     make_folder,
     new_file,
+    open_regular,
     read_limited,
     sealed,
     unchanged,
@@ -191,3 +192,12 @@ def test_open_files_are_raised_to_what_is_needed_or_the_limit_is_named():
     assert raised == "(64, 80)"
     assert "allows this process 12 open files" in refused
     assert "ulimit -n 64" in refused
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the file is Linux's")
+def test_an_error_while_reading_names_the_file():
+    path = Path("/proc/self/mem")  # a regular file, whose first page is never there
+    with open_regular(path) as file, pytest.raises(OSError, match=str(path)):
+        file.read(1)
+    with pytest.raises(OSError, match=str(path)):
+        read_limited(path)

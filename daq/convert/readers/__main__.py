@@ -4,7 +4,7 @@ This is a program of its own, because the libraries crash, block their process o
 on some damaged files. The first array holds, as JSON, the names of the others, their properties in
 the file and the document of an export by sautereau.
 
-python -m sautereau.daq.convert.readers KIND FILE MOST_VALUES
+python -m sautereau.daq.convert.readers KIND FILE MOST_VALUES SECONDS
 """
 
 import io
@@ -31,14 +31,13 @@ READERS = {
 }
 """Function of this folder that reads a kind of file."""
 MEMORY = 0.5e9  # Bytes for the libraries themselves, besides the values and one copy of them
-LONGEST = 120  # s, limit of the processor time
 LONGEST_TEXT = 400  # Characters of a fault; rosbags repeats the definition of a message
 
 
 def main() -> None:
     """Read the file; a fault is the last line on standard error, and status 1."""
-    kind, path, most = sys.argv[1:]
-    limit(MEMORY + 16 * int(most))
+    kind, path, most, seconds = sys.argv[1:]
+    limit(MEMORY + 16 * int(most), int(seconds))
     module, _, function = READERS[kind].partition(":")
     try:
         with redirect_stdout(sys.stderr):  # asammdf prints what it ignores
@@ -54,13 +53,13 @@ def main() -> None:
     sys.stdout.buffer.write(file.getbuffer())
 
 
-def limit(memory: float) -> None:
-    """Limit memory (bytes) and processor time, where the system can."""
+def limit(memory: float, seconds: int) -> None:
+    """Limit memory (bytes) and processor time (s), where the system can."""
     try:
         import resource
     except ImportError:  # Windows
         return
-    for kind, value in ((resource.RLIMIT_DATA, memory), (resource.RLIMIT_CPU, LONGEST)):
+    for kind, value in ((resource.RLIMIT_DATA, memory), (resource.RLIMIT_CPU, seconds)):
         _, hard = resource.getrlimit(kind)
         most = int(value) if hard == resource.RLIM_INFINITY else min(int(value), hard)
         resource.setrlimit(kind, (most, hard))

@@ -151,8 +151,11 @@ class DurableFile:
         """
         self.path = Path(path)
         self.part_path = self.path.with_name(self.path.name + ending)
-        if ending != PART:
-            self.part_path.unlink(missing_ok=True)
+        self.kept = ending == PART
+        """Whether the unfinished file is kept after an error."""
+        with self.writing():
+            if not self.kept:
+                self.part_path.unlink(missing_ok=True)
         for taken in (self.path, self.part_path):
             if os.path.lexists(taken) and not may_replace(taken):
                 raise RecordingError(
@@ -183,7 +186,7 @@ class DurableFile:
             raise RecordingError(
                 f"recording {self.path}: cannot be written: {reason}"
                 f"{'' if ';' in reason else '; check the disk'} and try"
-                f" again{left * self.part_path.exists()}"
+                f" again{left * (self.kept and self.part_path.exists())}"
             ) from error
 
     def sync(self) -> None:
@@ -204,9 +207,12 @@ class DurableFile:
                 self.stream.close()
 
     def abandon(self) -> None:
-        """Close a file that can no longer be written; its content so far is kept."""
+        """Close a file that can no longer be written; remove it if it is not `kept`."""
         with suppress(OSError):
             self.stream.close()
+        with suppress(OSError):
+            if not self.kept:
+                self.part_path.unlink(missing_ok=True)
 
     def publish(self) -> None:
         """Rename a closed file to its final name."""
@@ -214,11 +220,27 @@ class DurableFile:
             try:
                 give_name(self.part_path, self.path)
             except FileExistsError as error:
+                here = f"; this recording is in {self.part_path}: rename that file" * self.kept
                 raise RecordingError(
                     f"recording {self.path}: another program created it meanwhile, and it is not"
-                    f" overwritten; this recording is in {self.part_path}: rename that file"
+                    f" overwritten{here}"
                 ) from error
             sync_folder(self.path.parent)
+
+    @contextmanager
+    def made(self) -> Iterator[BinaryIO]:
+        """Yield the stream of a file that is made of others, which still exist.
+
+        It gets its name at the end of the context; after an error it is removed.
+        """
+        try:
+            with self.writing():
+                yield self.stream
+            self.close()
+            self.publish()
+        except BaseException:
+            self.abandon()
+            raise
 
 
 class RecordingFile(DurableFile):
@@ -287,5 +309,6 @@ class RecordingFile(DurableFile):
                 self._writer.add_metadata("end", end)
                 self._writer.finish()
             self.close()
-        finally:
+        except BaseException:
             self.abandon()
+            raise

@@ -1,0 +1,60 @@
+"""Commands with hostile names, environments, clocks, system calls that fail, and full disks."""
+
+import os
+import shutil
+import sys
+
+import pytest
+
+from tests.budget import amount, slow
+from tests.fuzz.surroundings import CODES, EVERYWHERE, NAMES, Surroundings
+from tests.fuzz.targets import SURROUNDINGS
+from tests.fuzz.test_fuzz import fuzzed
+
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="it reads /proc, and loads a library first"),
+    pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler"),
+]
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory):
+    """Commands that need no inputs."""
+    made = Surroundings(tmp_path_factory.mktemp("s"), "calls", imports=False)
+    yield made
+    made.close()
+
+
+def test_system_calls_of_a_command_may_fail(bare):
+    """One site of each operation fails; a wide run takes all commands, sites and codes."""
+    sites, codes, outcomes = dict(bare.known("init").sites), list(CODES), {}
+    for n, (operation, site) in enumerate(sites.items()):
+        outcomes[operation] = bare.fault("init", f"{operation} {site} {codes[n % len(codes)]} 0")
+    assert set(outcomes) >= {"open", "write", "fsync", "link", "close", "unlink"}
+    assert outcomes["write"]
+
+
+@pytest.mark.parametrize("fail", [EVERYWHERE[0], *map(slow, EVERYWHERE[1:])])
+def test_a_file_system_without_such_calls_is_no_fault(bare, fail):
+    assert bare.fault("init", f"{fail} 0") == ""
+
+
+@pytest.mark.parametrize("name", [NAMES[4], NAMES[6], *map(slow, NAMES)])
+def test_a_file_may_have_any_name(bare, name):
+    bare.named("init OUT.toml", "", name)
+
+
+@pytest.mark.parametrize("where", ["umask 0777", "ascii", "no streams", "no folder"])
+def test_a_command_starts_in_any_environment(bare, where):
+    bare.situation("init", where)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("kind", SURROUNDINGS)
+def test_a_wide_run(kind):
+    if kind == "disks" and os.geteuid():
+        pytest.skip("only root mounts a small disk")
+    count = amount(20, 200)
+    said = fuzzed(kind, "--first", "0", "--count", str(count), "--seconds", "3000")
+    assert f"{count} cases, 0 failed" in said
