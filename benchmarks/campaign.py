@@ -1,7 +1,10 @@
 """Campaigns: thousands of recordings on both cores and on a cluster, and their touch.
 
 Presses are simulated in this process and written by the recorder; beyond `MADE` they are copies,
-which take a campaign the same time.
+which take a campaign the same time. Three files of the folder are bad. A cluster loses a worker
+half-way, and another one has a worker of another version.
+
+`python -m benchmarks.campaign 3000 100` measures as many recordings, 100 of them different.
 """
 
 import os
@@ -9,27 +12,34 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from distributed import Client, LocalCluster
 
-from benchmarks.figures import Figure, check, timed
+from benchmarks.figures import Figure, check, table, timed
 from benchmarks.simulated import acquired
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.campaign.table import read_campaign
 from sautereau.analysis.campaign.touch import find_touch
+from sautereau.analysis.errors import AnalysisError
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.progress import progress_to
 from sautereau.rig.schema import Rig
 from sautereau.sim_backend.physics.observation import observe
 from sautereau.sim_backend.scene import Scene, load_scene
 
 RECORDINGS = 5000
 MADE = 250  # Number of different recordings
+FEW = 300  # Recordings, of which one takes as long as one of all
+SAME = 1.15  # Limit: processor time of a recording of all, as a multiple of that of `FEW`
+LOST = "a cluster of two that loses a worker"
 PLECTRA, SESSIONS = 10, 5
 PROCESSES = 2
 LIMIT = 60.0  # s, limit of the time for all recordings on two cores
@@ -37,35 +47,101 @@ SET_UP = 0.02  # 1, relative standard deviation of the overlap between set-ups
 CUTS = (0.42e-3, 0.54e-3), (0.22e-3, 0.32e-3)  # m, ranges of the plectra's thickness and overlap
 
 
-def run() -> list[Figure]:
-    """Return the time of a campaign here and on a cluster, and check that the tables are equal."""
+OTHER = """
+from sautereau.analysis.campaign import workers
+workers.computed_by = lambda: "0.1 (code 123), numpy 1"
+"""
+"""Preloaded by a worker, it makes its version another one."""
+
+
+def run(recordings: int = RECORDINGS, made: int = MADE) -> list[Figure]:
+    """Return times of a campaign here and on clusters, and check that the tables are equal."""
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name) / "recordings"
-        made = write_presses(folder, PLECTRA, SESSIONS, MADE // (PLECTRA * SESSIONS))
-        copy_presses(made, RECORDINGS)
+        place, folder = Path(name), Path(name) / "recordings"
+        paths = write_presses(folder, PLECTRA, SESSIONS, made // (PLECTRA * SESSIONS))
+        copy_presses(paths, recordings)
+        bad = spoil(folder, paths[0])
         times = {}
-        with cluster(PROCESSES) as (address, _):
-            for what, where in (("two cores", PROCESSES), ("a cluster of two", address)):
-                out = Path(name) / f"{what}.parquet"
-                times[what], _ = timed(run_campaign, folder, out, where)
-        tables = [read_campaign(Path(name) / f"{what}.parquet") for what in times]
-        check(tables[0].table.equals(tables[1].table), "the table of the cluster differs")
+        times["two cores"], _ = timed(run_campaign, folder, place / "two cores.parquet", PROCESSES)
+        here = read_campaign(place / "two cores.parquet")
+        faulty = [fault.source.path for fault in here.faults]
         check(
-            len(tables[0].table) == RECORDINGS and not tables[0].faults,
-            f"{len(tables[0].table)} of {RECORDINGS} recordings are in the table",
+            len(here.table) == recordings and faulty == bad,
+            f"{len(here.table)} of {recordings} recordings are in the table, and of {bad} {faulty}",
         )
-        again, _ = timed(run_campaign, folder, tables[0].path, PROCESSES)
-        touch, _ = timed(find_touch, tables[0])
+        for what, killed in ("a cluster of two", False), (LOST, True):
+            with cluster(PROCESSES) as (address, workers), progress_to(killing(workers[:killed])):
+                out = place / f"{what}.parquet"
+                times[what], _ = timed(run_campaign, folder, out, address)
+            there = read_campaign(out)
+            check(there.table.equals(here.table), f"the table of {what} differs")
+            check(there.faults == here.faults, f"{what} has other faults: {there.faults}")
+        check_mixed(folder, place)
+        costs = [cost(folder, place, most) for most in (8, FEW, recordings)]  # 8 to import all
+        again, _ = timed(run_campaign, folder, here.path, PROCESSES)
+        touch, _ = timed(find_touch, here)
+    reading, (_, few, many) = times["two cores"], costs
     figures = [
-        Figure(f"{RECORDINGS} recordings, {what}", seconds, "s", "limit", LIMIT)
+        Figure(f"{recordings} recordings, {what}", seconds, "s", "limit", LIMIT)
         for what, seconds in times.items()
+        if what != LOST
     ]
-    reading = times["two cores"]
     return [
         *figures,
+        Figure(f"{recordings} recordings, {LOST}", times[LOST], "s", "two cores", reading),
         Figure("the same, once read", again, "s", "reading them", reading),
         Figure("touch of these presses", touch, "s", "reading them", reading),
+        Figure("processor time of a recording", 1e3 * many, "ms", "limit", 1e3 * few * SAME),
     ]
+
+
+def spoil(folder: Path, path: Path) -> list[str]:
+    """Add three files that are no good recordings; return their names."""
+    whole = path.read_bytes()
+    changed = bytearray(whole)
+    changed[len(whole) // 2] ^= 0xFF
+    bad = {"changed.mcap": bytes(changed), "empty.mcap": b"", "foreign.mcap": b"t,v\n0,1\n" * 99}
+    for name, content in bad.items():
+        (folder / name).write_bytes(content)
+    return sorted(bad)
+
+
+def killing(processes: list[subprocess.Popen[bytes]]) -> Callable[[float], None]:
+    """Return what kills these processes when half of the work is done."""
+
+    def watch(fraction: float) -> None:
+        for process in processes:
+            if fraction >= 0.5 and process.poll() is None:
+                process.kill()
+
+    return watch
+
+
+def check_mixed(folder: Path, place: Path) -> None:
+    """Check that a cluster with a worker of another version is refused, and writes no table."""
+    (place / "other.py").write_text(OTHER)
+    out = place / "mixed.parquet"
+    with cluster(PROCESSES, "--preload", str(place / "other.py")) as (address, _):
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(PROCESSES, timeout=600)
+        try:
+            run_campaign(folder, out, address)
+            said = "nothing"
+        except AnalysisError as error:
+            said = str(error)
+    check("0.1 (code 123)" in said and not out.exists(), f"a mixed cluster: {said}")
+
+
+def cost(folder: Path, place: Path, most: int) -> float:
+    """Return the processor time per recording of a campaign of some of them, in one process, s."""
+    some = place / f"{most}"
+    for path in sorted(folder.rglob("press-*.mcap"))[:most]:
+        linked = some / path.relative_to(folder)
+        linked.parent.mkdir(parents=True, exist_ok=True)
+        linked.hardlink_to(path)
+    start = time.process_time()
+    run_campaign(some, some / "table.parquet")
+    return (time.process_time() - start) / most
 
 
 def write_presses(folder: Path, plectra: int, sessions: int, presses: int) -> list[Path]:
@@ -124,8 +200,6 @@ def cluster(workers: int, *options: str) -> Iterator[tuple[str, list[subprocess.
     Args:
         options: Further ones of the last worker.
     """
-    from distributed import LocalCluster
-
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
     with LocalCluster(n_workers=0, processes=True, dashboard_address=":0") as served:
         address = served.scheduler_address
@@ -140,3 +214,7 @@ def cluster(workers: int, *options: str) -> Iterator[tuple[str, list[subprocess.
             for process in processes:
                 process.terminate()
                 process.wait()
+
+
+if __name__ == "__main__":
+    print(table("Campaigns", run(*map(int, sys.argv[1:]))))
