@@ -125,7 +125,6 @@ def serve(path: str, imports: bool = True) -> None:
     if imports:
         for name in (*SLOW, *project_modules()):
             importlib.import_module(name)
-        _draw()
         _use()
     gc.freeze()
     if sys.platform == "linux":
