@@ -79,15 +79,11 @@ class Registry:
         )
 
     def _provided(self) -> EntryPoints:
-<<<<<<< HEAD
-        return _installed(self.group, tuple(map(os.path.abspath, sys.path)))
-=======
         try:
-            here = str(Path.cwd())
-        except FileNotFoundError:  # it was removed, and `sautereau` will say so
-            here = ""
-        return _installed(self.group, (*sys.path, here))
->>>>>>> wt-labs
+            path = tuple(map(os.path.abspath, sys.path))
+        except FileNotFoundError:  # the working folder was removed, and `sautereau` will say so
+            path = tuple(sys.path)
+        return _installed(self.group, path)
 
     def _load(self, point: EntryPoint) -> Any:
         try:

@@ -122,12 +122,14 @@ def pluck_of(plectrum: Plectrum, string: String, level: str) -> Pluck:
     Raises:
         ModelError: The level has no solution for them.
     """
-    kept = _kept(plectrum, string, level)
+    kept = _kept(plectrum, string, level)  # pyright: ignore[reportArgumentType]
     if not kept:
         solve_together([(plectrum, string, level)])
-    if isinstance(kept[0], ModelError):
-        raise kept.pop()
-    return kept[0]
+    (found,) = kept
+    if isinstance(found, ModelError):
+        kept.clear()
+        raise found
+    return found
 
 
 @lru_cache(maxsize=128)
@@ -143,7 +145,8 @@ def solve_together(cases: Iterable[tuple[Plectrum, String, str]]) -> None:
     """
     wanted, maps = [], []
     for plectrum, string, level in dict.fromkeys(cases):
-        if kept := _kept(plectrum, string, level):
+        kept = _kept(plectrum, string, level)  # pyright: ignore[reportArgumentType]
+        if kept:
             continue
         try:
             maps.append(string_map(plectrum, string, level))
