@@ -141,8 +141,12 @@ def measure(seen: Silhouette, given: Given, seed: int = 0) -> Measured:
     tilt = Known(-math.atan(face.slope), face.slope_std) if face else None
     if given.tilt:
         tilt = Known(given.tilt.value * sign[0], given.tilt.std)
-    axis = tilt and math.tan(tilt.value)
-    upside = sides.upside_down(float(clamp[0]), axis, given, warnings)
+    level, root = sides, clamp
+    if tilt:  # A leaning face hangs over the columns in front of the clamp
+        level = _Sides(_turned(seen.contour * sign, -tilt.value), seen.blur)
+        root = _turned(clamp, -tilt.value)
+    axis = 0.0 if tilt else None
+    upside = level.upside_down(float(root[0]), axis, given, warnings)
     tilt = tilt or sides.tilt(float(clamp[0]), upside)
     _check_tilt(tilt, warnings)
     placed = _turned(seen.contour * sign - clamp, -tilt.value) * [1, -1 if upside else 1]

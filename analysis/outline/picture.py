@@ -27,6 +27,7 @@ BLUR = 6.0  # Pixels; a larger standard deviation of the edge is out of focus
 _POWERS = ((0, 0), (0, 1), (1, 0), (0, 2), (1, 1), (2, 0))
 """Powers of row and column in the polynomial of the light. The object, which is flat, has the first
 four."""
+GREY, PART = 0.75, 0.02  # Level, and part of object or contour, that are doubted
 BESIDE = 8.0  # Pixels, standard deviation of the window in which a shadow is measured
 BORDER = 2.0  # Pixels from the picture's edge within which an object continues beyond it
 
@@ -84,7 +85,7 @@ def silhouette(image: Floats) -> Silhouette:
     Raises:
         AnalysisError: There is none, several, or none that can be measured; says why.
     """
-    from scipy.ndimage import gaussian_filter
+    from scipy.ndimage import distance_transform_edt, gaussian_filter
     from skimage.measure import find_contours, label, regionprops
 
     inside, outside = _light(image)
@@ -132,6 +133,20 @@ def silhouette(image: Floats) -> Silhouette:
         raise AnalysisError(
             f"out of focus: the edges are blurred by {blur:.1f} pixels, more than {BLUR:g}; focus"
             " on the plectrum's side"
+        )
+    depth = np.asarray(distance_transform_edt(numbers == largest.label), float)
+    grey = float(np.mean(smooth[depth > 3 * blur] < GREY)) if depth.max() > 3 * blur else 0.0
+    if grey > PART:
+        warnings.append(
+            f"{100 * grey:.0f} % of the object is nearly as bright as the background, as a shadow"
+            " or a reflection; light the plectrum from behind"
+        )
+    column, row = np.clip(np.round(contour).astype(int), 0, np.array(image.shape)[::-1] - 1).T
+    full = gaussian_filter((image >= 1).astype(float), 3 * blur)[row, column] > 0.25
+    if full.mean() > PART:
+        warnings.append(
+            f"overexposed: at {100 * full.mean():.0f} % of the contour the picture has full"
+            " brightness, which moves the edge; expose less"
         )
     return Silhouette(image, contour, blur, level_std, 1 / noise, tuple(warnings))
 

@@ -25,6 +25,7 @@ from sautereau.daq.convert.formats import Columns, ImportSource, refuse_rows
 from sautereau.daq.convert.from_tables import open_csv
 from sautereau.daq.convert.readers import MOST_COLUMNS, Found
 from sautereau.daq.errors import RecordingError
+from sautereau.daq.file.provenance import PROFILE
 from sautereau.rig.disk import new_file, open_regular
 from sautereau.rig.errors import require
 
@@ -131,8 +132,19 @@ open_sound = partial(_opened, kind="sound", what="sound file", extra="formats", 
 """A sound file other than WAV; as there, its values are fractions of full scale."""
 open_mdf = partial(_opened, kind="MDF", what="MDF", extra="mdf", library="asammdf")
 """ASAM's measurement data format; the channels of several groups have their numbers."""
-open_rosbag = partial(_opened, kind="ROS bag", what="ROS bag", extra="ros", library="rosbags")
-"""A bag of ROS; its columns are the numbers in the messages of each topic."""
+
+
+def open_rosbag(path: Path) -> ImportSource:
+    """Open a bag of ROS; its columns are the numbers in the messages of each topic.
+
+    Raises:
+        RecordingError: It is one of sautereau's own recordings, or as `_opened`.
+    """
+    with open_regular(path) as file:
+        own = PROFILE.encode() in file.read(64)  # In the header that every MCAP file begins with
+    if own:
+        raise RecordingError("it is a recording already: all commands take it as it is")
+    return _opened(path, kind="ROS bag", what="ROS bag", extra="ros", library="rosbags")
 
 
 def _read(kind: str, path: Path) -> Found:

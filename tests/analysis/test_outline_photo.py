@@ -178,6 +178,31 @@ def _lower_half(image, drawn):
     return image[: int(drawn.clamp[1]) + 20]
 
 
+def _ruler(image, drawn):
+    row = int(drawn.clamp[1] + 0.15 / drawn.pixel)
+    image[row : row + 120] = 0.2
+    return image
+
+
+def _doubled(image, drawn):
+    return (image + np.roll(image, (14, 9), (0, 1))) / 2
+
+
+def _broken(image, drawn):
+    column = int(drawn.clamp[0] + 1.5 / drawn.pixel)
+    image[:, column : column + 20] = 0.8
+    return image
+
+
+def _moved(image, drawn):
+    return np.mean([np.roll(image, i, 0) for i in range(25)], axis=0)
+
+
+def _finger(image, drawn):
+    image[int(drawn.clamp[1]) :, int(drawn.clamp[0] + 2.5 / drawn.pixel) :][:, :200] = 0.1
+    return image
+
+
 def _text(folder):
     (folder / "photo.png").write_text("no picture", encoding="utf-8")
     return folder / "photo.png", {"pixels_per_mm": "250"}
@@ -201,7 +226,8 @@ BAD = {
         _bad_camera(own=lambda d: {"clamp": clicked(d)}, tilt=math.radians(18), jack=False),
         "tilted by",
     ),
-    "tilted a little": (_bad_camera(tilt=math.radians(10)), "tilted by"),
+    # So high a face leans over more than half a thickness, and is not found.
+    "tilted a little": (_bad_camera(tilt=math.radians(10)), "tilted by|no face"),
     "clamp outside": (_bad_camera(own=lambda d: {"clamp": "-200,300"}), "outside the picture"),
     "clamp on the background": (
         _bad_camera(own=lambda d: {"clamp": clicked(d, (300, 200))}, jack=False),
@@ -223,13 +249,26 @@ BAD = {
     "another length": (_bad_camera(own=lambda d: {"length": "5.6 mm"}), "check the clamp"),
     "the wrong side up": (_bad_camera(own=lambda d: {"upper": "down"}), "cut from below"),
     "another scale": (_bad_camera(own=lambda d: {"pixels_per_mm": "40"}), "check the scale"),
+    "overexposed": (_bad_camera(exposure=3.0), "overexposed"),
+    "a shadow with a sharp edge": (
+        _bad_camera(shadow=0.5, shadow_at=(0.12, 0.2, 0.004)),
+        "as a shadow",
+    ),
+    "a defocused disc": (_bad_camera(defocus=14.0), "out of focus"),
+    "a ruler across": (_bad_camera(_ruler), "cut off"),
+    "dark by a vignette": (_bad_camera(light=(0.0, 0.0, -1.1)), "no clamp|cut off|contrast"),
+    "exposed twice": (_bad_camera(_doubled), "out of focus|as a shadow"),
+    "broken": (_bad_camera(_broken), "2 objects"),
+    "moved while exposed": (_bad_camera(_moved), "out of focus"),
+    "a finger at the tip": (_bad_camera(_finger), "cut off"),
+    "underexposed": (_bad_camera(exposure=0.04, noise=0.01), "low contrast"),
     "no picture": (_text, "cannot be read"),
 }
 
 
 QUICK = (
     "one brightness", "noise", "a disc", "many objects", "two plectra", "tip cut off",
-    "out of focus", "clamp outside", "no clamp", "another length", "no picture",
+    "out of focus", "overexposed", "clamp outside", "no clamp", "another length", "no picture",
 )  # fmt: skip
 
 

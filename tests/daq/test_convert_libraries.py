@@ -556,3 +556,8 @@ def test_text_tables_of_other_programs(tmp_path, name):
     assert [name.split()[0] for name in source.names] == ["t", "v"]
     assert t.tolist() == [0.0, 0.001]
     assert v.tolist() == [1.5, -2.5]
+
+
+def test_a_recording_of_ours_needs_no_import():
+    with pytest.raises(RecordingError, match="it is a recording already"):
+        open_source(Path(__file__).parents[1] / "data" / "format_1.mcap", ImportOptions())
