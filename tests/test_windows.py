@@ -466,7 +466,7 @@ def test_no_clock_with_steps_of_16_ms_is_used():
 @pytest.mark.usefixtures("windows")
 def test_limits_that_windows_has_not_are_not_set():
     need_open_files()
-    limit(1e9)
+    limit(1e9, 60)
 
 
 @pytest.mark.usefixtures("windows")

@@ -203,7 +203,8 @@ def _force_on_deflection(axes, sets: Sequence[_Set], prediction: Prediction, str
     axes.plot(deflection * 1e3, force, color=PREDICTED, ls="--", lw=2, label=label)
     which = f" with string {string}" * (len(prediction.choirs) > 1)
     below = f"deflection at the laser from contact{which} (mm)"
-    axes.set(xlabel=below, ylabel="finger force (N)")
+    unseen = any(f.unseen_force is not None for _, phases in sets for f in phases)
+    axes.set(xlabel=below, ylabel=f"finger force{', measured from that at rest' * unseen} (N)")
     axes.legend(loc="upper left")
 
 

@@ -103,8 +103,10 @@ def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tupl
             better = number == found > 0 and again.residual < searched.residual / 2
             if number > found or better:
                 slow, searched, found = finer, again, number
-            elif not searched.significant(least / 2) and (slight := again.significant(least / 2)):
-                searched = replace(searched, further=slight[0])  # it may be a pluck
+            elif searched.residual < FAIR and not searched.significant(least / 2):
+                # Of a poor fit a warning says so; here it may be a pluck.
+                slight = *again.significant(least / 2), searched.further
+                searched = replace(searched, further=slight[0])
     return slow, searched
 
 

@@ -144,7 +144,7 @@ def test_the_solver_of_tables_is_that_of_any_map(contact, friction):
     stiffness, overlap = np.array([string.static_stiffness]), np.array([plectrum.overlap])
     tabled, general = (
         solve_paths(Equilibria(plectra, stiffness, overlap), 33)
-        for plectra in (plectra_of(centre, plectrum.overlap), OnePlectrum(centre))
+        for plectra in (plectra_of([centre], overlap), OnePlectrum(centre))
     )
     assert tabled.status == general.status
     for one, other in zip(tabled.curves, general.curves, strict=True):

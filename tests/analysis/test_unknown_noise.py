@@ -35,7 +35,7 @@ def test_a_model_fits_if_the_noise_is_known(noise, reasons, fits, verdict):
 def test_a_ramp_without_rest(tmp_path, paper):
     """No press, and 125 mN are left: it is unknown whether the model fits."""
     n = 1000
-    signals = 0.05 * np.sin(np.pi * np.arange(n) / n) ** 2, np.linspace(0, 1, n)
+    signals = 0.005 * np.sin(np.pi * np.arange(n) / n) ** 2, np.linspace(0, 1, n)
     scales = [[paper.daq.channel(name).scale] for name in ("velocity", "force")]
     path = write_recording(tmp_path / "a.mcap", paper, np.array(signals) / scales)
     fit = Session([path]).identify(["plectrum.overlap"], starts=1)

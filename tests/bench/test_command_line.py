@@ -122,7 +122,7 @@ def test_press_phases_compare_info_on_the_stand_in(sautereau, rig_file, tmp_path
     again = sautereau(*words, "--out", "again")
     assert "Model error" in again.stdout
     shown = read_page("first-press.md").bodies("console")[0].splitlines()
-    assert "\n".join(shown[2:7]) in again.stdout
+    assert "\n".join(shown[2:8]) in again.stdout
 
     done = sautereau("compare", result["recordings"][0], "--plot", "figure.svg")
     assert "SIMULATED" in done.stdout

@@ -169,7 +169,7 @@ def browser():
     "looks",
     [
         ((1280, "light"), (800, "dark"), (390, "light"), (390, "dark")),
-        slow((1280, "dark"), (800, "light")),
+        slow(((1280, "dark"), (800, "light"))),
     ],
 )
 def test_in_a_browser_narrow_wide_light_and_dark(view, browser, hostile, looks):
