@@ -97,8 +97,11 @@ def write_durably(path: Path, data: str | bytes, *, replace: bool = False) -> No
 
 @contextmanager
 def replacing(paths: Iterable[Path]) -> Iterator[None]:
-    """Let new files take the names of these existing ones, in one step each, inside the context."""
-    token = _REPLACED.set(frozenset(path.absolute() for path in paths))
+    """Let new files take the names of these existing ones, in one step each, inside the context.
+
+    Inside another such context its files may be replaced, too.
+    """
+    token = _REPLACED.set(_REPLACED.get().union(path.absolute() for path in paths))
     try:
         yield
     finally:

@@ -16,6 +16,7 @@ from sautereau.rig.disk import (
     new_file,
     open_regular,
     read_limited,
+    replacing,
     sealed,
     unchanged,
     write_durably,
@@ -201,3 +202,14 @@ def test_an_error_while_reading_names_the_file():
         file.read(1)
     with pytest.raises(OSError, match=str(path)):
         read_limited(path)
+
+
+def test_what_may_be_replaced_may_be_so_inside_as_well(tmp_path):
+    """`package --out FILE --force` refuses nothing else in between."""
+    path = tmp_path / "a.zip"
+    path.write_text("old", encoding="utf-8")
+    with replacing([path]), replacing([]):
+        write_durably(path, "new")
+    assert path.read_text(encoding="utf-8") == "new"
+    with pytest.raises(FileExistsError):
+        write_durably(path, "newer")
