@@ -204,7 +204,7 @@ def _force_on_deflection(axes, sets: Sequence[_Set], prediction: Prediction, str
     which = f" with string {string}" * (len(prediction.choirs) > 1)
     below = f"deflection at the laser from contact{which} (mm)"
     unseen = any(f.unseen_force is not None for _, phases in sets for f in phases)
-    axes.set(xlabel=below, ylabel=f"finger force{', measured from that at rest' * unseen} (N)")
+    axes.set(xlabel=below, ylabel=f"finger force (N){'; recorded: above that at rest' * unseen}")
     axes.legend(loc="upper left")
 
 
