@@ -130,8 +130,19 @@ def _rigid_plucks(
     large = [release for _, release in found if release.fall > 0.1 * largest]
     if len(large) < len(found):  # between two plucks the key is free
         found = _contacts(strings, signals, rows.step, begin, large, rest, before)
-    # The force is that of the fit, as ringing makes the fall larger or smaller than the force.
-    return [(c, replace(r, fall=c.at_release, fall_std=c.force_std)) for c, r in found]
+    return [(contact, _with_force(contact, release)) for contact, release in found]
+
+
+def _with_force(contact: Contact, release: Release) -> Release:
+    """Return a release whose fall is the force of the fit, as ringing makes the fall differ.
+
+    Where nothing rings, a fall that differs from the force shows that the fit is wrong by as much.
+    """
+    apart = release.fall - contact.inertia * release.slowed - contact.at_release
+    # 1.4 is three standard deviations above 1.
+    wrong = apart if release.noise < 1.4 else 0.0
+    fall_std = math.hypot(contact.force_std, wrong)
+    return replace(release, fall=contact.at_release, fall_std=fall_std)
 
 
 def _explained(
