@@ -7,6 +7,8 @@ are counted separately.
 """
 
 from dataclasses import replace
+from itertools import compress
+from operator import not_
 
 import numpy as np
 
@@ -20,21 +22,18 @@ SOFT = range(120, 180)  # Benches with one soft part or none
 
 def run() -> list[Figure]:
     """Return how many results are claimed, and how many of the claimed ones are right."""
-    figures = []
-    for what, drawn in (
-        ("one soft part", map(soft_bench, SOFT)),
-        ("all random", map(random_bench, RANDOM)),
-    ):
-        every = list(drawn)
-        for kind in (True, False):
-            own = [c for c in every if _like_an_instrument(c) is kind]
-            name = f"{what}, plectrum {'like' if kind else 'unlike'} an instrument's"
-            figures += figures_of(name, outcomes(independent_cases(own)))
-    return figures
-
-
-def _like_an_instrument(c: Conditions) -> bool:
-    return all(choir.on_surface for choir in c.choirs)
+    drawn = [random_bench(number) for number in RANDOM]
+    on_surface = [all(choir.on_surface for choir in c.choirs) for c in drawn]
+    benches = {
+        "one soft part": map(soft_bench, SOFT),
+        "all random, string on the surface": compress(drawn, on_surface),
+        "all random, string on the mid-line": compress(drawn, map(not_, on_surface)),
+    }
+    return [
+        figure
+        for what, own in benches.items()
+        for figure in figures_of(what, outcomes(independent_cases(own)))
+    ]
 
 
 def soft_bench(number: int) -> Conditions:
