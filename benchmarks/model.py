@@ -4,7 +4,7 @@ import numpy as np
 
 from benchmarks.figures import Figure, check, median_time
 from sautereau.analysis.model.batch import predict_many
-from sautereau.analysis.model.choirs import pluck_of
+from sautereau.analysis.model.choirs import _kept
 from sautereau.analysis.model.plectrum.elastica import Elastica
 from sautereau.analysis.model.pluck.equilibria import Equilibria
 from sautereau.analysis.model.pluck.loaded import OnePlectrum
@@ -51,7 +51,7 @@ def _one(rig: Rig) -> list[Figure]:
     error = float(np.abs(force - pushed).max() / pushed[-1])
     duration = found.pluck_duration * rig.press.jack_speed
     error = max(error, abs(duration / exact.height[0, -1] - 1))
-    spent = median_time(lambda: (pluck_of.cache_clear(), predict(rig))) * 1e3
+    spent = median_time(lambda: (_kept.cache_clear(), predict(rig))) * 1e3
     return [
         Figure("one prediction, once warm", spent, "ms", "limit", 2.0),
         Figure("its error against the general equations", error, "1", "limit", SAME),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.figures import Figure, check, median_time
-from sautereau.analysis.model.choirs import pluck_of
+from sautereau.analysis.model.choirs import _kept
 from sautereau.analysis.model.modal_pluck import ModalPluck, modal_pluck
 from sautereau.analysis.model.predict import rig_pluck
 from sautereau.rig.load import load_rig
@@ -30,7 +30,7 @@ def _errors(rig: Rig, speed: float) -> list[Figure]:
     rig = rig.replaced({"press.jack_speed": speed})
     static, modal = rig_pluck(rig), modal_pluck(rig)
     static_time, modal_time = (
-        median_time(lambda pluck=pluck: (pluck_of.cache_clear(), pluck(rig)), RUNS)
+        median_time(lambda pluck=pluck: (_kept.cache_clear(), pluck(rig)), RUNS)
         for pluck in (rig_pluck, modal_pluck)
     )
     duration = static.release_height / speed
