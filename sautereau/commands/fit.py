@@ -80,6 +80,7 @@ def compare(
 
     Presses of different rigs, scenes or days are not pooled but compared separately. The plot
     has a row for each condition: its first presses in both sets, and the model of the first set.
+    Use --verbose to list remarks, which make no result doubtful.
 
     Parameters
     ----------
@@ -105,7 +106,7 @@ def compare(
     conditions = found.found.conditions
     if not (other or any(condition.comparison for condition in conditions)):
         raise AnalysisError("\n".join(w for condition in conditions for w in condition.warnings))
-    lines = [*([SOME_SIMULATED] * found.found.simulated), *found.lines()]
+    lines = [*([SOME_SIMULATED] * found.found.simulated), *found.lines(remarks=output.verbose)]
     if plot:
         save_plot(plot, found.plot())
     return output.answer(found.document | {"faults": faults}, lines, plot, faults)

@@ -54,7 +54,7 @@ def watch(
                 view.made([press.path for press in session], session.warnings, watched=True)
             if shown:
                 compared = session.compare(level=level)
-                output.say("\n".join(compared.lines(features=False)))
+                output.say("\n".join(compared.lines(features=False, remarks=False)))
             if n is not None and shown >= n:
                 break
     result = compared.document if compared else {"conditions": [], "simulated": False}

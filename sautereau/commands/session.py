@@ -128,7 +128,7 @@ class SessionReport(Observer):
             loops = session.position_loops
             result |= {"position_loops": loops and asdict(loops)}
             result |= {"picture": str(drawn[0])} if drawn else {}
-            lines += compared.lines(features=False)
+            lines += compared.lines(features=False, remarks=False)
             if loops and self._pressing.plan.rig.arm.servo_stiffness is None:
                 lines.append(
                     f"position loops: {loops}; for `plan` to predict the speed error, write them"

@@ -92,6 +92,16 @@ def test_a_press_without_a_pluck_is_named_where_others_have_one(four):
     assert "not compared: silent.mcap: no pluck was found" in "\n".join(condition.warnings)
 
 
+def test_remarks_of_the_presses_are_counted_or_listed(four):
+    press = four[1][0]
+    remarked = replace(press, phases=replace(press.phases, remarks=("hum", "drift")))
+    found = Comparison(analyse([remarked, *four[1][1:]]))
+    of_others = sum(len(one.remarks) for one in (*four[1][1:], remarked))
+    assert any(line == f"remark: {press.press.path}: hum" for line in found.lines())
+    (said,) = (line for line in found.lines(remarks=False) if "remark" in line)
+    assert said.startswith(f"{of_others} remarks")
+
+
 def test_presses_without_an_arm_have_no_plan_to_repeat(four):
     imported = varied(four[1], controller="imported from a.csv", daq="imported from a.csv")
     (condition,) = analyse(imported).conditions
