@@ -207,8 +207,13 @@ def test_in_a_browser_narrow_wide_light_and_dark(view, browser, hostile, looks):
         assert height >= page.evaluate(fitted)
     page.add_style_tag(content=WIDE)
     assert page.evaluate(OVERLAPS)["overlaps"] == []
+    page.route("**/report?*", lambda route: route.abort())  # as if the session had ended first
+    with page.expect_event("requestfailed"):
+        view.made(hostile)
+    page.wait_for_timeout(300)
+    assert report.locator("html[data-ready=yes]").is_visible()
     view.__exit__()
-    page.get_by_text("The session has ended").wait_for()
+    page.get_by_text("The session has ended, 2 made").wait_for()
     assert [fault for fault in faults if "ERR_" not in fault] == []
     assert {method for method, _ in loaded} == {"GET"}
     assert all(url.startswith((view.address, "data:", "blob:")) for _, url in loaded)
