@@ -16,6 +16,8 @@ from sautereau.commands.live.page import PageView
 from sautereau.daq.file.recorded import Block
 from sautereau.rig.load import load_rig
 from sautereau.robot.experiment.monitor import Fault, Feed, Made, Samples, Stage
+from sautereau.robot.experiment.plan import Plan, Row
+from sautereau.robot.experiment.session_folder import SessionFolder
 from tests.bench.test_report_browser import CHROMIUM, OVERLAPS, WIDE
 from tests.budget import slow
 
@@ -139,6 +141,17 @@ def test_a_report_that_fails_is_said_and_the_session_continues(view, tmp_path):
         events(view, "stage")
     assert "press-0001.mcap" in fault["text"]
     assert feed.faults == []
+
+
+def test_a_running_session_lacks_no_press(view, write_session, tmp_path):
+    folder = SessionFolder(tmp_path / "out", Plan(RIG, (Row(RIG, 3),)), 5, 5)
+    folder.start()
+    write_session(folder.path, 1, session=folder.session)
+    view.made([folder.path / "press-0001.mcap"])
+    events(view, "report")
+    _, _, report = requested(view, "GET", "/report")
+    assert b"press-0001.mcap" in report
+    assert b"planned presses are on this page" not in report
 
 
 def test_warm_up_presses_are_not_counted(view):

@@ -190,7 +190,10 @@ class PageView:
             try:
                 from sautereau.entrance.report import page_of
 
-                self._report = page_of(newest, newest[0].parent, warnings, self._level)[0].encode()
+                folder = newest[0].parent
+                page, _ = page_of(newest, folder, warnings, self._level, newest=True)
+                self._report = page.encode()
+                del page, _
             except Exception as error:  # noqa: BLE001 - the page says it, the session continues
                 self._send("fault", {"text": f"report: {type(error).__name__}: {error}"})
                 continue
