@@ -59,7 +59,7 @@ def build_report(contents: Contents, about: About) -> str:
     presses, conditions = contents.presses, contents.conditions
     many = len(conditions) > 1
     names = [f"condition {number}" if many else "" for number in range(1, len(conditions) + 1)]
-    plotly, script = Markup(_part("package_data/plotly.min.js", "plotly")), Markup(_part("page.js"))
+    plotly, script = _part("package_data/plotly.min.js", "plotly"), _part("page.js")
     shown = moving(contents.slow_motion) if contents.slow_motion else None
     simulated = sum(record.press.simulated for record in presses)
     courses = tables.courses(presses) if len(presses) > 1 else []
@@ -71,7 +71,7 @@ def build_report(contents: Contents, about: About) -> str:
         moving=shown,
         about_moving=shown and escape(shown["about"]),
         not_moving=contents.no_slow_motion,
-        css=Markup(_part("page.css")),
+        css=_part("page.css"),
         plotly=plotly,
         script=script,
         simulated=simulated and f"{simulated} of {counted(len(presses), 'press')} simulated",
@@ -123,8 +123,8 @@ def build_report(contents: Contents, about: About) -> str:
 
 def build_live(title: str) -> str:
     """Return the page that shows a running session, and beside it the report served as /report."""
-    script = Markup(_part("live.js"))
-    css, policy = Markup(_part("page.css")), _policy(script)
+    script = _part("live.js")
+    css, policy = _part("page.css"), _policy(script)
     return _template("live.html.jinja").render(title=title, css=css, script=script, policy=policy)
 
 
@@ -156,13 +156,15 @@ def _template(name: str = "page.html.jinja") -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.from_string(_part(name))
+    return environment.from_string(str(_part(name)))
 
 
-def _part(name: str, package: str = "sautereau.analysis.report") -> str:
-    return resources.files(package).joinpath(name).read_text(encoding="utf-8")
+@cache  # plotly's script takes 9 MiB, and the page of a session is built after each press
+def _part(name: str, package: str = "sautereau.analysis.report") -> Markup:
+    return Markup(resources.files(package).joinpath(name).read_text(encoding="utf-8"))
 
 
+@cache
 def _policy(*scripts: str) -> Markup:
     """Return the content security policy: only the page's own scripts, nothing loaded."""
     hashes = (

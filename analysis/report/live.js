@@ -8,7 +8,7 @@
   function say() {
     const press = state.press === null ? "" : `, press ${state.press}`;
     const lost = state.dropped ? `, ${state.dropped} events not shown` : "";
-    find("state").textContent = state.ended ? "The session has ended; `sautereau report` writes the page of all presses."
+    find("state").textContent = state.ended ? `The session has ended, ${state.made} made; \`sautereau report\` writes the page of all.`
       : state.watched ? `watching; ${state.made} made`
       : `arm ${state.arm}, acquisition ${state.daq}${press}, ${state.made} made${lost}`;
   }
@@ -84,21 +84,27 @@
       while (list.children.length > 20) list.firstChild.remove();
       find("faults").hidden = false;
     },
-    report(event) {
-      find("shown").textContent = event.text;
-      const frame = find("report");
-      frame.hidden = false;
-      frame.contentWindow.location.replace(`/report?${event.version}`);
+    report(event) {  // replaces the last one when it has loaded: the session may end before
+      for (const one of document.querySelectorAll("iframe.waiting")) one.remove();
+      const next = find("report").cloneNode();
+      next.id = "";
+      next.className = "waiting";
+      next.hidden = false;
+      next.src = `/report?${event.version}`;
+      next.addEventListener("load", () => {
+        const body = next.contentDocument?.body;
+        if (!body) return next.remove();
+        find("report").remove();
+        next.id = "report";
+        next.className = "";
+        find("shown").textContent = event.text;
+        const fit = () => { next.style.height = `${body.offsetHeight + 2}px`; };
+        new next.contentWindow.ResizeObserver(fit).observe(body);
+      });
+      find("report").after(next);
     },
   };
 
-  find("report").addEventListener("load", () => {
-    const frame = find("report");
-    const body = frame.contentDocument?.body;
-    if (!body) return;
-    const fit = () => { frame.style.height = `${body.offsetHeight + 2}px`; };
-    new frame.contentWindow.ResizeObserver(fit).observe(body);
-  });
   const repaint = () => { for (const one of traces.values()) draw(one); };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
   addEventListener("resize", repaint);

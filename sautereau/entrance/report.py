@@ -45,18 +45,21 @@ def write_report(
 
 
 def page_of(
-    recordings: Sequence[Path], folder: Path | None, warnings: Sequence[str], level: str
+    recordings: Sequence[Path],
+    folder: Path | None,
+    warnings: Sequence[str],
+    level: str,
+    *,
+    newest: bool = False,
 ) -> tuple[str, Contents]:
-    """Return the report of recordings as a page, and what it contains."""
+    """Return the report of recordings as a page, and what it contains.
+
+    Args:
+        newest: Whether they are the newest of a running session, which therefore lacks nothing.
+    """
     contents = gather(recordings, level)
+    presses, warnings = contents.presses, list(warnings)
     name = folder.resolve().name if folder else f"of {len(recordings)} recordings"
-    return build_report(contents, _about(name, folder, contents.presses, list(warnings))), contents
-
-
-def _about(
-    name: str, folder: Path | None, presses: tuple[PressRecord, ...], warnings: list[str]
-) -> About:
-    """Return facts on the session from its folder, if it has one."""
     manifest = read_manifest(folder) if folder else None
     fits = []
     for path in sorted(folder.glob(PATTERN)) if folder else ():
@@ -68,8 +71,8 @@ def _about(
     again = None
     if manifest is not None:
         try:
-            left, again = _left(manifest, presses), _again(manifest, presses)
-            warnings += left
+            warnings += [] if newest else _left(manifest, presses)
+            again = _again(manifest, presses)
         except (KeyError, TypeError, ValueError) as error:
             warnings.append(
                 f"{MANIFEST}: its plan cannot be read ({type(error).__name__}: {error}); this page"
@@ -79,7 +82,7 @@ def _about(
         f"report {quote(name)}",
         *(f"{c} {quote(name)}/*.mcap" for c in ("phases", "compare")),
     )
-    return About(
+    about = About(
         name=name,
         version=version("sautereau"),
         commands=tuple(f"sautereau {command}" for command in commands if folder),
@@ -89,6 +92,7 @@ def _about(
         fits=tuple(fits),
         warm_ups=len(list(folder.glob(WARM_UPS))) if folder else 0,
     )
+    return build_report(contents, about), contents
 
 
 def _left(manifest: Manifest, presses: tuple[PressRecord, ...]) -> list[str]:

@@ -16,6 +16,8 @@ from sautereau.commands.live.page import PageView
 from sautereau.daq.file.recorded import Block
 from sautereau.rig.load import load_rig
 from sautereau.robot.experiment.monitor import Fault, Feed, Made, Samples, Stage
+from sautereau.robot.experiment.plan import Plan, Row
+from sautereau.robot.experiment.session_folder import SessionFolder
 from tests.bench.test_report_browser import CHROMIUM, OVERLAPS, WIDE
 from tests.budget import slow
 
@@ -141,6 +143,17 @@ def test_a_report_that_fails_is_said_and_the_session_continues(view, tmp_path):
     assert feed.faults == []
 
 
+def test_a_running_session_lacks_no_press(view, write_session, tmp_path):
+    folder = SessionFolder(tmp_path / "out", Plan(RIG, (Row(RIG, 3),)), 5, 5)
+    folder.start()
+    write_session(folder.path, 1, session=folder.session)
+    view.made([folder.path / "press-0001.mcap"])
+    events(view, "report")
+    _, _, report = requested(view, "GET", "/report")
+    assert b"press-0001.mcap" in report
+    assert b"planned presses are on this page" not in report
+
+
 def test_warm_up_presses_are_not_counted(view):
     view.show([Made(1, Path("warm-up-01.mcap"))], 0)
     view.show([Stage("idle", "idle")], 0)
@@ -207,8 +220,13 @@ def test_in_a_browser_narrow_wide_light_and_dark(view, browser, hostile, looks):
         assert height >= page.evaluate(fitted)
     page.add_style_tag(content=WIDE)
     assert page.evaluate(OVERLAPS)["overlaps"] == []
+    page.route("**/report?*", lambda route: route.abort())  # as if the session had ended first
+    with page.expect_event("requestfailed"):
+        view.made(hostile)
+    page.wait_for_timeout(300)
+    assert report.locator("html[data-ready=yes]").is_visible()
     view.__exit__()
-    page.get_by_text("The session has ended").wait_for()
+    page.get_by_text("The session has ended, 2 made").wait_for()
     assert [fault for fault in faults if "ERR_" not in fault] == []
     assert {method for method, _ in loaded} == {"GET"}
     assert all(url.startswith((view.address, "data:", "blob:")) for _, url in loaded)

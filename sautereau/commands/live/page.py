@@ -1,5 +1,6 @@
 """A page about a session for a browser on the same machine; it can be read, and nothing else."""
 
+import ctypes
 import json
 import threading
 from collections import deque
@@ -189,11 +190,16 @@ class PageView:
             try:
                 from sautereau.entrance.report import page_of
 
-                page, _ = page_of(newest, newest[0].parent, warnings, self._level)
+                folder = newest[0].parent
+                page, _ = page_of(newest, folder, warnings, self._level, newest=True)
+                self._report = page.encode()
+                del page, _
             except Exception as error:  # noqa: BLE001 - the page says it, the session continues
                 self._send("fault", {"text": f"report: {type(error).__name__}: {error}"})
                 continue
-            self._report = page.encode()
+            # Otherwise glibc keeps what the build has freed, in pieces: 50 MiB after an hour.
+            with suppress(AttributeError, OSError, TypeError):  # another C library; Windows
+                ctypes.CDLL(None).malloc_trim(0)
             version += 1
             text = f"the newest {len(newest)} of {len(recordings)}"
             self._send("report", {"version": version, "text": text})
