@@ -71,9 +71,9 @@ def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -
             faults += faulty
             done += len(batches[number])
             if len(rows) >= max(UNWRITTEN, UNWRITTEN_FRACTION * len(campaign.table)):
-                campaign = campaign.grown(rows, faults)
+                # Cleared first: if the writing fails, the last one shall not add them again.
+                campaign, rows, faults = campaign.grown(rows, faults), [], []
                 campaign.write()
-                rows, faults = [], []
     finally:
         if done or not batches:
             campaign = campaign.grown(rows, faults)

@@ -1,5 +1,6 @@
 """A folder of recordings becomes one table, also after interruptions and faulty files."""
 
+import errno
 import os
 import shutil
 import subprocess
@@ -167,6 +168,25 @@ def test_a_killed_campaign_is_continued_and_leaves_no_process(
     assert found.campaign.table.equals(complete.table)
     assert progress == [done / (GOOD - 5) for done in range(1, GOOD - 4)]
     assert not left.exists()
+
+
+def test_a_write_that_fails_once_adds_no_row_twice(
+    campaign_folder, complete, tmp_path, monkeypatch
+):
+    out, codes, replace = tmp_path / "table.parquet", [errno.EINVAL], os.replace
+
+    def replace_later(*paths):
+        if codes:
+            raise OSError(codes.pop(), "it fails once")
+        replace(*paths)
+
+    monkeypatch.setattr(campaign_run, "BATCH", 1)
+    monkeypatch.setattr(campaign_run, "UNWRITTEN", 2)
+    monkeypatch.setattr(os, "replace", replace_later)
+    with pytest.raises(OSError, match="it fails once"):
+        run_campaign(campaign_folder, out)
+    assert len(read_campaign(out).table) == 2
+    assert run_campaign(campaign_folder, out).campaign.table.equals(complete.table)
 
 
 def test_other_files_are_refused_and_unchanged(campaign_folder, tmp_path):

@@ -120,8 +120,9 @@ def mdf(path, version="4.10", compression=0, groups=1, **conversion):
                 asammdf.Signal(np.array([b"note"] * N), 0.5 + T, name="text", encoding="utf-8"),
             ]
         )
-    made.save(path, overwrite=True, compression=compression)
+    saved = made.save(path, overwrite=True, compression=compression)
     made.close()
+    saved.replace(path)  # of version 3 it takes the extension .mdf, whatever was asked
 
 
 def begun(n):
