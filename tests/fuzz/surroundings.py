@@ -87,11 +87,14 @@ SITUATIONS = {
         for name, value in (
             ("LC_ALL", "C"), ("LC_ALL", "xx_YY.UTF-8"), ("LC_ALL", "de_DE.ISO-8859-1"),
             ("PYTHONIOENCODING", "ascii"), ("PYTHONUTF8", "0"), ("PYTHONOPTIMIZE", "1"),
-            ("HOME", NO_FOLDER), ("HOME", "/dev/null"), ("HOME", None), ("XDG_CACHE_HOME", "/proc"),
+            ("HOME", NO_FOLDER), ("HOME", "/dev/null"), ("HOME", None),
             ("TMPDIR", NO_FOLDER), ("MPLCONFIGDIR", NO_FOLDER), ("TERM", None), ("PATH", None),
             ("COLUMNS", "1"), ("TZ", "nowhere"), ("PYTHONUNBUFFERED", "1"),
         )
     },
+    "no cache": Situation(  # where the locks of devices are
+        environment={"XDG_CACHE_HOME": "/proc"}, fails=r"/proc/.*\(XDG_CACHE_HOME\)"
+    ),
     "bare": Situation(environment=dict.fromkeys(os.environ)),
     "ascii": Situation(environment={"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}),
     "no input": Situation(closing(0)),
@@ -299,7 +302,8 @@ class Surroundings:
             stdin=subprocess.DEVNULL,
             check=False,
         )
-        folder.mkdir(exist_ok=True)
+        if not folder.exists():  # nothing of it is left to be judged
+            self._fresh(name, folder)
         folder.chmod(0o755)
         text = "sautereau: " if situation.silent else unwrapped(done.stderr)
         what = f"{name}, {where}"
