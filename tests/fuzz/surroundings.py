@@ -134,13 +134,13 @@ class Surroundings:
         self._place = folder.resolve()
         self._case: Callable[[random.Random], str] = getattr(self, f"_{kind}")
         library = compiled(folder)
-        self._server = CommandServer(str(folder / "socket"), imports, LD_PRELOAD=str(library))
-        self._server.__enter__()
-        self._references: dict[str, Known] = {}
-        if kind == "disks":  # mounts that end with this process
+        if kind == "disks":  # mounts that end with this process; the server sees them, too
             if ctypes.CDLL(None).unshare(0x20000):
                 raise RuntimeError("no mounts: the user is not root")
             subprocess.run(["mount", "--make-rprivate", "/"], check=True)
+        self._server = CommandServer(str(folder / "socket"), imports, LD_PRELOAD=str(library))
+        self._server.__enter__()
+        self._references: dict[str, Known] = {}
 
     def close(self) -> None:
         self._server.__exit__()
@@ -226,7 +226,8 @@ class Surroundings:
             subprocess.run(more, check=True)
             self._judge(name, folder, known, status, text, what, {"disk is full"})
         finally:
-            subprocess.run(["umount", mount], check=True)
+            # Lazily: the process of the command says its status just before it ends.
+            subprocess.run(["umount", "--lazy", mount], check=True)
         return "full" if status else "done"
 
     def _names(self, dice: random.Random) -> str:
