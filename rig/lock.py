@@ -66,7 +66,8 @@ def locked(path: Path, purpose: str = "", *, shared: bool = False) -> Iterator[N
         for file in (owner, path):
             with suppress(OSError):  # of Windows, where `release` removes it
                 file.unlink(missing_ok=True)  # who waits for a removed lock takes a new one
-        lock.release()
+        with suppress(OSError):  # the file that it locks is gone; the end of the process frees it
+            lock.release()
 
 
 def device_lock(*names: str) -> Path:

@@ -87,11 +87,14 @@ SITUATIONS = {
         for name, value in (
             ("LC_ALL", "C"), ("LC_ALL", "xx_YY.UTF-8"), ("LC_ALL", "de_DE.ISO-8859-1"),
             ("PYTHONIOENCODING", "ascii"), ("PYTHONUTF8", "0"), ("PYTHONOPTIMIZE", "1"),
-            ("HOME", NO_FOLDER), ("HOME", "/dev/null"), ("HOME", None), ("XDG_CACHE_HOME", "/proc"),
+            ("HOME", NO_FOLDER), ("HOME", "/dev/null"), ("HOME", None),
             ("TMPDIR", NO_FOLDER), ("MPLCONFIGDIR", NO_FOLDER), ("TERM", None), ("PATH", None),
             ("COLUMNS", "1"), ("TZ", "nowhere"), ("PYTHONUNBUFFERED", "1"),
         )
     },
+    "no cache": Situation(  # where the locks of devices are
+        environment={"XDG_CACHE_HOME": "/proc"}, fails=r"/proc/.*\(XDG_CACHE_HOME\)"
+    ),
     "bare": Situation(environment=dict.fromkeys(os.environ)),
     "ascii": Situation(environment={"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}),
     "no input": Situation(closing(0)),
@@ -131,13 +134,13 @@ class Surroundings:
         self._place = folder.resolve()
         self._case: Callable[[random.Random], str] = getattr(self, f"_{kind}")
         library = compiled(folder)
-        self._server = CommandServer(str(folder / "socket"), imports, LD_PRELOAD=str(library))
-        self._server.__enter__()
-        self._references: dict[str, Known] = {}
-        if kind == "disks":  # mounts that end with this process
+        if kind == "disks":  # mounts that end with this process; the server sees them, too
             if ctypes.CDLL(None).unshare(0x20000):
                 raise RuntimeError("no mounts: the user is not root")
             subprocess.run(["mount", "--make-rprivate", "/"], check=True)
+        self._server = CommandServer(str(folder / "socket"), imports, LD_PRELOAD=str(library))
+        self._server.__enter__()
+        self._references: dict[str, Known] = {}
 
     def close(self) -> None:
         self._server.__exit__()
@@ -223,7 +226,8 @@ class Surroundings:
             subprocess.run(more, check=True)
             self._judge(name, folder, known, status, text, what, {"disk is full"})
         finally:
-            subprocess.run(["umount", mount], check=True)
+            # Lazily: the process of the command says its status just before it ends.
+            subprocess.run(["umount", "--lazy", mount], check=True)
         return "full" if status else "done"
 
     def _names(self, dice: random.Random) -> str:
@@ -299,7 +303,8 @@ class Surroundings:
             stdin=subprocess.DEVNULL,
             check=False,
         )
-        folder.mkdir(exist_ok=True)
+        if not folder.exists():  # nothing of it is left to be judged
+            self._fresh(name, folder)
         folder.chmod(0o755)
         text = "sautereau: " if situation.silent else unwrapped(done.stderr)
         what = f"{name}, {where}"

@@ -1,5 +1,6 @@
 """Locks of folders and devices: who may take one again, and what is left."""
 
+import errno
 import os
 import threading
 
@@ -28,6 +29,22 @@ def test_a_shared_lock_is_taken_once_more_by_its_own_thread_only(tmp_path):
     assert all(text.endswith(", for a session") for text in found)
     assert not list(tmp_path.iterdir())
     with locked(path), locked(tmp_path / "b.lock"):
+        assert "process" in refused(path)
+
+
+def test_a_lock_that_the_system_does_not_free_hides_no_fault_of_the_block(tmp_path, monkeypatch):
+    fcntl = pytest.importorskip("fcntl")
+    path, flock = tmp_path / "a.lock", fcntl.flock
+
+    def keep(entry, how):
+        if how == fcntl.LOCK_UN:
+            raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+        flock(entry, how)
+
+    with monkeypatch.context() as patched, pytest.raises(ZeroDivisionError), locked(path):
+        patched.setattr(fcntl, "flock", keep)
+        raise ZeroDivisionError
+    with locked(path):
         assert "process" in refused(path)
 
 
