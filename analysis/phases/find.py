@@ -129,7 +129,6 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     # At the height at which the jack left rest.
     back = np.flatnonzero(signals.rise[end:] < settings.left * top)
     doubts = [remark.plucks or range(len(plucks)) for remark in said if remark.doubt]
-    doubts += [range(len(plucks))] if press.warnings else []
     warnings, remarks = divided(said)
     return Phases(
         start=start,
