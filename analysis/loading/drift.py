@@ -152,14 +152,21 @@ def without_drift(
         line = first, first * omega
         taken = _taken(line, n, rate)
         corrected = without_line(velocity, line, rate)
-        largest = float(np.abs(np.cumsum(corrected)).max()) / rate
+        deflection = np.cumsum(corrected) / rate
+        largest, above = float(np.abs(deflection).max()), max(0.0, -float(deflection.min()))
+        # The rail stops the key: what is above its rest is an error, wherever it started.
+        wrong = max(taken[1], above) > tolerance * largest
         text = (
             f"no rest after the press: the mean velocity at rest, {abs(level) * 1e6:.3g} um/s, is"
             f" subtracted as an offset without a check at the end, {taken[1] * 1e3:.2g} mm of"
             f" {largest * 1e3:.2g} mm of deflection; record for longer"
         )
-        said = Remark(text, doubt=taken[1] > tolerance * largest)
-        return corrected, Drift(before, None, *taken), [said]
+        if above > tolerance * largest:
+            text += (
+                f", and check the sensor's corner frequency: the key seems to rise by"
+                f" {above * 1e3:.2g} mm above its rest, and its rail prevents that"
+            )
+        return corrected, Drift(before, None, *taken), [Remark(text, doubt=wrong)]
     late, late_std = _level(velocity[rests.after])
     middles = middle, _middle(rests.after, rate)
     between = slice(*(int(t * rate) for t in middles))

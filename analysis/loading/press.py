@@ -216,7 +216,8 @@ def partial_press_of(recorded: "Recorded") -> Press:
             rest = rests.before
             said += found
         else:
-            rest = slice(0, departure(signals["force"], rate))
+            rests = Rests(slice(0, departure(signals["force"], rate)), slice(0, 0))
+            rest = rests.before
         if "force" in signals:
             channel = channels["force"]
             at_rest = to_si(recorded.volts[channel.name][rest], channel)
@@ -224,7 +225,7 @@ def partial_press_of(recorded: "Recorded") -> Press:
                 signals["force"], at_rest, channel, rate, recorded.after_press
             )
             drift = replace(drift, force=level)
-            said += found
+            said += found or _zero(signals["force"], rests, channel)
             signals["force"], found = _without_fixture(rig, signals, rate)
             said += found
     missing: Signal | None = next((name for name in SIGNALS if name not in channels), None)
@@ -479,6 +480,33 @@ def _without_fixture(
     width = min(2 * half + 1, len(velocity) - 1 | 1)
     slope: Any = savgol_filter(velocity, width, 1, deriv=1, delta=1 / rate)
     return force - of_velocity * slope, []
+
+
+def _zero(force: Floats, rests: Rests, channel: Channel) -> list[Remark]:
+    """Return what is said about a force below 0 at rest, without AC coupling.
+
+    A finger cannot pull at the key, so that such a force is an error of the sensor's zero.
+
+    Args:
+        force: N, shape (n,).
+    """
+    levels = {
+        name: float(force[rows].mean())
+        for name, rows in (("before", rests.before), ("after", rests.after))
+        if rows.stop > rows.start
+    }
+    if channel.high_pass or not levels:
+        return []
+    name, largest = min(levels, key=levels.__getitem__), float(np.abs(force).max())
+    if levels[name] >= -FORCE_DRIFT * largest:
+        return []
+    text = (
+        f"force: {levels[name] * 1e3:.3g} mN at rest {name} the press, and a finger cannot pull:"
+        " the zero of the sensor drifts, or it is AC-coupled, so that forces at contact, release"
+        " and peak and the work are wrong by as much or more; zero the amplifier, or state"
+        " `high_pass`"
+    )
+    return [Remark(text, doubt=-levels[name] > channel.gain_std * largest)]
 
 
 def _from_rest(

@@ -13,6 +13,11 @@ from sautereau.analysis.phases.settings import SETTINGS, PhaseSettings
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.remark import Remark
 from sautereau.daq.signals.quality_flags import HOW_TO_FIX, QualityFlag, quality_warnings
+from sautereau.rig.acquisition import Channel
+
+LEVEL = 0.1
+"""Dimensionless, fraction of the peak force by which the level of a force may differ from that of
+the rig: numbers without a range are not exact either."""
 
 
 def about_fit(
@@ -249,15 +254,14 @@ def _differs(
     return Remark(f"{what} is {ratio:.2g} times that of the rig; check {fix}", plucks, doubt)
 
 
-def about_rest(press: Press, unseen: float | None, peak: float) -> list[Remark]:
+def about_rest(unseen: float, channel: Channel, peak: float) -> list[Remark]:
     """Return a remark if AC coupling hides more of the force than the gain's uncertainty.
 
     Args:
         unseen: N, `Phases.unseen_force`.
         peak: N, largest force of the press.
     """
-    channel = press.rig.daq.channel("force")
-    if unseen is None or channel is None or abs(unseen) <= channel.gain_std * peak:
+    if abs(unseen) <= channel.gain_std * peak:
         return []
     needs = f"{abs(unseen):.2g} N {'more' if unseen > 0 else 'less'}"
     text = (
@@ -267,6 +271,27 @@ def about_rest(press: Press, unseen: float | None, peak: float) -> list[Remark]:
         " check `key.gravity_moment`"
     )
     return [Remark(text, doubt=False)]
+
+
+def about_level(measured: float, needed: tuple[float, float], peak: float) -> list[Remark]:
+    """Return a warning if the force of the free key is none that the rig's ranges allow.
+
+    Args:
+        measured: N.
+        needed: N, least and largest by the rig and its ranges.
+        peak: N, largest force of the press.
+    """
+    low, high = needed
+    if low - LEVEL * peak <= measured <= high + LEVEL * peak:
+        return []
+    by_rig = f"{low:.2g} N" if low == high else f"{low:.2g} to {high:.2g} N"
+    text = (
+        f"force: the free key needs {by_rig} by the rig and its ranges, and {measured:.2g} N were"
+        " measured: the zero of the sensor is wrong, and with it contact, release and peak force"
+        " and work, or else `key.gravity_moment` and `jack.mass`; record the force without the"
+        " finger on the key"
+    )
+    return [Remark(text)]
 
 
 def about_end(signals: Signals, begin: int) -> list[Remark]:

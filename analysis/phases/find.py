@@ -19,8 +19,10 @@ from sautereau.analysis.phases.plucks import SETTLED, Found, find_plucks
 from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.settings import SETTINGS, PhaseSettings
 from sautereau.analysis.phases.signals import SPIKE, Signals, signals_of, way_down
-from sautereau.analysis.remark import divided
+from sautereau.analysis.remark import Remark, divided
 from sautereau.daq.signals.calibration import median, robust_std
+from sautereau.rig.ranges import deviations
+from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import key_motion
 from sautereau.trajectory.motion import Floats, Motion
 
@@ -109,13 +111,13 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     start, bottom = float(-offset / slope), float(time[end])
     contacts = [contact for contact, *_ in known_plucks]
     highest = peak_force(force, signals, plucks)
-    unseen = _unseen_force(press, signals, settled)
+    unseen, of_level = _unseen_force(press, signals, settled, highest, bool(plucks))
     # Slower than this quantile is a jack that starts or stops, faster one that was released.
     cruise, top = float(np.quantile(speed[begin:end], 0.65)), float(signals.rise.max())
     unlike = [] if known else checks.about_rig(press, cruise, top, found.fit, plucks, strings)
     said = [
         *checks.about_end(signals, begin),
-        *checks.about_rest(press, unseen, highest),
+        *of_level,
         *checks.about_instants(plucks, contacts, steady, signals.missing, settings),
         *checks.about_flags(signals, press.quality_flags, plucks, (start, bottom)),
         *checks.about_exchange(contacts, plucks, settings),
@@ -149,19 +151,44 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     )
 
 
-def _unseen_force(press: Press, signals: Signals, free: NDArray[np.intp]) -> float | None:
+def _unseen_force(
+    press: Press, signals: Signals, free: NDArray[np.intp], peak: float, plucked: bool
+) -> tuple[float | None, list[Remark]]:
     """Return the force [N] that the free key needs by the rig, less the measured one, at samples.
 
-    AC coupling hides the force at rest, such as that of a finger that rests on the key.
+    AC coupling hides the force at rest, such as that of a finger that rests on the key. Without it
+    the force is None, and the zero of the sensor is wrong where the ranges of the rig do not
+    explain the difference.
+
+    Returns:
+        The force, and what is said about it.
     """
     channel = press.rig.daq.channel("force")
-    if channel is None or not channel.high_pass or signals.missing or len(free) < 2:
-        return None
+    if channel is None or signals.missing or len(free) < 2:
+        return None, []
     time, speed = signals.time[free], signals.speed[free]
-    steady = np.full(len(free), line_through(time, speed)[0])
-    angle = key_motion(press.rig.key, Motion(signals.rise[free], speed, steady))
-    required = finger_force(press.rig, angle, np.zeros(len(free)))
-    return float((required - signals.force[free]).mean())
+    motion = Motion(signals.rise[free], speed, np.full(len(free), line_through(time, speed)[0]))
+
+    def needed(rig: Rig) -> float:
+        angle = key_motion(rig.key, motion)
+        return float(finger_force(rig, angle, np.zeros(len(free))).mean())
+
+    required, measured = needed(press.rig), float(signals.force[free].mean())
+    if channel.high_pass:
+        return required - measured, checks.about_rest(required - measured, channel, peak)
+    # Without a pluck, a string may be held at these samples.
+    if abs(required - measured) <= checks.LEVEL * peak or not plucked:
+        return None, []
+    names = (n for n in press.rig.assumed if n.startswith(("key.", "jack.", "more_choirs.")))
+    ranges = [
+        sorted(needed(error.applied(press.rig, end)) - required for end in (error.low, error.high))
+        for error in deviations(press.rig, names)
+    ]
+    lowest, highest = (
+        required + sum(sign * max(0.0, *(sign * end for end in ends)) for ends in ranges)
+        for sign in (-1, 1)
+    )
+    return None, checks.about_level(measured, (lowest, highest), peak)
 
 
 def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float | None:

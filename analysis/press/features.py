@@ -219,10 +219,18 @@ def features(press: Press, phases: Phases) -> Row:
         press.samples.get(name, nothing) for name in ("jack_rise", "deflection", "angle", "force")
     )
 
-    def work(start: float, stop: float) -> float:
-        """Return the finger's work [J] between two instants [s]: the integral of F a_p da."""
+    def work(start: float, stop: float, *ends: float) -> float:
+        """Return the finger's work [J] between two instants [s]: the integral of F a_p da.
+
+        Args:
+            ends: N, force at both, if they lie within the recording.
+        """
         inside = slice(*np.searchsorted(time, (start, stop)))
-        return work_along(press.rig.key.press_arm * angle[inside], force[inside])
+        turned, pushed = angle[inside], force[inside]
+        if ends:
+            turned = np.insert(np.interp((start, stop), time, angle), 1, turned)
+            pushed = np.insert(np.array(ends), 1, pushed)
+        return work_along(press.rig.key.press_arm * turned, pushed)
 
     row: Row = {
         "path": str(press.path),
@@ -241,7 +249,7 @@ def features(press: Press, phases: Phases) -> Row:
             "contact_rise": contact_rise,
             "release_rise": release_rise,
             "held_deflection": end - start,
-            "held_work": work(*ends),
+            "held_work": work(*ends, held.contact_force, held.release_force),
         }
         row |= {column(name, number): found.get(name) for name in OF_PLUCK}
         for channel, values in press.string_signals:

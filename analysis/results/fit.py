@@ -23,6 +23,7 @@ from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.results.prediction import Predicted, predicted
 from sautereau.analysis.results.result import Result, frame_of, json_of, named, plain, shown
 from sautereau.analysis.results.rig import Rig
+from sautereau.analysis.session.conditions import doubtful_presses
 from sautereau.analysis.text import (
     SOME_SIMULATED,
     counted,
@@ -63,6 +64,8 @@ class Fit(Result):
     found: Identified
     profiles: tuple[Profile, ...] = ()
     """Profile likelihoods of the parameters; empty unless they were requested."""
+    warned: tuple[bool, ...] = ()
+    """Whether each press has warnings of its own."""
 
     def __repr__(self) -> str:
         values = ", ".join(f"{e.name} {_stated(e)}" for e in self.found.estimates)
@@ -83,7 +86,7 @@ class Fit(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about doubtful results."""
-        more = []
+        more = doubtful_presses(self.warned)
         if self.mixed:
             more.append(f"fitted together, although the presses differ in {', '.join(self.mixed)}")
         if not self.simulated and self.found.contact_warning:

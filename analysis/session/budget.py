@@ -66,9 +66,9 @@ def budget(
 ) -> Budget:
     """Return the uncertainty budget of model errors.
 
-    The logarithm of the model is a parabola in each input, through both ends of its range, and a
-    sum over the inputs: exact for products of powers, as forces of a plectrum nearly are. The
-    intervals are those of its distribution (JCGM 101).
+    The logarithm of the model over its value for the rig is a parabola in each input, through both
+    ends of its range, and a sum over the inputs: exact for products of powers, as forces of a
+    plectrum nearly are. The intervals are those of its distribution (JCGM 101).
 
     Args:
         rig: The bench that is predicted.
@@ -78,20 +78,27 @@ def budget(
         bending: Part of the held string's rise by which the laser may exaggerate it (`bending_of`).
         string: Number of the compared string; the ranges of its own values are among the inputs.
     """
-    names, omitted = list(errors), []
+    names, omitted, inputs = list(errors), [], []
+
+    def of_model(of: Rig) -> Floats:
+        values = predict(of)
+        return np.array([values[name] for name in names])
+
+    nominal = of_model(rig)
 
     def logarithm(of: Rig) -> Floats:
-        values = predict(of)
-        return np.log([values[name] for name in names])
+        ratios = of_model(of) / nominal
+        if not (ratios > 0).all():
+            raise ModelError("the force slope or rise changes its sign, or is 0")
+        return np.log(ratios)
 
-    nominal, inputs = logarithm(rig), []
     names_of_inputs = INPUTS
     if string > 1:
         own = (n for n in INPUTS if n.startswith(("jack.", "plectrum.", "string.")))
         names_of_inputs += tuple(f"more_choirs.{string - 2}.{name}" for name in own)
     for deviation in deviations(rig, names_of_inputs):
         try:
-            inputs.append((deviation, _parabola(rig, deviation, logarithm, nominal)))
+            inputs.append((deviation, _parabola(rig, deviation, logarithm)))
         except ModelError as error:
             omitted.append(f"the range of {deviation.name} is not in the intervals: {error}")
     if bending:
@@ -105,6 +112,7 @@ def budget(
     # With ranges on one side of the rig's values, the rig itself stays possible.
     ends = np.stack([np.min(each, axis=0)[0], np.max(each, axis=0)[1]])
     ratios = 1 + np.array([errors[name] for name in names])
+    ends = np.sort(ratios * ends - 1, axis=0)  # a ratio of opposite signs is negative
     # Of an input whose range is on one side of the rig's value all of the change is unknown.
     squares = [np.mean(change**2, axis=0) for change in changes]
     total = np.maximum(np.sum(squares, axis=0), 1e-300)
@@ -117,10 +125,7 @@ def budget(
         for (name, std, effect), own in zip(stated, squares, strict=True)
     ]
     return Budget(
-        {
-            n: (float(r * a - 1), float(r * b - 1))
-            for n, r, a, b in zip(names, ratios, *ends, strict=True)
-        },
+        {n: (float(a), float(b)) for n, a, b in zip(names, *ends, strict=True)},
         tuple(sorted(contributions, key=lambda c: -max(c.fractions.values()))),
         tuple(omitted),
     )
@@ -146,14 +151,12 @@ def _named(names: list[str], values: Floats) -> dict[str, float]:
     return dict(zip(names, values.tolist(), strict=True))
 
 
-def _parabola(
-    rig: Rig, deviation: Deviation, logarithm: Callable[[Rig], Floats], nominal: Floats
-) -> Floats:
+def _parabola(rig: Rig, deviation: Deviation, logarithm: Callable[[Rig], Floats]) -> Floats:
     """Return the coefficients of an input over its standard uncertainty and of the square, shape
     (2, errors)."""
     ends = [end for end in (deviation.low, deviation.high) if end]
-    changed = [logarithm(deviation.applied(rig, end)) - nominal for end in ends]
+    changed = [logarithm(deviation.applied(rig, end)) for end in ends]
     along = np.array(ends) / deviation.std
     if len(ends) < 2:  # the rig's value is one end of its range
-        return np.stack([changed[0] / along[0], np.zeros_like(nominal)])
+        return np.stack([changed[0] / along[0], np.zeros_like(changed[0])])
     return np.asarray(np.linalg.solve(np.stack([along, along**2], 1), np.array(changed)), float)

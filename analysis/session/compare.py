@@ -133,7 +133,7 @@ def compare(
         mean = mean_of([ratio - 1 for ratio in own])
         found[name] = error = with_shared(mean, std * (1 + mean.value))
         if error.low is not None and error.high is not None:
-            std = (error.high - error.low) / 2 / NORMAL / (1 + error.value)
+            std = (error.high - error.low) / 2 / NORMAL / abs(1 + error.value)
         stds[name] = std
     return Comparison(len(held), string, **found, stds=stds)
 

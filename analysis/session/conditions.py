@@ -205,12 +205,7 @@ def _condition(
         )
     silent = [press for press in counted if press not in valid]
     warnings += _omitted(silent, "no pluck was found; see `sautereau phases`")
-    doubtful = sum(any(held.doubtful for held in p.phases.plucks) for p in known)
-    if doubtful:
-        warnings.append(
-            f"contact or release is doubtful in {doubtful} of {len(known)} presses: see"
-            " `sautereau phases`"
-        )
+    warnings += doubtful_presses([bool(press.warnings) for press in known])
     sessions = len({press.session.session for press in presses})
     if sessions > 1:
         warnings.append(f"presses of {sessions} sessions of one day are pooled")
@@ -317,6 +312,18 @@ def _may_be_equal(own: Rig, rig: Rig, key: str) -> bool:
         low, high = one.assumed.get(key, (value, value))
         ends.append((low, high) if low <= value <= high else (value, value))
     return max(low for low, _ in ends) <= min(high for _, high in ends)
+
+
+def doubtful_presses(warned: Sequence[bool]) -> list[str]:
+    """Return what a result of several presses says about their own warnings.
+
+    Args:
+        warned: Whether each press has any.
+    """
+    if not any(warned):
+        return []
+    n, some = len(warned), sum(warned)
+    return [f"results are doubtful in {some} of {n} presses: see `sautereau phases`"]
 
 
 def _omitted(presses: Sequence[AnalysedPress], reason: str) -> list[str]:

@@ -17,7 +17,8 @@ FLAT = 8  # Smallest number of samples without noise that counts as a saturated 
 FLAT_NOISE = 0.05
 """Dimensionless, fraction of the signal's noise below which a step between samples is flat."""
 FLAT_LEVEL = 0.1
-"""Dimensionless, fraction of the range above which a flat signal counts as saturated."""
+"""Dimensionless, fraction of the largest sample within the range above which a flat signal counts
+as saturated: an amplifier may saturate far below the range of the card."""
 LEAST_NOISE = 1e-6
 """Dimensionless, fraction of the range below which a signal has too little noise to judge."""
 RESOLUTION_ROWS = 2048  # Number of samples from which the resolution of the converter is estimated
@@ -127,7 +128,7 @@ def _saturated(
     """Return where a noisy signal is flat, away from zero and below the end of the range."""
     if noise < LEAST_NOISE * largest or len(volts) < FLAT:
         return []
-    least, level = FLAT_NOISE * noise, FLAT_LEVEL * largest
+    least, level = FLAT_NOISE * noise, FLAT_LEVEL * min(largest, float(magnitude.max()))
     # A flat stretch contains four samples of which the first has an index divisible by four.
     fours = volts[: len(volts) // 4 * 4].reshape(-1, 4)
     pairs = (np.abs(fours[:, 1] - fours[:, 0]) < least) & (np.abs(fours[:, 1]) > level)

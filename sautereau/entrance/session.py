@@ -199,7 +199,8 @@ class Session(Shown, Sequence[PressFile]):
         values = what_is_alike([p.analysed for p in own])
         keys = {key.partition(".")[0] for other in values for key in differing(values[0], other)}
         mixed = tuple(sorted(keys & {"day", "scene"}))
-        return Fit(presses[0].rig, simulated, mixed, made, evaluate(made))
+        warned = tuple(bool(p.analysed.warnings) for p in own)
+        return Fit(presses[0].rig, simulated, mixed, made, evaluate(made), warned=warned)
 
     def effects(self, names: Sequence[str] = DEFAULT, *, interaction: bool = False) -> Effects:
         """Estimate the effects of the factors in which the presses differ, by a mixed model.

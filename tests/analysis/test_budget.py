@@ -125,6 +125,29 @@ def test_the_interval_of_a_power_is_that_of_its_draws(paper):
     assert found.contributions[0].effects["slope_error"] < 0
 
 
+def test_a_force_that_falls_while_the_string_is_held(paper):
+    """In a fast press the slope is negative; a value of either sign has the same intervals."""
+    ranged = paper.model_copy(update={"assumed": {"key.jack_arm": (0.172, 0.258)}})
+
+    def values(sign):
+        return lambda rig: dict.fromkeys(ERRORS, sign * rig.key.jack_arm**-2)
+
+    rising, falling = (budget(ranged, values(sign), NOTHING, NOTHING) for sign in (1, -1))
+    opposite = budget(ranged, values(-1), dict.fromkeys(ERRORS, -2.0), NOTHING)
+    for name, (low, high) in rising.intervals.items():
+        assert falling.intervals[name] == pytest.approx((low, high))
+        assert opposite.intervals[name] == pytest.approx((-2 - high, -2 - low))
+
+
+def test_a_range_over_which_the_slope_changes_its_sign_is_reported(paper):
+    ranged = paper.model_copy(update={"assumed": {"key.jack_arm": (0.172, 0.258)}})
+    found = budget(
+        ranged, lambda rig: dict.fromkeys(ERRORS, rig.key.jack_arm - 0.2), NOTHING, NOTHING
+    )
+    assert [each.name for each in found.contributions] == [MEASUREMENT]
+    assert "changes its sign" in found.omitted[0]
+
+
 def test_the_budget_is_that_of_complete_predictions(paper):
     """300 predictions with all inputs drawn from moderate ranges, the jack's speed as measured."""
     ranges = RANGES | OF_MODEL

@@ -95,6 +95,16 @@ def test_without_a_rest_after_the_offset_is_that_before(tolerance):
     assert remark.doubt == (tolerance == 0.0)
 
 
+def test_a_key_does_not_rise_above_its_rest():
+    """An AC coupling of 2 Hz that the rig does not state: the integral falls below its start."""
+    volts = sampled(channel=VELOCITY.model_copy(update={"high_pass": 2.0}))
+    dc = VELOCITY.model_copy(update={"high_pass": 0.0})
+    velocity, drift, (remark,) = held(volts, channel=dc, tolerance=0.01)
+    assert drift.after is None
+    assert remark.doubt
+    assert f"rise by {-deflection(velocity).min() * 1e3:.2g} mm above its rest" in remark.text
+
+
 def test_a_key_that_never_moved_has_no_rests():
     noise = 5e-5 * np.random.default_rng(0).standard_normal(20_000)
     for velocity in (noise, np.zeros(20_000), np.full(20_000, 0.03), np.zeros(10), np.empty(0)):

@@ -42,6 +42,18 @@ def test_the_numbers_are_those_of_the_press(found):
     assert row["force_slope"] == pytest.approx(27 / (0.072 * lever), rel=0.02)
 
 
+@pytest.mark.parametrize("contact", [0.0521, 0.0525, 0.0529])
+def test_the_work_of_few_samples_reaches_from_contact_to_release(make_press, contact):
+    """At 1 kHz up to a twentieth of the pluck lies before the first and behind the last sample."""
+    times = {"contact": contact, "release": contact + 0.02}
+    fine, coarse = (make_press(rate=rate, **times) for rate in (51_200.0, 1000.0))
+    (pluck,) = (phases := find_phases(fine)).plucks
+    exact = replace(pluck, **times, contact_force=0.33, release_force=0.33 + 27 * 0.02)
+    known = replace(phases, plucks=(exact,))
+    work = features(coarse, known)["held_work"]
+    assert work == pytest.approx(features(fine, known)["held_work"], rel=2e-3)
+
+
 def test_a_press_has_the_uncertainties_of_its_fit_and_of_its_sensors(found):
     press, phases, row = found
     gains, held = gain_stds(press.rig), phases.plucks[0]
@@ -62,12 +74,26 @@ def test_what_ac_coupling_hides_of_the_force_is_named(make_press, paper):
     seen, less = find_phases(make_press()), find_phases(make_press(level=0.33 - 0.1))
     assert less.unseen_force - seen.unseen_force == pytest.approx(0.1, abs=2e-3)
     assert f"needs {abs(less.unseen_force):.2g} N" in less.remarks[0]
-    press = make_press()
+
+
+@pytest.mark.parametrize(("offset", "said"), [(0.0, False), (0.4, True), (-0.2, True)])
+def test_a_zero_of_the_force_that_the_ranges_of_the_rig_do_not_explain(
+    make_press, paper, offset, said
+):
+    """The free key needs 0.08 N by the rig; without AC coupling its level is as measured."""
     channels = tuple(c.model_copy(update={"high_pass": 0.0}) for c in paper.daq.channels)
-    daq = paper.daq.model_copy(update={"channels": channels})
-    seen = find_phases(replace(press, rig=paper.model_copy(update={"daq": daq})))
-    assert seen.unseen_force is None
-    assert not seen.remarks
+    rig = paper.model_copy(update={"daq": paper.daq.model_copy(update={"channels": channels})})
+    found = find_phases(replace(make_press(level=0.08 + offset), rig=rig))
+    assert found.unseen_force is None
+    texts = [text for text in found.warnings if "the zero of the sensor is wrong" in text]
+    assert len(texts) == said
+    if said:
+        assert f"and {0.08 + offset:.2g} N were measured" in texts[0]
+        low, high = map(float, texts[0].split("needs ")[1].split(" N")[0].split(" to "))
+        # 8 mN m less gravity; 6 g more of jack, friction of 40 mN and 2.5 mN m more.
+        assert low < 0.08 - 8e-3 / 0.171 < 0.08 + (0.1 * 0.215 + 2.5e-3) / 0.171 < high + 5e-3
+    exact = find_phases(replace(make_press(level=0.3), rig=rig.model_copy(update={"assumed": {}})))
+    assert any("the free key needs 0.079 N by the rig" in text for text in exact.warnings)
 
 
 def test_wrong_gains_change_features_by_their_uncertainties(make_press, paper):

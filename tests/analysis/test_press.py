@@ -255,6 +255,39 @@ def test_a_doubtful_offset_is_a_warning_above_the_uncertainty_of_the_gain(paper,
     assert len(press.warnings) == (gain_std == 1e-3)
 
 
+def resting(text):
+    """Return the force [N] at rest after the press, as a text states it."""
+    return float(text.removeprefix("force: ").split(" mN at rest after the press")[0]) / 1e3
+
+
+@pytest.mark.parametrize(("slope", "doubt"), [(0.1, None), (-0.01, False), (-0.1, True)])
+def test_a_finger_does_not_pull_at_a_resting_key(paper, record, slope, doubt):
+    """A zero that drifts, in N/s, over 490 ms; without AC coupling, a peak of 0.5 N."""
+    volts = np.zeros((2, round(0.5 * RATE)))
+    time = np.arange(volts.shape[1]) / RATE
+    volts[0] = stroke(time) / paper.daq.channels[0].scale
+    volts[1] = 0.5 * ((time > 0.05) & (time < 0.07)) + slope * time
+    press = load_press(record(ideal(paper), volts))
+    said = press.warnings + press.remarks
+    assert [text for text in said if "a finger cannot pull" in text] == list(said)
+    assert len(said) == (doubt is not None)
+    assert len(press.warnings) == bool(doubt)
+    if said:
+        assert resting(said[0]) == pytest.approx(slope * 0.485, rel=0.01)
+
+
+def test_an_ac_coupling_that_the_rig_does_not_state(paper, record):
+    """A force of 0.3 N for 0.4 s leaves -0.18 N behind 0.5 Hz, by its closed form."""
+    coupled, stated = (
+        with_values(paper, {"daq.channels.1.high_pass": corner}) for corner in ("0.5 Hz", "0 Hz")
+    )
+    volts = sensed(coupled, [stroke, lambda t: 0.3 * ((t > 0.03) & (t < 0.43))])
+    (text,) = load_press(record(stated, volts)).warnings
+    left = -0.3 * (1 - np.exp(-np.pi * 0.4)) * np.exp(-np.pi * (0.485 - 0.43))
+    assert resting(text) == pytest.approx(left, rel=0.03)
+    assert "state `high_pass`" in text
+
+
 def test_a_clean_press_has_no_quality_flags_and_no_warnings(paper, record):
     for seed in range(5):
         volts = sensed(paper, [stroke, lambda t: 0.5 * ((t > 0.05) & (t < 0.07))], seed)

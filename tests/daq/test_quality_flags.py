@@ -52,15 +52,16 @@ def test_beyond_the_range_is_an_overload(velocity):
     assert len(found) == 4
 
 
-def test_a_saturated_amplifier_is_flat_below_the_range(force):
-    """A charge amplifier at its end of 7 V, without noise while saturated."""
+@pytest.mark.parametrize("end", [7.0, 0.7])
+def test_a_saturated_amplifier_is_flat_below_the_range(force, end):
+    """A charge amplifier at its end, far below the range of the card, without noise there."""
     time = np.arange(25_600) / RATE
-    noise = 0.005 * np.random.default_rng(0).standard_normal(len(time))
-    volts = np.clip(9 * np.sin(2 * np.pi * 8 * time) + noise, -10, 7.0)
+    noise = 7e-4 * end * np.random.default_rng(0).standard_normal(len(time))
+    volts = np.clip(1.3 * end * np.sin(2 * np.pi * 8 * time) + noise, -9.9, end)
     found = find_quality_flags(volts, force, RATE)
     assert {flag.kind for flag in found} == {"overload"}
     marked = sum(m.stop - m.start for m in found) * RATE
-    assert marked == pytest.approx(np.count_nonzero(volts == 7.0), rel=0.02)
+    assert marked == pytest.approx(np.count_nonzero(volts == end), rel=0.02)
 
 
 @pytest.mark.parametrize("depth", [1.0, 0.5, 0.05])
