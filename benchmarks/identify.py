@@ -199,7 +199,7 @@ def judged(
     found: Identified, truth: dict[str, float]
 ) -> tuple[list[float], list[bool], list[bool], bool]:
     """Return errors, coverage and claims of the results of one fit, and whether it fits."""
-    fits = found.quality.fits
+    fits = bool(found.quality.fits)  # None where the noise is unknown
     estimates = {e.name: e for e in found.estimates}
     errors, covered, claimed = [], [], []
     for name in RESULTS:
