@@ -41,9 +41,13 @@ def test_a_lock_that_the_system_does_not_free_hides_no_fault_of_the_block(tmp_pa
             raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
         flock(entry, how)
 
-    with monkeypatch.context() as patched, pytest.raises(ZeroDivisionError), locked(path):
-        patched.setattr(fcntl, "flock", keep)
-        raise ZeroDivisionError
+    def fail():
+        with monkeypatch.context() as patched, locked(path):
+            patched.setattr(fcntl, "flock", keep)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
     with locked(path):
         assert "process" in refused(path)
 
