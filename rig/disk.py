@@ -81,7 +81,7 @@ def new_file(path: Path, *, replace: bool = False) -> Iterator[BinaryIO]:
         if isinstance(error, OSError) and error.errno and error.filename in (None, str(beside)):
             raise _named(error, path) from error
         raise
-    _remove_left(path)
+    remove_left(path)
     sync_folder(path.parent)
 
 
@@ -194,7 +194,7 @@ def _named(error: OSError, path: Path) -> OSError:
     return type(error)(error.errno, why_unwritable(error), str(path))
 
 
-def _remove_left(path: Path) -> None:
+def remove_left(path: Path) -> None:
     """Remove the files beside a file that nobody writes any more."""
     for name in os.listdir(path.parent):  # noqa: PTH208 (there may be thousands of others)
         if name.startswith(_prefix(path)) and name.endswith(NEW):

@@ -136,12 +136,13 @@ def _rigid_plucks(
 def _with_force(contact: Contact, release: Release) -> Release:
     """Return a release whose fall is the force of the fit, as ringing makes the fall differ.
 
-    Where nothing rings, a fall that differs from the force shows that the fit is wrong by as much.
+    Where nothing rings, a fall that differs from the force by more than its own uncertainty shows
+    that the fit is wrong by as much.
     """
     apart = release.fall - contact.inertia * release.slowed - contact.at_release
     # 1.4 is three standard deviations above 1.
-    wrong = apart if release.noise < 1.4 else 0.0
-    fall_std = math.hypot(contact.force_std, wrong)
+    wrong = max(0.0, apart**2 - release.fall_std**2) if release.noise < 1.4 else 0.0
+    fall_std = math.sqrt(contact.force_std**2 + wrong)
     return replace(release, fall=contact.at_release, fall_std=fall_std)
 
 

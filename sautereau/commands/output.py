@@ -197,16 +197,20 @@ class FileOutput(Output):
 def has(path: Path, text: str, *, within: bool = False) -> bool:
     """Return whether a file is, or contains, a text: so a command may leave it that is then killed.
 
-    A repetition of that command need not refuse it.
+    A repetition of that command need not refuse it. What was beside a file that is the text when
+    the command was killed is removed.
     """
-    from sautereau.rig.disk import read_limited
+    from sautereau.rig.disk import read_limited, remove_left
 
     try:
         content = read_limited(path)
     except OSError:
         return False
     known = text.encode("utf-8")
-    return known in content if within else known == content
+    if within or known != content:
+        return within and known in content
+    remove_left(path)
+    return True
 
 
 def make_folders(*paths: Path | None) -> None:

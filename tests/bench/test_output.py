@@ -259,6 +259,8 @@ def test_an_error_in_clearing_up_does_not_replace_the_first_one(monkeypatch, cap
 def test_init_again_is_no_fault_unless_the_file_was_changed(tmp_path):
     for _ in range(2):  # killed just after it had written the file
         app(["init", str(tmp_path / "a.toml")], exit_on_error=False, print_error=False)
+        assert [path.name for path in tmp_path.iterdir()] == ["a.toml"]
+        (tmp_path / ".a.toml.0123abcd.new").hardlink_to(tmp_path / "a.toml")
     (tmp_path / "a.toml").write_text((tmp_path / "a.toml").read_text() + "# mine\n")
     with pytest.raises(SautereauError, match="already exists"):
         app(["init", str(tmp_path / "a.toml")], exit_on_error=False, print_error=False)
