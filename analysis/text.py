@@ -47,6 +47,20 @@ def grouped(said: Iterable[tuple[object, str]], noun: str) -> list[str]:
     return lines
 
 
+def remark_lines(said: Iterable[tuple[object, str]], listed: bool, where: str) -> list[str]:
+    """Return remarks on presses as lines, or else one line with their number, if there are any.
+
+    Args:
+        said: Names of presses with their remarks.
+        listed: Whether to list them.
+        where: What lists them otherwise.
+    """
+    remarks = list(said)
+    if listed:
+        return [f"remark: {text}" for text in grouped(remarks, "press")]
+    return [f"{counted(len(remarks), 'remark')}, listed by {where}"] * bool(remarks)
+
+
 def table(
     rows: Iterable[Sequence[str]], *, left: Collection[int] = (0,), indent: int = 0, gap: int = 2
 ) -> list[str]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.figures import BenchmarkFault
 from benchmarks.learning import Learned, learned_on
 from benchmarks.spinet import SPINET
 from sautereau.rig.load import load_rig, with_values
@@ -77,7 +78,8 @@ def cases() -> dict[str, tuple[Rig, Scene, bool]]:
         return with_values(rig, {"arm.counts_per_revolution": number} | limit)
 
     def servo(stiffness: float) -> Scene:
-        assert paper.servo is not None
+        if paper.servo is None:
+            raise BenchmarkFault("the scene paper has no servo")
         soft = paper.servo.model_copy(update={"stiffness": (stiffness, stiffness)})
         return paper.model_copy(update={"servo": soft})
 

@@ -262,7 +262,7 @@ def minimise(
     result = least_squares(
         lambda part: found.all(complete(part)),
         start[moving],
-        jac=lambda part: found.slopes(complete(part))[:, moving],  # type: ignore
+        jac=lambda p: found.slopes(complete(p))[:, moving],  # pyright: ignore[reportArgumentType]
         bounds=(low[moving], high[moving]),
         loss="soft_l1" if robust else "linear",
         xtol=tolerance,

@@ -141,10 +141,7 @@ class InverseDynamics:
     def solve_together(self, points: Iterable[Floats]) -> None:
         """Solve the plucks at several points, which takes less time than one by one."""
         held = [choir for point in points for choir in self._bench(point)[2]]
-        solve_together(
-            (c.plectrum, c.string, level_of(c.plectrum, self.level))  # type: ignore[arg-type]
-            for c in held
-        )
+        solve_together((c.plectrum, c.string, level_of(c.plectrum, self.level)) for c in held)
 
     def joined(self, point: Floats) -> Floats:
         """Return all `residuals` in one array, those of the rises last; shape (n,)."""

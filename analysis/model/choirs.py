@@ -170,7 +170,7 @@ def solve_together(cases: Iterable[tuple[Plectrum, String, str]]) -> None:
 
 def level_name(rig: Rig, level: str) -> str:
     """Return the levels that `level` means for the choirs of a rig: `elastica`, `fe`, or both."""
-    named = [level_of(choir.plectrum, level) for choir in choirs(rig)]  # type: ignore
+    named = [level_of(choir.plectrum, level) for choir in choirs(rig)]
     return " and ".join(dict.fromkeys(named))
 
 

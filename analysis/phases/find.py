@@ -111,7 +111,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     start, bottom = float(-offset / slope), float(time[end])
     contacts = [contact for contact, *_ in known_plucks]
     highest = peak_force(force, signals, plucks)
-    unseen, of_level = _unseen_force(press, signals, settled, highest, bool(plucks))
+    unseen, of_level = _level_of_force(press, signals, settled, highest, bool(plucks))
     # Slower than this quantile is a jack that starts or stops, faster one that was released.
     cruise, top = float(np.quantile(speed[begin:end], 0.65)), float(signals.rise.max())
     unlike = [] if known else checks.about_rig(press, cruise, top, found.fit, plucks, strings)
@@ -151,17 +151,16 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     )
 
 
-def _unseen_force(
+def _level_of_force(
     press: Press, signals: Signals, free: NDArray[np.intp], peak: float, plucked: bool
 ) -> tuple[float | None, list[Remark]]:
-    """Return the force [N] that the free key needs by the rig, less the measured one, at samples.
+    """Compare the force of the free key, at samples, with the one that it needs by the rig.
 
     AC coupling hides the force at rest, such as that of a finger that rests on the key. Without it
-    the force is None, and the zero of the sensor is wrong where the ranges of the rig do not
-    explain the difference.
+    the zero of the sensor is wrong where the ranges of the rig do not explain the difference.
 
     Returns:
-        The force, and what is said about it.
+        `Phases.unseen_force`, and what is said about the difference.
     """
     channel = press.rig.daq.channel("force")
     if channel is None or signals.missing or len(free) < 2:

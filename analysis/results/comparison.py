@@ -13,7 +13,7 @@ from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.difference import Difference, Pair
 from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
-from sautereau.analysis.text import counted, grouped, percent, quantity_in_rig, table
+from sautereau.analysis.text import counted, percent, quantity_in_rig, remark_lines, table
 from sautereau.rig.faults import unit_of
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
@@ -51,11 +51,8 @@ class Comparison(Result):
             remarks: Whether to list the remarks on presses, instead of their number.
         """
         lines = analysis_lines(self.found, features)
-        said = [(p.press.path, text) for p in self.found.presses for text in p.remarks]
-        if remarks:
-            lines += [f"remark: {text}" for text in grouped(said, "press")]
-        elif said:
-            lines.append(f"{counted(len(said), 'remark')}, listed by `sautereau phases --verbose`")
+        said = ((p.press.path, text) for p in self.found.presses for text in p.remarks)
+        lines += remark_lines(said, remarks, "`sautereau phases --verbose`")
         return [*lines, *(line for pair in self.pairs for line in pair_lines(pair))]
 
     @property

@@ -172,17 +172,17 @@ class _Fit:
 
     def refine(self, poles: Floats) -> Floats:
         """Return the least-squares poles near a start."""
-        least, most = self.bounds(poles)
+        span, (least, most) = self.duration, self.bounds(poles)
         found = least_squares(
-            lambda x: self.residuals(x / self.duration).T.ravel(),
-            np.clip(poles, least + 1e-6 * (most - least), most) * self.duration,
-            lambda x: self.slopes(x / self.duration) / self.duration,  # type: ignore
-            bounds=(least * self.duration, most * self.duration),
+            lambda x: self.residuals(x / span).T.ravel(),
+            np.clip(poles, least + 1e-6 * (most - least), most) * span,
+            lambda x: self.slopes(x / span) / span,  # pyright: ignore[reportArgumentType]
+            bounds=(least * span, most * span),
             xtol=1e-7,
             ftol=1e-7,
             max_nfev=40,
         )
-        return found.x / self.duration
+        return found.x / span
 
     def described(self, poles: Floats, scale: Floats) -> tuple[DampedMode, ...]:
         """Return the modes with the standard errors of the Cramer-Rao bound.

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.text import SOME_SIMULATED, counted, grouped
+from sautereau.analysis.text import SOME_SIMULATED, grouped, remark_lines
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, has, make_folders, save_plot
 
@@ -53,13 +53,10 @@ def phases(
         read, faults = each(open(files), lambda p: (p, p.partial))
     session, texts = Session(p for p, _ in read), [str(error) for _, error in faults]
     warnings = [(p.path, warning) for p, partial in read for warning in partial.warnings]
-    remarks = [(p.path, remark) for p, partial in read for remark in partial.remarks]
+    remarks = ((p.path, remark) for p, partial in read for remark in partial.remarks)
     lines = [HEADER, *(p.line for p in session)]
     lines += [f"warning: {text}" for text in grouped(warnings, "press")]
-    if output.verbose:
-        lines += [f"remark: {text}" for text in grouped(remarks, "press")]
-    elif remarks:
-        lines.append(f"{counted(len(remarks), 'remark')}, listed by --verbose")
+    lines += remark_lines(remarks, output.verbose, "--verbose")
     if plot:
         save_plot(plot, session.plot())
     result = {"files": [p.document for p in session], "faults": texts}

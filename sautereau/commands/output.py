@@ -207,10 +207,11 @@ def has(path: Path, text: str, *, within: bool = False) -> bool:
     except OSError:
         return False
     known = text.encode("utf-8")
-    if within or known != content:
-        return within and known in content
-    remove_left(path)
-    return True
+    if within:
+        return known in content
+    if same := known == content:
+        remove_left(path)
+    return same
 
 
 def make_folders(*paths: Path | None) -> None:
