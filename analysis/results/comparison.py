@@ -11,7 +11,7 @@ from sautereau.analysis.session.compare import ERRORS, Mean, listed_contribution
 from sautereau.analysis.session.compare import Comparison as Compared
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.difference import Difference, Pair
-from sautereau.analysis.session.pooled import PooledFeature
+from sautereau.analysis.session.pooled import DRIFTING, PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
 from sautereau.analysis.text import counted, percent, quantity_in_rig, remark_lines, table
 from sautereau.rig.faults import unit_of
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INTERVALS = {"student": "Student's t", "bootstrap": "bootstrap of the presses (BCa)"}
-DRIFTING = ("pluck_duration", "release_force")  # Reported: of more, some would drift by chance
 CONSISTENT = "consistent with the stated ranges"
 UNEXPLAINED = "not explained by the stated ranges"
 NO_INTERVAL = "none (one press)"  # Text in place of the interval of a single press
@@ -296,7 +295,10 @@ def _drift_lines(found: Condition) -> list[str]:
         " (95 %:"
         f" {one.drift.low * scale:+.3g} to {one.drift.high * scale:+.3g})"
         for one in found.features
-        if one.name in DRIFTING and one.drift and one.drift.significant
+        if split_column(one.name)[0] in DRIFTING
+        and one.drift
+        and one.drift.significant
+        and not one.step
         for scale in [QUANTITIES[split_column(one.name)[0]].displayed[0]]
     ]
 

@@ -68,7 +68,8 @@ class Comparison:
     the variation from press to press for a single one."""
     budget: Budget | None = None
     unlike_rig: tuple[str, ...] = ()
-    """What in most presses is not as the rig states it, by factors that no range is to explain."""
+    """What in most presses is not as the rig states it, by factors that no range is to explain,
+    and what changed between two presses."""
 
     def interval(self, name: str) -> tuple[float, float] | None:
         """Return the 95 % interval of an error with the model's inputs.

@@ -10,11 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.model.predict import JackSpeed, Prediction, predict
-from sautereau.analysis.press.features import gain_stds
+from sautereau.analysis.press.features import by_string, gain_stds, split_column, title_of
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.budget import bending_of
 from sautereau.analysis.session.compare import (
+    NORMAL,
     Comparison,
     compare,
     compared_string,
@@ -22,10 +24,11 @@ from sautereau.analysis.session.compare import (
     with_budget,
 )
 from sautereau.analysis.session.pooled import PooledFeature, pooled_features
-from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
+from sautereau.analysis.session.repeatability import LEAST, Repeatability, Step, repeatability
 from sautereau.rig.document import flat, values_of
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.faults import unit_of
+from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.ranges import value_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity, readable_quantity
@@ -247,6 +250,15 @@ def _condition(
             spread = repeatability([press.press for press in valid], press_law(own.press))
         except SautereauError as error:
             warnings.append(f"no repeatability: {error}")
+    features = pooled_features(rows, predicted, gain_stds(own))
+    for one in features:
+        if step := one.step:
+            have = [p for p, row in zip(known, rows, strict=True) if by_string(row).get(one.name)]
+            text = _step_text(one, step, string_names(own), have)
+            if comparison and abs(step.second - step.first) > NORMAL * one.shared_std:
+                comparison = replace(comparison, unlike_rig=(*comparison.unlike_rig, text))
+            else:
+                warnings.append(text)
     found = Condition(
         values,
         differing(base, values),
@@ -254,13 +266,26 @@ def _condition(
         tuple(presses),
         prediction,
         comparison,
-        pooled_features(rows, predicted, gain_stds(own)),
+        features,
         spread,
         tuple(warnings),
     )
     if found.speed_reached is False:
         found = replace(found, warnings=(*warnings, f"{found.speed_verdict}; {HOLD_SPEED}"))
     return found
+
+
+def _step_text(
+    feature: PooledFeature, step: Step, strings: Sequence[str], presses: Sequence[AnalysedPress]
+) -> str:
+    """Return which feature changed between which of the presses that have it."""
+    scale, unit = QUANTITIES[split_column(feature.name)[0]].displayed
+    label = title_of(feature.name, strings).replace(f" ({unit})", "")
+    last, next_one = (press.press.path.name for press in presses[step.before - 1 :][:2])
+    return (
+        f"the {label} changes from {step.first * scale:.4g} to {step.second * scale:.4g} {unit}"
+        f" between {last} and {next_one}: analyse the presses before and after apart"
+    )
 
 
 def _predicted(rig: Rig, own: Rig, level: str, speed: JackSpeed | None) -> Prediction:

@@ -15,7 +15,7 @@ from sautereau.analysis.press.features import (
     std_of,
 )
 from sautereau.analysis.session.compare import Mean, mean_of, with_shared
-from sautereau.analysis.session.repeatability import LEAST, Trend, trend_of
+from sautereau.analysis.session.repeatability import LEAST, Step, Trend, step_of, trend_of
 
 POOLED = tuple(
     name
@@ -23,6 +23,8 @@ POOLED = tuple(
     if unit not in ("", "1") and not name.endswith("_std") and name != "rest_force"
 )
 """Features of which a mean over presses has a meaning: not the zero of an amplifier."""
+DRIFTING = ("pluck_duration", "release_force")
+"""Features of a pluck of which a drift and a step are reported: of more, some change by chance."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +37,21 @@ class PooledFeature:
     values: tuple[float, ...]
     """Values of the presses that have it, in the order in which they were made."""
     measured: Mean
+    shared_std: float
+    """Standard uncertainty of a single press by its sensors and its fit, in its unit."""
     std: float | None
     """Standard deviation of the presses; None for a single one."""
     drift: Trend | None
     """Change per press; None for fewer than three."""
     predicted: float | None
     """The model's mean over the same presses; None for what is not compared."""
+
+    @property
+    def step(self) -> Step | None:
+        """The change between two presses of one in `DRIFTING`; None where there is none."""
+        if split_column(self.name)[0] not in DRIFTING:
+            return None
+        return step_of(np.array(self.values))
 
     @property
     def presses(self) -> int:
@@ -68,11 +79,12 @@ def pooled_features(
     for name in (*POOLED, *later):
         values = tuple(value for row in rows if isinstance(value := row.get(name), float))
         if values:
-            shared = [known for row in rows if (known := std_of(row, name, gains)) is not None]
-            mean = with_shared(mean_of(values), float(np.mean(shared)) if shared else 0.0)
+            known = [own for row in rows if (own := std_of(row, name, gains)) is not None]
+            shared = float(np.mean(known)) if known else 0.0
+            mean = with_shared(mean_of(values), shared)
             unit = UNITS[split_column(name)[0]]
             std = float(np.std(values, ddof=1)) if len(values) > 1 else None
             drift = trend_of(np.array(values)) if len(values) >= LEAST else None
             model = predicted.get(name)
-            found.append(PooledFeature(name, unit, values, mean, std, drift, model))
+            found.append(PooledFeature(name, unit, values, mean, shared, std, drift, model))
     return tuple(found)

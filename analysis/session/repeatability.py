@@ -18,6 +18,7 @@ from sautereau.trajectory.timing import PressLaw
 INSTANTS = 200  # Instants of the cruise at which presses are compared
 LEAST = 3  # Fewest presses for a spread
 COVERAGE = 0.95  # Dimensionless coverage of the intervals
+CHANCE = 1e-3  # Probability that a change between presses is said of presses without one
 
 
 @dataclass(frozen=True)
@@ -151,3 +152,46 @@ def trend_of(values: Floats) -> Trend:
     error = np.sqrt(left @ left / (len(values) - 2) / (number @ number))
     reach = float(stdtrit(len(values) - 2, (1 + COVERAGE) / 2) * error)
     return Trend(slope, slope - reach, slope + reach)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A quantity that changed between two presses, in its unit."""
+
+    before: int
+    """Number of presses before the change."""
+    first: float
+    """Their mean."""
+    second: float
+    """Mean of the presses after the change."""
+
+
+def step_of(values: Floats) -> Step | None:
+    """Return the likeliest change of the mean between two presses; None where there is none.
+
+    A change of two means (Student's t) whose probability by chance, times the number of places
+    where it may be, is below `CHANCE`, and that leaves less than a straight line does.
+
+    Args:
+        values: Values of presses in their order, shape (presses,).
+    """
+    from scipy.special import stdtr
+
+    n = len(values)
+    if n < LEAST or np.ptp(values) == 0:
+        return None
+    place = np.arange(1, n)
+    total = values.cumsum()
+    first, second = total[:-1] / place, (total[-1] - total[:-1]) / (n - place)
+    left = values @ values - place * first**2 - (n - place) * second**2
+    best = int(left.argmin())
+    number = np.arange(n) - (n - 1) / 2
+    line = np.polynomial.Polynomial.fit(number, values, 1)
+    if left[best] >= np.sum((values - line(number)) ** 2):
+        return None
+    k = int(place[best])
+    error = np.sqrt(max(left[best], 0.0) / (n - 2) * (1 / k + 1 / (n - k)))
+    gone = abs(second[best] - first[best])
+    if 2 * stdtr(n - 2, -gone / max(error, 1e-300)) * (n - 1) > CHANCE:
+        return None
+    return Step(k, float(first[best]), float(second[best]))

@@ -9,7 +9,7 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.results.comparison import repeatability_lines
-from sautereau.analysis.session.repeatability import Spread, Trend, repeatability
+from sautereau.analysis.session.repeatability import Spread, Trend, repeatability, step_of
 from sautereau.daq.file.recorded import Event
 from sautereau.trajectory.timing import press_law
 from tests.presses import with_data
@@ -112,3 +112,25 @@ def test_too_few_or_too_short(paper, law):
     short = with_data(made[0], made[0].data.iloc[:300])
     with pytest.raises(AnalysisError, match=r"p\.mcap ends at"):
         repeatability([*made[1:], short], law)
+
+
+def test_a_step_between_two_presses_has_its_place_and_means():
+    values = np.r_[np.full(4, 0.78), np.full(6, 0.58)] + 1e-3 * np.tile([1, -1], 5)
+    found = step_of(values)
+    assert (found.before, found.first, found.second) == pytest.approx((4, 0.78, 0.58))
+    assert step_of(np.full(10, 0.78)) is None
+    assert step_of(values[:2]) is None
+
+
+@pytest.mark.parametrize("n", [3, 5, 20])
+def test_steps_are_said_of_one_in_a_thousand_sets_without_one(n):
+    random = np.random.default_rng(n)
+    sets = 4000
+    found = sum(step_of(random.standard_normal(n)) is not None for _ in range(sets))
+    assert found / sets < 1e-3 + 3 * np.sqrt(1e-3 / sets)
+
+
+def test_a_straight_drift_is_no_step():
+    random = np.random.default_rng(0)
+    drifts = (np.arange(20) + random.standard_normal(20) for _ in range(200))
+    assert sum(step_of(values) is not None for values in drifts) <= 1

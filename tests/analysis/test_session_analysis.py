@@ -90,6 +90,27 @@ def test_a_press_without_a_pluck_is_named_where_others_have_one(four):
     assert "not compared: silent.mcap: no pluck was found" in "\n".join(condition.warnings)
 
 
+@pytest.mark.parametrize("factor", [0.75, 0.99])
+def test_a_plectrum_changed_within_a_session_is_named(four, factor):
+    """The mean of two plectra is that of none, whether the ranges contain it or not."""
+    random = np.random.default_rng(0)
+    made = []
+    for number in range(8):
+        press = four[1][number % 4]
+        force = press.features["release_force"] * (1 + 2e-4 * random.standard_normal())
+        path = press.press.path.with_name(f"{number}.mcap")
+        features = {**press.features, "release_force": force * (factor if number > 4 else 1.0)}
+        made.append(replace(press, press=replace(press.press, path=path), features=features))
+    (condition,) = analyse(made).conditions
+    large = factor < 0.9  # beyond the sensors' uncertainty, which all presses share
+    said = condition.comparison.unlike_rig if large else condition.warnings
+    (text,) = (each for each in said if "release force" in each)
+    assert "between 4.mcap and 5.mcap" in text
+    assert condition.comparison.consistent is (not large)
+    (alone,) = analyse(made[:5]).conditions
+    assert not any("changes" in each for each in (*alone.comparison.unlike_rig, *alone.warnings))
+
+
 def test_remarks_of_the_presses_are_counted_or_listed(four):
     press = four[1][0]
     remarked = replace(press, phases=replace(press.phases, remarks=("hum", "drift")))
