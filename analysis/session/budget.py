@@ -126,7 +126,8 @@ def budget(
     ]
     return Budget(
         {n: (float(a), float(b)) for n, a, b in zip(names, *ends, strict=True)},
-        tuple(sorted(contributions, key=lambda c: -max(c.fractions.values()))),
+        # Of inputs without an effect but for rounding errors, the order is that of `INPUTS`.
+        tuple(sorted(contributions, key=lambda c: -round(max(c.fractions.values()), 12))),
         tuple(omitted),
     )
 

@@ -64,7 +64,8 @@ def shape(friction: float) -> np.ndarray:
 def _fitted(unit, values, degree):
     """Fit ``values`` at ``unit`` from -1 to 1; return ascending powers of (unit + 1) / 2."""
     fitted = chebyshev.cheb2poly(chebyshev.chebfit(unit, values, degree))
-    return np.polynomial.Polynomial(fitted)(np.polynomial.Polynomial([-1.0, 2.0])).coef
+    powers = np.polynomial.Polynomial(fitted)(np.polynomial.Polynomial([-1.0, 2.0])).coef
+    return np.pad(powers, (0, degree + 1 - len(powers)))  # numpy drops highest powers that are 0
 
 
 def inner_place(c: Choir) -> float:
