@@ -15,6 +15,7 @@ from sautereau.trajectory.motion import Floats
 
 GOOD, RIGID = 4.0, 10.0
 """Variance of the residuals over the noise below which the fit of a rigid key is good, or fair."""
+PARTS = 16  # Of a held string, each as long as the strokes of a bouncing finger
 FAIR = 15e-3  # N, rms of the residuals below which the fit of a compliant key is fair
 FREE, RELEASED = "free", "string released"
 """Phases in which no string is held: before a contact, and after the last release."""
@@ -73,6 +74,8 @@ class HeldString:
     instants were set by hand."""
     force_rise: float = math.nan
     """N, rise of the finger force from contact to release, by `growth`."""
+    force_slope_std: float = 0.0
+    """N/m, standard uncertainty by what `growth` does not explain of the force."""
 
     @property
     def pluck_duration(self) -> float:
@@ -198,11 +201,13 @@ def line_through(x: Floats, y: Floats) -> tuple[float, float]:
     return slope, level - slope * middle
 
 
-def growth(time: Floats, deflection: Floats, force: Floats) -> tuple[float, float]:
-    """Return slope [N/m] and rise [N] of the force over the deflection, from end to end.
+def growth(time: Floats, deflection: Floats, force: Floats) -> tuple[float, float, float]:
+    """Return slope [N/m], its standard uncertainty, and rise [N] of the force over the deflection.
 
-    They are those of a parabola, which is fitted together with one ringing of finger and key: that
-    changes the force at an instant by a tenth of the rise, on a key that bends at 800 Hz.
+    They are those of a parabola from end to end, which is fitted together with one ringing of
+    finger and key: that changes the force at an instant by a tenth of the rise, on a key that bends
+    at 800 Hz. What it leaves, such as the strokes of a finger that bounces on the key, is in the
+    uncertainty.
 
     Args:
         time: s, equidistant, shape (n,).
@@ -227,8 +232,18 @@ def growth(time: Floats, deflection: Floats, force: Floats) -> tuple[float, floa
         reduction = np.abs(left @ beside) ** 2 / np.sum(np.abs(beside) ** 2, axis=0)
         best = waves[:, np.argmax(reduction)]
         columns = np.column_stack([columns, np.real(best), np.imag(best)])
+    # The slopes without one part of the rows each (jackknife; B. Efron, The Annals of Statistics 7
+    # (1979) 1), which needs no model of how the strokes are correlated.
+    size = max(1, len(load) // PARTS)
+    rows = len(load) // size * size
+    parts = columns[:rows].reshape(-1, size, columns.shape[1])
+    of_parts = load[:rows].reshape(-1, size, 1)
+    normal = columns.T @ columns - parts.swapaxes(1, 2) @ parts
+    right = (columns.T @ load)[:, None] - parts.swapaxes(1, 2) @ of_parts
+    without = (np.linalg.pinv(normal, hermitian=True) @ right)[:, 1, 0] / half
+    std = math.sqrt(len(parts) - 1) * float(without.std())
     slope = float(np.linalg.lstsq(columns, load, rcond=None)[0][1] / half)
-    return slope, slope * float(deflection[-1] - deflection[0])
+    return slope, std, slope * float(deflection[-1] - deflection[0])
 
 
 def measured(signals: Signals, contact: Contact, release: Release) -> HeldString:
@@ -247,7 +262,7 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
     else:
         before = float(force[min(side.start, len(force) - 1)])
     held = slice(first, last)
-    slope, rise = growth(time[held], signals.deflection[held], force[held])
+    slope, slope_std, rise = growth(time[held], signals.deflection[held], force[held])
     # Of the fingertip on the key, which has a moment about the pin.
     friction = 0.015 * release.fall
     return HeldString(
@@ -259,6 +274,7 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         release_force=before,
         force_drop=release.fall,
         force_slope=slope,
+        force_slope_std=slope_std,
         force_drop_std=math.hypot(release.fall_std, friction) if release.fall_std else None,
         force_rise=rise,
     )

@@ -50,6 +50,7 @@ OF_PLUCK = (
     *COMPARED,
     *OF_START,
     "force_drop_std",
+    "force_slope_std",
 )
 """Columns of each pluck."""
 UNITS = {
@@ -64,8 +65,8 @@ UNITS = {
 """Unit of each column, in the order of the columns; those of later plucks have these units too.
 `sautereau.rig.quantities` defines the columns; times are in s after the trigger."""
 
-NEED_BOTH = ("bottomed", "force_drop", "force_drop_std", "force_slope", "held_work", "press_work",
-             "rest_force", "unseen_force")  # fmt: skip
+NEED_BOTH = ("bottomed", "force_drop", "force_drop_std", "force_slope", "force_slope_std",
+             "held_work", "press_work", "rest_force", "unseen_force")  # fmt: skip
 """Columns that need the force and the velocity."""
 NEED = {
     "force": ("contact_force", "release_force", "peak_force", *NEED_BOTH),
@@ -148,8 +149,8 @@ def gain_stds(rig: Rig) -> dict[str, float]:
 def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
     """Return the standard uncertainty of a column of one press, in its unit; None if unknown.
 
-    It is the fit's for instants, the pluck duration and the force drop, and the calibration's for
-    columns that are proportional to a signal, with what AC coupling hides of a force; the noise
+    It is the fit's for instants, the pluck duration, force drop and slope, and the calibration's
+    for columns that are proportional to a signal, with what AC coupling hides of a force; the noise
     that remains in the others of those shows in repeated presses.
 
     Args:

@@ -49,8 +49,8 @@ class Comparison:
     """The paper's three statements as model errors [1], (model - measured) / measured.
 
     Their intervals contain the variation from press to press, and errors that all presses share:
-    the gains of the sensors, and the standard uncertainties of contact and release. Those of the
-    budget contain the ranges of the model's inputs as well.
+    the gains of the sensors, and the standard uncertainties of contact, release and force slope.
+    Those of the budget contain the ranges of the model's inputs as well.
     """
 
     presses: int
@@ -128,7 +128,12 @@ def compare(
         [rise / h.force_rise for h, _, rise in predicted],
         [own.pluck_duration / h.pluck_duration for h, _, own in held],
     )
-    shared = (gains.get("force_slope", 0.0), gains.get("release_force", 0.0), duration_std)
+    slope_std = float(np.mean([h.force_slope_std / abs(h.force_slope) for h, _, _ in held]))
+    shared = (
+        math.hypot(gains.get("force_slope", 0.0), slope_std),
+        math.hypot(gains.get("release_force", 0.0), slope_std),
+        duration_std,
+    )
     found, stds = {}, {}
     for name, own, std in zip(ERRORS, ratios, shared, strict=True):
         mean = mean_of([ratio - 1 for ratio in own])

@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.model.predict import JackSpeed, Prediction, predict
+from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import by_string, gain_stds, split_column, title_of
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.budget import bending_of
@@ -39,6 +40,11 @@ HOLD_SPEED = (
     " lower press.jack_speed, or stiffen the position loops of the controller"
 )
 """How to keep the jack's speed while a string is held."""
+UNCLEAR = (
+    "the sign of the force slope is not known: the finger bounces on the key while the string is"
+    " held, or another string is released meanwhile; press more slowly, or with softer loops"
+)
+"""Why a press is not compared."""
 INSTRUMENT = ("key", "jack", "plectrum", "string", "more_choirs")  # Tables of a rig
 PressT = TypeVar("PressT", bound=AnalysedPress)
 
@@ -220,14 +226,8 @@ def _condition(
         plucked = [p[0] for press, p in zip(known, each, strict=True) if press.speeds]
         prediction = plucked[0] if plucked else predict(rig or own, level)
         warnings += prediction.warnings
-        found = [press.phases for press in known]
-        string = compared_string(found)
-        both = [
-            (one, predicted, speed)
-            for press, one, predictions in zip(known, found, each, strict=True)
-            for held, predicted, speed in zip(one.plucks, predictions, press.speeds, strict=False)
-            if held.string == string
-        ] or [(one, predictions[0], None) for one, predictions in zip(found, each, strict=True)]
+        both, omitted = _to_compare(known, each)
+        warnings += omitted
         compared, predictions, speeds = zip(*both, strict=True)
         prediction = predictions[0]
         # Another rig may be the one that these presses are like.
@@ -349,6 +349,34 @@ def doubtful_presses(warned: Sequence[bool]) -> list[str]:
         return []
     n, some = len(warned), sum(warned)
     return [f"results are doubtful in {some} of {n} presses: see `sautereau phases`"]
+
+
+def _to_compare(
+    presses: Sequence[AnalysedPress], predictions: Sequence[Sequence[Prediction]]
+) -> tuple[list[tuple[Phases, Prediction, JackSpeed | None]], list[str]]:
+    """Return what is compared: phases, prediction for the speed of the jack, and that speed.
+
+    Returns:
+        Them, of each press with a slope of known sign; and a warning about the others.
+    """
+    string = compared_string([press.phases for press in presses])
+    clear, unclear = [], []
+    for press, own in zip(presses, predictions, strict=True):
+        held = press.phases.of_string(string)
+        if held and abs(held.force_slope) <= NORMAL * held.force_slope_std:
+            unclear.append(press)
+        else:
+            clear.append((press, own))
+    if not clear:
+        raise AnalysisError(UNCLEAR)
+    both: list[tuple[Phases, Prediction, JackSpeed | None]] = [
+        (press.phases, predicted, speed)
+        for press, own in clear
+        for pluck, predicted, speed in zip(press.phases.plucks, own, press.speeds, strict=False)
+        if pluck.string == string
+    ]
+    both = both or [(press.phases, own[0], None) for press, own in clear]
+    return both, _omitted(unclear, UNCLEAR)
 
 
 def _omitted(presses: Sequence[AnalysedPress], reason: str) -> list[str]:
