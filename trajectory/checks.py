@@ -11,10 +11,16 @@ import numpy as np
 from sautereau.rig.capabilities import HomingKind, capabilities_of
 from sautereau.rig.quantities import DISPLAYED
 from sautereau.rig.schema import Rig
-from sautereau.trajectory.arm import elbow_sign, fingertip_place, tilt
+from sautereau.trajectory.arm import elbow_sign, fingertip_motion, fingertip_place, tilt
 from sautereau.trajectory.dynamics import gravity_torque, joint_torques
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.key import contact_angle, rise_of_angle, surface_axes
+from sautereau.trajectory.key import (
+    carried_force,
+    contact_angle,
+    key_under_fingertip,
+    rise_of_angle,
+    surface_axes,
+)
 from sautereau.trajectory.motion import Floats, Motion, dot
 from sautereau.trajectory.quantise import most_segments
 from sautereau.trajectory.segments import (
@@ -158,11 +164,8 @@ def tilt_of_finger(rig: Rig, press: Cubics) -> Check:
 
 
 def loads(rig: Rig, sampled: Sampled, expected: Expectation | None) -> list[Check]:
-    """Check the torques for inertia, weight and the expected force on the finger."""
-    free = joint_torques(rig.arm, sampled.joints)
-    peaks = [_peak(free[..., j]) for j in (0, 1)]
-    if expected is not None:
-        peaks = _loaded(rig, sampled, free, expected)
+    """Check the torques for inertia and weight, those of key and jacks too, and the strings."""
+    peaks = _loaded(rig, sampled, joint_torques(rig.arm, sampled.joints), expected)
     how_to_fix = f"{SLOWER_PRESS}, or {MOVE_BASE}"
     return [
         at_most(f"joint {j + 1} torque", peaks[j], rig.arm.torque_limit, "N*m", how_to_fix)
@@ -229,8 +232,8 @@ def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
     ]
 
 
-def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation) -> list[float]:
-    """Bound the torques with the expected force: free - force x lever, by virtual work.
+def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation | None) -> list[float]:
+    """Bound the torques with the force on the key: free - force x lever, by virtual work.
 
     The force may peak between samples, so each sample takes the largest force up to its
     neighbours.
@@ -240,17 +243,22 @@ def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation) -> 
     joints = Motion(*(array[pressing] for array in sampled.joints))
     _, normal = surface_axes(angle)
     lever = free[pressing] - joint_torques(rig.arm, joints, normal)
-    rise = rise_of_angle(rig.key, angle)
-    around = np.pad(rise, ((0, 0), (1, 1)), mode="edge")
-    around = np.stack([around[:, :-2], rise, around[:, 2:]])
-    slack = _bend(rise)
-    forces = expected.range_between(around.min(axis=0) - slack, around.max(axis=0) + slack)
-    most = max(np.abs(force).max() for force in forces)
+    against: tuple[Floats, ...] = (np.zeros_like(angle),)
+    if expected is not None:
+        rise = rise_of_angle(rig.key, angle)
+        around = np.pad(rise, ((0, 0), (1, 1)), mode="edge")
+        around = np.stack([around[:, :-2], rise, around[:, 2:]])
+        slack = _bend(rise)
+        against = expected.range_between(around.min(axis=0) - slack, around.max(axis=0) + slack)
+    centre = fingertip_motion(rig.arm, joints)
+    motion = key_under_fingertip(rig.key, rig.arm.fingertip_radius, centre)
+    forces = [carried_force(rig, motion, force) for force in against]
+    most, bent = max(force.max() for force in forces), _bend(carried_force(rig, motion))
     peaks = []
     for j in (0, 1):
         bare, arm = free[..., j], lever[..., j]
         loaded = max(np.abs(bare[pressing] - force * arm).max() for force in forces)
-        slack = _bend(bare) + most * _bend(arm)
+        slack = _bend(bare) + most * _bend(arm) + bent * np.abs(arm).max()
         peaks.append(max(_peak(bare), float(loaded + slack)))
     return peaks
 

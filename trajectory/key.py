@@ -19,6 +19,19 @@ def moving_inertia(rig: Rig) -> float:
     return own + sum(c.jack.mass * c.jack_arm**2 for c in rig.more_choirs)
 
 
+def carried_force(rig: Rig, angle: Motion, against: ArrayLike = 0.0) -> Floats:
+    """Return the force [N] of the finger on the key's normal that moves key and jacks as planned.
+
+    A finger cannot pull: it is 0 where they decelerate by themselves.
+
+    Args:
+        angle: rad, of the key; arrays of any shape.
+        against: N, of the finger in a slow press, by which string and weight resist.
+    """
+    inertial = moving_inertia(rig) / rig.key.press_arm * angle.acceleration
+    return np.maximum(np.asarray(against) + inertial, 0.0)
+
+
 def jack_law(key: Key, angle: ArrayLike) -> tuple[Floats, Floats]:
     """Return the jack's rise [m] and d(rise)/da [m/rad] at a key angle [rad].
 

@@ -10,7 +10,7 @@ from sautereau.trajectory.checks import Check, verify
 from sautereau.trajectory.dynamics import joint_torques, mass_matrix, tip_torque
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.expected import Expectation
-from sautereau.trajectory.key import jack_law, moving_inertia, surface_axes
+from sautereau.trajectory.key import carried_force, jack_law, moving_inertia, surface_axes
 from sautereau.trajectory.learning import Correction
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.quantise import quantise, sample_times
@@ -57,7 +57,8 @@ class Trajectory(Path):
     time: Floats
     """s from the start of motion, at every controller sample; shape (n,)."""
     torques: Floats
-    """N m, required for weight, inertia and the expected force; shape (n, 2)."""
+    """N m, required for weight and inertia, those of key and jacks too, and the expected force;
+    shape (n, 2)."""
     tilt: Floats
     """rad, of link 2 against the key's normal; shape (n,)."""
     segments: Segments
@@ -126,10 +127,8 @@ def draft_press(
             segments, cruise = searched, followed
     approach = _approach(rig, path)
     retreat = approach.reversed()
-    force = None
-    if expected is not None:
-        _, normal = surface_axes(path.angle.position)
-        force = expected.force_at(path.rise.position)[:, None] * normal
+    against = 0.0 if expected is None else expected.force_at(path.rise.position)
+    force = carried_force(rig, path.angle, against)[:, None] * surface_axes(path.angle.position)[1]
     return Trajectory(
         **vars(path),
         law=law,

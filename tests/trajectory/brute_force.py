@@ -86,6 +86,20 @@ def _torques(arm, q, v, a, x_force, z_force):
     return np.abs(np.stack([about_base, about_elbow], -1) + rotor * a).max(axis=0)
 
 
+def _inertia_about_the_pin(rig):
+    jacks = [(rig.key.jack_arm, rig.jack), *((c.jack_arm, c.jack) for c in rig.more_choirs)]
+    return rig.key.inertia + sum(jack.mass * arm**2 for arm, jack in jacks)
+
+
+def _accelerations(rig, q, v, a, x, z):
+    """Return the key's angular acceleration [rad/s^2], by differences along parabolas."""
+    step, around = 1e-4, []
+    for side in (-1, 1):
+        _, (x1, z1) = _place(rig.arm, q + side * step * v + step**2 / 2 * a)
+        around.append(_angle_under(rig, x1, z1))
+    return (around[0] - 2 * _angle_under(rig, x, z) + around[1]) / step**2
+
+
 def _depth(rig, x, z):
     angle, key = np.maximum(_angle_under(rig, x, z), 0.0), rig.key
     front = -key.press_arm * np.sin(angle) + key.surface_height * np.cos(angle)
@@ -107,10 +121,11 @@ def brute(rig, plan, expected=None):
     (_, elbow), (x, z) = _place(arm, q)
     angle = np.maximum(_angle_under(rig, x, z), 0.0)
     along = (-x * np.cos(angle) - z * np.sin(angle))[pressing]
-    force = np.zeros(len(q))
+    turning = _accelerations(rig, q, v, a, x, z)
+    force = _inertia_about_the_pin(rig) * turning / key.press_arm
     if expected is not None:
-        rise = _rise(key, angle)
-        force = np.where(pressing, np.interp(rise, expected.rise, expected.force), 0.0)
+        force = force + np.interp(_rise(key, angle), expected.rise, expected.force)
+    force = np.where(pressing, np.maximum(force, 0.0), 0.0)
     torque = _torques(arm, q, v, a, -force * np.sin(angle), force * np.cos(angle))
     away = np.hypot(x - arm.base_x, z - arm.base_z)
     reach = min(
