@@ -57,8 +57,8 @@ class Trajectory(Path):
     time: Floats
     """s from the start of motion, at every controller sample; shape (n,)."""
     torques: Floats
-    """N m, required for weight and inertia, those of key and jacks too, and the expected force;
-    shape (n, 2)."""
+    """N m, required for weight and inertia, and for the expected force with the inertia of key and
+    jacks; shape (n, 2)."""
     tilt: Floats
     """rad, of link 2 against the key's normal; shape (n,)."""
     segments: Segments
@@ -88,7 +88,7 @@ def plan_press(
     """Plan the press of a rig.
 
     Args:
-        expected: Expected force against the finger; None for a key without a string.
+        expected: Expected force against the finger; None for the arm alone, without a key.
         correction: Learned addition to the jack's rise; None for none.
 
     Raises:
@@ -127,8 +127,11 @@ def draft_press(
             segments, cruise = searched, followed
     approach = _approach(rig, path)
     retreat = approach.reversed()
-    against = 0.0 if expected is None else expected.force_at(path.rise.position)
-    force = carried_force(rig, path.angle, against)[:, None] * surface_axes(path.angle.position)[1]
+    force = None
+    if expected is not None:
+        _, normal = surface_axes(path.angle.position)
+        against = expected.force_at(path.rise.position)
+        force = carried_force(rig, path.angle, against)[:, None] * normal
     return Trajectory(
         **vars(path),
         law=law,

@@ -32,7 +32,8 @@ class Errors:
 
     time: float
     """s, largest of all contacts, releases and returns, and of the jumps of the finger's force
-    while a string is held."""
+    while a string is held; where no string is touched, that of the key's angle over its largest
+    rate."""
     force: float
     """Dimensionless: error of the strings' forces at release, and of the finger's force while a
     string is held, relative to the largest of each; between a jump and that of the truth none."""
@@ -100,8 +101,16 @@ def errors(found: Observation, true: Observation) -> Errors:
     apart = (abs(a.time - b.time) for x, y in pairs for a, b in zip(x, y, strict=True))
     off = (abs(a.force - b.force) for a, b in zip(*pairs[1], strict=True))
     largest = max((abs(e.force) for e in true.events.releases), default=0.0) or math.inf
-    held = _held_errors(found, true)
+    held = _held_errors(found, true) if pairs[0][1] else _motion_errors(found, true)
     return Errors(max([held.time, *apart]), max(held.force, max(off, default=0.0) / largest))
+
+
+def _motion_errors(found: Observation, true: Observation) -> Errors:
+    """Return the errors of a press without a string: the time by which the key's motion is off."""
+    a, b = found.motions, true.motions
+    fastest = float(np.abs(b.angular_velocity).max(initial=0.0))
+    off = float(np.abs(a.angle - np.interp(a.time, b.time, b.angle)).max(initial=0.0))
+    return Errors(off / fastest if fastest else 0.0, 0.0)
 
 
 def _held_errors(found: Observation, true: Observation) -> Errors:
@@ -125,12 +134,17 @@ def _held_errors(found: Observation, true: Observation) -> Errors:
     if largest == 0.0:
         return Errors(0.0, 0.0)
     late, least = 0.0, LEAST_JUMP * largest
-    jumps, others = _jumps(b, least), _jumps(a, least)
+    jumps, others = _jumps(b, least), _jumps(a, least / 2)  # which may be half as large
     for (start, end, margin), rows in zip(spans, inside, strict=True):
         for time, size in jumps:
-            shifts = [t - time for t, other in others if abs(other - size) <= abs(size) / 2]
-            shift = min(shifts, key=abs, default=math.inf)
-            if abs(shift) <= margin:
+            alike = [(t, own) for t, own in others if abs(own - size) <= abs(size) / 2]
+            if not alike:
+                continue
+            there, own = min(alike, key=lambda jump: abs(jump[0] - time))
+            shift = there - time
+            # A servo's next jump may be alike, too: that is another one's, which is nearer to it.
+            back = min(abs(there - t) for t, real in jumps if abs(own - real) <= abs(real) / 2)
+            if abs(shift) <= margin and abs(shift) == back:
                 between = (b.time >= time + min(shift, 0.0)) & (b.time <= time + max(shift, 0.0))
                 held &= ~(rows & between)
                 late = max(late, abs(shift) if start < time < end else 0.0)

@@ -32,13 +32,15 @@ class Selected:
     asked: Accuracy | None
     """None where the scene gives a step."""
     errors: Errors
-    """Upper bound for the scene's drive, against the exact solution."""
+    """Upper bound for the scene's drive, a press from rest, against the exact solution."""
     real_time_factor: float
     """Dimensionless, simulated over real time, by a fixed rule and not by a clock."""
 
     def __str__(self) -> str:
         scene = self.scene
         asked = f" for the {self.asked} asked" if self.asked else ""
+        if scene.engine == "rigid" and scene.finger == "servo":
+            asked += ", in a press from rest; where earlier motions stop, it knows less accurately"
         return (
             f"selected engine {scene.engine}, plectrum {scene.plectrum}, string {scene.string},"
             f" steps of {micro(scene.step or 0.0)}: {reached(self.errors)}{asked};"

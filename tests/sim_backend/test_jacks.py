@@ -77,7 +77,8 @@ def agree(scene, most):
     drive = drive_of(RIG, scene)
     found, true = observe(RIG, scene, drive), reference(RIG, scene, drive)
     error = errors(found, true)
-    assert error.time < 0.2e-6
+    if true.events.contacts:  # else it is that of the motion, which follows
+        assert error.time < 0.2e-6
     assert error.force < 1e-4
     moved, exact = found.motions, true.motions
     for name in ("angle", "rise"):

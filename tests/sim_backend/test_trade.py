@@ -10,7 +10,7 @@ from sautereau.rig.load import load_rig
 from sautereau.sim_backend.parts import Accuracy
 from sautereau.sim_backend.physics.base import steps_in_sample
 from sautereau.sim_backend.physics.drive import drive_of
-from sautereau.sim_backend.physics.observation import errors, observe
+from sautereau.sim_backend.physics.observation import errors, observe, reference
 from sautereau.sim_backend.scene import load_scene, packaged_scenes, parse_scene
 from sautereau.sim_backend.trade import refinement, study
 from sautereau.sim_backend.trade.refinement import stepped
@@ -322,3 +322,25 @@ def test_every_packaged_scene_has_a_study(quick, name):
     trade = run_trade(load_rig(), load_scene(name), fresh=True)
     assert trade.points[trade.recommended].error <= trade.requested.time
     assert not any(point.failed for point in trade.points)
+
+
+def test_a_jump_of_another_controller_sample_is_no_error_of_time():
+    """Of the scene paper the rods' events are within 10 us, and a servo's jumps differ in size."""
+    scene = load_scene("paper").model_copy(update={"engine": "exact", "accuracy": None})
+    drive = drive_of(load_rig(), scene)
+    found, true = (
+        observe(load_rig(), scene.model_copy(update={"plectrum": level, "step": step}), drive)
+        for level, step in (("rods", 122e-6), ("elastica", 61e-6))
+    )
+    assert 5e-6 < errors(found, true).time < 20e-6
+
+
+def test_the_error_of_a_scene_without_a_string_is_that_of_its_motion():
+    """Twice the step is four times the error of a leap-frog scheme at the ends of its steps."""
+    scene = load_scene("free-key").model_copy(update={"engine": "rigid"})
+    true = reference(load_rig(), scene)
+    off = [
+        errors(observe(load_rig(), scene.model_copy(update={"step": step})), true).time
+        for step in (976.5625e-6, 244.140625e-6)
+    ]
+    assert 0 < off[1] < off[0] < 5e-6

@@ -121,11 +121,11 @@ def brute(rig, plan, expected=None):
     (_, elbow), (x, z) = _place(arm, q)
     angle = np.maximum(_angle_under(rig, x, z), 0.0)
     along = (-x * np.cos(angle) - z * np.sin(angle))[pressing]
-    turning = _accelerations(rig, q, v, a, x, z)
-    force = _inertia_about_the_pin(rig) * turning / key.press_arm
+    force = np.zeros(len(q))
     if expected is not None:
+        force = _inertia_about_the_pin(rig) * _accelerations(rig, q, v, a, x, z) / key.press_arm
         force = force + np.interp(_rise(key, angle), expected.rise, expected.force)
-    force = np.where(pressing, np.maximum(force, 0.0), 0.0)
+        force = np.where(pressing, np.maximum(force, 0.0), 0.0)
     torque = _torques(arm, q, v, a, -force * np.sin(angle), force * np.cos(angle))
     away = np.hypot(x - arm.base_x, z - arm.base_z)
     reach = min(
