@@ -36,6 +36,7 @@ from sautereau.trajectory.motion import Floats
 
 KEYS = ("path", "session", "plectrum", "rig")
 """Columns of a campaign by which a table of judgements may identify presses."""
+JUDGED = "judged"  # Column of what a row of a table of judgements names; null of a press
 MOST_LISTED = 20  # Largest number of faults that a message lists
 
 
@@ -44,8 +45,9 @@ def judgements(
 ) -> tuple[NDArray[np.intp], dict[str, Floats]]:
     """Return the level of each judgement, and the mean of each column over its presses.
 
-    If all presses of a session have the same judgement, they count as one judgement, since they are
-    not independent. Otherwise each press of the session counts as one.
+    A row of `with_labels` that names a session, plectrum or rig is one judgement. Of others, if all
+    presses of a session have the same judgement, they count as one, since they are not independent;
+    otherwise each press of the session counts as one.
 
     Returns:
         Indices into `LEVELS`, shape (n_judgements,); and arrays of that shape, with NaN where no
@@ -56,6 +58,9 @@ def judgements(
     sessions = used.groupby(["plectrum", "session"]).ngroup()
     several = levels.groupby(sessions).transform("nunique") > 1
     units = sessions.where(~several, len(used) + np.arange(len(used)))
+    if JUDGED in used:
+        rows = used[JUDGED].astype(object)
+        units = units.where(rows.isna(), -1 - rows.groupby(rows).ngroup())
     means = used[columns].astype(float).groupby(units).mean()
     first = levels.groupby(units).first()
     return first.to_numpy(np.intp), {name: means[name].to_numpy() for name in columns}
@@ -101,9 +106,13 @@ def with_labels(campaign: Campaign, path: Path) -> Campaign:
     if faults:
         raise AnalysisError(fault_list(origin, faults[:MOST_LISTED]))
     before = table[TOUCH].to_pylist() if TOUCH in table.column_names else [None] * len(table)
-    labels = [given.get(n, b) for n, b in zip(table[key].to_pylist(), before, strict=True)]
-    kept = table.select([name for name in table.column_names if name != TOUCH])
-    return replace(campaign, table=kept.append_column(TOUCH, pa.array(labels, pa.string())))
+    names = table[key].to_pylist()
+    labels = [given.get(n, b) for n, b in zip(names, before, strict=True)]
+    rows = [n if n in given and key != "path" else None for n in names]
+    kept = table.select([name for name in table.column_names if name not in (TOUCH, JUDGED)])
+    for name, values in ((TOUCH, labels), (JUDGED, rows)):
+        kept = kept.append_column(name, pa.array(values, pa.string()))
+    return replace(campaign, table=kept)
 
 
 MEASURED = (
@@ -154,7 +163,8 @@ class Judged:
     """Judgements of touch and their associations."""
 
     judgements: dict[str, int]
-    """Number of judgements of each level. A session with one judgement counts once."""
+    """Number of judgements of each level: of a table, its rows; else a session with one judgement
+    counts once."""
     quantities: dict[str, Association]
     """By the names of `MEASURED` and `DESCRIBED`, the strongest association first."""
     notes: tuple[str, ...]

@@ -101,6 +101,20 @@ def test_presses_of_one_session_with_several_judgements_count_each():
     assert sum(find_judged(campaign_of(rows)).judgements.values()) == 3 + 5
 
 
+@pytest.mark.parametrize("key", ["rig", "plectrum"])
+def test_a_row_of_a_table_is_one_judgement_in_however_many_sessions(key, tmp_path):
+    """Copies of a session must not make an association more significant."""
+    path, found = tmp_path / "labels.csv", []
+    once = [row | {key: row["session"]} for row in rows_of(12)]
+    path.write_text("".join([f"{key},touch\n", *(f"{r[key]},{r['touch']}\n" for r in once[::2])]))
+    copies = [r | {"path": f"b{r['path']}", "session": f"b{r['session']}"} for r in once]
+    for rows in (once, once + copies):
+        bare = campaign_of([row | {"touch": None} for row in rows])
+        found.append(find_judged(with_labels(bare, path)))
+    assert sum(found[1].judgements.values()) == 12
+    assert found[1].quantities["release_force"] == found[0].quantities["release_force"]
+
+
 def test_without_judgements_and_without_statsmodels(monkeypatch):
     rows = rows_of(20)
     none = [row | {"touch": None} for row in rows]
