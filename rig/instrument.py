@@ -222,6 +222,19 @@ class Plectrum(Section):
                 "tip_thickness: the outline has the thickness everywhere; remove tip_thickness, or"
                 " the outline"
             )
+        if self.tip_length is not None and self.tip_thickness is None:
+            raise ValueError("tip_length: it has no effect without tip_thickness; give that, too")
+        if self.tip_length is not None and self.tip_length >= self.length:
+            raise ValueError(
+                f"tip_length: {self.tip_length * 1e3:.6g} mm is not less than the plectrum's length"
+                f" of {self.length * 1e3:.6g} mm; lower it, or set thickness alone"
+            )
+        if self.tip_thickness is not None and self.tip_thickness > self.thickness:
+            raise ValueError(
+                f"tip_thickness: {self.tip_thickness * 1e3:.6g} mm is more than the thickness of"
+                f" {self.thickness * 1e3:.6g} mm, and a tip is cut thinner; exchange them, or"
+                " describe the shape by an outline"
+            )
         return self
 
     @property

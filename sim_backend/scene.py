@@ -10,6 +10,7 @@ from pydantic_core import to_jsonable_python
 
 from sautereau.rig.acquisition import Daq
 from sautereau.rig.disk import named_text, packaged_names
+from sautereau.rig.document import flat
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import in_text, validating
 from sautereau.rig.instrument import Choir
@@ -35,10 +36,20 @@ from sautereau.sim_backend.parts import (
     Weight,
 )
 
+SIMULATED = ("key.", "jack.", "plectrum.", "string.", "more_choirs.", "arm.", "daq.channels.")
+"""Where the keys of a rig begin that `[truth]` may give another value."""
+SENSED = {"delay": "0 s", "low_pass": "0 Hz", "low_pass_order": 0, "high_pass": "0 Hz"}
+"""Keys of a channel that ideal sensors do not have, with their values."""
+
 
 def _accuracy(text: str) -> str:
     Accuracy.parse(text)
     return text
+
+
+def _dotted(truth: Any) -> Any:
+    """Return values by dotted key, also of tables, as keys without quotes make them."""
+    return flat(truth) if isinstance(truth, dict) and truth else truth
 
 
 def _products(card: str | dict[str, str]) -> str | dict[str, str]:
@@ -119,7 +130,7 @@ class Scene(Section):
     """rad, of the joints from their home switches at power-up."""
     more_choirs: tuple[Choir, ...] | None = None
     """Instead of the rig's."""
-    truth: dict[str, Any] = Field(default_factory=dict)
+    truth: Annotated[dict[str, Any], BeforeValidator(_dotted)] = Field(default_factory=dict)
     """Where the simulated instrument differs from the rig: values by dotted key, such as
     `"jack.mass" = "7 g"`."""
     record_truth: bool = False
@@ -286,15 +297,28 @@ class Scene(Section):
         return rig
 
     def _with_truth(self, rig: Rig) -> Rig:
-        if self.finger == "servo" and "key.press_arm" in self.truth:
-            raise SceneError(
-                '[truth] of the scene: key.press_arm: with finger = "servo" the fingertip is where'
-                " the arm puts it, so the value has no effect; change arm.base_x instead"
-            )
         try:
-            return with_values(rig, self.truth) if self.truth else rig
+            true = with_values(rig, self.truth) if self.truth else rig
         except RigError as error:
             raise SceneError(f"[truth] of the scene: {error}") from error
+        if faults := [f"[truth] of the scene: {fault}" for fault in self._truth_without_effect()]:
+            raise SceneError("\n".join(faults))
+        return true
+
+    def _truth_without_effect(self) -> Iterator[str]:
+        for key in self.truth:
+            if key == "key.press_arm" and self.finger == "servo":
+                yield (
+                    'key.press_arm: with finger = "servo" the fingertip is where the arm puts it,'
+                    " so the value has no effect; change arm.base_x instead"
+                )
+            elif key.rpartition(".")[2] in SENSED and self.sensors is None:
+                yield f"{key}: the sensors are ideal, so it has no effect; add [sensors]"
+            elif not key.startswith(SIMULATED):
+                yield (
+                    f"{key}: the bench has it from the rig, so it has no effect here; change it in"
+                    " the rig"
+                )
 
     def as_wired(self, rig: Rig) -> Rig:
         """Return the rig with the calibrations of this scene's sensors.
@@ -303,11 +327,10 @@ class Scene(Section):
         """
         if self.sensors is not None:
             return rig
-        ideal = {"delay": "0 s", "low_pass": "0 Hz", "low_pass_order": 0, "high_pass": "0 Hz"}
         changed = {
             f"daq.channels.{i}.{name}": value
             for i in range(len(rig.daq.channels))
-            for name, value in ideal.items()
+            for name, value in SENSED.items()
         }
         origins = {
             kind: {key: said for key, said in getattr(rig, kind).items() if key not in changed}

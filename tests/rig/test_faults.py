@@ -154,6 +154,14 @@ def test_all_jacks_hold_the_key_on_its_back_rail():
             ["plectrum.overlap: 0.263 mm", "0.2 mm; lower overlap"],
         ),
         ([('"108 mm"', '"460 mm"')], ["string.plucking_point: 460 mm is not on the string"]),
+        *(
+            ([("source = \"the paper's model has none\" }", f"source = \"s\" }}\n{tip}")], said)
+            for tip, said in (
+                ('tip_thickness = "0.2 mm"\ntip_length = "6 mm"', ["tip_length: 6 mm is not less"]),
+                ('tip_thickness = "0.9 mm"', ["tip_thickness: 0.9 mm is more", "0.48 mm"]),
+                ('tip_length = "2 mm"', ["tip_length: it has no effect"]),
+            )
+        ),
         (
             [('"4 mN m", assumed', '"13 mN m", assumed'), ('"12 mN m"', '"14 mN m"')],
             ["key.gravity_moment: 13 mN m is not less than the jacks' 12.65", "raise jack.mass"],

@@ -191,3 +191,28 @@ def test_without_sensors_the_calibrations_are_those_of_ideal_ones(rig):
         for name in ("scale", "range", "terminal"):
             assert getattr(channel, name) == getattr(stated, name)
     assert load_scene("paper").as_wired(rig) is rig
+
+
+def test_truth_without_quotes_is_the_same():
+    quoted, bare = (
+        parse_scene(MUTE + f'[truth]\n{name} = "0.3 mm"\n')
+        for name in ('"plectrum.overlap"', "plectrum.overlap")
+    )
+    assert bare.truth == quoted.truth == {"plectrum.overlap": "0.3 mm"}
+
+
+def test_truth_without_effect_is_refused_with_all_its_faults():
+    truth = {
+        "controller.trigger_delay": "20 ms",
+        "press.jack_speed": "0.1 m/s",
+        "daq.channels.0.delay": "5 ms",
+        "jack.mass": "7 g",
+    }
+    scene = load_scene("ideal").model_copy(update={"truth": truth})
+    with pytest.raises(SceneError) as caught:
+        scene.true_rig(load_rig())
+    lines = str(caught.value).splitlines()
+    for key in list(truth)[:3]:
+        assert sum(key in line for line in lines) == 1
+    assert len(lines) == 3
+    assert "[sensors]" in lines[2]
