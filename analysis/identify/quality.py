@@ -12,7 +12,14 @@ import numpy as np
 
 from sautereau.analysis.identify.fit import Fit, rms
 from sautereau.analysis.identify.observed import BACK, FREE, HELD, WINDOW, Observed
-from sautereau.analysis.identify.parameters import FORCE_GAIN, TIME, VELOCITY_GAIN
+from sautereau.analysis.identify.parameters import (
+    CALIBRATIONS,
+    FORCE,
+    FORCE_GAIN,
+    TIME,
+    VELOCITY_GAIN,
+)
+from sautereau.analysis.text import quantity_in_rig
 from sautereau.trajectory.motion import Floats
 
 NOISE_MAX = 1.2  # Largest ratio of the averaged residual to the noise at rest, not averaged
@@ -26,6 +33,11 @@ REPEATED_MAX = 0.5
 rest. A repeated part widens the intervals."""
 REPEATED_STDS = 3.0  # Standard deviations of the repeated part that are allowed in addition
 PRIOR_MAX = 3.0  # Standard uncertainties by which a fitted calibration may differ from the rig's
+HOW = {
+    TIME: "free it, or correct the delays of the channels",
+    FORCE_GAIN: "calibrate the force transducer, or measure key.press_arm, which acts alike",
+    VELOCITY_GAIN: "calibrate the vibrometer, or measure key.laser_arm, which acts alike",
+}  # How to correct a wrong calibration
 LONGEST = 9  # Largest number of instants in an average over a period of the string
 INDEPENDENT = 0.6
 """Time between independent values of a smoothed force, divided by the windows of smoothing and
@@ -87,16 +99,28 @@ class Quality:
 
 def judged(good: Quality, fitted: Fit) -> Quality:
     """Return the goodness of a fit, of `quality`, with the verdict on its calibrations."""
-    free, offsets = fitted.problem.free, {}
-    for p, value in zip(free, fitted.values.tolist(), strict=True):
-        named = p.hidden and p.name in (TIME, FORCE_GAIN, VELOCITY_GAIN)
-        if named and p.mean is not None and p.std:
-            offsets[p.name] = float((value - p.mean) / p.std)
+    offsets, found = {}, []
+    for p, value in zip(fitted.problem.free, fitted.values.tolist(), strict=True):
+        if p.hidden and p.name in CALIBRATIONS and p.mean is not None and p.std:
+            offsets[p.name] = (value - p.mean) / p.std
+            found.append((p.name, p.unit, value))
     reasons = [
-        f"{name}: the fit is {abs(off):.1f} standard uncertainties from the calibration"
-        for name, off in offsets.items()
-        if abs(off) > PRIOR_MAX
+        f"{name}: the fit, {quantity_in_rig(value, unit)}, is {abs(offsets[name]):.1f} standard"
+        f" uncertainties from the calibration: {HOW[name]}"
+        for name, unit, value in found
+        if abs(offsets[name]) > PRIOR_MAX
     ]
+    if FORCE in fitted.instead:
+        reasons.append(
+            f"{FORCE}: a rigid key fits with a zero and a drift of the force: free it, or"
+            " key.gravity_moment, which acts like the zero"
+        )
+    if fitted.instead and reasons:
+        reasons.append(
+            f"these recordings do not separate {'these errors' if len(reasons) > 1 else 'this error'}"
+            " from elastic modes of the key, which were not tried: if the sensors and lengths are"
+            " right, tap the key (sautereau setup tap)"
+        )
     return replace(good, offsets=offsets, reasons=(*good.reasons, *reasons))
 
 

@@ -140,6 +140,10 @@ class Fit(Result):
                 f" {m.damping:.2g}"
                 for m in found.modes
             ),
+            *(
+                ["no rigid key fits, with other delays, gains or a drift of the force"]
+                * bool(found.modes)
+            ),
             _quality_line(found.quality),
             *(f"  {reason}" for reason in found.quality.reasons),
             *(_suggestion_line(suggestion) for suggestion in found.suggested),
