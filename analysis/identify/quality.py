@@ -117,9 +117,9 @@ def judged(good: Quality, fitted: Fit) -> Quality:
         )
     if fitted.instead and reasons:
         reasons.append(
-            f"these recordings do not separate {'these errors' if len(reasons) > 1 else 'this error'}"
-            " from elastic modes of the key, which were not tried: if the sensors and lengths are"
-            " right, tap the key (sautereau setup tap)"
+            "these recordings do not separate wrong calibrations from elastic modes of the key,"
+            " which were not tried: if sensors and lengths are right, tap the key (sautereau setup"
+            " tap)"
         )
     return replace(good, offsets=offsets, reasons=(*good.reasons, *reasons))
 
@@ -160,7 +160,8 @@ def quality(fitted: Fit) -> Quality:
     if repeated and repeated.size > max(repeated.allowed, REPEATED_MAX * (noise or 0.0)):
         reasons.append(
             f"{repeated.size * 1e3:.3g} mN of the residual repeat from press to press, and noise"
-            f" would leave up to {repeated.allowed * 1e3:.3g} mN: free what is suggested"
+            f" would leave up to {repeated.allowed * 1e3:.3g} mN: an error of the model, or of a"
+            " number that is not fitted"
         )
     return Quality(
         noise=noise,

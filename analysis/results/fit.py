@@ -10,7 +10,7 @@ import numpy as np
 
 from sautereau.analysis.figures import palette
 from sautereau.analysis.identify import fit as fitting
-from sautereau.analysis.identify.fixed import Suggestion
+from sautereau.analysis.identify.fixed import SUGGESTED, Suggestion
 from sautereau.analysis.identify.identified import (
     Estimate,
     Identified,
@@ -43,6 +43,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+NOTHING_SUGGESTED = (
+    f"  nothing is suggested: freeing a fixed number, lengths and tension apart, would reduce the"
+    f" weighted sum of squares by less than {SUGGESTED:g}, or give an impossible value"
+)
 TOGETHER = 2  # Number of results in one table of effects, which then fits into 80 columns
 COLUMNS = (
     *("name", "unit", "value", "std", "std_noise", "std_inputs", "low", "high", "rig_value"),
@@ -147,6 +151,7 @@ class Fit(Result):
             _quality_line(found.quality),
             *(f"  {reason}" for reason in found.quality.reasons),
             *(_suggestion_line(suggestion) for suggestion in found.suggested),
+            *([NOTHING_SUGGESTED] * (found.quality.fits is False and not found.suggested)),
             *table([_HEADS, *map(_estimate_cells, found.estimates)], left=(0, 5), indent=2, gap=1),
             "  std: standard uncertainty from the noise, from gains, delays, priors and assumed"
             " ranges (inputs), and in total",

@@ -97,6 +97,8 @@ def test_a_wrong_calibration_or_lever_is_named_and_taken_for_no_mode(wrong, forc
     assert not found.quality.fits
     assert named in found.quality.reasons[0]
     assert "elastic modes" in found.quality.reasons[-1]
+    text = str(Fit(pressed[0].rig, False, (), None, found))
+    assert ("nothing is suggested" in text) == (not found.suggested)
     estimates = {e.name: e for e in found.estimates}
     choir = made.choirs[0]
     truth = choir.bending_stiffness, choir.overlap, inertia_of(made)
