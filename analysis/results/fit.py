@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sautereau.analysis.alike import INSTRUMENT
 from sautereau.analysis.figures import palette
 from sautereau.analysis.identify import fit as fitting
 from sautereau.analysis.identify.fixed import SUGGESTED, Suggestion
@@ -33,6 +34,7 @@ from sautereau.analysis.text import (
 )
 from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
+from sautereau.rig.document import rig_document
 from sautereau.rig.edit import edit_rig, edited_text
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import parse_rig
@@ -112,6 +114,7 @@ class Fit(Result):
                 "combinations": plain(found.combinations),
             },
             "also_fitted": named(found.also_fitted),
+            "instrument": {k: v for k, v in rig_document(self.nominal).items() if k in INSTRUMENT},
             "fits": found.quality.fits,
             "quality": json_of(found.quality, "repetition", "quiet", "repeats"),
             "sensitivity": named(found.sensitivity),
@@ -264,7 +267,7 @@ class Fit(Result):
         undetermined = [
             e.name for e in (*self.found.estimates, *self.found.also_fitted) if e.std is None
         ]
-        return predicted(self.nominal, self.found.distribution, undetermined, level)
+        return predicted(self.nominal, self.found.distribution, undetermined, level=level)
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the parameters."""
