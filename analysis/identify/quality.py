@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sautereau.analysis.identify.fit import Fit, rms
-from sautereau.analysis.identify.observed import BACK, FREE, HELD, WINDOW, Observed
+from sautereau.analysis.identify.observed import FREE, HELD, WINDOW, Observed
 from sautereau.analysis.identify.parameters import (
     CALIBRATIONS,
     FORCE,
@@ -36,7 +36,8 @@ PRIOR_MAX = 3.0  # Standard uncertainties by which a fitted calibration may diff
 HOW = {
     TIME: "free it, or correct the delays of the channels",
     FORCE_GAIN: "calibrate the force transducer, or measure key.press_arm, which acts alike",
-    VELOCITY_GAIN: "calibrate the vibrometer, or measure key.laser_arm, which acts alike",
+    VELOCITY_GAIN: "calibrate the vibrometer, or measure key.laser_arm, which acts alike, or the"
+    " shape of the plectrum (sautereau outline): a taper resembles it",
 }  # How to correct a wrong calibration
 LONGEST = 9  # Largest number of instants in an average over a period of the string
 INDEPENDENT = 0.6
@@ -69,7 +70,8 @@ class Quality:
     """Whether the noise at rest explains the residual without a string. True if it is unknown:
     nothing then speaks for further modes of the key; it is no sign that the model fits."""
     repeats: bool
-    """Whether more of the residual repeats from press to press than noise explains."""
+    """Whether more of the residual without a string repeats from press to press than noise
+    explains. Modes of the key leave it there, and errors of plectrum and string do not."""
     reasons: tuple[str, ...]
     """Why the model does not fit; empty if nothing speaks against it."""
 
@@ -154,9 +156,11 @@ def quality(fitted: Fit) -> Quality:
             reasons.append(
                 f"the residual while a string is held is {held_residual * 1e3:.3g} mN, and"
                 f" {free * 1e3:.3g} mN without a string: free plectrum.friction, and"
-                " measure the string's tension, length and plucking point"
+                " measure the string's tension, length and plucking point, and the shape of the"
+                " plectrum (sautereau outline)"
             )
-    repeated = _repeated(dynamics.presses, slow, dynamics.floor, period)
+    repeated = _repeated(dynamics.presses, slow, dynamics.floor, period, (FREE, HELD))
+    free_part = _repeated(dynamics.presses, slow, dynamics.floor, period, (FREE,))
     if repeated and repeated.size > max(repeated.allowed, REPEATED_MAX * (noise or 0.0)):
         reasons.append(
             f"{repeated.size * 1e3:.3g} mN of the residual repeat from press to press, and noise"
@@ -172,7 +176,7 @@ def quality(fitted: Fit) -> Quality:
         autocorrelation=_autocorrelation(dynamics.presses, left),
         offsets={},
         quiet=quiet,
-        repeats=repeated is not None and repeated.size > repeated.chance,
+        repeats=free_part is not None and free_part.size > free_part.chance,
         reasons=tuple(reasons),
     )
 
@@ -210,9 +214,13 @@ class _Repeated:
 
 
 def _repeated(
-    presses: Sequence[Observed], slow: Sequence[Floats], floor: float, period: float
+    presses: Sequence[Observed],
+    slow: Sequence[Floats],
+    floor: float,
+    period: float,
+    phases: Sequence[int],
 ) -> _Repeated | None:
-    """Return the repeated part of the residual.
+    """Return the repeated part of the residual in some phases of the presses.
 
     Presses of different motions are compared separately; the result is that of the motion whose
     repeated part is largest relative to its limit. It is None if no two presses have the same
@@ -223,7 +231,7 @@ def _repeated(
         own = [presses[k] for k in numbers]
         every = np.full((len(own), len(own[0].time)), np.nan)
         for row, press, number in zip(every, own, numbers, strict=True):
-            row[:] = np.where(press.phase == BACK, np.nan, slow[number])
+            row[:] = np.where(np.isin(press.phase, phases), slow[number], np.nan)
         every = every[:, np.isfinite(every).all(axis=0)]
         n, instants = every.shape
         if n < 2 or instants < 2:

@@ -14,6 +14,7 @@ from sautereau.analysis.identify.elastic import Bending, Mode, noise_gain
 from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.identify.observed import SUBSTEPS
 from sautereau.analysis.identify.parameters import value_of
+from sautereau.analysis.phases import find_phases
 from sautereau.analysis.results.fit import Fit
 
 ARM, INERTIA = 0.17, 8e-4
@@ -108,6 +109,18 @@ def test_a_wrong_calibration_or_lever_is_named_and_taken_for_no_mode(wrong, forc
         right = identify(pressed, phases, [*FREE, named.partition(":")[0]], starts=1)
         assert right.quality.fits
         assert right.modes == ()
+
+
+def test_a_tapered_plectrum_is_taken_for_no_mode_and_its_shape_named():
+    """The rig says that it is uniform: two modes explained what only the held string leaves."""
+    choir = replace(NOMINAL.choirs[0], carving=((0.0, 1.0), (1.0, 0.5)))
+    made = replace(NOMINAL, choirs=(choir,), force=replace(FORCE, high_pass=0.0), speed=0.03)
+    pressed, _ = recorded(made, range(1, 4), {}, inertia=7e-4, coulomb=1e-3)
+    pressed = [replace(p, rig=p.rig.replaced({"plectrum.outline": None})) for p in pressed]
+    found = identify(pressed, [find_phases(p) for p in pressed], FREE, starts=1)
+    assert not found.quality.fits
+    assert found.modes == ()
+    assert "shape of the plectrum" in found.quality.reasons[0]
 
 
 @pytest.mark.slow
