@@ -5,6 +5,9 @@ from collections.abc import Mapping
 from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.schema import Rig
 
+INSTRUMENT = ("key", "jack", "plectrum", "string", "more_choirs")
+"""Tables of a rig that describe the instrument."""
+
 
 def check_alike(rigs: Mapping[str, Rig]) -> Rig:
     """Return the rig of several recordings of one instrument.
@@ -15,11 +18,7 @@ def check_alike(rigs: Mapping[str, Rig]) -> Rig:
     (first_name, first), *others = rigs.items()
     faults = []
     for name, rig in others:
-        differ = [
-            part
-            for part in ("key", "jack", "plectrum", "string", "more_choirs")
-            if getattr(rig, part) != getattr(first, part)
-        ]
+        differ = [part for part in INSTRUMENT if getattr(rig, part) != getattr(first, part)]
         if differ:
             faults.append(f"{name}: its {', '.join(differ)} differ from those of {first_name}")
     if faults:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from datetime import date
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
 import tomlkit
@@ -22,6 +23,7 @@ from sautereau.rig.disk import named_text
 from sautereau.rig.document import rig_document
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import submodel, unit_of
+from sautereau.rig.layers import Layers
 from sautereau.rig.registry import NameIn
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import Section, format_quantity
@@ -254,34 +256,53 @@ def _table(values: dict[str, Any], rig: Rig, dotted: str) -> Table:
     return table
 
 
-def commented_rig(part: str = "", name: str = "paper", base: str = "") -> str:
+def commented_rig(
+    part: str = "", name: str = "paper", base: str = "", folder: Path | None = None
+) -> str:
     """Return the text of a rig file to start from, with a comment above every key.
 
-    Values and their sources are those of the packaged rig `paper`; keys that it does not set are
-    comments with their defaults, and so are optional tables.
+    Values and their sources are those of the base, and where it lacks one that a rig needs those
+    of the packaged rig `paper`; keys that it does not set are comments with their defaults, and so
+    are optional tables.
 
     Args:
         part: One of `PARTS`, for its tables alone; empty for all tables.
         name: Name of the rig.
         base: The rig that has the other tables; its optional ones and those values that are
             defaults are comments.
+        folder: Folder of the new file, from which the base is seen; None: the working directory.
+
+    Raises:
+        RigError: The base cannot be read.
     """
-    document = tomlkit.parse(named_text("paper", "sautereau.rig", "rig", RigError)[0])
+    document: dict[str, Any] = tomlkit.parse(
+        named_text("paper", "sautereau.rig", "rig", RigError)[0]
+    )
     for key in ("run_up_acceleration", "run_up_jerk"):  # chosen by the clearance of another jack
         del document["press"][key]
+    origin = "the packaged rig paper"
+    if base:
+        head = f"base = {json.dumps(base)}"
+        layers = Layers(head, name, folder or Path())
+        required = {(t.name, e.name) for t in describe() for e in t.entries if e.default is None}
+        for table in PARTS[part]:
+            if isinstance(layers.base.get(table), dict):
+                others = {k: v for k, v in document[table].items() if (table, k) in required}
+                document[table] = others | _origins(layers, table)
+        origin = f"the base, and where it lacks one those of {origin}"
     whose = f"the {part} of a rig" if part else "all quantities of a bench"
     lines = [
         *_comment(
             f"A rig file: {whose}. Lengths on the key are measured from the"
             " balance pin. A value is a quantity in any unit of its dimension, or a table with the"
-            " value and its origin: its source, or its assumed range. The values are those of the"
-            " packaged rig paper; replace them by your own."
+            " value and its origin: its source, or its assumed range. The values are those of"
+            f" {origin}; replace them by your own."
         ),
         "",
     ]
     if base:
         about = "What this file does not set is that of its base: a packaged rig or other rig files"
-        lines += [*_comment(about), f"base = {json.dumps(base)}"]
+        lines += [*_comment(about), head]
         document["name"] = name
     for table in describe():
         head = table.name.partition(".")[0]
@@ -299,6 +320,18 @@ def commented_rig(part: str = "", name: str = "paper", base: str = "") -> str:
         ),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _origins(layers: Layers, table: str) -> dict[str, Any]:
+    """Return a table of the bases with the ranges and sources of its values."""
+    found: dict[str, Any] = {}
+    for key, value in layers.base[table].items():
+        at, about = f"{table}.{key}", tomlkit.inline_table()
+        about["value"] = value
+        about |= {"assumed": layers.assumed[at][1]} if at in layers.assumed else {}
+        about |= {"source": layers.sources[at]} if at in layers.sources else {}
+        found[key] = about if len(about) > 1 else value
+    return found
 
 
 def _commented(table: TableDescription, document: Any, *, inherits: bool = False) -> Iterator[str]:
@@ -337,7 +370,7 @@ def _about(entry: KeyDescription) -> str:
 
 def _line(entry: KeyDescription, values: Any, absent: str) -> str:
     if values is not None and entry.name in values:
-        return f"{entry.name} = {values[entry.name].as_string()}"
+        return f"{entry.name} = {tomlkit.item(values[entry.name]).as_string()}"
     return f"# {entry.name} = {entry.default or '...'}" if not absent else f"# {entry.name} = ..."
 
 

@@ -1,4 +1,8 @@
-"""Fits of a compliant key: elastic modes are added one by one while a stiffer key does not fit."""
+"""Fits of a compliant key: elastic modes are added one by one while a stiffer key does not fit.
+
+Before that, a rigid key is tried with wrong calibrations: a force that is 0.5 ms late or drifts, or
+a wrong lever arm, leaves a residual that modes imitate, with wrong values of other parameters.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -48,8 +52,8 @@ def fit_presses(
 ) -> Fit:
     """Fit parameters to presses of one rig; see `identified.identify`.
 
-    The key gets as many elastic modes as the residuals on the way down without a string require.
-    The modes that the rig states are tried first.
+    The key gets as many elastic modes as the residuals on the way down without a string require,
+    unless a rigid key with wrong calibrations fits. The modes that the rig states are tried first.
     """
     dynamics = inverse_dynamics(presses, phases, names, priors, level)
     best = fit(dynamics, starts, robust, free_offset=parameters.FORCE in names)
@@ -58,6 +62,8 @@ def fit_presses(
     # The noise at rest may hide modes, but it does not repeat as their residual does.
     if stiff and not quality(stiff).repeats:
         return stiff
+    if (rigid := _uncalibrated(best, robust)) is not None:
+        return rigid
     while (good.repeats or not good.quiet) and len(elastic.modes_of(_named(best))) < elastic.MOST:
         dynamics = _with_mode(best)
         if dynamics is None:
@@ -72,6 +78,29 @@ def fit_presses(
     if stiff and not elastic.modes_of(_named(best)):
         return stiff
     return refined(best, robust)
+
+
+def _uncalibrated(fitted: Fit, robust: bool) -> Fit | None:
+    """Return the fit of a rigid key whose calibrations are wrong; None if none of them fits.
+
+    The calibrations are found without their priors, which count again when the fit is continued.
+    """
+    dynamics, found = fitted.problem.dynamics, []
+    sensors, zero = parameters.CALIBRATIONS, () if fitted.free_offset else (parameters.FORCE,)
+    for names in filter(None, dict.fromkeys((sensors, zero, (*sensors, *zero)))):
+        if found and names == (*sensors, *zero):
+            break
+        free = [replace(p, std=None) if p.hidden and p.name in names else p for p in dynamics.free]
+        free_offset = fitted.free_offset or parameters.FORCE in names
+        made = fit(dynamics.with_free(free), 1, robust, free_offset=free_offset)
+        good = quality(made)
+        if good.quiet and not good.repeats:
+            problem = replace(made.problem, dynamics=dynamics)
+            found.append(replace(made, problem=problem, instead=names))
+    if not found:
+        return None
+    instead = tuple(name for each in found for name in each.instead)
+    return refined(replace(found[0], instead=instead), robust)
 
 
 def _named(fitted: Fit) -> dict[str, float]:

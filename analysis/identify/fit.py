@@ -61,6 +61,8 @@ class Fit:
     moved: Floats
     """Change of the scaled values by whitening, for a compliant key; 0 for a rigid one; shape
     (parameters,)."""
+    instead: tuple[str, ...] = ()
+    """Calibrations with wrong values of which a rigid key fits, so that no mode was tried."""
 
     @property
     def residual_before(self) -> float:

@@ -190,7 +190,8 @@ def suggestions(
         slopes: Its `Problem.differences`.
         noise: N, RMS of the part of the force residual that is no error of the model.
     """
-    spread, rig = noise * np.sqrt(DEPENDENT), fitted.problem.dynamics.rig
+    rig, floor = fitted.problem.dynamics.rig, fitted.problem.dynamics.floor
+    spread = float(np.hypot(noise, floor) * np.sqrt(DEPENDENT))
     test = ScoreTest(fitted.problem, fitted.values, slopes, spread, fitted.free_offset)
     found, of_contact = [], []
     for number in fixed:

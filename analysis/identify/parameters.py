@@ -37,6 +37,7 @@ TIME = "offset.time"  # Delay of the force after the motion (s)
 FORCE = "offset.force"  # Zero of the force (N)
 FORCE_GAIN = "offset.force_gain"  # True force divided by measured force; hidden
 VELOCITY_GAIN = "offset.velocity_gain"  # True velocity divided by measured velocity; hidden
+CALIBRATIONS = TIME, FORCE_GAIN, VELOCITY_GAIN
 SLIDING = "offset.sliding"
 """Relative error of the force's moment on the key, per newton (1/N): the finger of a compliant arm
 slides along the key while the force bends the arm; hidden."""
@@ -57,6 +58,8 @@ ENDS = {
     FRICTION: (0.0, 0.5),
     FINGERTIP: (-0.6, 0.6),
     TIME: (-TIME_RANGE, TIME_RANGE),
+    FORCE_GAIN: (0.5, 2.0),
+    VELOCITY_GAIN: (0.5, 2.0),
     VIBRATION: (0.0, 1.5),
 }  # Bounds of the parameters that have a natural range, SI
 MEASURED = (
@@ -405,11 +408,11 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
     """
     found = [
         _hidden(CLEARANCE, rig.jack.string_clearance, CLEARANCE_STD, "m"),
-        _hidden(TIME, 0.0, delay_std(rig), "s"),
+        hidden(TIME, 0.0, delay_std(rig), ENDS[TIME], "s"),
     ]
     for name, quantity in ((FORCE_GAIN, "force"), (VELOCITY_GAIN, "velocity")):
-        # Not 0, which would give an empty range.
-        found.append(_hidden(name, 1.0, max(_channel(rig, quantity).gain_std, 1e-6)))
+        std = max(_channel(rig, quantity).gain_std, 1e-6)  # not 0, an infinite weight
+        found.append(hidden(name, 1.0, std, ENDS[name]))
     found += [
         _hidden(SLIDING, 0.0, SLIDING_STD, "1/N"),
         _hidden(LATE_SLIDING, 0.0, SLIDING_STD, "1/N"),

@@ -11,8 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sautereau.analysis.identify.fit import Fit, rms
-from sautereau.analysis.identify.observed import BACK, FREE, HELD, WINDOW, Observed
-from sautereau.analysis.identify.parameters import FORCE_GAIN, TIME, VELOCITY_GAIN
+from sautereau.analysis.identify.observed import FREE, HELD, WINDOW, Observed
+from sautereau.analysis.identify.parameters import (
+    CALIBRATIONS,
+    FORCE,
+    FORCE_GAIN,
+    TIME,
+    VELOCITY_GAIN,
+)
+from sautereau.analysis.text import quantity_in_rig
 from sautereau.trajectory.motion import Floats
 
 NOISE_MAX = 1.2  # Largest ratio of the averaged residual to the noise at rest, not averaged
@@ -26,6 +33,12 @@ REPEATED_MAX = 0.5
 rest. A repeated part widens the intervals."""
 REPEATED_STDS = 3.0  # Standard deviations of the repeated part that are allowed in addition
 PRIOR_MAX = 3.0  # Standard uncertainties by which a fitted calibration may differ from the rig's
+HOW = {
+    TIME: "free it, or correct the delays of the channels",
+    FORCE_GAIN: "calibrate the force transducer, or measure key.press_arm, which acts alike",
+    VELOCITY_GAIN: "calibrate the vibrometer, or measure key.laser_arm, which acts alike, or the"
+    " shape of the plectrum (sautereau outline): a taper resembles it",
+}  # How to correct a wrong calibration
 LONGEST = 9  # Largest number of instants in an average over a period of the string
 INDEPENDENT = 0.6
 """Time between independent values of a smoothed force, divided by the windows of smoothing and
@@ -57,7 +70,8 @@ class Quality:
     """Whether the noise at rest explains the residual without a string. True if it is unknown:
     nothing then speaks for further modes of the key; it is no sign that the model fits."""
     repeats: bool
-    """Whether more of the residual repeats from press to press than noise explains."""
+    """Whether more of the residual without a string repeats from press to press than noise
+    explains. Modes of the key leave it there, and errors of plectrum and string do not."""
     reasons: tuple[str, ...]
     """Why the model does not fit; empty if nothing speaks against it."""
 
@@ -87,16 +101,28 @@ class Quality:
 
 def judged(good: Quality, fitted: Fit) -> Quality:
     """Return the goodness of a fit, of `quality`, with the verdict on its calibrations."""
-    free, offsets = fitted.problem.free, {}
-    for p, value in zip(free, fitted.values.tolist(), strict=True):
-        named = p.hidden and p.name in (TIME, FORCE_GAIN, VELOCITY_GAIN)
-        if named and p.mean is not None and p.std:
-            offsets[p.name] = float((value - p.mean) / p.std)
+    offsets, found = {}, []
+    for p, value in zip(fitted.problem.free, fitted.values.tolist(), strict=True):
+        if p.hidden and p.name in CALIBRATIONS and p.mean is not None and p.std:
+            offsets[p.name] = (value - p.mean) / p.std
+            found.append((p.name, p.unit, value))
     reasons = [
-        f"{name}: the fit is {abs(off):.1f} standard uncertainties from the calibration"
-        for name, off in offsets.items()
-        if abs(off) > PRIOR_MAX
+        f"{name}: the fit, {quantity_in_rig(value, unit)}, is {abs(offsets[name]):.1f} standard"
+        f" uncertainties from the calibration: {HOW[name]}"
+        for name, unit, value in found
+        if abs(offsets[name]) > PRIOR_MAX
     ]
+    if FORCE in fitted.instead:
+        reasons.append(
+            f"{FORCE}: a rigid key fits with a zero and a drift of the force: free it, or"
+            " key.gravity_moment, which acts like the zero"
+        )
+    if fitted.instead and reasons:
+        reasons.append(
+            "these recordings do not separate wrong calibrations from elastic modes of the key,"
+            " which were not tried: if sensors and lengths are right, tap the key (sautereau setup"
+            " tap)"
+        )
     return replace(good, offsets=offsets, reasons=(*good.reasons, *reasons))
 
 
@@ -130,13 +156,16 @@ def quality(fitted: Fit) -> Quality:
             reasons.append(
                 f"the residual while a string is held is {held_residual * 1e3:.3g} mN, and"
                 f" {free * 1e3:.3g} mN without a string: free plectrum.friction, and"
-                " measure the string's tension, length and plucking point"
+                " measure the string's tension, length and plucking point, and the shape of the"
+                " plectrum (sautereau outline)"
             )
-    repeated = _repeated(dynamics.presses, slow, dynamics.floor, period)
+    repeated = _repeated(dynamics.presses, slow, dynamics.floor, period, (FREE, HELD))
+    free_part = _repeated(dynamics.presses, slow, dynamics.floor, period, (FREE,))
     if repeated and repeated.size > max(repeated.allowed, REPEATED_MAX * (noise or 0.0)):
         reasons.append(
             f"{repeated.size * 1e3:.3g} mN of the residual repeat from press to press, and noise"
-            f" would leave up to {repeated.allowed * 1e3:.3g} mN: free what is suggested"
+            f" would leave up to {repeated.allowed * 1e3:.3g} mN: an error of the model, or of a"
+            " number that is not fitted"
         )
     return Quality(
         noise=noise,
@@ -147,7 +176,7 @@ def quality(fitted: Fit) -> Quality:
         autocorrelation=_autocorrelation(dynamics.presses, left),
         offsets={},
         quiet=quiet,
-        repeats=repeated is not None and repeated.size > repeated.chance,
+        repeats=free_part is not None and free_part.size > free_part.chance,
         reasons=tuple(reasons),
     )
 
@@ -185,9 +214,13 @@ class _Repeated:
 
 
 def _repeated(
-    presses: Sequence[Observed], slow: Sequence[Floats], floor: float, period: float
+    presses: Sequence[Observed],
+    slow: Sequence[Floats],
+    floor: float,
+    period: float,
+    phases: Sequence[int],
 ) -> _Repeated | None:
-    """Return the repeated part of the residual.
+    """Return the repeated part of the residual in some phases of the presses.
 
     Presses of different motions are compared separately; the result is that of the motion whose
     repeated part is largest relative to its limit. It is None if no two presses have the same
@@ -198,7 +231,7 @@ def _repeated(
         own = [presses[k] for k in numbers]
         every = np.full((len(own), len(own[0].time)), np.nan)
         for row, press, number in zip(every, own, numbers, strict=True):
-            row[:] = np.where(press.phase == BACK, np.nan, slow[number])
+            row[:] = np.where(np.isin(press.phase, phases), slow[number], np.nan)
         every = every[:, np.isfinite(every).all(axis=0)]
         n, instants = every.shape
         if n < 2 or instants < 2:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sautereau.analysis.alike import INSTRUMENT
 from sautereau.analysis.figures import palette
 from sautereau.analysis.identify import fit as fitting
-from sautereau.analysis.identify.fixed import Suggestion
+from sautereau.analysis.identify.fixed import SUGGESTED, Suggestion
 from sautereau.analysis.identify.identified import (
     Estimate,
     Identified,
@@ -33,6 +34,7 @@ from sautereau.analysis.text import (
 )
 from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
+from sautereau.rig.document import rig_document
 from sautereau.rig.edit import edit_rig, edited_text
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import parse_rig
@@ -43,6 +45,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+NOTHING_SUGGESTED = (
+    f"  nothing is suggested: freeing a fixed number, lengths and tension apart, would reduce the"
+    f" weighted sum of squares by less than {SUGGESTED:g}, or give an impossible value"
+)
 TOGETHER = 2  # Number of results in one table of effects, which then fits into 80 columns
 COLUMNS = (
     *("name", "unit", "value", "std", "std_noise", "std_inputs", "low", "high", "rig_value"),
@@ -108,6 +114,7 @@ class Fit(Result):
                 "combinations": plain(found.combinations),
             },
             "also_fitted": named(found.also_fitted),
+            "instrument": {k: v for k, v in rig_document(self.nominal).items() if k in INSTRUMENT},
             "fits": found.quality.fits,
             "quality": json_of(found.quality, "repetition", "quiet", "repeats"),
             "sensitivity": named(found.sensitivity),
@@ -140,9 +147,14 @@ class Fit(Result):
                 f" {m.damping:.2g}"
                 for m in found.modes
             ),
+            *(
+                ["no rigid key fits, with other delays, gains or a drift of the force"]
+                * bool(found.modes)
+            ),
             _quality_line(found.quality),
             *(f"  {reason}" for reason in found.quality.reasons),
             *(_suggestion_line(suggestion) for suggestion in found.suggested),
+            *([NOTHING_SUGGESTED] * (found.quality.fits is False and not found.suggested)),
             *table([_HEADS, *map(_estimate_cells, found.estimates)], left=(0, 5), indent=2, gap=1),
             "  std: standard uncertainty from the noise, from gains, delays, priors and assumed"
             " ranges (inputs), and in total",
@@ -255,7 +267,7 @@ class Fit(Result):
         undetermined = [
             e.name for e in (*self.found.estimates, *self.found.also_fitted) if e.std is None
         ]
-        return predicted(self.nominal, self.found.distribution, undetermined, level)
+        return predicted(self.nominal, self.found.distribution, undetermined, level=level)
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the parameters."""

@@ -1,7 +1,7 @@
 """The press that the model predicts."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
+from sautereau.analysis.alike import INSTRUMENT
 from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.identify.information import Distribution
-from sautereau.analysis.identify.parameters import ENDS, split_name, with_parameters
+from sautereau.analysis.identify.parameters import ENDS, rig_numbers, split_name, with_parameters
 from sautereau.analysis.model import predict as model
 from sautereau.analysis.model.choirs import hold, string_names
 from sautereau.analysis.model.string.string import first_mode_release_speed
@@ -19,11 +20,13 @@ from sautereau.analysis.results.result import Result, frame_of, named, part_of, 
 from sautereau.analysis.session.compare import pluck_features
 from sautereau.analysis.text import counted, table
 from sautereau.rig.disk import read_limited, why_unreadable
+from sautereau.rig.document import flat, rig_document
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import first_fault
 from sautereau.rig.progress import tracked
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
+from sautereau.rig.units import shown as shown_value
 from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
 Parts = TypeVar("Parts", bound=BaseModel)
 DRAWS = 256  # Of the fit's distribution: the ends of an interval are within 5 % of its width
 LEAST = 0.9  # Fraction of the draws that must have a pluck, so that the interval is one of plucks
+LISTED = 5  # Largest number of values in a list of differences
 NAMES = ("release_force", "force_drop", "work", "pluck_duration", "peak_force", "v_osc")
 """Quantities of the press that a fit predicts."""
 OF_OUTLINE: tuple[str, ...] = (
@@ -72,6 +76,7 @@ class Predicted(Result):
     """SI, the quantities in each draw with a pluck; shape (draws, quantities)."""
     origin: str
     """What the draws are from, as texts say it."""
+    warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         force = self.intervals[0]
@@ -84,6 +89,7 @@ class Predicted(Result):
             "level": self.level,
             "draws": len(self.draws),
             "quantities": named(self.intervals),
+            "warnings": list(self.warnings),
         }
 
     def lines(self) -> list[str]:
@@ -95,6 +101,7 @@ class Predicted(Result):
             f"rig {self.rig.name}, plectrum model {self.level}; intervals from"
             f" {counted(len(self.draws), 'draw')} {self.origin}:",
             *table([heads, *map(_cells, self.intervals)], left=(0, 4), indent=2),
+            *(f"warning: {warning}" for warning in self.warnings),
         ]
 
     def to_frame(self) -> "pd.DataFrame":
@@ -124,13 +131,20 @@ def _cells(own: Interval) -> tuple[str, ...]:
 
 
 def predicted(
-    rig: Rig, fitted: Distribution, undetermined: Sequence[str] = (), level: str = "auto"
+    rig: Rig,
+    fitted: Distribution,
+    undetermined: Sequence[str] = (),
+    instrument: Mapping[str, Any] | None = None,
+    *,
+    level: str = "auto",
 ) -> Predicted:
     """Return the press that a fit predicts for a rig.
 
     Args:
         rig: All other values are those of this rig.
         undetermined: Names of values that the fit could not determine.
+        instrument: Instrument of the fit, as `identify` writes it; None if it is that of the rig.
+            A warning lists what differs.
 
     Raises:
         AnalysisError: There are such values, or less than nine of ten draws have a pluck.
@@ -170,7 +184,32 @@ def predicted(
         tuple(Interval(n, QUANTITIES[n].unit, *map(float, own)) for n, *own in table_of),
         draws,
         "of the fit's distribution",
+        () if instrument is None else tuple(_differences(rig, fitted, instrument)),
     )
+
+
+def _differences(rig: Rig, fitted: Distribution, instrument: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a warning of the values in which a rig differs from the instrument of a fit."""
+    if not instrument:
+        yield "the fit is of an earlier version, and does not say of which instrument it is"
+        return
+    of_fit = rig_numbers(rig, dict(zip(fitted.names, fitted.values.tolist(), strict=True)))
+    own, other = flat(rig_document(rig)), flat(instrument)
+    keys = [
+        key
+        for key in {**own, **other}
+        if key.partition(".")[0] in INSTRUMENT
+        and own.get(key) != other.get(key)
+        and key not in of_fit
+    ]
+    if keys:
+        pairs = [(shown_value(own.get(key)), shown_value(other.get(key))) for key in keys]
+        listed = [f"{key} {a} (fit: {b})" for key, (a, b) in zip(keys, pairs, strict=True)]
+        more = [f"and {len(keys) - LISTED} more"] * (len(keys) > LISTED)
+        yield (
+            "the fit is of another instrument, and its values may be wrong for this one:"
+            f" {'; '.join([*listed[:LISTED], *more])}"
+        )
 
 
 def of_outline(rig: Rig, level: str = "auto", string: int = 1) -> Predicted | None:
@@ -284,6 +323,7 @@ class _Std(Written):
 
 class _Fit(Written):
     distribution: _Distribution
+    instrument: dict[str, Any] = {}
     parameters: dict[str, _Std]
     also_fitted: dict[str, _Std] = {}
 
@@ -306,8 +346,10 @@ def read_part(path: Path, model: type[Parts], how: str) -> Parts:
         raise AnalysisError(f"fit {path}: {first_fault(error)}; {how}") from error
 
 
-def read_distribution(path: Path) -> tuple[Distribution, list[str]]:
-    """Read the distribution of a fit, and the names of the values that it leaves undetermined.
+def read_distribution(path: Path) -> tuple[Distribution, list[str], dict[str, Any]]:
+    """Read the distribution of a fit, the names of values that it leaves undetermined, and its rig.
+
+    The rig has the tables of the instrument; none if the fit is of an earlier version.
 
     Raises:
         AnalysisError: The file cannot be read, or was not written by `identify`.
@@ -330,7 +372,7 @@ def read_distribution(path: Path) -> tuple[Distribution, list[str]]:
         raise AnalysisError("\n".join(faults))
     found = Distribution(own.names, *map(np.array, parts))
     unknown = [n for n, e in (read.parameters | read.also_fitted).items() if e.std is None]
-    return found, unknown
+    return found, unknown, read.instrument
 
 
 COLUMNS = {"rise": "m", "deflection": "m", "finger_force": "N", "string_force": "N"}

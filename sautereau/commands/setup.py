@@ -85,7 +85,8 @@ def init(
     file
         New file.
     instrument
-        Only key, jack, plectrum and string: one key of an instrument. All else is that of --base.
+        Only key, jack, plectrum and string: one key of an instrument. All else is that of --base,
+        and the numbers to start from are its key's, or the paper's where it has none.
     bench
         Only press, arm, controller and acquisition, to be the base of instrument files.
     base
@@ -102,9 +103,11 @@ def init(
         return output.fail("--base: only an instrument file has one; add --instrument", 2)
     named = f"./{file}" if str(file).startswith("-") else str(file)  # not to read as an option
     check = f"check it with: sautereau plan {quote(named)}"
+    numbers = "the packaged rig `paper`"
     if instrument:
-        text = commented_rig("instrument", file.stem, base or "paper")
+        text = commented_rig("instrument", file.stem, base or "paper", file.parent)
         parse_rig(text, str(file), file.parent)
+        numbers = f"{base}, and those that it lacks of {numbers}" if base else numbers
     elif bench:
         text = commented_rig("bench")
         check = f"use it with: sautereau init KEY.toml --instrument --base {quote(file.name)}"
@@ -115,7 +118,7 @@ def init(
             write_durably(file, text)
     return output.answer(
         {"path": str(file)},
-        [f"rig file: {file}, with the numbers of the packaged rig `paper`", check],
+        [f"rig file: {file}, with the numbers of {numbers}", check],
     )
 
 

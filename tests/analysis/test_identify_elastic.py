@@ -1,5 +1,6 @@
-"""Elastic modes in the identification: their response, and a fit of the independent simulator."""
+"""Elastic modes in the identification: their response, and fits of the independent simulator."""
 
+from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -7,10 +8,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchmarks.identify import FREE, RESULTS, one_factor_case
+from benchmarks.independent import FORCE
+from benchmarks.uncertain import NOMINAL, inertia_of, recorded
 from sautereau.analysis.identify.elastic import Bending, Mode, noise_gain
 from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.identify.observed import SUBSTEPS
 from sautereau.analysis.identify.parameters import value_of
+from sautereau.analysis.phases import find_phases
+from sautereau.analysis.results.fit import Fit
 
 ARM, INERTIA = 0.17, 8e-4
 
@@ -74,3 +79,54 @@ def test_plectrum_and_inertia_are_identified_on_a_compliant_key(name, frequency)
             assert estimate.name == "key.inertia" or not estimate.identifiable
             assert estimate.low < truth[estimate.name] < estimate.high
             assert estimate.value == pytest.approx(truth[estimate.name], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "force", "named"),
+    [
+        ({}, {"delay_error": 0.5e-3}, "offset.time: the fit, 0.49"),
+        ({}, {"drift": 50e-3, "high_pass": 0.0}, "offset.force"),
+        ({"press_arm": 0.88 * NOMINAL.press_arm}, {"high_pass": 0.0}, "key.press_arm"),
+    ],
+)
+def test_a_wrong_calibration_or_lever_is_named_and_taken_for_no_mode(wrong, force, named):
+    """Each left a residual of four times the noise, which up to three modes explained."""
+    made = replace(NOMINAL, force=replace(FORCE, **force), **wrong)
+    pressed, phases = recorded(made, range(1, 3), {}, inertia=7e-4, coulomb=1e-3)
+    found = identify(pressed, phases, FREE, starts=1)
+    assert found.modes == ()
+    assert not found.quality.fits
+    assert named in found.quality.reasons[0]
+    assert "elastic modes" in found.quality.reasons[-1]
+    text = str(Fit(pressed[0].rig, False, (), None, found))
+    assert ("nothing is suggested" in text) == (not found.suggested)
+    estimates = {e.name: e for e in found.estimates}
+    choir = made.choirs[0]
+    truth = choir.bending_stiffness, choir.overlap, inertia_of(made)
+    for name, value in zip(RESULTS, truth, strict=True):
+        assert abs(estimates[name].value - value) < 3 * estimates[name].std
+    if "offset" in named:  # freed as the message says
+        right = identify(pressed, phases, [*FREE, named.partition(":")[0]], starts=1)
+        assert right.quality.fits
+        assert right.modes == ()
+
+
+def test_a_tapered_plectrum_is_taken_for_no_mode_and_its_shape_named():
+    """The rig says that it is uniform: two modes explained what only the held string leaves."""
+    choir = replace(NOMINAL.choirs[0], carving=((0.0, 1.0), (1.0, 0.5)))
+    made = replace(NOMINAL, choirs=(choir,), force=replace(FORCE, high_pass=0.0), speed=0.03)
+    pressed, _ = recorded(made, range(1, 4), {}, inertia=7e-4, coulomb=1e-3)
+    pressed = [replace(p, rig=p.rig.replaced({"plectrum.outline": None})) for p in pressed]
+    found = identify(pressed, [find_phases(p) for p in pressed], FREE, starts=1)
+    assert not found.quality.fits
+    assert found.modes == ()
+    assert "shape of the plectrum" in found.quality.reasons[0]
+
+
+@pytest.mark.slow
+def test_a_fit_with_modes_says_that_no_rigid_key_fits():
+    pressed, phases, _ = one_factor_case("soft pad")
+    found = identify(pressed, phases, FREE, starts=1)
+    assert found.quality.fits
+    text = str(Fit(found.rig, False, (), None, found))
+    assert "no rigid key fits, with other delays" in text

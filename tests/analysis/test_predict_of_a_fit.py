@@ -18,6 +18,7 @@ from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.results.prediction import NAMES, predicted, read_distribution
 from sautereau.commands.app import app
+from sautereau.rig.document import rig_document
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.ranges import deviations, value_of
 from sautereau.sim_backend.physics.observation import observe
@@ -162,7 +163,7 @@ def document(own, *omitted, std=1.0):
 def test_a_file_of_identify_gives_the_same(tmp_path):
     own, path = replace(distribution(2e-6), low=np.zeros(2), high=np.ones(2)), tmp_path / "fit.json"
     path.write_text(document(own, std=None))
-    read, unknown = read_distribution(path)
+    read, unknown, _ = read_distribution(path)
     assert read.names == own.names
     assert unknown == [INERTIA]
     for name in ("values", "covariance", "low", "high"):
@@ -183,9 +184,29 @@ def test_a_file_of_identify_gives_the_same(tmp_path):
 def test_a_file_without_bounds_has_the_natural_ones(tmp_path):
     own, path = of(["plectrum.friction", INERTIA], [0.1, 1e-3], np.eye(2)), tmp_path / "fit.json"
     path.write_text(document(own, "low", "high"))
-    read, _ = read_distribution(path)
+    read, *_ = read_distribution(path)
     assert read.low.tolist() == [0.0, -np.inf]
     assert read.high.tolist() == [0.5, np.inf]
+
+
+def test_a_fit_of_another_instrument_is_reported_by_what_differs(tmp_path):
+    """What was fitted may differ, and so may the press."""
+    changes = {"plectrum.overlap": "0.3 mm", "press.jack_speed": "0.1 m/s"}
+    path, alike = tmp_path / "fit.json", with_values(RIG, changes)
+    found = json.loads(document(distribution(2e-6), "low", "high"))
+
+    def warnings(instrument):
+        path.write_text(json.dumps(found | {"instrument": instrument}))
+        return predicted(RIG, *read_distribution(path)).warnings
+
+    assert warnings(rig_document(alike)) == ()
+    other = with_values(alike, {"key.press_arm": "150 mm", "string.tension": "70 N"})
+    (warning,) = warnings(rig_document(other))
+    assert "key.press_arm '0.171 m' (fit: '0.15 m')" in warning
+    assert "string.tension" in warning
+    assert "overlap" not in warning
+    (warning,) = warnings({})
+    assert "earlier version" in warning
 
 
 DRAWN = (
@@ -243,6 +264,7 @@ def test_a_fit_of_the_packaged_rig_predicts_on_the_command_line_as_in_python(tmp
     assert ends["jack.mass"] == rig.assumed["jack.mass"]
     assert ends["key.pivot_coulomb_friction"][0] == 0
     printed = json.loads(run("predict", "paper", "--fit", path))
+    assert printed["warnings"] == []
     made = st.open(out).identify(free.split(","), starts=1).predict()
     assert printed["draws"] == len(made.draws) == 256
     for i in made.intervals:

@@ -64,10 +64,28 @@ def test_a_new_key_needs_few_keys(rigs, tmp_path):
         for name, value in node.items():
             yield from keys(value) if isinstance(value, dict) and "value" not in value else [name]
 
-    text = commented_rig("instrument", "a4", "bench.toml")
+    (tmp_path / "bench.toml").write_text(commented_rig("bench"))
+    text = commented_rig("instrument", "a4", "bench.toml", tmp_path)
     rig = rigs(bench=commented_rig("bench"), a4=text)
     assert rig.name == "a4"
     assert len(list(keys(tomllib.loads(text)))) <= 35
+
+
+def test_a_new_key_starts_from_the_numbers_of_its_base(rigs, tmp_path):
+    """With their ranges and sources; of the paper are only those that a rig needs."""
+    base = (
+        'name = "mine"\nbase = "paper"\n[key]\npress_arm = { value = "160 mm", source = "ruler" }\n'
+        '[plectrum]\noverlap = { value = "0.3 mm", assumed = ["0.2 mm", "0.4 mm"] }\n[string]\n'
+        'diameter = "0.2 mm"\n'
+    )
+    mine = rigs(mine=base)
+    a4 = rigs(a4=commented_rig("instrument", "a4", "mine.toml", tmp_path))
+    assert (a4.key, a4.plectrum, a4.string) == (mine.key, mine.plectrum, mine.string)
+    assert (a4.assumed, a4.sources) == (mine.assumed, mine.sources)
+    part = commented_rig("bench") + '[plectrum]\noverlap = "0.3 mm"\n'
+    (tmp_path / "part.toml").write_text(part)
+    a5 = rigs(a5=commented_rig("instrument", "a5", "part.toml", tmp_path))
+    assert a5.plectrum.overlap == mine.plectrum.overlap
 
 
 def test_a_base_of_a_base_and_one_that_is_inherited_twice(rigs):
