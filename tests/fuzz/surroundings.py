@@ -138,19 +138,19 @@ class Surroundings:
             if ctypes.CDLL(None).unshare(0x20000):
                 raise RuntimeError("no mounts: the user is not root")
             subprocess.run(["mount", "--make-rprivate", "/"], check=True)
-        self._server = CommandServer(str(folder / "socket"), imports, LD_PRELOAD=str(library))
-        self._server.__enter__()
+        self.server = CommandServer(str(folder / "socket"), imports, LD_PRELOAD=str(library))
+        self.server.__enter__()
         self._references: dict[str, Known] = {}
 
     def close(self) -> None:
-        self._server.__exit__()
+        self.server.__exit__()
 
     @cached_property
     def _inputs(self) -> Path:
         """Folder of what the commands work on."""
         inputs = self._place / "inputs"
         inputs.mkdir()
-        make_inputs(self._server, inputs)
+        make_inputs(self.server, inputs)
         return inputs
 
     def case(self, dice: random.Random) -> str:
@@ -249,7 +249,7 @@ class Surroundings:
             if kind == "OUT":
                 files.append(word)
             words.append(word)
-        done = self._server.run(*words, "--json", folder=folder)
+        done = self.server.run(*words, "--json", folder=folder)
         there = [path.name for path in folder.iterdir()]
         what = f"{words}: status {done.returncode}: {done.stderr[-2000:]}"
         if "Traceback" in done.stderr or done.returncode not in (0, 1):
@@ -324,7 +324,7 @@ class Surroundings:
         return folder
 
     def _run(self, name: str, folder: Path, **environment: str) -> tuple[int, str]:
-        done = self._server.run(
+        done = self.server.run(
             *COMMANDS[name].words.split(), folder=folder, environment=os.environ | environment
         )
         return done.returncode, done.stderr

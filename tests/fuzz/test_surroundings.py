@@ -6,11 +6,25 @@ import sys
 
 import pytest
 
+from sautereau.sim_backend.devices.daqmx.server import DaqmxServer
 from tests.budget import amount, slow
+from tests.cards import Card
 from tests.fuzz.surroundings import CODES, EVERYWHERE, NAMES, Surroundings
 from tests.fuzz.targets import SURROUNDINGS
 from tests.fuzz.test_fuzz import fuzzed
 
+# The date is set back between two calls of the DAQ server at the given address.
+DATED_BACK = """
+import os, sys
+from nidaqmx.system import System
+from sautereau.daq.source.connection import connect
+from sautereau.rig.load import load_rig, with_values
+rig = with_values(load_rig(), {"daq.address": sys.argv[1]})
+with connect(rig.daq, 0.0) as (options, _):
+    for clock in ("0 0 0", "-3600 0 0"):
+        os.environ["FAULTS_CLOCK"] = clock
+        assert list(System.remote(options).devices.device_names) == ["Dev1"]
+"""
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="it reads /proc, and loads a library first"),
     pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler"),
@@ -37,6 +51,12 @@ def test_system_calls_of_a_command_may_fail(bare):
 @pytest.mark.parametrize("fail", [EVERYWHERE[0], *map(slow, EVERYWHERE[1:])])
 def test_a_file_system_without_such_calls_is_no_fault(bare, fail):
     assert bare.fault("init", f"{fail} 0") == ""
+
+
+def test_a_date_set_back_is_no_fault_of_the_server(bare, tmp_path):
+    with DaqmxServer(Card()) as server:
+        done = bare.server.run("-c", DATED_BACK, server.address, folder=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("name", [NAMES[4], NAMES[6], *map(slow, NAMES)])
