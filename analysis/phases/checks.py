@@ -7,7 +7,7 @@ import numpy as np
 
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact
-from sautereau.analysis.phases.expected import Expected
+from sautereau.analysis.phases.expected import LEAST_CLIMB, LEAST_FORCE, Expected
 from sautereau.analysis.phases.found import FAIR, RIGID, Fit, Growth, HeldString, pluck_names
 from sautereau.analysis.phases.settings import SETTINGS, PhaseSettings
 from sautereau.analysis.phases.signals import Signals
@@ -187,8 +187,8 @@ def about_strings(plucks: Sequence[HeldString], strings: Expected) -> list[Remar
 
 def about_rig(
     press: Press,
+    signals: Signals,
     cruise: float,
-    rise: float,
     fit: Fit,
     plucks: Sequence[HeldString],
     strings: Expected,
@@ -199,9 +199,9 @@ def about_rig(
 
     Args:
         cruise: m/s, speed of the jack in the middle of the way down.
-        rise: m, largest of the jack.
     """
     planned, driven, settings = press.rig.press, press.motion is not None, strings.settings
+    rise = float(signals.rise.max())
     scale = "the scale of the velocity, `key.laser_arm` and `[press]`"
     rail = "where the key meets its front rail (`key.dip`), "
     said = [
@@ -223,11 +223,32 @@ def about_rig(
         said.append(_differs(limits, "the inertia of key and jacks", fit.inertia, fix))
     fix = "the scale of the force, the plectrum, and whether several strings are released at once"
     for i, held in enumerate(plucks):
-        nearest = int(np.argmin(np.abs(strings.force_deviations(held.force_drop))))
-        known = strings.forces[strings.numbers.index(held.string) if held.string else nearest]
-        what = f"{_who(i, plucks)}the force drop, {held.force_drop:.2g} N,"
+        drop, who = max(held.force_drop, LEAST_FORCE), f"{_who(i, plucks)}the force drop"
+        nearest = int(np.argmin(np.abs(strings.force_deviations(drop))))
+        row = strings.numbers.index(held.string) if held.string else nearest
+        ends = np.interp([held.contact, held.release], signals.time, signals.rise)
+        # Overlap and friction change both alike, strings released at once the force alone.
+        per_rise = drop / max(float(ends[1] - ends[0]), LEAST_CLIMB)
+        by_rig = strings.forces[row] / strings.climbs[row]
+        times = math.hypot(held.contact_std, held.release_std) / held.pluck_duration
+        measured = min(1.0, math.hypot(held.force_drop_std / drop, times))
+        own = strings.variations[row, 1:, 1:] * [[1, -1], [-1, 1]]
+        limit = math.exp(settings.deviations * math.sqrt(own.sum() + measured**2))
         said.append(
-            _differs((1 / settings.force, settings.force), what, held.force_drop / known, fix, (i,))
+            _differs(
+                (1 / limit, limit),
+                f"{who} per rise of the jack, {per_rise * 1e-3:.2g} N/mm,",
+                per_rise / by_rig,
+                fix,
+                (i,),
+            )
+            or _differs(
+                (1 / settings.force, settings.force),
+                f"{who}, {drop:.2g} N,",
+                drop / strings.forces[row],
+                fix,
+                (i,),
+            )
         )
     if plucks and fit.lag is not None and abs(fit.lag) > settings.late:
         late, early = ("force", "velocity") if fit.lag > 0 else ("velocity", "force")

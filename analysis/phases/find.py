@@ -114,7 +114,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     unseen, of_level = _level_of_force(press, signals, settled, highest, bool(plucks))
     # Slower than this quantile is a jack that starts or stops, faster one that was released.
     cruise, top = float(np.quantile(speed[begin:end], 0.65)), float(signals.rise.max())
-    unlike = [] if known else checks.about_rig(press, cruise, top, found.fit, plucks, strings)
+    unlike = [] if known else checks.about_rig(press, signals, cruise, found.fit, plucks, strings)
     said = [
         *checks.about_end(signals, begin),
         *of_level,

@@ -152,6 +152,17 @@ def test_two_strings_nearly_at_once_are_right_or_warned(key, later):
     assert phases.warnings or not wrong(pressed, phases)
 
 
+@pytest.mark.parametrize("key", [KEYS[0], *map(slow, KEYS[1:])])
+def test_strings_released_at_once_are_said_where_the_rig_has_one(key):
+    """The force drop is 1.93 times that of the rig, which one string may also have."""
+    base = ONE_FACTOR[key]
+    both = with_strings(base, {}, second(base, -2e-3, thickness=0.48e-3))
+    pressed, phases = found_in(both, strings=base)
+    assert np.ptp([pluck.release for pluck in pressed.truth.plucks]) < 0.2e-3
+    assert len(phases.plucks) == 1
+    assert any(FORCE in warning and "at once" in warning for warning in phases.warnings)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("key", KEYS)
 @pytest.mark.parametrize("later", [3e-3, 20e-3])
