@@ -9,6 +9,7 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.expected import LEAST_CLIMB, LEAST_FORCE, Expected
 from sautereau.analysis.phases.found import FAIR, RIGID, Fit, Growth, HeldString, pluck_names
+from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.settings import SETTINGS, PhaseSettings
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.remark import Remark
@@ -26,19 +27,23 @@ def about_fit(
     further: Sequence[Growth],
     plucks: Sequence[HeldString],
     strings: Expected,
+    held: int,
 ) -> list[Remark]:
     """Return what is said about a poor fit, growths without a pluck, and the number of plucks.
 
     Args:
         fit: How well the load was explained.
         further: Growths without a pluck.
+        held: Number of strings that are still held where the jack is highest.
     """
-    count, found = len(strings.contacts), []
+    count, found = len(strings.contacts) - held, []
     climbs = [
         f"from {growth.contact * 1e3:.5g} to {growth.release * 1e3:.5g} ms the load climbs by"
         f" {growth.force:.3g} N and collapses"
         for growth in further
     ]
+    if held and not plucks:
+        return []
     if fit.verdict == "poor" and not plucks:
         text = (
             f"no pluck was found, but {_unexplained(fit)}: {', and '.join(climbs)}; plot the"
@@ -315,12 +320,59 @@ def about_level(measured: float, needed: tuple[float, float], peak: float) -> li
     return [Remark(text)]
 
 
-def about_end(signals: Signals, begin: int) -> list[Remark]:
-    """Return a warning if the recording ends on the way down, which starts at a sample."""
-    speed, top = signals.speed[begin:], int(np.argmax(signals.rise[begin:]))
-    if top < len(speed) - 2 or speed[top] <= 0.5 * speed.max():
+def held_at_top(
+    signals: Signals, begin: int, plucks: Sequence[HeldString], strings: Expected
+) -> list[tuple[int, float]]:
+    """Return the strings that are still held where the jack is highest, and why.
+
+    These are strings without a pluck that the rig expects to be touched, but not yet released at
+    this height, where the load has increased by at least half as much as it expects.
+
+    Args:
+        begin: Sample at which the jack leaves rest.
+
+    Returns:
+        Rows of the strings in `strings`, with the increase [N] of the load from just below the
+        first contact.
+    """
+    settings, top = strings.settings, float(signals.rise.max())
+    high = signals.rise[begin:] > (1 - settings.left) * top
+    rows = rows_of(signals, begin, begin + len(high) - int(np.argmax(high[::-1])))
+    free = (rows.rise > strings.contacts[0] / 2) & (rows.rise < strings.contacts[0])
+    last = rows.rise > (1 - settings.left) * top
+    if not (free.any() and last.any()):
         return []
-    return [Remark("the recording ends while the key is still moving down; record for longer")]
+    grown = float(rows.load[last].mean() - rows.load[free].mean())
+    part = (top - strings.contacts) / strings.climbs
+    enough = grown > np.maximum(settings.drift_std, strings.forces * part / 2)
+    held = (part > 0) & (part < 1) & enough
+    known = {pluck.string for pluck in plucks}
+    return [(int(k), grown) for k in np.flatnonzero(held) if strings.numbers[k] not in known]
+
+
+def about_end(
+    signals: Signals, begin: int, held: Sequence[tuple[int, float]], strings: Expected
+) -> list[Remark]:
+    """Return warnings if recording or motion end on the way down, which starts at a sample.
+
+    Args:
+        held: Of `held_at_top`.
+    """
+    speed, top = signals.speed[begin:], int(np.argmax(signals.rise[begin:]))
+    moving = top >= len(speed) - 2 and speed[top] > 0.5 * speed.max()
+    if moving and not held:
+        return [Remark("the recording ends while the key is still moving down; record for longer")]
+    where, fix = ("recording", "record for longer") if moving else ("motion", "press deeper")
+    said = []
+    for k, grown in held:
+        contact, release = strings.contacts[k], strings.contacts[k] + strings.climbs[k]
+        said.append(
+            f"string {strings.numbers[k]} was touched, and is not released at the end of the"
+            f" {where}: the jack rose by {signals.rise.max() * 1e3:.2f} mm, by the rig it touches"
+            f" the string at {contact * 1e3:.2f} mm and releases it at {release * 1e3:.2f} mm, and"
+            f" the load increased by {grown:.2g} N; {fix}"
+        )
+    return [Remark(text) for text in said]
 
 
 def about_instants(

@@ -115,15 +115,16 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     # Slower than this quantile is a jack that starts or stops, faster one that was released.
     cruise, top = float(np.quantile(speed[begin:end], 0.65)), float(signals.rise.max())
     unlike = [] if known else checks.about_rig(press, signals, cruise, found.fit, plucks, strings)
+    held = [] if known else checks.held_at_top(signals, begin, plucks, strings)
     said = [
-        *checks.about_end(signals, begin),
+        *checks.about_end(signals, begin, held, strings),
         *of_level,
         *checks.about_instants(plucks, contacts, steady, signals.missing, settings),
         *checks.about_flags(signals, press.quality_flags, plucks, (start, bottom)),
         *checks.about_exchange(contacts, plucks, settings),
         *checks.about_strings(plucks, strings),
         *unlike,
-        *checks.about_fit(signals, found.fit, found.further, plucks, strings),
+        *checks.about_fit(signals, found.fit, found.further, plucks, strings, len(held)),
         *([] if known else checks.about_likeness(signals, plucks, strings)),
     ]
     # At the height at which the jack left rest.
@@ -140,7 +141,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         held_speed=held_speed,
         released_speed=released_speed,
         warnings=warnings,
-        bottomed=_bottomed(signals, begin, plucks),
+        bottomed=None if held else _bottomed(signals, begin, plucks),
         returned=float(time[end + back[0]]) if len(back) else None,
         peak_force=highest,
         unseen_force=unseen,
