@@ -232,16 +232,16 @@ def about_rig(
         nearest = int(np.argmin(np.abs(strings.force_deviations(drop))))
         row = strings.numbers.index(held.string) if held.string else nearest
         ends = np.interp([held.contact, held.release], signals.time, signals.rise)
-        # Overlap and friction change both alike, strings released at once the force alone.
+        # Overlap and friction change both alike; strings released at once increase the force alone.
         per_rise = drop / max(float(ends[1] - ends[0]), LEAST_CLIMB)
         by_rig = strings.forces[row] / strings.climbs[row]
         times = math.hypot(held.contact_std, held.release_std) / held.pluck_duration
-        measured = min(1.0, math.hypot(held.force_drop_std / drop, times))
+        measured = min(1.0, math.hypot((held.force_drop_std or 0.0) / drop, times))
         own = strings.variations[row, 1:, 1:] * [[1, -1], [-1, 1]]
         limit = math.exp(settings.deviations * math.sqrt(own.sum() + measured**2))
         said.append(
             _differs(
-                (1 / limit, limit),
+                (0.0, limit),
                 f"{who} per rise of the jack, {per_rise * 1e-3:.2g} N/mm,",
                 per_rise / by_rig,
                 fix,
