@@ -164,7 +164,7 @@ def without_drift(
         if above > tolerance * largest:
             text += (
                 f", and check the sensor's corner frequency: the key seems to rise by"
-                f" {above * 1e3:.2g} mm above its rest, and its rail prevents that"
+                f" {above * 1e3:.2g} mm above its rest, where the rail stops a rigid key"
             )
         return corrected, Drift(before, None, *taken), [Remark(text, doubt=wrong)]
     late, late_std = _level(velocity[rests.after])

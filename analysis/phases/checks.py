@@ -16,10 +16,6 @@ from sautereau.analysis.remark import Remark
 from sautereau.daq.signals.quality_flags import HOW_TO_FIX, QualityFlag, quality_warnings
 from sautereau.rig.acquisition import Channel
 
-LEVEL = 0.1
-"""Dimensionless, fraction of the peak force by which the level of a force may differ from that of
-the rig: numbers without a range are not exact either."""
-
 
 def about_fit(
     signals: Signals,
@@ -299,16 +295,16 @@ def about_rest(unseen: float, channel: Channel, peak: float) -> list[Remark]:
     return [Remark(text, doubt=False)]
 
 
-def about_level(measured: float, needed: tuple[float, float], peak: float) -> list[Remark]:
+def about_level(measured: float, needed: tuple[float, float], limit: float) -> list[Remark]:
     """Return a warning if the force of the free key is none that the rig's ranges allow.
 
     Args:
         measured: N.
         needed: N, least and largest by the rig and its ranges.
-        peak: N, largest force of the press.
+        limit: N, by which it may be beyond them.
     """
     low, high = needed
-    if low - LEVEL * peak <= measured <= high + LEVEL * peak:
+    if low - limit <= measured <= high + limit:
         return []
     by_rig = f"{low:.2g} N" if low == high else f"{low:.2g} to {high:.2g} N"
     text = (

@@ -26,6 +26,9 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import key_motion
 from sautereau.trajectory.motion import Floats, Motion
 
+LEVEL = 0.1
+"""Dimensionless, fraction of the peak force by which the level of a force may differ from that of
+the rig: numbers without a range are not exact either."""
 Finder = Callable[[Expected, Signals, int, int], Found]
 """Finds the plucks of a rig's strings between two samples, as `find_plucks` does."""
 
@@ -176,8 +179,11 @@ def _level_of_force(
     required, measured = needed(press.rig), float(signals.force[free].mean())
     if channel.high_pass:
         return required - measured, checks.about_rest(required - measured, channel, peak)
+    # A key that accelerates bends and bounces.
+    inertia = signals.inertial * line_through(time, signals.velocity[free])[0]
+    limit = LEVEL * peak + abs(inertia)
     # Without a pluck, a string may be held at these samples.
-    if abs(required - measured) <= checks.LEVEL * peak or not plucked:
+    if abs(required - measured) <= limit or not plucked:
         return None, []
     names = (n for n in press.rig.assumed if n.startswith(("key.", "jack.", "more_choirs.")))
     ranges = [
@@ -188,7 +194,7 @@ def _level_of_force(
         required + sum(sign * max(0.0, *(sign * end for end in ends)) for ends in ranges)
         for sign in (-1, 1)
     )
-    return None, checks.about_level(measured, (lowest, highest), peak)
+    return None, checks.about_level(measured, (lowest, highest), limit)
 
 
 def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float | None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.independent import ONE_FACTOR, Conditions, press
+from benchmarks.independent import ONE_FACTOR, Conditions, press, random_conditions
 from benchmarks.independent.conditions import rig_values
 from benchmarks.simulated import judged_press
 from sautereau.analysis.phases import find_phases
@@ -146,6 +146,15 @@ def test_a_recording_that_ends_while_a_string_is_held():
     assert phases.bottomed is None
     assert any(HELD + "recording" in warning for warning in phases.warnings)
     assert not any("check the strings" in warning for warning in phases.warnings)
+
+
+@pytest.mark.parametrize("seed", [20, *map(slow, (68, 152))])
+def test_a_key_that_still_accelerates_shows_no_wrong_zero(seed):
+    conditions = random_conditions(np.random.default_rng([15, seed]))
+    assert conditions.force.high_pass == 0
+    _, phases = found_in(conditions)
+    assert phases.plucks
+    assert not any("the zero of the sensor" in warning for warning in phases.warnings)
 
 
 def test_speed_and_rise_of_a_key_that_no_arm_pressed_are_remarks():
