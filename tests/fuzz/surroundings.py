@@ -211,17 +211,20 @@ class Surroundings:
         return "failed" if status else "done"
 
     def _disks(self, dice: random.Random) -> str:
-        name = dice.choice(list(COMMANDS))
+        return self.disk(dice.choice(list(COMMANDS)), dice.random() ** 2)
+
+    def disk(self, name: str, share: float) -> str:
+        """Run a command on a disk that has room for a share of what it writes."""
         known, mount = self.known(name), self._place / "disk"
         mount.mkdir(exist_ok=True)
         subprocess.run(["mount", "-t", "tmpfs", "none", mount], check=True)
         try:
             folder = self._fresh(name, mount / "work")
             need = sum(path.stat().st_size for path in known.folder.rglob("*"))
-            room = _used(mount) + 4096 * (1 + int(dice.random() ** 2 * need / 4096))
+            room = _used(mount) + 4096 * (1 + int(share * need / 4096))
             what = f"{name}, {room} bytes"
             subprocess.run(["mount", "-o", f"remount,size={room}", mount], check=True)
-            status, text = self._run(name, folder)
+            status, text = self._run(name, folder, self._place)  # what it prints is not on the disk
             more = ["mount", "-o", "remount,size=50%", mount]
             subprocess.run(more, check=True)
             self._judge(name, folder, known, status, text, what, {"disk is full"})
@@ -323,10 +326,11 @@ class Surroundings:
             (folder.parent / "inputs").symlink_to(self._inputs)
         return folder
 
-    def _run(self, name: str, folder: Path, **environment: str) -> tuple[int, str]:
-        done = self.server.run(
-            *COMMANDS[name].words.split(), folder=folder, environment=os.environ | environment
-        )
+    def _run(
+        self, name: str, folder: Path, streams: Path | None = None, **environment: str
+    ) -> tuple[int, str]:
+        words, environment = COMMANDS[name].words.split(), os.environ | environment
+        done = self.server.run(*words, folder=folder, streams=streams, environment=environment)
         return done.returncode, done.stderr
 
     def _judge(

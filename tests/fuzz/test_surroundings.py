@@ -1,6 +1,8 @@
 """Commands with hostile names, environments, clocks, system calls that fail, and full disks."""
 
+import errno
 import os
+import re
 import shutil
 import sys
 
@@ -12,6 +14,7 @@ from tests.cards import Card
 from tests.fuzz.surroundings import CODES, EVERYWHERE, NAMES, Surroundings
 from tests.fuzz.targets import SURROUNDINGS
 from tests.fuzz.test_fuzz import fuzzed
+from tests.kills.commands import COMMANDS
 
 # The date is set back between two calls of the DAQ server at the given address.
 DATED_BACK = """
@@ -67,6 +70,34 @@ def test_a_file_may_have_any_name(bare, name):
 @pytest.mark.parametrize("where", ["umask 0777", "ascii", "no streams", "no folder"])
 def test_a_command_starts_in_any_environment(bare, where):
     bare.situation("init", where)
+
+
+@pytest.mark.parametrize("ending", ["pdf", slow("png"), slow("svg")])
+def test_a_plot_that_has_no_room_is_named(bare, tmp_path, ending):
+    words = "predict", "--level", "elastica", "--plot", f"pluck.{ending}"
+    done = bare.server.run(*words, folder=tmp_path, largest_file=3000)
+    assert done.returncode == 1
+    assert re.match(rf"sautereau: pluck.{ending}: .*raise the limit", done.stderr)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def full(tmp_path_factory):
+    """Commands on disks that are mounted for this process alone, and end with it."""
+    if os.geteuid():
+        pytest.skip("only root mounts a small disk")
+    made = Surroundings(tmp_path_factory.mktemp("d"), "disks")
+    yield made
+    made.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_without_links_and_on_a_full_disk(full, name):
+    for code in (errno.EPERM, errno.EOPNOTSUPP):
+        full.fault(name, f"link any {code} 0")
+    for share in (0.0, 0.4):
+        full.disk(name, share)
 
 
 @pytest.mark.slow
