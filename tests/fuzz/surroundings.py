@@ -214,7 +214,7 @@ class Surroundings:
         return self.disk(dice.choice(list(COMMANDS)), dice.random() ** 2)
 
     def disk(self, name: str, share: float) -> str:
-        """Run a command on a disk that has room for a share of what it writes."""
+        """Run a command on a disk that has room for a fraction of what it writes."""
         known, mount = self.known(name), self._place / "disk"
         mount.mkdir(exist_ok=True)
         subprocess.run(["mount", "-t", "tmpfs", "none", mount], check=True)
