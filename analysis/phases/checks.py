@@ -235,21 +235,11 @@ def about_rig(
         measured = min(1.0, math.hypot((held.force_drop_std or 0.0) / drop, times))
         own = strings.variations[row, 1:, 1:] * [[1, -1], [-1, 1]]
         limit = math.exp(settings.deviations * math.sqrt(own.sum() + measured**2))
+        of_rise = f"{who} per rise of the jack, {per_rise * 1e-3:.2g} N/mm,"
+        limits = 1 / settings.force, settings.force
         said.append(
-            _differs(
-                (0.0, limit),
-                f"{who} per rise of the jack, {per_rise * 1e-3:.2g} N/mm,",
-                per_rise / by_rig,
-                fix,
-                (i,),
-            )
-            or _differs(
-                (1 / settings.force, settings.force),
-                f"{who}, {drop:.2g} N,",
-                drop / strings.forces[row],
-                fix,
-                (i,),
-            )
+            _differs((0.0, limit), of_rise, per_rise / by_rig, fix, (i,))
+            or _differs(limits, f"{who}, {drop:.2g} N,", drop / strings.forces[row], fix, (i,))
         )
     if plucks and fit.lag is not None and abs(fit.lag) > settings.late:
         late, early = ("force", "velocity") if fit.lag > 0 else ("velocity", "force")
@@ -359,16 +349,16 @@ def about_end(
     if moving and not held:
         return [Remark("the recording ends while the key is still moving down; record for longer")]
     where, fix = ("recording", "record for longer") if moving else ("motion", "press deeper")
-    said = []
-    for k, grown in held:
-        contact, release = strings.contacts[k], strings.contacts[k] + strings.climbs[k]
-        said.append(
+    ends = np.stack([strings.contacts, strings.contacts + strings.climbs], 1) * 1e3
+    return [
+        Remark(
             f"string {strings.numbers[k]} was touched, and is not released at the end of the"
             f" {where}: the jack rose by {signals.rise.max() * 1e3:.2f} mm, by the rig it touches"
-            f" the string at {contact * 1e3:.2f} mm and releases it at {release * 1e3:.2f} mm, and"
+            f" the string at {ends[k, 0]:.2f} mm and releases it at {ends[k, 1]:.2f} mm, and"
             f" the load increased by {grown:.2g} N; {fix}"
         )
-    return [Remark(text) for text in said]
+        for k, grown in held
+    ]
 
 
 def about_instants(
