@@ -12,7 +12,7 @@ from sautereau.rig.disk import table_beside
 DISPLAYED = {
     "s": (1e3, "ms"),
     "m": (1e3, "mm"),
-    "J": (1e6, "uJ"),
+    "J": (1e6, "µJ"),
     "N/m": (1e-3, "N/mm"),
     "rad": (math.degrees(1), "deg"),
 }

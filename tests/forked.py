@@ -59,18 +59,21 @@ class CommandServer:
         """Start a command, with options of `subprocess.Popen`."""
         return Command(self.path, [str(word) for word in words], **options)
 
-    def run(self, *words: object, folder: Path, **more: object) -> subprocess.CompletedProcess[str]:
+    def run(
+        self, *words: object, folder: Path, streams: Path | None = None, **more: object
+    ) -> subprocess.CompletedProcess[str]:
         """Run a command in a folder, without a terminal; return its status and its output.
 
         Messages on standard error are one line each, as they were before they were wrapped.
 
+        `streams` is the folder of the files that take its output, by default its own;
         `largest_file` limits the sizes of the files that it writes, in bytes.
         """
-        out, error = folder / ".out", folder / ".error"
+        out, error = (streams or folder) / ".out", (streams or folder) / ".error"
         arguments = [str(word) for word in words]
         with open(os.devnull, "rb") as nothing, out.open("wb") as o, error.open("wb") as e:  # noqa: PTH123
-            streams = [nothing.fileno(), o.fileno(), e.fileno()]
-            status = run(self.path, arguments, streams, folder=str(folder), **more)
+            entries = [nothing.fileno(), o.fileno(), e.fileno()]
+            status = run(self.path, arguments, entries, folder=str(folder), **more)
         texts = out.read_text(encoding="utf-8"), unwrapped(error.read_text(encoding="utf-8"))
         out.unlink()
         error.unlink()

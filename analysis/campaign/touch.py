@@ -30,6 +30,7 @@ from sautereau.analysis.campaign.shape import (
 from sautereau.analysis.campaign.table import Campaign
 from sautereau.analysis.campaign.variance import Components, Nested, fit_nested
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.press.features import FROM_REST
 from sautereau.analysis.session.repeatability import COVERAGE, Spread
 from sautereau.rig.faults import fault_list
 from sautereau.trajectory.motion import Floats
@@ -185,6 +186,8 @@ def _selected(campaign: Campaign) -> "tuple[pd.DataFrame, list[str]]":
         if which.any()
     ]
     kept = campaign.plucks.loc[lambda each: ~each["warm_up"].astype(bool)].reset_index(drop=True)
+    if "unseen_force" in kept and kept["unseen_force"].notna().any():
+        notes.append(FROM_REST)
     if "string" in data and (unknown := int(data.loc[~warm_up, "plucks"].sum()) - len(kept)):
         notes.append(f"excluded plucks of an unknown string: {unknown}")
     if len(kept) < 2:

@@ -157,14 +157,14 @@ def without_drift(
         # The rail stops the key: what is above its rest is an error, wherever it started.
         wrong = max(taken[1], above) > tolerance * largest
         text = (
-            f"no rest after the press: the mean velocity at rest, {abs(level) * 1e6:.3g} um/s, is"
+            f"no rest after the press: the mean velocity at rest, {abs(level) * 1e6:.3g} µm/s, is"
             f" subtracted as an offset without a check at the end, {taken[1] * 1e3:.2g} mm of"
             f" {largest * 1e3:.2g} mm of deflection; record for longer"
         )
         if above > tolerance * largest:
             text += (
                 f", and check the sensor's corner frequency: the key seems to rise by"
-                f" {above * 1e3:.2g} mm above its rest, and its rail prevents that"
+                f" {above * 1e3:.2g} mm above its rest, where the rail stops a rigid key"
             )
         return corrected, Drift(before, None, *taken), [Remark(text, doubt=wrong)]
     late, late_std = _level(velocity[rests.after])
@@ -200,7 +200,7 @@ def without_drift(
     if np.abs((matrix @ fitted - values) * weights).max() > CONSISTENT:
         line = (end - (place[0] if place else 0.0)) / duration, 0.0
         text = (
-            f"the velocity at rest is {level * 1e6:.3g} and {late * 1e6:.3g} um/s, but the"
+            f"the velocity at rest is {level * 1e6:.3g} and {late * 1e6:.3g} µm/s, but the"
             f" deflection of {largest * 1e3:.3g} mm returns to {end * 1e3:.3g} mm: no offset of the"
             " sensor explains both; check its corner frequency, its delay, and whether the key is"
             " really at rest"

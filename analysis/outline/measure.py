@@ -398,8 +398,8 @@ def _scale(
     for name, other in others:
         if abs(other.value - scale.value) > AGREE * math.hypot(scale.std, other.std):
             warnings.append(
-                f"by {first} a pixel is {scale.value * 1e6:.4g} um, by {name}"
-                f" {other.value * 1e6:.4g} um; check the clamp and both values"
+                f"by {first} a pixel is {scale.value * 1e6:.4g} µm, by {name}"
+                f" {other.value * 1e6:.4g} µm; check the clamp and both values"
             )
     return scale
 

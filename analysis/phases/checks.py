@@ -7,17 +7,14 @@ import numpy as np
 
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact
-from sautereau.analysis.phases.expected import Expected
+from sautereau.analysis.phases.expected import LEAST_CLIMB, LEAST_FORCE, Expected
 from sautereau.analysis.phases.found import FAIR, RIGID, Fit, Growth, HeldString, pluck_names
+from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.settings import SETTINGS, PhaseSettings
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.remark import Remark
 from sautereau.daq.signals.quality_flags import HOW_TO_FIX, QualityFlag, quality_warnings
 from sautereau.rig.acquisition import Channel
-
-LEVEL = 0.1
-"""Dimensionless, fraction of the peak force by which the level of a force may differ from that of
-the rig: numbers without a range are not exact either."""
 
 
 def about_fit(
@@ -26,19 +23,23 @@ def about_fit(
     further: Sequence[Growth],
     plucks: Sequence[HeldString],
     strings: Expected,
+    held: int,
 ) -> list[Remark]:
     """Return what is said about a poor fit, growths without a pluck, and the number of plucks.
 
     Args:
         fit: How well the load was explained.
         further: Growths without a pluck.
+        held: Number of strings that are still held where the jack is highest.
     """
-    count, found = len(strings.contacts), []
+    count, found = len(strings.contacts) - held, []
     climbs = [
         f"from {growth.contact * 1e3:.5g} to {growth.release * 1e3:.5g} ms the load climbs by"
         f" {growth.force:.3g} N and collapses"
         for growth in further
     ]
+    if held and not plucks:
+        return []
     if fit.verdict == "poor" and not plucks:
         text = (
             f"no pluck was found, but {_unexplained(fit)}: {', and '.join(climbs)}; plot the"
@@ -187,8 +188,8 @@ def about_strings(plucks: Sequence[HeldString], strings: Expected) -> list[Remar
 
 def about_rig(
     press: Press,
+    signals: Signals,
     cruise: float,
-    rise: float,
     fit: Fit,
     plucks: Sequence[HeldString],
     strings: Expected,
@@ -199,9 +200,9 @@ def about_rig(
 
     Args:
         cruise: m/s, speed of the jack in the middle of the way down.
-        rise: m, largest of the jack.
     """
     planned, driven, settings = press.rig.press, press.motion is not None, strings.settings
+    rise = float(signals.rise.max())
     scale = "the scale of the velocity, `key.laser_arm` and `[press]`"
     rail = "where the key meets its front rail (`key.dip`), "
     said = [
@@ -223,11 +224,22 @@ def about_rig(
         said.append(_differs(limits, "the inertia of key and jacks", fit.inertia, fix))
     fix = "the scale of the force, the plectrum, and whether several strings are released at once"
     for i, held in enumerate(plucks):
-        nearest = int(np.argmin(np.abs(strings.force_deviations(held.force_drop))))
-        known = strings.forces[strings.numbers.index(held.string) if held.string else nearest]
-        what = f"{_who(i, plucks)}the force drop, {held.force_drop:.2g} N,"
+        drop, who = max(held.force_drop, LEAST_FORCE), f"{_who(i, plucks)}the force drop"
+        nearest = int(np.argmin(np.abs(strings.force_deviations(drop))))
+        row = strings.numbers.index(held.string) if held.string else nearest
+        ends = np.interp([held.contact, held.release], signals.time, signals.rise)
+        # Overlap and friction change both alike; strings released at once increase the force alone.
+        per_rise = drop / max(float(ends[1] - ends[0]), LEAST_CLIMB)
+        by_rig = strings.forces[row] / strings.climbs[row]
+        times = math.hypot(held.contact_std, held.release_std) / held.pluck_duration
+        measured = min(1.0, math.hypot((held.force_drop_std or 0.0) / drop, times))
+        own = strings.variations[row, 1:, 1:] * [[1, -1], [-1, 1]]
+        limit = math.exp(settings.deviations * math.sqrt(own.sum() + measured**2))
+        of_rise = f"{who} per rise of the jack, {per_rise * 1e-3:.2g} N/mm,"
+        limits = 1 / settings.force, settings.force
         said.append(
-            _differs((1 / settings.force, settings.force), what, held.force_drop / known, fix, (i,))
+            _differs((0.0, limit), of_rise, per_rise / by_rig, fix, (i,))
+            or _differs(limits, f"{who}, {drop:.2g} N,", drop / strings.forces[row], fix, (i,))
         )
     if plucks and fit.lag is not None and abs(fit.lag) > settings.late:
         late, early = ("force", "velocity") if fit.lag > 0 else ("velocity", "force")
@@ -268,21 +280,21 @@ def about_rest(unseen: float, channel: Channel, peak: float) -> list[Remark]:
         f"force: by the rig the free key needs {needs} than was measured, so that contact, release"
         " and peak force and work are uncertain by as much, force drop and slope are not: AC"
         " coupling hides the force of a finger that rests on the key; use a sensor without it, or"
-        " check `key.gravity_moment`"
+        " check `key.gravity_moment` and the `high_pass` of the force"
     )
     return [Remark(text, doubt=False)]
 
 
-def about_level(measured: float, needed: tuple[float, float], peak: float) -> list[Remark]:
+def about_level(measured: float, needed: tuple[float, float], limit: float) -> list[Remark]:
     """Return a warning if the force of the free key is none that the rig's ranges allow.
 
     Args:
         measured: N.
         needed: N, least and largest by the rig and its ranges.
-        peak: N, largest force of the press.
+        limit: N, by which it may be beyond them.
     """
     low, high = needed
-    if low - LEVEL * peak <= measured <= high + LEVEL * peak:
+    if low - limit <= measured <= high + limit:
         return []
     by_rig = f"{low:.2g} N" if low == high else f"{low:.2g} to {high:.2g} N"
     text = (
@@ -294,12 +306,59 @@ def about_level(measured: float, needed: tuple[float, float], peak: float) -> li
     return [Remark(text)]
 
 
-def about_end(signals: Signals, begin: int) -> list[Remark]:
-    """Return a warning if the recording ends on the way down, which starts at a sample."""
-    speed, top = signals.speed[begin:], int(np.argmax(signals.rise[begin:]))
-    if top < len(speed) - 2 or speed[top] <= 0.5 * speed.max():
+def held_at_top(
+    signals: Signals, begin: int, plucks: Sequence[HeldString], strings: Expected
+) -> list[tuple[int, float]]:
+    """Return the strings that are still held where the jack is highest, and why.
+
+    These are strings without a pluck that the rig expects to be touched, but not yet released at
+    this height, where the load has increased by at least half as much as it expects.
+
+    Args:
+        begin: Sample at which the jack leaves rest.
+
+    Returns:
+        Rows of the strings in `strings`, with the increase [N] of the load from just below the
+        first contact.
+    """
+    settings, top = strings.settings, float(signals.rise.max())
+    high = signals.rise[begin:] > (1 - settings.left) * top
+    rows = rows_of(signals, begin, begin + len(high) - int(np.argmax(high[::-1])))
+    free = (rows.rise > strings.contacts[0] / 2) & (rows.rise < strings.contacts[0])
+    last = rows.rise > (1 - settings.left) * top
+    if not (free.any() and last.any()):
         return []
-    return [Remark("the recording ends while the key is still moving down; record for longer")]
+    grown = float(rows.load[last].mean() - rows.load[free].mean())
+    part = (top - strings.contacts) / strings.climbs
+    enough = grown > np.maximum(settings.drift_std, strings.forces * part / 2)
+    held = (part > 0) & (part < 1) & enough
+    known = {pluck.string for pluck in plucks}
+    return [(int(k), grown) for k in np.flatnonzero(held) if strings.numbers[k] not in known]
+
+
+def about_end(
+    signals: Signals, begin: int, held: Sequence[tuple[int, float]], strings: Expected
+) -> list[Remark]:
+    """Return warnings if recording or motion end on the way down, which starts at a sample.
+
+    Args:
+        held: Of `held_at_top`.
+    """
+    speed, top = signals.speed[begin:], int(np.argmax(signals.rise[begin:]))
+    moving = top >= len(speed) - 2 and speed[top] > 0.5 * speed.max()
+    if moving and not held:
+        return [Remark("the recording ends while the key is still moving down; record for longer")]
+    where, fix = ("recording", "record for longer") if moving else ("motion", "press deeper")
+    ends = np.stack([strings.contacts, strings.contacts + strings.climbs], 1) * 1e3
+    return [
+        Remark(
+            f"string {strings.numbers[k]} was touched, and is not released at the end of the"
+            f" {where}: the jack rose by {signals.rise.max() * 1e3:.2f} mm, by the rig it touches"
+            f" the string at {ends[k, 0]:.2f} mm and releases it at {ends[k, 1]:.2f} mm, and"
+            f" the load increased by {grown:.2g} N; {fix}"
+        )
+        for k, grown in held
+    ]
 
 
 def about_instants(

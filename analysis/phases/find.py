@@ -26,6 +26,9 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import key_motion
 from sautereau.trajectory.motion import Floats, Motion
 
+LEVEL = 0.1
+"""Dimensionless, fraction of the peak force by which the level of a force may differ from that of
+the rig: numbers without a range are not exact either."""
 Finder = Callable[[Expected, Signals, int, int], Found]
 """Finds the plucks of a rig's strings between two samples, as `find_plucks` does."""
 
@@ -114,16 +117,17 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     unseen, of_level = _level_of_force(press, signals, settled, highest, bool(plucks))
     # Slower than this quantile is a jack that starts or stops, faster one that was released.
     cruise, top = float(np.quantile(speed[begin:end], 0.65)), float(signals.rise.max())
-    unlike = [] if known else checks.about_rig(press, cruise, top, found.fit, plucks, strings)
+    unlike = [] if known else checks.about_rig(press, signals, cruise, found.fit, plucks, strings)
+    held = [] if known else checks.held_at_top(signals, begin, plucks, strings)
     said = [
-        *checks.about_end(signals, begin),
+        *checks.about_end(signals, begin, held, strings),
         *of_level,
         *checks.about_instants(plucks, contacts, steady, signals.missing, settings),
         *checks.about_flags(signals, press.quality_flags, plucks, (start, bottom)),
         *checks.about_exchange(contacts, plucks, settings),
         *checks.about_strings(plucks, strings),
         *unlike,
-        *checks.about_fit(signals, found.fit, found.further, plucks, strings),
+        *checks.about_fit(signals, found.fit, found.further, plucks, strings, len(held)),
         *([] if known else checks.about_likeness(signals, plucks, strings)),
     ]
     # At the height at which the jack left rest.
@@ -140,7 +144,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         held_speed=held_speed,
         released_speed=released_speed,
         warnings=warnings,
-        bottomed=_bottomed(signals, begin, plucks),
+        bottomed=None if held else _bottomed(signals, begin, plucks),
         returned=float(time[end + back[0]]) if len(back) else None,
         peak_force=highest,
         unseen_force=unseen,
@@ -175,8 +179,11 @@ def _level_of_force(
     required, measured = needed(press.rig), float(signals.force[free].mean())
     if channel.high_pass:
         return required - measured, checks.about_rest(required - measured, channel, peak)
+    # A key that accelerates bends and bounces.
+    inertia = signals.inertial * line_through(time, signals.velocity[free])[0]
+    limit = LEVEL * peak + abs(inertia)
     # Without a pluck, a string may be held at these samples.
-    if abs(required - measured) <= checks.LEVEL * peak or not plucked:
+    if abs(required - measured) <= limit or not plucked:
         return None, []
     names = (n for n in press.rig.assumed if n.startswith(("key.", "jack.", "more_choirs.")))
     ranges = [
@@ -187,7 +194,7 @@ def _level_of_force(
         required + sum(sign * max(0.0, *(sign * end for end in ends)) for ends in ranges)
         for sign in (-1, 1)
     )
-    return None, checks.about_level(measured, (lowest, highest), peak)
+    return None, checks.about_level(measured, (lowest, highest), limit)
 
 
 def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float | None:

@@ -84,6 +84,11 @@ GAINED = {
         *("contact_rise", "release_rise", "held_deflection", "full_rise", "end_rise"),
     ),
 }
+FROM_REST = (
+    "release force and work: of an AC-coupled sensor counted from that at rest, and predictions are"
+    " not; the force drop does not depend on it"
+)
+"""What tables say of presses with an `unseen_force`."""
 GAINED_BY_BOTH = ("force_slope", "held_work", "press_work")
 """Columns that are proportional to a signal, and to both or to their quotient."""
 

@@ -115,7 +115,7 @@ def _moved(rig: Rig) -> str:
     can = capabilities_of(rig)
     return (
         f"{'played by the controller' if can.preloaded else 'streamed by the computer'},"
-        f" {rig.arm.resolution * 1e6:.3g} um at the fingertip for each count of the encoders, up to"
+        f" {rig.arm.resolution * 1e6:.3g} µm at the fingertip for each count of the encoders, up to"
         f" {can.capture_rate(rig.controller.sample_period):.4g} of their readings per second;"
         f" {'an edge at its start' if can.trigger_output else 'its start found in the samples'}"
     )

@@ -88,7 +88,7 @@ def feature_table(found: SessionAnalysis[PressRecord]) -> dict[str, Any]:
             means.append(f"{one.measured.value * scale:.{DIGITS[feature]}f}")
             stds.append(f"{float(f'{one.std * scale:.2g}'):g}")
         feet = [("mean", means), ("standard deviation", stds)]
-    return {"heads": [_title(name, strings) for name in columns], "rows": rows, "feet": feet}
+    return {"heads": [title_of(name, strings) for name in columns], "rows": rows, "feet": feet}
 
 
 def _value(features: Row, name: str) -> float | None:
@@ -108,10 +108,6 @@ def _cell(features: Row, name: str) -> str:
     scale, _ = QUANTITIES[feature].displayed
     text = f"{value:.{DIGITS[feature]}f}"
     return f"{text} ± {std * scale:#.2g}".rstrip(".") if isinstance(std, int | float) else text
-
-
-def _title(name: str, strings: Sequence[str]) -> str:
-    return title_of(name, strings).replace("uJ", "µJ")
 
 
 @dataclass(frozen=True)
@@ -138,25 +134,24 @@ def courses(presses: Sequence[PressRecord]) -> list[Course]:
         stds = [std_of(own, name, gain) for own, gain in zip(features, gains, strict=True)]
         shown = [None if std is None else std * scale for std in stds]
         if any(value is not None for value in values):
-            found.append(Course(_title(name, strings), values, shown))
+            found.append(Course(title_of(name, strings), values, shown))
     return found
 
 
 def compared_rows(found: Condition[PressRecord]) -> list[tuple[str, ...]]:
     """Return feature, mean, its interval, the model's value and the number of presses."""
     strings = string_names(found.rig)
-    cells = [
+    return [
         (*feature_cells(one, strings), str(one.presses))
         for one in found.features
         if one.predicted is not None
     ]
-    return [(label.replace("uJ", "µJ"), *rest) for label, *rest in cells]
 
 
 def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str]]:
     """Return quantity, value and interval of the figures of ISO 9283 and of the drifts."""
     return [
-        (label if significant else f"{label}, not significant", value.replace("um", "µm"), interval)
+        (label if significant else f"{label}, not significant", value, interval)
         for label, value, interval, significant in rows_of_repeatability(found)
     ]
 

@@ -141,8 +141,8 @@ def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str, bool]]
     """Return label, value and interval of each figure, and whether a drift is significant."""
     spread, rise, speed = found.velocity_repeatability, found.rise_drift, found.speed_drift
     rows = {
-        "path_repeatability": (f"{found.path_repeatability * 1e6:.3g} um", "", True),
-        "path_accuracy": (f"{found.path_accuracy * 1e6:.3g} um", "", True),
+        "path_repeatability": (f"{found.path_repeatability * 1e6:.3g} µm", "", True),
+        "path_accuracy": (f"{found.path_accuracy * 1e6:.3g} µm", "", True),
         "velocity_accuracy": (f"{100 * found.velocity_accuracy:+.3f} %", "", True),
         "velocity_repeatability": (
             f"{100 * spread.value:.3g} %",
@@ -151,8 +151,8 @@ def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str, bool]]
         ),
         "velocity_fluctuation": (f"{100 * found.velocity_fluctuation:.3g} %", "", True),
         "rise_drift": (
-            f"{rise.value * 1e6:+.3g} um per press",
-            f"{rise.low * 1e6:+.3g} um to {rise.high * 1e6:+.3g} um",
+            f"{rise.value * 1e6:+.3g} µm per press",
+            f"{rise.low * 1e6:+.3g} µm to {rise.high * 1e6:+.3g} µm",
             rise.significant,
         ),
         "speed_drift": (

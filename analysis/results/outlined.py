@@ -87,7 +87,7 @@ class Outlined(Result):
         tilt = f"{math.degrees(found.tilt.value):.2f}"
         rows.append(("tilt", tilt, f"{math.degrees(found.tilt.std):.2f}", "deg"))
         pixel = f"{found.scale.value * 1e6:.4f}", f"{found.scale.std * 1e6:.4f}"
-        rows.append(("a pixel", *pixel, "um"))
+        rows.append(("a pixel", *pixel, "µm"))
         clamp = "at the jack's face" if found.face_found else "as given"
         return [
             f"{self.photo.name}: the outline and {len(found.ensemble)} more that the photograph"

@@ -25,7 +25,7 @@ from sautereau.analysis.campaign.workers import Where, run_over
 from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.model.predict import predict
-from sautereau.analysis.press.features import Row, by_string, column
+from sautereau.analysis.press.features import FROM_REST, Row, by_string, column
 from sautereau.analysis.results.result import Result, frame_of, shown
 from sautereau.analysis.session.analysed import analyse_file
 from sautereau.analysis.session.compare import Mean, mean_of, pluck_features
@@ -228,6 +228,7 @@ def survey(
     names = [*(key.name for key in keys), *(name for name, _ in read)]
     results = zip(names, [*predictions, *presses], strict=True)
     warnings = [f"{name}: {why}" for name, (found, why) in results if found is None]
+    warnings += [FROM_REST] * any(row.get("unseen_force") is not None for row, _ in presses if row)
     rows = []
     for key, (strings, _) in zip(keys, predictions, strict=True):
         own = [row for (name, _), (row, _) in zip(read, presses, strict=True) if name == key.name]

@@ -1,5 +1,6 @@
 """Settings of an import, from the options and the file; an error lists all that is missing."""
 
+import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -142,7 +143,11 @@ def column_of(
         if name in options.column:
             faults.append(f"{name}: both --column and --without are given; give one of them")
         return None
-    column = options.column.get(name, name if name in source.names else None)
+    column = options.column.get(name)
+    if column is None:
+        # Its name, or that before the unit: `velocity [mm/s]`.
+        alike = [n for n in source.names if re.split(r"\s*[\[(/]", n)[0].lower() == name.lower()]
+        column = name if name in source.names else alike[0] if len(alike) == 1 else None
     if column is None:
         faults.append(
             f"{name}: its column is missing; give --column.{name} NAME or --without {name};"

@@ -1,4 +1,7 @@
-"""The numbers that a gRPC device server really sends: the client's library only copies them."""
+"""How long a gRPC device server may take to answer, and the numbers that it really sends.
+
+The client's library sets no limit, and only copies the numbers.
+"""
 
 from typing import Any
 
@@ -6,9 +9,18 @@ import grpc
 
 
 class Answers(grpc.UnaryUnaryClientInterceptor):
-    """Counts the numbers in each answer to a read, as an interceptor of the channel."""
+    """Limits every call, and counts the numbers in each answer to a read.
 
-    def __init__(self) -> None:
+    An interceptor of the channel.
+
+    Args:
+        limit: Longest wait for an answer, s: a hung server raises an error. It is an argument of
+            each call, because gRPC ends those limited by a service configuration at once after
+            the computer's date was set back.
+    """
+
+    def __init__(self, limit: float) -> None:
+        self._limit = limit
         self.numbers = 0
         """Numbers in the last answer to a read; 0 if it was an error without them."""
         self.said = 0
@@ -19,10 +31,10 @@ class Answers(grpc.UnaryUnaryClientInterceptor):
     def intercept_unary_unary(
         self, continuation: Any, client_call_details: Any, request: Any
     ) -> Any:
+        call = continuation(client_call_details._replace(timeout=self._limit), request)
         if not hasattr(request, "array_size_in_samps"):
-            return continuation(client_call_details, request)
+            return call
         self.numbers, self.said, self.beyond = 0, 0, None
-        call = continuation(client_call_details, request)
         if call.exception() is None:
             answer = call.result()
             self.numbers, self.said = len(answer.read_array), answer.samps_per_chan_read

@@ -8,7 +8,6 @@ process.
 """
 
 import ipaddress
-import json
 import platform
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -63,8 +62,8 @@ def connect(daq: Daq, longest_wait: float) -> Iterator[tuple[Any, "Answers | Non
 
     from sautereau.daq.source.answers import Answers
 
-    answers = Answers()
-    with _channel(daq, longest_wait + ANSWER_DEADLINE) as channel:
+    answers = Answers(longest_wait + ANSWER_DEADLINE)
+    with _channel(daq) as channel:
         _must_answer(daq, channel)
         yield GrpcSessionOptions(grpc.intercept_channel(channel, answers), ""), answers
 
@@ -89,14 +88,11 @@ def _must_be_safe(daq: Daq) -> None:
         )
 
 
-def _channel(daq: Daq, limit: float) -> "grpc.Channel":
-    """Return a channel that limits every call to ``limit`` s: a hung server raises an error."""
+def _channel(daq: Daq) -> "grpc.Channel":
     import grpc
 
-    calls = {"methodConfig": [{"name": [{}], "timeout": f"{limit:.3f}s"}]}
-    options = [*_OPTIONS, ("grpc.service_config", json.dumps(calls))]
     if daq.tls is None:
-        return grpc.insecure_channel(daq.address, options)
+        return grpc.insecure_channel(daq.address, _OPTIONS)
     found: list[bytes | None] = []
     faults = []
     for name in ("root_certificate", "client_certificate", "client_key"):
@@ -112,7 +108,7 @@ def _channel(daq: Daq, limit: float) -> "grpc.Channel":
         raise DaqError("\n".join(faults))
     root, certificate, key = found
     credentials = grpc.ssl_channel_credentials(root, key, certificate)
-    return grpc.secure_channel(daq.address, credentials, options)
+    return grpc.secure_channel(daq.address, credentials, _OPTIONS)
 
 
 def _must_answer(daq: Daq, channel: "grpc.Channel") -> None:

@@ -29,11 +29,13 @@ from sautereau.rig.faults import (
     in_text,
     model_keys,
     near_miss,
+    unit_of,
     validating,
 )
 from sautereau.rig.layers import read_toml_file
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.schema import Rig
+from sautereau.rig.units import parse_quantity
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.plan import MOST_PRESSES, MOST_ROWS, Row
 
@@ -243,6 +245,7 @@ def _levels(
     if not pairs:
         faults.append(f"{factor}: no levels; give a list of values, or a table of named levels")
     seen: set[str] = set()
+    same: dict[Any, str] = {}  # names by their values
     for name, value in pairs:
         try:
             found = _level(key, why, value, folder)
@@ -254,7 +257,19 @@ def _levels(
         if name in seen:
             faults.append(f"{factor}: the level {name} is given twice; remove one, or repeat more")
         seen.add(name)
+        if key and isinstance(value, str):
+            other = same.setdefault(_value(key, value), name)
+            if other != name:
+                faults.append(f"{factor}: the levels {other} and {name} are the same; remove one")
         yield name, found
+
+
+def _value(key: str, text: str) -> Any:
+    """Return a quantity in its SI unit, rounded; another text, and a wrong quantity, as it is."""
+    try:
+        return float(f"{parse_quantity(text, unit_of(Rig, key.split('.')) or ''):.12g}")
+    except ValueError:
+        return text
 
 
 def _name(value: Any, found: Mapping[str, Any]) -> str:

@@ -6,10 +6,11 @@ quickly.
 
 import errno
 import os
+import re
 import signal
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
@@ -25,6 +26,7 @@ from cyclopts import (
     Group,
     MissingArgumentError,
     Parameter,
+    UnknownOptionError,
     UnusedCliTokensError,
 )
 from cyclopts.argument import Argument
@@ -238,25 +240,38 @@ def _usage_fault(error: CycloptsError) -> str:
     if isinstance(error, UnusedCliTokensError):
         unused = error.unused_tokens or []
         return f"Unexpected argument{'s' * (len(unused) > 1)}: {' '.join(unused)}"
+    if isinstance(error, UnknownOptionError):
+        return "\n".join(_unknown_options(error, [error.token.keyword or error.token.value]))
     argument = error.argument
     if type(error) is not MissingArgumentError or argument is None:
         return str(error)
-    faults = _unknown_options(error)
+    faults = _unknown_options(error, error.unused_tokens or ())
     if not any(f"Did you mean {argument.name}?" in fault for fault in faults):
         faults.append(_missing(argument, set(error.root_input_tokens or ())))
     return "\n".join(faults)
 
 
-def _unknown_options(error: CycloptsError) -> list[str]:
-    """Return a message for each option that the command does not have."""
-    arguments = app[" ".join(error.command_chain or ())].assemble_argument_collection()
-    known = [name for argument in arguments for name in argument.names]
+def _unknown_options(error: CycloptsError, tokens: Iterable[str]) -> list[str]:
+    """Return a message for each option that the command does not have.
+
+    It suggests the most similar one, or else the first whose help has the word.
+    """
+    command = app[" ".join(error.command_chain or ())]
+    arguments = command.assemble_argument_collection(parse_docstring=True)
+    named = {name.strip("-"): name for argument in arguments for name in argument.names}
     faults = []
-    for token in error.unused_tokens or ():
-        if token.startswith("-") and token not in known:
-            close = get_close_matches(token, known, n=1)
-            hint = f" Did you mean {close[0]}?" if close else ""
-            faults.append(f"Unknown option: {token}.{hint}")
+    for token in tokens:
+        word = token.strip("-").partition("=")[0]
+        if not token.startswith("-") or token.partition("=")[0] in named.values():
+            continue
+        in_help = re.compile(rf"\b{re.escape(word)}\b", re.IGNORECASE)
+        near = [name for name in named if len(name) > 2 and word.startswith(name)]
+        meant = [named[name] for name in get_close_matches(word, named, n=1) or near] or [
+            argument.names[0]
+            for argument in arguments
+            if len(word) > 3 and in_help.search(argument.parameter.help or "")
+        ]
+        faults.append(f"Unknown option: {token}.{f' Did you mean {meant[0]}?' if meant else ''}")
     return faults
 
 

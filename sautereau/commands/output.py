@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -243,10 +244,11 @@ def save_plot(path: Path, figure: "Figure", dpi: int = 120) -> None:
     Raises:
         OSError: It cannot be written, or exists already; see `sautereau.rig.disk.new_file`.
     """
-    from sautereau.rig.disk import new_file
+    from sautereau.rig.disk import write_durably
 
-    with new_file(path) as file:
-        figure.savefig(file, format=path.suffix[1:].lower(), dpi=dpi)
+    held = BytesIO()  # on a full disk, matplotlib ends a PDF with an error of its own
+    figure.savefig(held, format=path.suffix[1:].lower(), dpi=dpi)
+    write_durably(path, held.getvalue())
 
 
 def _writable(folder: Path) -> bool:

@@ -128,6 +128,7 @@ def test_comparison_and_repeatability_are_on_the_page(twenty):
     page = Page(text).text
     assert percent(condition.comparison.duration_error.value) in page
     assert f"{condition.repeatability.path_repeatability * 1e6:.3g} µm" in page
+    assert not re.search(r"\b(um|uJ)\b", page)
     assert "SIMULATED: 20 of 20 presses" in page
 
 

@@ -157,7 +157,8 @@ def test_recordings_are_read_beside_the_prediction(tmp_path):
     found = survey(keys, {key.name: own for key, own in zip(keys, paths, strict=True)})
     assert found.simulated
     assert found.lines()[0].startswith("SIMULATED")
-    assert [warning.split(":")[0] for warning in found.warnings] == ["k1"]
+    said = [warning.split(":")[0] for warning in found.warnings]
+    assert said == ["k1", "release force and work"]
     for each, own in zip(found.keys, paths, strict=True):
         drop = each.measured["force_drop"]
         presses = [analyse_file(path).features["force_drop"] for path in own[:2]]

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.independent import ONE_FACTOR, Conditions, press
+from benchmarks.independent import ONE_FACTOR, Conditions, press, random_conditions
 from benchmarks.independent.conditions import rig_values
 from benchmarks.simulated import judged_press
 from sautereau.analysis.phases import find_phases
@@ -24,6 +24,7 @@ RISE = "the jack's rise"
 INERTIA = "the inertia of key and jacks"
 FORCE = "the force drop"
 LATE = "ms late, compared with the"
+HELD = "string 1 was touched, and is not released at the end of the "
 FAR = 3.0  # Standard uncertainties beyond which a result counts as wrong
 
 
@@ -110,12 +111,12 @@ UNEXPECTED = {
         (RISE,),
     ),
     "muted string": (lambda c: with_strings(c, {"decay": 300.0}), None, ()),
-    "half a press": (lambda c: replace(c, rise=2.3e-3, speed=0.05), None, ()),
+    "half a press": (lambda c: replace(c, rise=2.3e-3, speed=0.05), None, (HELD + "motion",)),
 }
 """Conditions, values of the rig that differ from them, and what is said."""
 
 
-QUICK = ("force twice", "force late")
+QUICK = ("force twice", "force late", "half a press")
 """What is tested on a stiff key in the quick tests too."""
 
 
@@ -135,6 +136,27 @@ def test_what_the_rig_does_not_expect_is_said(key, name):
     assert phases.warnings or not wrong(pressed, phases)
 
 
+def test_a_recording_that_ends_while_a_string_is_held():
+    pressed = press(ONE_FACTOR["all stiff"], 0)
+    (pluck,) = pressed.truth.plucks
+    end = round((pressed.t0 + 0.3 * pluck.contact + 0.7 * pluck.release) * pressed.rate)
+    volts = {n: getattr(pressed, n)[:end] for n in ("velocity_volts", "force_volts")}
+    phases = find_phases(judged_press(replace(pressed, **volts)))
+    assert not phases.plucks
+    assert phases.bottomed is None
+    assert any(HELD + "recording" in warning for warning in phases.warnings)
+    assert not any("check the strings" in warning for warning in phases.warnings)
+
+
+@pytest.mark.parametrize("seed", [20, *map(slow, (68, 152))])
+def test_a_key_that_still_accelerates_shows_no_wrong_zero(seed):
+    conditions = random_conditions(np.random.default_rng([15, seed]))
+    assert conditions.force.high_pass == 0
+    _, phases = found_in(conditions)
+    assert phases.plucks
+    assert not any("the zero of the sensor" in warning for warning in phases.warnings)
+
+
 def test_speed_and_rise_of_a_key_that_no_arm_pressed_are_remarks():
     pressed = press(replace(ONE_FACTOR["all stiff"], rate=10e3), 0)
     phases = find_phases(judged_press(pressed, {"press.jack_speed": "0.03 m/s"}))
@@ -150,6 +172,17 @@ def test_two_strings_nearly_at_once_are_right_or_warned(key, later):
     both = with_strings(base, {}, second(base, later, overlap=0.2e-3))
     pressed, phases = found_in(both)
     assert phases.warnings or not wrong(pressed, phases)
+
+
+@pytest.mark.parametrize("key", [KEYS[0], *map(slow, KEYS[1:])])
+def test_strings_released_at_once_are_said_where_the_rig_has_one(key):
+    """The force drop is 1.93 times that of the rig, which one string may also have."""
+    base = ONE_FACTOR[key]
+    both = with_strings(base, {}, second(base, -2e-3, thickness=0.48e-3))
+    pressed, phases = found_in(both, strings=base)
+    assert np.ptp([pluck.release for pluck in pressed.truth.plucks]) < 0.2e-3
+    assert len(phases.plucks) == 1
+    assert any(FORCE in warning and "at once" in warning for warning in phases.warnings)
 
 
 @pytest.mark.slow

@@ -181,6 +181,9 @@ def test_a_press_is_heard(sautereau, tmp_path):
         ("mount --trust-homing", "--trust-homing: it concerns --touches FILE"),
         ("identify a.mcap --strts 3", "--strts. Did you mean --starts?\nSee"),
         ("campaign runs --ot a.parquet", "Unknown option: --ot"),
+        ("press --sim --repeats 3", "Unknown option: --repeats. Did you mean -n?"),
+        ("press --simulate", "Unknown option: --simulate. Did you mean --sim?"),
+        ("export a.mcap --format csv", "Did you mean --to?"),
     ],
 )
 def test_wrong_usage_ends_with_two(refusal, tmp_path, words, message):

@@ -230,6 +230,17 @@ def test_columns_named_as_the_channels_or_not_at_all(tmp_path, back, paper, text
     assert found.volts["force"].tolist() == [1.0, 3.0]
 
 
+def test_columns_named_as_the_channels_with_their_units(tmp_path, back, paper):
+    (tmp_path / "table.csv").write_text("Velocity [mm/s],force (mN)\n25,1000\n50,3000\n")
+    import_file(tmp_path / "table.csv", back, rig=paper, options=answers(column={}, rate="1 kHz"))
+    found = read_recording(back).volts
+    np.testing.assert_allclose(found["velocity"], [1.0, 2.0], rtol=1e-12)
+    np.testing.assert_allclose(found["force"], [1.0, 3.0], rtol=1e-12)
+    (tmp_path / "two.csv").write_text("velocity [V],velocity [mm/s],force [N]\n25,1,1\n50,3,2\n")
+    message = refused(tmp_path / "two.csv", tmp_path / "two.mcap", paper, NO_OPTIONS)
+    assert "velocity: its column is missing" in message
+
+
 def write_wav(path, frames, width, rate=48_000, channels=1):
     with wave.open(str(path), "wb") as file:
         file.setnchannels(channels)

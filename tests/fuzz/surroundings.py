@@ -138,19 +138,19 @@ class Surroundings:
             if ctypes.CDLL(None).unshare(0x20000):
                 raise RuntimeError("no mounts: the user is not root")
             subprocess.run(["mount", "--make-rprivate", "/"], check=True)
-        self._server = CommandServer(str(folder / "socket"), imports, LD_PRELOAD=str(library))
-        self._server.__enter__()
+        self.server = CommandServer(str(folder / "socket"), imports, LD_PRELOAD=str(library))
+        self.server.__enter__()
         self._references: dict[str, Known] = {}
 
     def close(self) -> None:
-        self._server.__exit__()
+        self.server.__exit__()
 
     @cached_property
     def _inputs(self) -> Path:
         """Folder of what the commands work on."""
         inputs = self._place / "inputs"
         inputs.mkdir()
-        make_inputs(self._server, inputs)
+        make_inputs(self.server, inputs)
         return inputs
 
     def case(self, dice: random.Random) -> str:
@@ -211,17 +211,20 @@ class Surroundings:
         return "failed" if status else "done"
 
     def _disks(self, dice: random.Random) -> str:
-        name = dice.choice(list(COMMANDS))
+        return self.disk(dice.choice(list(COMMANDS)), dice.random() ** 2)
+
+    def disk(self, name: str, share: float) -> str:
+        """Run a command on a disk that has room for a fraction of what it writes."""
         known, mount = self.known(name), self._place / "disk"
         mount.mkdir(exist_ok=True)
         subprocess.run(["mount", "-t", "tmpfs", "none", mount], check=True)
         try:
             folder = self._fresh(name, mount / "work")
             need = sum(path.stat().st_size for path in known.folder.rglob("*"))
-            room = _used(mount) + 4096 * (1 + int(dice.random() ** 2 * need / 4096))
+            room = _used(mount) + 4096 * (1 + int(share * need / 4096))
             what = f"{name}, {room} bytes"
             subprocess.run(["mount", "-o", f"remount,size={room}", mount], check=True)
-            status, text = self._run(name, folder)
+            status, text = self._run(name, folder, self._place)  # what it prints is not on the disk
             more = ["mount", "-o", "remount,size=50%", mount]
             subprocess.run(more, check=True)
             self._judge(name, folder, known, status, text, what, {"disk is full"})
@@ -249,7 +252,7 @@ class Surroundings:
             if kind == "OUT":
                 files.append(word)
             words.append(word)
-        done = self._server.run(*words, "--json", folder=folder)
+        done = self.server.run(*words, "--json", folder=folder)
         there = [path.name for path in folder.iterdir()]
         what = f"{words}: status {done.returncode}: {done.stderr[-2000:]}"
         if "Traceback" in done.stderr or done.returncode not in (0, 1):
@@ -323,10 +326,11 @@ class Surroundings:
             (folder.parent / "inputs").symlink_to(self._inputs)
         return folder
 
-    def _run(self, name: str, folder: Path, **environment: str) -> tuple[int, str]:
-        done = self._server.run(
-            *COMMANDS[name].words.split(), folder=folder, environment=os.environ | environment
-        )
+    def _run(
+        self, name: str, folder: Path, streams: Path | None = None, **environment: str
+    ) -> tuple[int, str]:
+        words, environment = COMMANDS[name].words.split(), os.environ | environment
+        done = self.server.run(*words, folder=folder, streams=streams, environment=environment)
         return done.returncode, done.stderr
 
     def _judge(

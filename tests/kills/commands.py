@@ -157,6 +157,15 @@ COMMANDS = {
     "init": Command("init my-rig.toml", _same),
     "phases": Command("phases ../inputs/session --plot phases.png --force", _same),
     "package": Command("package session --out archive.zip --force", _same, ("session",)),
+    "voice": Command(
+        "voice ../inputs/rig.toml --like paper --out carved.csv --plot cut.png --force", _same
+    ),
+    "predict": Command("predict ../inputs/rig.toml --map map.csv --force", _same),
+    "table": Command(
+        "export session/press-0001.mcap --to parquet --out table.parquet --force",
+        _same,
+        ("session",),
+    ),
     "recover": Command("recover cut-off.mcap.part --force", _same, ("cut-off.mcap.part",)),
 }
 

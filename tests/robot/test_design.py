@@ -113,12 +113,12 @@ def test_levels_of_named_values_numbers_and_rig_files(tmp_path):
 def test_every_fault_of_a_design_is_listed(tmp_path):
     factors = {
         "plectrum.overlapp": ["1 mm"], "jack_speed": ["0.1 m/s", "0.1 m/s"], "empty": {},
-        "hold": "point", "named": {"a": {"jack_speed": "0.2 m/s"}},
+        "hold": "point", "rise": ["10 mm", "1 cm"], "named": {"a": {"jack_speed": "0.2 m/s"}},
     }  # fmt: skip
     with pytest.raises(RobotError) as caught:
         st.design(factors, 0, block="plectra", set_ups=2)
     for words in (
-        "overlap'", "given twice", "empty: no levels", "hold: no levels", "2 factors change it",
+        "overlap'", "given twice", "10 mm and 1 cm are the same", "empty: no levels", "hold: no levels", "2 factors change it",
         "plectra is no factor", "repeats: 0", "set_ups",
     ):  # fmt: skip
         assert words in str(caught.value)

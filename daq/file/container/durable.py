@@ -180,8 +180,8 @@ class DurableFile:
         except OSError as error:
             reason = why_unwritable(error)
             left = (
-                f"; what was written before is in {self.part_path}, which `sautereau recover"
-                f" {self.part_path}` makes readable"
+                f"; what was written before is in {self.part_path}: if it has samples, `sautereau"
+                f" recover {self.part_path}` makes them readable"
             )
             raise RecordingError(
                 f"recording {self.path}: cannot be written: {reason}"
