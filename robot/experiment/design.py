@@ -244,8 +244,7 @@ def _levels(
         pairs = []
     if not pairs:
         faults.append(f"{factor}: no levels; give a list of values, or a table of named levels")
-    seen: set[str] = set()
-    same: dict[Any, str] = {}  # names by their values
+    seen: dict[Any, str] = {}
     for name, value in pairs:
         try:
             found = _level(key, why, value, folder)
@@ -254,13 +253,11 @@ def _levels(
             continue
         if name is None:
             name = found.stem if isinstance(found, Path) else _name(value, found)
-        if name in seen:
-            faults.append(f"{factor}: the level {name} is given twice; remove one, or repeat more")
-        seen.add(name)
-        if key and isinstance(value, str):
-            other = same.setdefault(_value(key, value), name)
-            if other != name:
-                faults.append(f"{factor}: the levels {other} and {name} are the same; remove one")
+        own = _value(key, value) if key and isinstance(value, str) else name
+        if own in seen:
+            twice = f"the level {name} is given twice{f', as {seen[own]}' * (seen[own] != name)}"
+            faults.append(f"{factor}: {twice}; remove one, or repeat more")
+        seen[own] = name
         yield name, found
 
 
