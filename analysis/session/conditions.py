@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
+from sautereau.analysis.alike import INSTRUMENT
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.model.predict import JackSpeed, Prediction, predict
@@ -45,7 +46,6 @@ UNCLEAR = (
     " held, or another string is released meanwhile; press more slowly, or with softer loops"
 )
 """Why a press is not compared."""
-INSTRUMENT = ("key", "jack", "plectrum", "string", "more_choirs")  # Tables of a rig
 PressT = TypeVar("PressT", bound=AnalysedPress)
 
 
