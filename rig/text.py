@@ -280,10 +280,9 @@ def commented_rig(
     )
     for key in ("run_up_acceleration", "run_up_jerk"):  # chosen by the clearance of another jack
         del document["press"][key]
-    origin = "the packaged rig paper"
+    origin, of_base = "the packaged rig paper", f"base = {json.dumps(base)}"
     if base:
-        head = f"base = {json.dumps(base)}"
-        layers = Layers(head, name, folder or Path())
+        layers = Layers(of_base, name, folder or Path())
         required = {(t.name, e.name) for t in describe() for e in t.entries if e.default is None}
         for table in PARTS[part]:
             if isinstance(layers.base.get(table), dict):
@@ -302,7 +301,7 @@ def commented_rig(
     ]
     if base:
         about = "What this file does not set is that of its base: a packaged rig or other rig files"
-        lines += [*_comment(about), head]
+        lines += [*_comment(about), of_base]
         document["name"] = name
     for table in describe():
         head = table.name.partition(".")[0]

@@ -235,7 +235,7 @@ def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
     ]
 
 
-def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation | None) -> list[float]:
+def _loaded(rig: Rig, sampled: Sampled, free: Floats, expected: Expectation) -> list[float]:
     """Bound the torques with the force on the key: free - force x lever, by virtual work.
 
     The force may peak between samples, so each sample takes the largest force up to its

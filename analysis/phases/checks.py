@@ -50,10 +50,9 @@ def about_fit(
         expects = unlike_the_rig(signals, growth.contact, growth.release, growth.force, strings)
         text = f"{climb}, unlike {expects}: no pluck"
         if not expects:
-            held = zip(pluck_names(plucks), plucks, strict=True)
             meanwhile = " and ".join(
                 name
-                for name, pluck in held
+                for name, pluck in zip(pluck_names(plucks), plucks, strict=True)
                 if pluck.contact < growth.release and growth.contact < pluck.release
             )
             found_there = f"while {meanwhile} is held: another string may be held at the same time"

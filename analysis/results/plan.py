@@ -9,7 +9,7 @@ import numpy as np
 
 from sautereau.analysis.figures.palette import ARM, GRAIN, LASER, PHASES, PRESSED, SKY
 from sautereau.analysis.model.key import finger_force
-from sautereau.analysis.model.predict import expected_of
+from sautereau.analysis.model.predict import expected_of, predict
 from sautereau.analysis.results.result import Result, frame_of, shown
 from sautereau.analysis.text import check_cells, counted, relative_margin, table
 from sautereau.rig.quantities import QUANTITIES
@@ -168,7 +168,7 @@ def plan(rig: Rig, correction: Correction | None = None) -> Plan:
     """
     expected, doubts = expected_of(rig)
     draft = draft_press(rig, expected, correction)
-    warnings = [*doubts, *draft.warnings]
+    warnings = [*doubts, *(predict(rig).warnings if expected else ()), *draft.warnings]
     least, name = _return_force(rig, draft), "jack.register_friction"
     friction = rig.assumed.get(name, (0.0, rig.jack.register_friction))[1]
     stiff = rig.jack.model_copy(update={"register_friction": friction})

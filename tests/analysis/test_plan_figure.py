@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sautereau.analysis.model.predict import expectation, predict
-from sautereau.analysis.results.plan import plan_figure
+from sautereau.analysis.results.plan import plan, plan_figure
 from sautereau.rig.load import load_rig, with_values
 from sautereau.trajectory.press import draft_press
 from tests.plots import texts
@@ -51,3 +51,9 @@ def test_the_poses_are_drawn_where_the_fingertip_is(tmp_path):
     np.testing.assert_allclose(tip, draft.fingertip.position[0] * 1e3, atol=1e-9)
     plan_figure(rig, draft, None).savefig(tmp_path / "plan.png")
     assert (tmp_path / "plan.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_plan_has_the_model_s_warnings():
+    rig = with_values(load_rig(), {"string.frequency": "3.65 kHz"})
+    assert any("kg/m^3" in warning for warning in plan(rig).warnings)
+    assert not any("kg/m^3" in warning for warning in plan(load_rig()).warnings)
