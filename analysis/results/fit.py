@@ -166,7 +166,8 @@ class Fit(Result):
         for likely in self.profiles:
             lines.append(_profile_line(likely, found))
         if all(c.identifiable for c in found.combinations):
-            lines.append("all parameters are identifiable from these recordings")
+            of = "from these recordings" if found.quality.fits else "by a model that fits"
+            lines.append(f"all parameters are identifiable {of}")
         else:
             lines.append(
                 "not all parameters are identifiable from these recordings; standard uncertainty of"
