@@ -123,6 +123,20 @@ def test_a_tapered_plectrum_is_taken_for_no_mode_and_its_shape_named():
     assert "shape of the plectrum" in found.quality.reasons[0]
 
 
+def test_presses_of_two_plectra_are_named():
+    """A mode explained their forces, and left their releases 7 standard uncertainties apart."""
+    pressed = []
+    for factor in (1.0, 0.75):
+        choir = NOMINAL.choirs[0]
+        choir = replace(choir, modulus=factor * choir.modulus, modulus_factor=factor)
+        made = replace(NOMINAL, choirs=(choir,), speed=0.05)
+        pressed += recorded(made, range(1, 3), {}, inertia=7e-4, coulomb=1e-3)[0]
+    pressed = [replace(p, rig=pressed[0].rig) for p in pressed]
+    found = identify(pressed, [find_phases(p) for p in pressed], FREE, starts=1)
+    assert not found.quality.fits
+    assert any("presses of one plectrum" in reason for reason in found.quality.reasons)
+
+
 @pytest.mark.slow
 def test_a_fit_with_modes_says_that_no_rigid_key_fits():
     pressed, phases, _ = one_factor_case("soft pad")
