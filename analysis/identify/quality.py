@@ -149,6 +149,9 @@ def quality(fitted: Fit) -> Quality:
         pairs = zip(slow, dynamics.presses, strict=True)
         return [f[np.isfinite(f) & (press.phase == which)] for f, press in pairs]
 
+    def repeated_in(*phases: int) -> _Repeated | None:
+        return _repeated(dynamics.presses, slow, dynamics.floor, period, phases)
+
     inside, free = in_phase(HELD), rms(in_phase(FREE))
     noise, reasons = dynamics.noise, []
     quiet = noise is None or free <= NOISE_MAX * float(np.hypot(noise, dynamics.floor))
@@ -164,7 +167,7 @@ def quality(fitted: Fit) -> Quality:
         spread = 1 / np.sqrt(2 * max(1.0, instants * _independent(dynamics.presses, period)))
         allowed = max(free, dynamics.floor) * (HELD_MAX + HELD_STDS * spread)
         if held_residual > max(allowed, noise or 0.0):
-            part = _repeated(dynamics.presses, slow, dynamics.floor, period, (HELD,))
+            part = repeated_in(HELD)
             fix = (
                 "free plectrum.friction, and measure the string's tension, length and plucking"
                 " point, and the shape of the plectrum (sautereau outline)"
@@ -178,8 +181,7 @@ def quality(fitted: Fit) -> Quality:
                 f"the residual while a string is held is {held_residual * 1e3:.3g} mN, and"
                 f" {free * 1e3:.3g} mN without a string: {fix}"
             )
-    repeated = _repeated(dynamics.presses, slow, dynamics.floor, period, (FREE, HELD))
-    free_part = _repeated(dynamics.presses, slow, dynamics.floor, period, (FREE,))
+    repeated, free_part = repeated_in(FREE, HELD), repeated_in(FREE)
     if repeated and repeated.size > max(repeated.allowed, REPEATED_MAX * (noise or 0.0)):
         reasons.append(
             f"{repeated.size * 1e3:.3g} mN of the residual repeat from press to press, and noise"

@@ -253,7 +253,8 @@ def _condition(
     features = pooled_features(rows, predicted, gain_stds(own))
     for one in features:
         if step := one.step:
-            have = [p for p, row in zip(known, rows, strict=True) if by_string(row).get(one.name)]
+            own_rows = zip(known, map(by_string, rows), strict=True)
+            have = [press for press, row in own_rows if isinstance(row.get(one.name), float)]
             text = _step_text(one, step, string_names(own), have)
             if comparison and abs(step.second - step.first) > NORMAL * one.shared_std:
                 comparison = replace(comparison, unlike_rig=(*comparison.unlike_rig, text))

@@ -146,12 +146,17 @@ def trend_of(values: Floats) -> Trend:
     """
     from scipy.special import stdtrit
 
-    number = np.arange(len(values)) - (len(values) - 1) / 2
-    slope = float(number @ values / (number @ number))
-    left = values - values.mean() - slope * number
+    number, slope, left = _line(values)
     error = np.sqrt(left @ left / (len(values) - 2) / (number @ number))
     reach = float(stdtrit(len(values) - 2, (1 + COVERAGE) / 2) * error)
     return Trend(slope, slope - reach, slope + reach)
+
+
+def _line(values: Floats) -> tuple[Floats, float, Floats]:
+    """Return the numbers of presses from their middle, the slope over them, and the residuals."""
+    number = np.arange(len(values)) - (len(values) - 1) / 2
+    slope = float(number @ values / (number @ number))
+    return number, slope, values - values.mean() - slope * number
 
 
 @dataclass(frozen=True)
@@ -185,9 +190,8 @@ def step_of(values: Floats) -> Step | None:
     first, second = total[:-1] / place, (total[-1] - total[:-1]) / (n - place)
     left = values @ values - place * first**2 - (n - place) * second**2
     best = int(left.argmin())
-    number = np.arange(n) - (n - 1) / 2
-    line = np.polynomial.Polynomial.fit(number, values, 1)
-    if left[best] >= np.sum((values - line(number)) ** 2):
+    *_, of_line = _line(values)
+    if left[best] >= of_line @ of_line:
         return None
     k = int(place[best])
     error = np.sqrt(max(left[best], 0.0) / (n - 2) * (1 / k + 1 / (n - k)))
