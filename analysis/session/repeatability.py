@@ -154,7 +154,7 @@ def trend_of(values: Floats) -> Trend:
 
 def _line(values: Floats) -> tuple[Floats, float, Floats]:
     """Return the numbers of presses from their middle, the slope over them, and the residuals."""
-    number = np.arange(len(values)) - (len(values) - 1) / 2
+    number = np.arange(len(values), dtype=float) - (len(values) - 1) / 2
     slope = float(number @ values / (number @ number))
     return number, slope, values - values.mean() - slope * number
 
