@@ -51,6 +51,7 @@ class KeyAndString:
 
     Args:
         rest: Of the key at rest before the press; may be empty.
+        free: Of the way to the contact with an earlier string; may be empty.
         held: Of the way to a release.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
         struck: Whether the string has the column of a peak at contact.
@@ -60,6 +61,7 @@ class KeyAndString:
         self,
         strings: Expected,
         rest: Rows,
+        free: Rows,
         held: Rows,
         release: Release,
         before: tuple[float, float],
@@ -67,19 +69,20 @@ class KeyAndString:
     ):
         self._expected, self._struck, self._release = strings, struck, release.time
         self._path = np.append(before[0], held.time), np.append(before[1], held.rise)
-        self._held, n = held, len(rest.time)
-        base, self._prior = _base(strings, rest, held)
+        self._held, window = held, strings.settings.acceleration
+        bases, self._prior = _bases(strings, rest, free, held)
         self._white = held.whitener()
-        self._key, load = self._white(base[n:]), self._white(held.load)
-        self._load = load
-        self._gram, self._right = self._key.T @ self._key, self._key.T @ load
-        self._square = float(load @ load)
-        if n:
-            white = rest.whitener()
-            key, load = white(base[:n]), white(rest.load)
-            self._gram, self._right = self._gram + key.T @ key, self._right + key.T @ load
-            self._square += float(load @ load)
-        self._right[INERTIA] += _common_noise(held, strings.settings.acceleration)
+        self._key, self._load = self._white(bases[-1]), self._white(held.load)
+        count = len(self._prior)
+        self._gram, self._right, self._square = np.zeros((count, count)), np.zeros(count), 0.0
+        for rows, base in zip((rest, free, held), bases, strict=True):
+            if len(rows.time):
+                white = rows.whitener()
+                key, load = white(base), white(rows.load)
+                self._gram, self._right = self._gram + key.T @ key, self._right + key.T @ load
+                self._square += float(load @ load)
+                if rows is not rest:
+                    self._right[INERTIA] += _common_noise(rows, window)
         # At release the force of the string ends, and the error of the inertia adds its part.
         self._fall_std = math.hypot(release.fall_std, strings.settings.fall_std * release.fall)
         self._fall, self._slowed = release.fall / self._fall_std, release.slowed / self._fall_std
@@ -251,25 +254,29 @@ def _inflation(left: Floats, parameters: int) -> float:
     return max(white, correlated / (1 + math.sqrt(2 / (30 - parameters))))
 
 
-def _base(strings: Expected, rest: Rows, held: Rows) -> tuple[Floats, Floats]:
-    """Return the columns of a key without a string, and the prior standard deviation of each."""
-    n_rest, n_held, settings = len(rest.time), len(held.time), strings.settings
-    moving = np.zeros((n_rest + n_held, 6))
-    moving[:n_rest, 0] = 1
-    inside = slice(n_rest, None)
-    moving[inside, 1] = 1
-    moving[inside, 2] = held.rise / 10e-3
-    moving[inside, 3] = held.speed / max(1e-6, float(held.speed.max(initial=0.0)))
-    moving[inside, 4] = _smooth(held.inertia, _window(held, settings.acceleration))
+def _bases(strings: Expected, rest: Rows, *ways: Rows) -> tuple[list[Floats], Floats]:
+    """Return the columns of a key without a string at rest and on the ways, and their priors.
+
+    The priors are standard deviations.
+    """
+    settings, parts = strings.settings, (rest, *ways)
     lift, damped = strings.damper
-    if lift:
-        moving[inside, 5] = np.maximum(lift - held.rise, 0.0) / lift
-    time = np.concatenate([rest.time, held.time])
-    hum = hum_at(time)
+    fastest = max(1e-6, max(float(way.speed.max(initial=0.0)) for way in ways))
+    bases = [np.zeros((len(rows.time), 6)) for rows in parts]
+    bases[0][:, 0] = 1
+    for base, way in zip(bases[1:], ways, strict=True):
+        base[:, 1] = 1
+        base[:, 2] = way.rise / 10e-3
+        base[:, 3] = way.speed / fastest
+        if len(way.time):
+            base[:, 4] = _smooth(way.inertia, _window(way, settings.acceleration))
+        if lift:
+            base[:, 5] = np.maximum(lift - way.rise, 0.0) / lift
+    hums = [hum_at(rows.time) for rows in parts]
     stds = settings.rise_std, settings.drift_std, settings.inertia_std
     # The level is free; the rig's stiffness of the damper may be half or three times the true one.
-    prior = np.array([10.0, 10.0, *stds, max(1e-6, 2 * damped), *[settings.hum_std] * hum.shape[1]])
-    return np.column_stack([moving, hum]), prior
+    known = 10.0, 10.0, *stds, max(1e-6, 2 * damped), *[settings.hum_std] * hums[0].shape[1]
+    return [np.column_stack(both) for both in zip(bases, hums, strict=True)], np.array(known)
 
 
 def _common_noise(held: Rows, window: float) -> float:
@@ -337,6 +344,7 @@ class Contact:
 def find_contact(
     strings: Expected,
     rest: Rows,
+    free: Rows,
     held: Rows,
     release: Release,
     common_std: float,
@@ -347,6 +355,7 @@ def find_contact(
 
     Args:
         rest: Of the key at rest before the press, where the only signal is hum.
+        free: Of the way to the contact with an earlier string; may be empty.
         held: Of the way down until shortly before the release, from the start of the motion or
             from the previous release.
         release: At which the load falls by the force of the string.
@@ -359,35 +368,42 @@ def find_contact(
     """
     if not len(held.time):
         return None
-    fit = KeyAndString(strings, rest, held, release, before, struck)
+    fit = KeyAndString(strings, rest, free, held, release, before, struck)
     low, high = before[0], float(held.time[-2])
     # So many resolve the bend at the contact.
     times, noise = np.linspace(low, high, 21), 1.0
-    found = fit.at(times, noise)
-    middle, std, _ = _vertex(times, found.chi2)
-    reach = 0.6 * float(times[1] - times[0])
-    for _ in range(6):
-        times = np.linspace(max(low, middle - reach), min(high, middle + reach), 11)
+    best = int(np.argmin(fit.at(times, noise).chi2))
+    ends = times[max(best - 1, 0)], times[min(best + 1, 20)]
+    for _ in range(8):
+        times = np.linspace(*ends, 11)
         found = fit.at(times, noise)
         assumed, noise = noise, max(1.0, found.noise)
         score = found.chi2 / noise
         chance = np.exp((score.min() - score) / 2)
         middle = float(times @ chance / chance.sum())
         std = math.sqrt(float((times - middle) ** 2 @ chance / chance.sum()))
-        if max(chance[0] * (times[0] > low), chance[-1] * (times[-1] < high)) > 0.01:
-            reach = min(high - low, 3 * reach)
+        # To each side as far as an instant is possible: before the release of another string the
+        # load may say little of the contact.
+        likely = np.flatnonzero(chance > 1e-4)
+        width = times[-1] - times[0]
+        wider = (chance[[0, -1]] > 0.01) & (times[[0, -1]] != (low, high))
+        first, last = times[max(likely[0] - 1, 0)], times[min(likely[-1] + 1, 10)]
+        ends = (
+            max(low, times[0] - width) if wider[0] else first,
+            min(high, times[-1] + width) if wider[1] else last,
+        )
+        if wider.any():
             continue
         if std < 0.65 * float(times[1] - times[0]):  # the grid is too coarse
-            middle, std, lowest = _vertex(times, score)
             # To the noise of 30 sums a wrong contact adds its chi2.
-            noise = max(1.0, noise * (1 - (float(score.min()) - lowest) / 23))
+            noise = max(1.0, noise * (1 - (float(score.min()) - _lowest(score)) / 23))
         elif abs(noise / assumed - 1) < 0.1:
             break
-        reach = 4.5 * std
     best = int(np.argmin(found.chi2))
     gain = (fit.free(noise) - float(found.chi2[best])) / noise
-    # A common delay of both channels shifts the contact as well.
-    std = math.hypot(std, common_std)
+    # A common delay of both channels shifts the contact as well; where it lies before the first
+    # row, the shape of the string's force is extrapolated.
+    std = math.hypot(std, common_std, max(0.0, held.time[0] - middle) / math.sqrt(12))
     force = float(found.at_release[best])
     # Of the fit, and of the load that it does not explain.
     force_std = math.hypot(
@@ -399,15 +415,9 @@ def find_contact(
     )
 
 
-def _vertex(times: Floats, score: Floats) -> tuple[float, float, float]:
-    """Return the vertex of the parabola around the best instant [s], its uncertainty, its score.
-
-    Where the score, chi2 over the noise, is smallest at an end of the grid, the vertex is that end.
-    """
-    best, spacing = int(np.argmin(score)), float(times[1] - times[0])
-    inner = min(max(best, 1), len(times) - 2)
+def _lowest(score: Floats) -> float:
+    """Return the least of the parabola around the smallest of equidistant values."""
+    inner = min(max(int(np.argmin(score)), 1), len(score) - 2)
     before, at, after = score[inner - 1 : inner + 2].tolist()
     curvature = max(before - 2 * at + after, 1e-12)
-    off = (before - after) / (2 * curvature) if best == inner else 0.0
-    lowest = float(score[best]) - curvature * off**2 / 2
-    return float(times[best]) + spacing * off, spacing * math.sqrt(2 / curvature), lowest
+    return min(float(score.min()), at - (before - after) ** 2 / (8 * curvature))

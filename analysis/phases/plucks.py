@@ -12,7 +12,7 @@ from sautereau.analysis.phases.event import refine_event, resolved
 from sautereau.analysis.phases.expected import Expected
 from sautereau.analysis.phases.found import FAIR, GOOD, RIGID, Fit, Growth
 from sautereau.analysis.phases.release import NO_RELEASE, Release, releases_in
-from sautereau.analysis.phases.rows import Rows, rows_of
+from sautereau.analysis.phases.rows import NO_ROWS, Rows, rows_of
 from sautereau.analysis.phases.search import SLIGHT, Searched
 from sautereau.analysis.phases.settings import PhaseSettings
 from sautereau.analysis.phases.signals import Signals
@@ -224,13 +224,13 @@ def _contacts(
         rest: Of the key at rest before the press.
         before: Time [s] and rise [m] of the jack before which contact is impossible.
     """
-    found = []
-    free = begin
+    found: list[tuple[Contact, Release]] = []
+    start, free = begin, NO_ROWS
     before_release = 6  # samples over which the correction of the delay spreads most of it
     for release in falls:
         until = signals.sample(release.time) - before_release
-        held = rows_of(signals, free, until, most=200)
-        given = strings, rest, held, release, signals.instant_std, before
+        held = rows_of(signals, start, until, most=200)
+        given = strings, rest, free, held, release, signals.instant_std, before
         contact = find_contact(*given)
         if contact is not None and contact.noise > GOOD:
             # A plectrum that strikes its string makes a peak; elsewhere one would only add noise.
@@ -243,9 +243,12 @@ def _contacts(
             or not 0.4 * release.fall < contact.at_release < 2 * release.fall
         ):
             continue
+        if not found:
+            touching = signals.sample(contact.time - 4 * contact.std)
+            free = rows_of(signals, begin, touching, most=200)
         found.append((contact, release))
         before = _place(signals, signals.sample(contact.time))
-        free = until + before_release + int(SETTLED * step * signals.rate)
+        start = until + before_release + int(SETTLED * step * signals.rate)
     return found
 
 
@@ -267,7 +270,7 @@ def unexplained(
         Variance of the residuals over that of the noise, their rms [N], and where they climb and
         fall most.
     """
-    noise, left = KeyAndString(strings, rest, down, NO_RELEASE, before).without_string()
+    noise, left = KeyAndString(strings, rest, NO_ROWS, down, NO_RELEASE, before).without_string()
     smooth = uniform_filter1d(left, max(1, len(left) // 100), mode="nearest")
     falls = np.maximum.accumulate(smooth) - smooth
     end = int(np.argmax(falls))

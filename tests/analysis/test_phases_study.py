@@ -99,6 +99,15 @@ def test_the_force_drop_of_a_servo_is_certain_whatever_the_inertia():
     assert held.force_drop_std < 0.02 * held.force_drop
 
 
+@pytest.mark.parametrize("seed", [33, 47, slow(69), slow(253)])
+def test_a_string_that_is_touched_as_another_is_released(seed):
+    """The way to the first contact, on which the key is free, shows how far the second lifts it."""
+    (judged,) = study(range(seed, seed + 1))
+    off, _, std, _ = judged.errors[1]
+    assert abs(off) < min(3 * std, 0.8e-3)
+    assert std < 1e-3
+
+
 def test_a_return_passes_the_string_and_is_no_pluck():
     press, truth = simulated("return")
     phases = find_phases(press)
