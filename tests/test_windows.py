@@ -39,8 +39,7 @@ from sautereau.rig import disk
 from sautereau.rig.disk import hold, make_folder, need_open_files, new_file, write_durably
 from sautereau.rig.load import load_rig
 from sautereau.rig.lock import Taken, locked
-from sautereau.robot.drivers.galil.line import Line
-from sautereau.robot.drivers.serial_port import open_port, port_errors
+from sautereau.robot.drivers.serial_port import Wire, open_port, port_errors
 from sautereau.robot.errors import LineLost, PortUnavailable
 from sautereau.robot.experiment.monitor import Control
 
@@ -403,7 +402,7 @@ def test_a_port_that_is_unplugged_is_a_lost_line():
 
     assert port_errors() == (OSError,)
     with pytest.raises(LineLost, match="PurgeComm"):
-        Line(Port(), "COM3", 0.1).resynchronise()
+        Wire(Port(), "COM3", 0.1)._freshen()
 
 
 @pytest.mark.usefixtures("windows")
