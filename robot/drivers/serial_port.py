@@ -6,9 +6,8 @@ import math
 import select
 import socket
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Protocol, TypeVar
 from urllib.parse import urlsplit
@@ -203,7 +202,7 @@ def machine_ports() -> list[str]:
     return sorted(port.device for port in list_ports.comports())
 
 
-class Wire(ABC):
+class Wire:
     """Sends bytes to a controller, and receives bytes from it.
 
     Args:
@@ -266,13 +265,14 @@ class Wire(ABC):
             finally:
                 self._patience = self.timeout
 
-    @abstractmethod
     def _alone(self) -> AbstractContextManager[object]:
         """Keep the other threads off the line, for more than one exchange."""
+        return nullcontext()
 
-    @abstractmethod
     def _freshen(self) -> None:
         """Discard everything that an earlier question may still be answered with."""
+        with self._reaching("reset"):
+            self._port.reset_input_buffer()
 
     def _waiting(self) -> bytes:
         """Return the bytes received so far."""
