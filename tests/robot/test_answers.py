@@ -19,9 +19,7 @@ def test_a_missing_answer_and_unknown_questions_are_listed_together():
     answers.take("Name?")
     answers.take("More")
     unused = r"'Nmae\?': no such.*'Other': no.*'More': 2 answers, and asked 1 times"
-    with pytest.raises(
-        RobotError, match=rf"(?s)x\.toml: 4 faults.*question 2 of .*{unused}"
-    ):
+    with pytest.raises(RobotError, match=rf"(?s)x\.toml: 4 faults.*question 2 of .*{unused}"):
         answers.take("Name?")
     with pytest.raises(RobotError, match="no answer to 'Which'"):
         answers.take("Which")
