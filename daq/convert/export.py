@@ -284,8 +284,7 @@ def _waveforms(
     for column in columns:
         if column.channel:
             counts = counts_of(recorded, column.channel) if column.raw else None
-            values, per_count, offset = counts or (column.values, 1.0, 0.0)
-            yield column, values, per_count, offset
+            yield column, *(counts or (column.values, 1.0, 0.0))
 
 
 def _start(recorded: Recorded, column: Column) -> float:

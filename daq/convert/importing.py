@@ -388,7 +388,7 @@ def write_part(recorded: Recorded, start: int, stop: int, out: Path, press: int)
         recorded.session,
         press=press,
         started=_later(recorded.session.started, begin),
-        notes="\n".join(filter(None, (recorded.session.notes, text))),
+        notes=_joined(recorded.session.notes, text),
     )
     volts = np.stack([recorded.volts[c.name][start:stop] for c in recorded.rig.daq.channels])
     t0_ns = recorded.t0_ns + round(begin * 1e9)

@@ -200,16 +200,12 @@ class LogOrder:
             offset, gain = self._scale
             values = self._decimator.rest() * gain + offset
         self._values = np.concatenate([self._values, values], axis=1)
-        self._write_views(writer, first)
+        self.write_views(writer, first)
         head = block_head(self.t0 or 0, first, self._rate, self._begin, samples.nbytes)
         date = self._date(first / self._rate)
         writer.add_message(self.topics[TOPIC], date, head + samples.tobytes(), date)
 
-    def write_rest(self, writer: McapWriter) -> None:
-        """Write the remaining previews and all pending messages."""
-        self._write_views(writer, None)
-
-    def _write_views(self, writer: McapWriter, stop: int | None) -> None:
+    def write_views(self, writer: McapWriter, stop: int | None = None) -> None:
         """Write the previews and the pending messages up to a sample; None for all."""
         waiting, step = self._values.shape[1], self._decimator.factor
         place = self._begin + self._decimator.place - step * waiting

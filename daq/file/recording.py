@@ -263,7 +263,7 @@ class Recording:
         if self._fill:
             self._write_held(file)
         with file.flushing() as writer:
-            self._order.write_rest(writer)
+            self._order.write_views(writer)
 
     def _refuse(self, block: Block) -> None:
         """Refuse a block that does not fit, or does not follow the last one."""

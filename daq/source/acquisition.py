@@ -46,27 +46,22 @@ class Acquisition:
         """
         self._daq = daq
         self._plan = plan_task(daq, duration_s, triggered)
+        self.n_samples = self._plan.total
+        """Number of samples of each channel, those before the edge included; None if endless."""
+        self.rate = daq.sample_rate
+        """Actual sampling rate of every channel, Hz; known after entering."""
+        self.scaling: Scaling | None = None
+        """What the counts of the device are; None if it gives volts. Known after entering."""
+        self.device_description = ""
+        """Product type, serial number and name of the device; empty before entering."""
         self._stack = ExitStack()
         self._options: Any = None
         self._answers: Answers | None = None
         self._task: Any = None
         self._counter: SampleCounter
-        self._rate = daq.sample_rate
         self._simulated: bool | None = None
-        self._description = ""
         self._trigger = ""
         self._inputs: tuple[InputSettings, ...] = ()
-        self._scaling: Scaling | None = None
-
-    @property
-    def n_samples(self) -> int | None:
-        """Number of samples of each channel, those before the edge included; None if endless."""
-        return self._plan.total
-
-    @property
-    def rate(self) -> float:
-        """Actual sampling rate of every channel, Hz; known after entering."""
-        return self._rate
 
     @property
     def simulated(self) -> bool:
@@ -74,16 +69,6 @@ class Acquisition:
         if self._simulated is None:
             raise DaqError("acquisition: not entered yet; read `simulated` inside `with`")
         return self._simulated
-
-    @property
-    def scaling(self) -> Scaling | None:
-        """What the counts of the device are; None if it gives volts. Known after entering."""
-        return self._scaling
-
-    @property
-    def device_description(self) -> str:
-        """Product type, serial number and name of the device; empty before entering."""
-        return self._description
 
     def of_device(self, rig: Rig) -> Rig:
         """Return a rig whose channels have the delays that the device reports.
@@ -112,15 +97,15 @@ class Acquisition:
                     adding = f"setting up daq.channels.{channel.name}"
                     with driver_errors(daq, adding, self._options):
                         add_input(self._task, daq, channel)
-                self._rate = build_task(self._task, plan, self._trigger)
+                self.rate = build_task(self._task, plan, self._trigger)
                 self._task.control(TaskMode.TASK_VERIFY)
                 self._inputs = read_inputs(self._task, daq)
-                self._scaling = read_scaling(self._task, self._inputs)
+                self.scaling = read_scaling(self._task, self._inputs)
                 self._task.control(TaskMode.TASK_RESERVE)
             with driver_errors(self._daq, "identifying the device", self._options):
                 devices = list(self._task.devices)
                 self._simulated = any(bool(device.is_simulated) for device in devices)
-                self._description = "; ".join(
+                self.device_description = "; ".join(
                     f"{one.product_type}, serial number {one.serial_num:08X}, {one.name}"
                     for one in devices
                 )
@@ -148,11 +133,11 @@ class Acquisition:
         with driver_errors(self._daq, "reading its buffer", self._options):
             buffer = self._entered().in_stream.input_buf_size
         return SourceSettings(
-            device=self._description,
+            device=self.device_description,
             simulated=self.simulated,
             channels=self._inputs,
             requested_rate=self._daq.sample_rate,
-            rate=self._rate,
+            rate=self.rate,
             n_samples=plan.total,
             pre_trigger_samples=plan.before,
             buffer=buffer,
@@ -204,10 +189,10 @@ class Acquisition:
             samples = np.full((len(daq.channels), n), np.nan if kind == "float64" else 0, kind)
             with driver_errors(daq, "reading", self._options):
                 count, fault = self._read(read, samples)
-                if not plan.before and fault is None and position < DATING * self._rate:
+                if not plan.before and fault is None and position < DATING * self.rate:
                     dated, fault = self._counted()
                     counts += dated
-            block = Block(position - plan.before, samples[:, :count], counts, self._scaling)
+            block = Block(position - plan.before, samples[:, :count], counts, self.scaling)
             block, odd = block.finite([channel.name for channel in daq.channels])
             if odd:
                 fault = DaqError(f"DAQ device {daq.device}: {odd}: check it, and press again")
@@ -235,7 +220,7 @@ class Acquisition:
         from nidaqmx.stream_readers import AnalogMultiChannelReader, AnalogUnscaledReader
 
         stream = self._entered().in_stream
-        scaling = self._scaling
+        scaling = self.scaling
         if scaling is None:
             reader = AnalogMultiChannelReader(stream)
             reader.verify_array_shape = False
@@ -292,7 +277,7 @@ class Acquisition:
         return DaqError(
             f"DAQ device {daq.device}: the samples stopped at {count}{of_all}:"
             f" no complete block within {daq.trigger_timeout:g} s; raise daq.trigger_timeout"
-            f" above the {n / self._rate:.3g} s of a block, or check whether the device is"
+            f" above the {n / self.rate:.3g} s of a block, or check whether the device is"
             " still plugged in"
         )
 

@@ -1,6 +1,7 @@
 """Record without the robot, for a given duration or until stopped."""
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -9,7 +10,7 @@ from pathlib import Path
 from sautereau.daq.errors import DaqError
 from sautereau.daq.file.recorded import SessionInfo
 from sautereau.daq.file.recording import Recording
-from sautereau.daq.source.source import Source, open_source
+from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
 
 NO_PRESS = 0  # Number of the press in a recording without a press
@@ -53,7 +54,7 @@ def record(
     complete = False
     try:
         with open_source(rig.daq, None, triggered=triggered) as acquisition:
-            limit = math.inf
+            limit = sys.maxsize  # samples of each channel
             if duration_s is not None:
                 # Rounded first: the last digits of the product are rounding errors.
                 limit = max(1, math.ceil(round(duration_s * acquisition.rate, 6)))
@@ -71,36 +72,22 @@ def record(
             with Recording(
                 path, rig, session=session, rate=acquisition.rate, scaling=acquisition.scaling
             ) as recording:
-                _fill(recording, acquisition, limit, keep_going, on_block)
+                recording.before_trigger()
+                acquisition.start()
+                for block in acquisition.blocks():
+                    samples = block.samples[:, : limit - block.first_sample]
+                    recording.write_block(replace(block, samples=samples))
+                    count = block.first_sample + samples.shape[1]
+                    on_block(count)
+                    if count == limit:
+                        break
+                    if not keep_going():
+                        recording.event("stopped", "by the operator", count / acquisition.rate)
+                        break
+                acquisition.stop()
             complete = True
     except DaqError as error:
         if complete:
             error.add_note(f"the recording {path} is complete")
         raise
     return recording.n_samples
-
-
-def _fill(
-    recording: Recording,
-    acquisition: Source,
-    limit: float,
-    keep_going: Callable[[], bool],
-    on_block: Callable[[int], None],
-) -> None:
-    """Acquire up to a number of samples of each channel, or until it is stopped; see `record`."""
-    recording.before_trigger()
-    acquisition.start()
-    for block in acquisition.blocks():
-        count = block.first_sample + block.n_samples
-        if count > limit:
-            count = int(limit)
-            samples = block.samples[:, : count - block.first_sample]
-            block = replace(block, samples=samples)
-        recording.write_block(block)
-        on_block(count)
-        if count == limit:
-            break
-        if not keep_going():
-            recording.event("stopped", "by the operator", count / acquisition.rate)
-            break
-    acquisition.stop()

@@ -44,9 +44,13 @@ class SoundCard:
     and so on. `range` of a channel is the voltage of full scale at its input.
     """
 
+    simulated = False
+
     def __init__(self, daq: Daq, duration_s: float | None, *, triggered: bool = True):
         self._daq = daq
         self._plan = plan_task(daq, duration_s, triggered)
+        self.n_samples, self.rate = self._plan.total, daq.sample_rate
+        self.device_description = ""
         terminals = [channel.terminal for channel in daq.channels]
         if triggered:
             terminals.append(daq.trigger_source)
@@ -59,23 +63,6 @@ class SoundCard:
         self._received = 0  # Samples of each input, counted on PortAudio's thread
         self._filled = threading.Event()
         """Set once enough samples before an edge are held."""
-        self._description = ""
-
-    @property
-    def n_samples(self) -> int | None:
-        return self._plan.total
-
-    @property
-    def rate(self) -> float:
-        return self._daq.sample_rate if self._stream is None else float(self._stream.samplerate)
-
-    @property
-    def simulated(self) -> bool:
-        return False
-
-    @property
-    def device_description(self) -> str:
-        return self._description
 
     def __enter__(self) -> "SoundCard":
         sounddevice = library()
@@ -98,9 +85,9 @@ class SoundCard:
                     f" {daq.sample_rate:g} Hz; set daq.sample_rate and daq.channels.*.terminal to"
                     " what it supports"
                 ) from error
-            self._description = f"{found}, sound card"
+            self.device_description = f"{found}, sound card"
             opened.callback(self._stream.close, ignore_errors=True)
-            accepted_rate(self.rate, daq)
+            self.rate = accepted_rate(float(self._stream.samplerate), daq)
             self._opened = opened.pop_all()
         return self
 
@@ -112,8 +99,8 @@ class SoundCard:
         plan, daq = self._plan, self._daq
         self._entered()
         return SourceSettings(
-            device=self._description,
-            simulated=False,
+            device=self.device_description,
+            simulated=self.simulated,
             channels=tuple(_settings(channel) for channel in daq.channels),
             requested_rate=daq.sample_rate,
             rate=self.rate,

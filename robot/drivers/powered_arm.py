@@ -55,19 +55,18 @@ class PoweredArm(MotionController, Generic[DriverT]):
         self._limits = Limits(rig.arm)
         self._home = to_counts(rig.arm.home_angles, rig.arm.counts_per_revolution)
         self._make_driver, self._open_port = driver, open_port
-        self._capabilities = driver.CAPABILITIES
         self._clock, self._sleep, self._keep_alive = clock, sleep, keep_alive
         self._driver: DriverT | None = None
         self._identity = ""
         self._states = States()
         self._safety = Safety(self._states, rig.controller.watchdog_period)
         self._abort_requested = threading.Event()
-        self._motion: Segments | None = None
+        self._motion: Segments
         self._played = False
 
     @property
     def capabilities(self) -> Capabilities:
-        return self._capabilities
+        return self._make_driver.CAPABILITIES
 
     # Connection.
 
@@ -108,7 +107,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
             _say(error, "The motors were not switched on.")
             raise
         self._states.enter(State.OFF)
-        self._driver, self._motion, self._played = driver, None, False
+        self._driver, self._played = driver, False
         return self._identity
 
     def disconnect(self) -> None:
@@ -183,7 +182,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
 
     def check_home(self) -> None:
         driver = self._ready("check_home")
-        if self._capabilities.homing is not HomingKind.SWITCHES:
+        if self.capabilities.homing is not HomingKind.SWITCHES:
             return
         tolerance = self._settings.home_tolerance
         speed = self._limits.in_counts(self._rig.arm.approach_speed)
@@ -220,13 +219,13 @@ class PoweredArm(MotionController, Generic[DriverT]):
 
     def load(self, segments: Segments, torque: TorqueTable | None = None) -> Segments:
         driver = self._ready("load")
-        limit = self._settings.segment_limit if self._capabilities.preloaded else None
+        limit = self._settings.segment_limit if self.capabilities.preloaded else None
         self._limits.check_motion(segments, limit, self._settings.sample_period)
-        if torque is not None and not self._capabilities.torque_feed_forward:
+        if torque is not None and not self.capabilities.torque_feed_forward:
             raise UnsafeRequest("load: this controller adds no torques; press without feed-forward")
         driver.plan(segments, torque)
         self._states.enter(State.HOMED)
-        self._motion, self._played = None, False
+        self._played = False
         self._motion = driver.load()
         self._states.enter(State.LOADED)
         return self._motion
@@ -238,8 +237,6 @@ class PoweredArm(MotionController, Generic[DriverT]):
         but the acquisition should be between this call and `start`.
         """
         driver = self._ready("arm")
-        if self._motion is None:
-            raise NotReady("arm: no motion is loaded; call load() first")
         self._check_ready(driver, "the motion")
         self._limits.check_at(driver.positions(), self._motion.start)
         with self._safety.guarded(driver, "arm"):
@@ -256,7 +253,7 @@ class PoweredArm(MotionController, Generic[DriverT]):
         driver = self._ready("wait")
         with self._safety.guarded(driver):
             driver.wait()
-        self._motion, self._played = None, True
+        self._played = True
         self._states.enter(State.HOMED)
 
     def capture(self) -> Capture:

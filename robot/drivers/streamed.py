@@ -197,8 +197,7 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
     """Whether the controller is a stand-in whose time waits for the host."""
     stream: Stream | None = None
     """The last motion that was started."""
-    _planned: tuple[Segments, RowsT] | None = None
-    _loaded: tuple[Segments, RowsT] | None = None
+    _planned: tuple[Segments, RowsT]
 
     def __init__(self, rig: Rig, clock: Clock, sleep: Sleep, wire: Wire, supply: str):
         self._rig, self._settings, self._wire = rig, rig.controller, wire
@@ -274,17 +273,15 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
         self.check_settings()
 
     def load(self) -> Segments:
-        """Keep the planned motion for `start`; nothing is sent."""
-        self._loaded = self._planned
-        return self._motion("load")[0]
+        """Return the planned motion; nothing is sent."""
+        return self._planned[0]
 
     def arm(self) -> None:
         """Let the axes follow setpoints."""
-        motion, _ = self._motion("arm")
-        self.follow(motion.start)
+        self.follow(self._planned[0].start)
 
     def start(self) -> None:
-        _, rows = self._motion("start")
+        _, rows = self._planned
         lead, limit = self.CAPABILITIES.lead_intervals, self._settings.position_error_limit
         send = partial(self.send, rows)
         self.stream = Stream(rows, send, self.hold, self.send_abort, self.polling, lead, limit)
@@ -297,7 +294,7 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
             MotionFault: A gap between setpoints was too large, a joint did not follow, or an
                 axis switched itself off.
         """
-        stream, (motion, _) = self._streamed("wait"), self._motion("wait")
+        stream, (motion, _) = self._streamed("wait"), self._planned
         stream.wait()
         self.check_running("the press")
         stream.check_punctuality()
@@ -306,11 +303,6 @@ class StreamedDriver(Driver, ABC, Generic[RowsT]):
     def capture(self) -> Capture:
         """Return the host's record of the last motion, at the host's times."""
         return self._streamed("capture").capture(self._settings.sample_period)
-
-    def _motion(self, call: str) -> tuple[Segments, RowsT]:
-        if self._loaded is None:
-            raise NotReady(f"{call}: no motion is loaded; call load() first")
-        return self._loaded
 
     def _streamed(self, call: str) -> Stream:
         if self.stream is None:

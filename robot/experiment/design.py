@@ -11,8 +11,8 @@ import csv
 import io
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from numbers import Real
 from pathlib import Path
@@ -89,16 +89,16 @@ class Design:
             fault = fault_list(f"{self.origin}: the session in the folder has other presses", names)
             raise RobotError(f"{fault}\nadd to a design, or give another folder (--out)")
         order += self._more(left, order[-1] if order else None, len(order))
-        return tuple(cells[levels](block) for levels, block in order)
+        return tuple(replace(cells[levels], block=block) for levels, block in order)
 
-    def _cells(self, rig: Rig, notes: str) -> dict[Levels, Callable[[Any], Row]]:
-        """Return a function that makes the press of a block, by its levels."""
+    def _cells(self, rig: Rig, notes: str) -> dict[Levels, Row]:
+        """Return the press of each combination, by its levels."""
         changed = {
             (factor, level): self._values(rig, values)
             for factor, levels in self.factors.items()
             for level, values in levels.items()
         }
-        cells: dict[Levels, Callable[[Any], Row]] = {}
+        cells: dict[Levels, Row] = {}
         faults = []
         for names in product(*self.factors.values()):
             levels = tuple(zip(self.factors, names, strict=True))
@@ -108,8 +108,7 @@ class Design:
             except RigError as error:
                 faults.append(f"{_text(levels)}: {error}")
                 continue
-            row = Row(bench, 1, values, notes, None, dict(levels))
-            cells[levels] = row.in_block
+            cells[levels] = Row(bench, 1, values, notes, None, dict(levels))
         if faults:
             raise RobotError(fault_list(self.origin, faults))
         return cells

@@ -5,7 +5,7 @@ A plan table is a CSV file: each row is a press with some values of the rig chan
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -55,10 +55,6 @@ class Row:
         """Return the row as a JSON document."""
         row = {"values": dict(self.values), "repeats": self.repeats, "notes": self.notes}
         return row | ({"levels": dict(self.levels), "block": self.block} if self.levels else {})
-
-    def in_block(self, block: int) -> "Row":
-        """Return the row as a press of a block."""
-        return replace(self, block=block)
 
     def on(self, rig: Rig) -> Rig:
         """Return another bench, such as a stand-in's, with the `press` values of this row."""
@@ -144,7 +140,9 @@ class _Table:
             try:
                 self._benches[key] = with_values(self.rig, known)
             except RigError as error:
-                self._benches[key] = _single(str(error), self.rig)
+                head, *more = str(error).split("\n")
+                faults = [line.strip() for line in more]
+                self._benches[key] = faults or [head.removeprefix(f"rig {self.rig.name}: ")]
         return self._benches[key]
 
 
@@ -161,12 +159,6 @@ def _column_faults(columns: list[str]) -> Iterator[str]:
             yield f"line 1: column {name} occurs twice; remove one"
         elif name not in known | {"repeats", "notes"}:
             yield f"line 1: {name}: no such quantity in a rig{near_miss(name, sorted(known))}"
-
-
-def _single(message: str, rig: Rig) -> list[str]:
-    """Return the faults of a message one by one."""
-    head, *more = message.split("\n")
-    return [line.strip() for line in more] or [head.removeprefix(f"rig {rig.name}: ")]
 
 
 LEARNING = "from these presses"

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, Output, save_plot
+from sautereau.commands.output import FileOutput, Output
 from sautereau.commands.running import on_signals
 
 if TYPE_CHECKING:
@@ -199,6 +199,5 @@ def trade(
     bench, simulated = rig_and_scene(rig, scene)
     with output.progress("measuring speed and accuracy"):
         measured = run_trade(bench.values, simulated, fresh=fresh)
-    if plot:
-        save_plot(plot, results.trade_figure(measured))
-    return output.answer(results.trade_document(measured), results.trade_text(measured), plot)
+    document, lines = results.trade_document(measured), results.trade_text(measured)
+    return output.answer(document, lines, plot, draw=lambda: results.trade_figure(measured))

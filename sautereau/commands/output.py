@@ -47,15 +47,20 @@ class Output:
         lines: list[str],
         picture: Path | None = None,
         faults: Sequence[str] = (),
+        *,
+        draw: "Callable[[], Figure] | None" = None,
     ) -> int:
         """Print the result of a command, and its plot's path: as JSON with its schema, or as lines.
 
         Args:
+            draw: Makes the plot, if one is requested; None if it is in its file already.
             faults: Reported as one error after the result, which lacks what they are about.
 
         Returns:
             The exit status: 0, or 1 with faults.
         """
+        if picture and draw:
+            save_plot(picture, draw())
         if LATE_WARNINGS and (self.json or not self.quiet):
             result = result | {"warnings": [*result.get("warnings", ()), *LATE_WARNINGS]}
             lines = [*lines, *(f"warning: {warning}" for warning in LATE_WARNINGS)]

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, save_plot
+from sautereau.commands.output import FileOutput
 
 if TYPE_CHECKING:
     from sautereau.analysis.results.outlined import Outlined
@@ -145,6 +145,4 @@ def _answer(
     if out:
         found.write(out)
         lines.append(f"outline: {out}")
-    if plot:
-        save_plot(plot, found.plot())
-    return output.answer(found.document, lines, plot)
+    return output.answer(found.document, lines, plot, draw=found.plot)

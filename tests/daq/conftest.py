@@ -8,6 +8,7 @@ import pytest
 
 from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions
+from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
@@ -93,14 +94,29 @@ STATED = {
 def bring(tmp_path, paper):
     """Write a file, if there is content, import it, and return the answer and the recording."""
 
-    def bring(content, name="table.csv", **given):
+    def bring(content, name="table.csv", *, notes="", **given):
         path, out = tmp_path / name, tmp_path / "back.mcap"
         if isinstance(content, str | bytes):
             path.write_bytes(content.encode() if isinstance(content, str) else content)
-        done = import_file(path, out, rig=paper, options=ImportOptions(**(STATED | given)))
+        options = ImportOptions(**(STATED | given))
+        done = import_file(path, out, rig=paper, options=options, notes=notes)
         return done, read_recording(out)
 
     return bring
+
+
+@pytest.fixture
+def refused(bring, tmp_path):
+    """Return a function that expects `bring` to be refused, and returns the message."""
+
+    def refused(content, name="table.csv", **given):
+        before = set(tmp_path.glob("*.mcap"))
+        with pytest.raises(RecordingError) as caught:
+            bring(content, name, **given)
+        assert set(tmp_path.glob("*.mcap")) == before
+        return str(caught.value)
+
+    return refused
 
 
 @pytest.fixture

@@ -92,11 +92,9 @@ class Task:
         n = self.acquired()
         return n if not self.pre_trigger else self.size if n == self.last() else 0
 
-    def counts(self, first: int, stop: int) -> list[list[int]]:
-        """Return samples of the ramp, one list a channel."""
-        return [
-            list(range(first + OFFSET * c, stop + OFFSET * c)) for c in range(len(self.channels))
-        ]
+    def counts(self, first: int, stop: int) -> list[int]:
+        """Return samples of the ramp, those of one channel after those of another."""
+        return [k + OFFSET * c for c in range(len(self.channels)) for k in range(first, stop)]
 
 
 def short_name(request: Any) -> str:
@@ -204,8 +202,8 @@ class FakeCard(nidaqmx_pb2_grpc.NiDAQmxServicer):
     # Samples
 
     def ReadAnalogF64(self, request, context):  # noqa: N802
-        rows, n, status = self.read(request)
-        volts = [STEP * count for count in rows]
+        counts, n, status = self.read(request)
+        volts = [STEP * count for count in counts]
         return messages.ReadAnalogF64Response(
             status=status, read_array=volts, samps_per_chan_read=n
         )
@@ -216,14 +214,8 @@ class FakeCard(nidaqmx_pb2_grpc.NiDAQmxServicer):
             status=status, read_array=counts, samps_per_chan_read=n
         )
 
-    def ReadBinaryI32(self, request, context):  # noqa: N802
-        counts, n, status = self.read(request)
-        return messages.ReadBinaryI32Response(
-            status=status, read_array=counts, samps_per_chan_read=n
-        )
-
     def read(self, request: Any) -> tuple[list[int], int, int]:
-        """Return what a read gives: counts as the request wants them, their number, the status.
+        """Return what a read gives: counts by channel, their number of each, the status.
 
         After a timeout the driver has put the samples of all channels together at the start of
         the array (ni/nidaqmx-python#528), and the server sends all of it.
@@ -232,17 +224,12 @@ class FakeCard(nidaqmx_pb2_grpc.NiDAQmxServicer):
         if task.started is None:
             raise Coded(-200278, "Attempted to read a sample beyond the final sample acquired.")
         n = request.num_samps_per_chan
-        if n < 0:
-            n = task.readable() - task.read
         while task.readable() - task.read < n and time.monotonic() < until:
             time.sleep(1e-3)
         there = min(n, task.readable() - task.read)
-        rows = task.counts(task.read, task.read + there)
+        assert request.fill_mode_raw == messages.GROUP_BY_GROUP_BY_CHANNEL
+        samples = task.counts(task.read, task.read + there)
         task.read += there
-        if request.fill_mode_raw == messages.GROUP_BY_GROUP_BY_CHANNEL:
-            samples = [count for row in rows for count in row]
-        else:
-            samples = [count for instant in zip(*rows, strict=True) for count in instant]
         if there == n:
             return samples, n, 0
         rest = request.array_size_in_samps - len(samples)
@@ -265,9 +252,6 @@ class FakeCard(nidaqmx_pb2_grpc.NiDAQmxServicer):
             return self.task(request).channels[request.channel]
         if name == "CURR_READ_POS":
             return self.task(request).read
-        if name == "AVAIL_SAMP_PER_CHAN":
-            task = self.task(request)
-            return task.readable() - task.read
         task = self.tasks.get(request.task.name) if hasattr(request, "task") else None
         for values in (task.values if task else {}, self.values):
             if name in values:

@@ -9,7 +9,6 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.io import wavfile
 
 from sautereau.commands.app import app
-from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 from tests.budget import slow
 
@@ -30,18 +29,6 @@ def bring(bring):
         return done, found.volts["velocity"]
 
     return brought
-
-
-@pytest.fixture
-def refused(bring):
-    """Return a function that expects a refusal, and returns its message."""
-
-    def refused(content, name="table.csv", **given):
-        with pytest.raises(RecordingError) as caught:
-            bring(content, name, **given)
-        return str(caught.value)
-
-    return refused
 
 
 def rows(form="{t:.6f},{v:.9f}", values=VALUES):

@@ -43,10 +43,9 @@ def test_longer_notes_are_refused_before_the_file_exists(tmp_path, paper, sessio
         lambda: Recording(tmp_path / "press.mcap", paper, session=replace(session, notes=notes)),
         lambda: check_recordable(paper, notes),
     ):
-        with pytest.raises(RecordingError) as raised:
+        said = f"session notes 2500000 bytes.*LARGEST_HEAD = {LARGEST_HEAD}; shorten"
+        with pytest.raises(RecordingError, match=said):
             refused()
-        for part in ("session notes 2500000 bytes", f"LARGEST_HEAD = {LARGEST_HEAD}", "shorten"):
-            assert part in str(raised.value)
     assert not list(tmp_path.iterdir())
 
 

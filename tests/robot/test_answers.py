@@ -18,12 +18,9 @@ def test_a_missing_answer_and_unknown_questions_are_listed_together():
     answers = Answers({"Name?": ["a"], "Nmae?": "b", "Other": "c", "More": ["d", "e"]}, "x.toml")
     answers.take("Name?")
     answers.take("More")
-    with pytest.raises(RobotError) as caught:
+    unused = r"'Nmae\?': no such.*'Other': no.*'More': 2 answers, and asked 1 times"
+    with pytest.raises(RobotError, match=rf"(?s)x\.toml: 4 faults.*question 2 of .*{unused}"):
         answers.take("Name?")
-    said = str(caught.value)
-    for words in ("x.toml: 4 faults", "question 2 of 'Name?'", "'Nmae?': no such", "'Other': no"):
-        assert words in said
-    assert "'More': 2 answers, and asked 1 times" in said
     with pytest.raises(RobotError, match="no answer to 'Which'"):
         answers.take("Which")
 

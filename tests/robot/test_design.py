@@ -76,10 +76,9 @@ def test_all_orders_are_equally_probable(seeds):
 
 def test_a_smaller_design_than_the_planned_one_is_refused():
     planned = documents(st.design({"jack_speed": SPEEDS}, 2, seed=1).rows(RIG))
-    with pytest.raises(RobotError) as caught:
+    said = r"(?s)0\.03 m/s: 1 presses more.*0\.07 m/s: 2 presses more.*--out"
+    with pytest.raises(RobotError, match=said):
         st.design({"jack_speed": SPEEDS[:2]}, 1).rows(RIG, planned)
-    for words in ("0.03 m/s: 1 presses more", "0.07 m/s: 2 presses more", "--out"):
-        assert words in str(caught.value)
 
 
 def test_blocks_are_factors_that_change_the_instrument_unless_given():
@@ -124,10 +123,8 @@ def test_every_fault_of_a_design_is_listed(tmp_path):
         assert words in str(caught.value)
     path = tmp_path / "design.toml"
     path.write_text('repeat = 2\nseed = -1\n[factors]\n"press.jack_speed" = ["0.1 m/s"]\n')
-    with pytest.raises(RobotError) as caught:
+    with pytest.raises(RobotError, match=rf"(?s){path}.*line 1: repeat.*line 2: seed"):
         read_design(path)
-    for words in (str(path), "line 1: repeat", "line 2: seed"):
-        assert words in str(caught.value)
     with pytest.raises(RobotError, match="jack_speed = -1 m/s"):
         st.design({"jack_speed": ["-1 m/s"]}).rows(RIG)
     with pytest.raises(RobotError, match=r"none\.toml: cannot be read"):

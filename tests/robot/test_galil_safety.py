@@ -132,15 +132,9 @@ def test_segments_off_the_controllers_steps_are_refused(segments):
         segments.velocities + np.array([[1, 0], [0, 0], [0, 0]]),
         np.array([10, 15, 2050]),
     )
-    with pytest.raises(UnsafeRequest) as caught:
+    said = "a step of 3.*a segment of 2050 samples.*1 of its velocities.*1 of its samples"
+    with pytest.raises(UnsafeRequest, match=said):
         check_segments(odd)
-    for said in (
-        "a step of 3",
-        "a segment of 2050 samples",
-        "1 of its velocities",
-        "1 of its samples",
-    ):
-        assert said in str(caught.value)
 
 
 @pytest.mark.parametrize("rows", [2, 3, 5, 100, 101, 1001])

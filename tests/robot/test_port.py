@@ -1,6 +1,7 @@
 """Ports that are missing, forbidden or in use, and real pyserial without an answer."""
 
 import os
+import re
 
 import pytest
 import serial
@@ -14,10 +15,9 @@ from sautereau.robot.errors import PortUnavailable
 @pytest.mark.parametrize("name", ["/dev/no_such_port", "odd://thing", "socket://127.0.0.1:1"])
 def test_a_missing_port_is_named_with_the_ports_of_this_machine(rig, name):
     controller = GalilController(with_values(rig, {"controller.port": name}))
-    with pytest.raises(PortUnavailable) as caught:
+    said = rf"{re.escape(name)}.*controller\.port.*ports of this machine"
+    with pytest.raises(PortUnavailable, match=said) as caught:
         controller.connect()
-    for said in (name, "controller.port", "ports of this machine"):
-        assert said in str(caught.value)
     assert "[Errno" not in str(caught.value)
 
 

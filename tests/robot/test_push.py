@@ -137,10 +137,9 @@ def test_every_fault_of_a_table_is_listed(rig):
     good = pulse(motion, rig)
     assert plan_push(rig, good, motion, FULL).volts.max() == pytest.approx(0.2 * 9.998, rel=1e-3)
     late = replace(good, time=good.time[::-1] + 1.0, torques=good.torques * 6)
-    with pytest.raises(UnsafeRequest) as caught:
+    said = r"do not increase.*it lasts 1 s, longer than the.*joint 1 gets 2\.4 N m, above"
+    with pytest.raises(UnsafeRequest, match=said):
         plan_push(rig, late, motion, FULL)
-    for said in ("do not increase", "it lasts 1 s, longer than the", "joint 1 gets 2.4 N m, above"):
-        assert said in str(caught.value)
     for bad in (
         replace(good, torques=good.torques * np.nan),
         replace(good, time=good.time[1:]),

@@ -16,9 +16,8 @@ from typing import ClassVar
 import numpy as np
 
 from sautereau.rig.capabilities import Capabilities, HomingKind
-from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture, TorqueTable
-from sautereau.robot.drivers.driver import MARGIN, Clock, Sleep
+from sautereau.robot.drivers.driver import MARGIN
 from sautereau.robot.drivers.galil.arrays import (
     EXPONENTS,
     SOURCES,
@@ -45,8 +44,7 @@ from sautereau.robot.drivers.galil.dmc import (
     segment_commands,
 )
 from sautereau.robot.drivers.powered_arm import PoweredArm
-from sautereau.robot.drivers.serial_port import Port
-from sautereau.robot.errors import MotionFault, NotReady, SettingNotTaken
+from sautereau.robot.errors import MotionFault, SettingNotTaken
 from sautereau.trajectory.segments import Counts, Segments
 
 _FAST = 0.2  # Speed of the search for home (rad/s)
@@ -70,11 +68,8 @@ class GalilDriver(Axes):
         homing=HomingKind.SWITCHES,
     )
 
-    def __init__(self, rig: Rig, port: Port, clock: Clock, sleep: Sleep):
-        super().__init__(rig, port, clock, sleep)
-        self._planned: tuple[Segments, Push | None] | None = None
-        self._motion: Segments | None = None
-        self._plan: CapturePlan | None = None
+    _planned: tuple[Segments, Push | None]
+    _plan: CapturePlan
 
     def find_home(self, home: Counts) -> None:
         """Find home, define the position there, and set the limits of torque and travel.
@@ -151,11 +146,8 @@ class GalilDriver(Axes):
         The controller repeats every segment that it receives. Its arrays of torques are read
         back.
         """
-        if self._planned is None:
-            raise NotReady("load: no motion is planned; call plan() first")
         segments, push = self._planned
         line, count = self.line, len(segments)
-        self._motion = self._plan = None
         free = self._empty_fifo()
         line.ask_packed([*segment_commands(segments), *END_OF_MOTION])
         left = line.read("_PVA", "_PVB")
@@ -168,7 +160,6 @@ class GalilDriver(Axes):
             )
         self._plan = make_room(line, segments.total_samples, 0 if push is None else len(push.volts))
         write_push(line, push)
-        self._motion = segments
         return segments
 
     def _empty_fifo(self) -> list[float]:
@@ -187,18 +178,18 @@ class GalilDriver(Axes):
         return free
 
     def arm(self) -> None:
-        _, plan = self._loaded("arm")
+        exponent = self._plan.exponent
         self.line.ask(*halting(self.limits))
         self.line.ask(f"RA {','.join(f'{name}[]' for name in SOURCES)}")
         self.line.ask(f"RD {','.join(SOURCES.values())}")
-        self.line.ask(f"{RATE}={plan.exponent}")
-        self.line.verify({RATE: plan.exponent, f"_XQ{PRESS}": -1})
+        self.line.ask(f"{RATE}={exponent}")
+        self.line.verify({RATE: exponent, f"_XQ{PRESS}": -1})
 
     def start(self) -> None:
         self.line.ask(f"XQ #PRESS,{PRESS}")
 
     def wait(self) -> None:
-        motion, _ = self._loaded("wait")
+        motion, _ = self._planned
         duration = motion.total_samples * self._settings.sample_period
         self._polling.until(self._ended, "the press", duration + MARGIN)
         self.check_stop("the press", NORMAL_ENDS)
@@ -216,13 +207,7 @@ class GalilDriver(Axes):
             )
 
     def capture(self) -> Capture:
-        return read_capture(self.line, self._loaded("capture")[1], self.rig)
-
-    def _loaded(self, call: str) -> tuple[Segments, CapturePlan]:
-        """Return the loaded motion and its capture."""
-        if self._motion is None or self._plan is None:
-            raise NotReady(f"{call}: no motion is loaded; call load() first")
-        return self._motion, self._plan
+        return read_capture(self.line, self._plan, self.rig)
 
     def _ended(self) -> bool:
         """Return whether both axes are at rest and the program has ended, or something stopped it.

@@ -7,6 +7,8 @@ answers a line that asks nothing only to refuse it.
 import math
 import threading
 from collections.abc import Iterable
+from functools import reduce
+from operator import xor
 
 from sautereau.robot.drivers.serial_port import Port, Wire
 from sautereau.robot.errors import (
@@ -225,10 +227,7 @@ def same(read: float, due: float) -> bool:
 
 def checksum(text: str) -> int:
     """Return the exclusive or of a line's bytes."""
-    found = 0
-    for byte in text.encode("latin-1"):
-        found ^= byte
-    return found
+    return reduce(xor, text.encode("latin-1"), 0)
 
 
 def framed(command: str) -> str:

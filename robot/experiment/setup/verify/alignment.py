@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from sautereau.daq.errors import DaqError
+from sautereau.rig.acquisition import Channel
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.controller import Capture
@@ -18,7 +19,7 @@ from sautereau.robot.experiment.setup.contact import (
     NoContact,
     even,
     over_key,
-    play_measured,
+    play_recorded,
     touch_at,
 )
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
@@ -59,8 +60,8 @@ def trigger_delay(bench: Workbench) -> None:
             bench.controller.home()
             height = touch_at(rig, bench.controller, rig.key.press_arm, _CREEP).height
             starts = _SIMULATED_STARTS if bench.controller.simulated else _STARTS
-            slow = [_contact(bench, rig, height, _SLOW) for _ in range(_SLOW_STARTS)]
-            fast = [_contact(bench, rig, height, _FAST) for _ in range(starts)]
+            slow = [_contact(bench, rig, channel, height, _SLOW) for _ in range(_SLOW_STARTS)]
+            fast = [_contact(bench, rig, channel, height, _FAST) for _ in range(starts)]
     except (NoContact, DaqError) as error:
         bench.warn(f"not measured: {error}; run setup touch, then setup verify again")
         return
@@ -88,14 +89,14 @@ def delay_of(slow: Floats, fast: Floats) -> tuple[float, float]:
     return float(delays.mean()), math.hypot(delays.std(ddof=1), scatter)
 
 
-def _contact(bench: Workbench, rig: Rig, height: float, speed: float) -> tuple[float, float]:
+def _contact(
+    bench: Workbench, rig: Rig, channel: Channel, height: float, speed: float
+) -> tuple[float, float]:
     """Return height [m] and downward speed [m/s] by the encoders where the force rises."""
     motion = stroke(rig, height, speed)
     bench.controller.move_to(motion.start, rig.arm.approach_speed / rig.arm.radians_per_count)
-    capture, force = play_measured(rig, bench.controller, motion)
-    channel = rig.daq.channel("force")
-    if force is None or channel is None:
-        raise NoContact("the rig has no force channel")
+    capture, volts = play_recorded(rig, bench.controller, motion)
+    force = volts[channel.name] * channel.scale
     return place_at(capture, rig, onset(force, rig.daq.sample_rate) - channel.lag)
 
 
