@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from sautereau.analysis.results.result import part_of
 from sautereau.analysis.text import SOME_SIMULATED, counted
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, Output, has, make_folders, save_plot
+from sautereau.commands.output import FileOutput, Output, has, make_folders
 from sautereau.rig.errors import UsageError
 
 Processes = Annotated[
@@ -106,10 +106,7 @@ def touch(
     table = read_campaign(file)
     if labels is not None:
         table = with_labels(table, labels)
-    found = JudgedTouch(find_touch(table), find_judged(table))
-    if plot:
-        save_plot(plot, found.plot())
-    return output.answer(found.document, found.lines(), plot)
+    return output.show(JudgedTouch(find_touch(table), find_judged(table)), plot)
 
 
 def effects(
@@ -137,10 +134,7 @@ def effects(
     names = [name.strip() for name in of.split(",") if name.strip()] or DEFAULT
     with output.progress("reading recordings"):
         session, faults = open(files).readable(processes=None)
-    found = session.effects(names, interaction=interaction)
-    if plot:
-        save_plot(plot, found.plot())
-    return output.answer(found.document | {"faults": faults}, found.lines(), plot, faults)
+    return output.show(session.effects(names, interaction=interaction), plot, faults)
 
 
 _TABLE = common.read_as("a table of keys", ".csv", ".toml")
@@ -191,7 +185,4 @@ def survey(
     where = cluster or processes or worthwhile(heavy, WORTH_A_PROCESS)
     with output.progress("predicting and reading"):
         made = survey(keys, recordings, level, where)
-    made = replace(made, warnings=(*made.warnings, *warnings))
-    if plot:
-        save_plot(plot, made.plot())
-    return output.answer(made.document, made.lines(), plot)
+    return output.show(replace(made, warnings=(*made.warnings, *warnings)), plot)

@@ -104,9 +104,7 @@ def compare(
     if not (other or any(condition.comparison for condition in conditions)):
         raise AnalysisError("\n".join(w for condition in conditions for w in condition.warnings))
     lines = [*([SOME_SIMULATED] * found.found.simulated), *found.lines(remarks=output.verbose)]
-    if plot:
-        save_plot(plot, found.plot())
-    return output.answer(found.document | {"faults": faults}, lines, plot, faults)
+    return output.show(found, plot, faults, lines=lines)
 
 
 def identify(
@@ -210,9 +208,7 @@ def transient(
         )
     faults += [str(error) for _, error in others]
     found = Transient(tuple(examined), tuple(attribute(combine(examined), rig, measured)))
-    if plot:
-        save_plot(plot, found.plot())
-    return output.answer(found.document | {"faults": faults}, found.lines(), plot, faults)
+    return output.show(found, plot, faults)
 
 
 def _known(texts: list[str]) -> "dict[Source, list[float]]":

@@ -73,9 +73,7 @@ def plan(
                 force_noise=force_noise,
                 velocity_noise=velocity_noise,
             )
-        if plot:
-            save_plot(plot, expected.plot())
-        return output.answer(expected.document, expected.lines(), plot)
+        return output.show(expected, plot)
     if useless := [name for name, value in {"--speed": speed, "--prior": prior}.items() if value]:
         return output.fail(f"{', '.join(useless)}: only with --identify", 2)
     made = _made(rig, learned)
@@ -193,15 +191,11 @@ def predict(
         with output.progress("predicting"):
             found = mapped(Rig(rig).values, level)
         found.write(force_map)
-        if plot:
-            save_plot(plot, found.plot())
-        return output.answer(found.document, [*found.lines(), f"map: {force_map}"], plot)
+        return output.show(found, plot, lines=[*found.lines(), f"map: {force_map}"])
     if fit:
         with output.progress("predicting"):
             own = predicted(Rig(rig).values, *read_distribution(fit), level=level)
-        if plot:
-            save_plot(plot, own.plot())
-        return output.answer(own.document, own.lines(), plot)
+        return output.show(own, plot)
     with output.progress("predicting"):
         found = Rig(rig).predict(level=level)
     document, lines = found.document, found.lines()

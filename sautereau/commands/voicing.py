@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from sautereau.commands import common
-from sautereau.commands.output import FileOutput, save_plot
+from sautereau.commands.output import FileOutput
 
 if TYPE_CHECKING:
     from sautereau.analysis.results.outlined import Outlined
@@ -141,10 +141,6 @@ def _answer(
     found: "Outlined | Voiced", out: Path | None, plot: Path | None, output: FileOutput
 ) -> int:
     """Write the outline and the plot that are requested, and print the result."""
-    lines = found.lines()
     if out:
         found.write(out)
-        lines.append(f"outline: {out}")
-    if plot:
-        save_plot(plot, found.plot())
-    return output.answer(found.document, lines, plot)
+    return output.show(found, plot, lines=[*found.lines(), *([f"outline: {out}"] if out else [])])
