@@ -18,6 +18,7 @@ from sautereau.analysis.model.choirs import hold, string_names
 from sautereau.analysis.model.string.string import first_mode_release_speed
 from sautereau.analysis.results.result import Result, frame_of, named, part_of, shown
 from sautereau.analysis.session.compare import pluck_features
+from sautereau.analysis.session.repeatability import student
 from sautereau.analysis.text import counted, table
 from sautereau.rig.disk import read_limited, why_unreadable
 from sautereau.rig.document import flat, rig_document
@@ -116,10 +117,10 @@ class Predicted(Result):
         figure = Figure(figsize=(12, 6), layout="constrained")
         panels = figure.subplots(-(-len(self.intervals) // 3), 3).ravel()
         for axes, own, draws in zip(panels, self.intervals, self.draws.T, strict=True):
-            scale, unit = QUANTITIES[own.name].displayed
+            scale, _ = QUANTITIES[own.name].displayed
             axes.hist(draws * scale, bins=24)
             axes.axvline(own.value * scale, color="black")
-            axes.set(xlabel=QUANTITIES[own.name].title(unit), ylabel="draws")
+            axes.set(xlabel=QUANTITIES[own.name].title, ylabel="draws")
         return shown(figure)
 
 
@@ -227,8 +228,6 @@ def of_outline(rig: Rig, level: str = "auto", string: int = 1) -> Predicted | No
         AnalysisError: Less than nine of ten members have a pluck.
         ModelError: The model has no solution for the outline.
     """
-    from scipy.special import stdtrit
-
     outlines = members(rig)
     if not outlines:
         return None
@@ -250,7 +249,7 @@ def of_outline(rig: Rig, level: str = "auto", string: int = 1) -> Predicted | No
             " photograph the plectrum more sharply"
         )
     std = drawn.std(axis=0, ddof=1)
-    photograph = stdtrit(len(drawn) - 1, 0.975) * std
+    photograph = student(len(drawn) - 1) * std
     change = np.nan_to_num(of_material - value)  # without a pluck at an end
     lower, upper = (np.sqrt(np.sum(f(change, 0) ** 2, axis=0)) for f in (np.minimum, np.maximum))
     rows = zip(

@@ -120,7 +120,7 @@ class Survey(Result):
         """Return a table for each string, predicted and measured, and the evenness."""
         lines = [SOME_SIMULATED] * self.simulated
         for (string, source), found in self._series().items():
-            titles = [QUANTITIES[e.name].title(QUANTITIES[e.name].displayed[1]) for e in found]
+            titles = [QUANTITIES[e.name].title for e in found]
             heads = [["key"], *(wrap(title, HEAD) for title in titles)]
             deep = max(map(len, heads))
             rows = []
@@ -195,7 +195,7 @@ class Survey(Result):
                     if each.key in own.outliers:
                         axes.annotate(each.key, (place, value), fontsize=8)
         for name, axes in panels.items():
-            axes.set_ylabel(QUANTITIES[name].title(QUANTITIES[name].displayed[1]), fontsize=8)
+            axes.set_ylabel(QUANTITIES[name].title, fontsize=8)
             axes.grid(color=GRID, lw=0.7)
         panels[TOUCH[0]].legend(frameon=False, fontsize=8, ncols=4)
         panels[EVEN[-1]].set_xticks(range(len(order)), order, rotation=90, fontsize=7)

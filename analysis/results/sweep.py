@@ -83,12 +83,12 @@ class Sweep(Shown):
         factor, name_of_unit = DISPLAYED.get(unit := _unit(key), (1.0, unit))
         panels = figure.subplots(1, len(SHOWN))
         for axes, name in zip(panels, SHOWN, strict=True):
-            scale, unit = QUANTITIES[name].displayed
+            scale, _ = QUANTITIES[name].displayed
             over = getattr(self.batch, name).reshape(len(along), -1) * scale
             for line, (values, label) in enumerate(zip(over.T, labels, strict=True)):
                 style = {"color": SERIES[line % len(SERIES)], "ls": DASHES[line % len(DASHES)]}
                 axes.plot(along * factor, values, label=label, **style)
-            axes.set(xlabel=f"{key} ({name_of_unit})", ylabel=QUANTITIES[name].title(unit))
+            axes.set(xlabel=f"{key} ({name_of_unit})", ylabel=QUANTITIES[name].title)
             axes.grid(alpha=0.3)
         if 1 < len(labels) <= LISTED:
             handles, _ = panels[0].get_legend_handles_labels()

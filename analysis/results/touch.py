@@ -59,8 +59,8 @@ class JudgedTouch(Result):
         )
         for name, felt in found.felt.items():
             quantity = QUANTITIES[name]
-            scale, unit = quantity.displayed
-            heads = ("plectrum", "tip (N/m)", "presses", quantity.title(unit))
+            scale, _ = quantity.displayed
+            heads = ("plectrum", "tip (N/m)", "presses", quantity.title)
             cells = [
                 (
                     p.name,
@@ -142,9 +142,9 @@ def judged_lines(found: Judged) -> list[str]:
     if found.quantities:
         means, rows = [], []
         for name, one in found.quantities.items():
-            scale, unit = QUANTITIES[name].displayed
+            scale, _ = QUANTITIES[name].displayed
             own = (f"{scale * one.means[k]:.4g}" if k in one.means else "-" for k in LEVELS)
-            means.append((QUANTITIES[name].title(unit), *own))
+            means.append((QUANTITIES[name].title, *own))
             odds = "no overlap" if one.separated else interval(one.odds_ratio, digits=2)
             association = interval(one.somers_d, digits=2)
             rows.append((QUANTITIES[name].label, association, odds, f"{one.q_value:.2g}"))
@@ -159,13 +159,13 @@ def judged_lines(found: Judged) -> list[str]:
 
 
 def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> None:
-    scale, unit = QUANTITIES[name].displayed
+    scale, _ = QUANTITIES[name].displayed
     with_it = [plectrum for plectrum in found.plectra if name in plectrum.felt]
     stiffness = [plectrum.tip_stiffness for plectrum in with_it]
     spreads = [plectrum.felt[name] for plectrum in with_it]
     forces = [scale * spread.value for spread in spreads]
     axes.errorbar(stiffness, forces, _bars(spreads, scale), **STYLES[name])
-    axes.set_ylabel(QUANTITIES[name].title(unit))
+    axes.set_ylabel(QUANTITIES[name].title)
     axes.set_xlabel("plectrum stiffness at the tip (N/m)")
     exponents = ", ".join(
         f"{column.removeprefix('plectrum_')}^{e.value:.2f} ({e.low:.2f} to {e.high:.2f})"
